@@ -1,0 +1,193 @@
+"""Drive files: the ones that ship, and every way in which one can be wrong."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from directmpc.drive import (
+    Drive,
+    DriveFileError,
+    MptcDrive,
+    load_any_drive,
+    load_drive,
+    load_mptc_drive,
+)
+from directmpc.machine import InductionMachine
+
+MPTC = """
+controller = "mptc"
+[machine]
+rs = 1.2
+rr = 1.0
+lm = 0.170
+ls = 0.175
+lr = 0.175
+pole_pairs = 1
+[inverter]
+topology = "two_level"
+vdc = 582
+[control]
+ts = 50e-6
+k_psi = 10.0
+psi_max = 1.5
+current_max = 20.0
+torque_max = 30.0
+speed_max = 400.0
+"""
+
+
+def text_of(folder: Path) -> str:
+    return (folder / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+
+
+def test_the_drives_that_ship(drive: Drive, verified_drive: Drive) -> None:
+    assert drive.ts_pu == pytest.approx(0.015708, abs=1e-6)
+    assert drive.bounds.tolist() == [0.1, 0.1, 0.1, 0.05, 0.08, 0.08, 0.08]
+    assert drive.machine.d == pytest.approx(0.4628, abs=5e-5)
+    assert drive.machine.tau_s == pytest.approx(18.1, abs=0.05)
+    assert drive.machine.tau_r == pytest.approx(574, abs=0.5)
+    assert drive.control.switching_horizon == "SE"
+    assert isinstance(drive.machine, InductionMachine)
+    assert verified_drive.base.voltage == pytest.approx(math.sqrt(2 / 3) * 3300, rel=1e-5)
+    assert verified_drive.base.current == pytest.approx(math.sqrt(2) * 356, rel=1e-4)
+
+
+def test_assumed_parameters_say_so(drives_folder: Path) -> None:
+    assert "ASSUMED" in text_of(drives_folder)
+
+
+def test_drives_are_frozen(drive: Drive) -> None:
+    with pytest.raises(ValidationError):
+        drive.control.horizon = 1
+    with pytest.raises(AttributeError):
+        drive.machine.rs = 1.0
+
+
+def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Path) -> None:
+    text = text_of(drives_folder)
+    text = text.replace("vdc = 2.0", "vdc = 2").replace('"SE"   #', '"SESE"   #')
+    path = tmp_path / "drive.toml"
+    path.write_text(text)
+    drive = load_drive(path)
+    assert drive.inverter.vdc == 2.0
+    assert drive.control.switching_horizon == "SESE"
+    path.write_text(text.replace("switching_horizon", "# switching_horizon"))
+    assert load_drive(path).control.switching_horizon == "SE"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("rs = 0.0057", "rs = 0.06", ["machine.rs", "0.06", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = 0.0009", ["machine.rs", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = nan", ["machine.rs", "nan", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = inf", ["machine.rs", "inf", "0.001 to 0.05"]),
+        ("rs = 0.0057", 'rs = "0.0057"', ["machine.rs", '"0.0057"', "a number"]),
+        ("rs = 0.0057", "rs = [0.0057]", ["machine.rs", "a number"]),
+        ("rs = 0.0057", "", ["machine.rs", "missing", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = 0.0057\nRs = 0.0057", ["machine.Rs", "unknown", "rs, rr, xls"]),
+        ("xm = 2.4915", "xm = true", ["machine.xm", "true", "a number"]),
+        ("xm = 2.4915", f"xm = 1{'0' * 400}", ["machine.xm", "1 to 5"]),
+        ("xm = 2.4915", f"xm = 1{'0' * 5000}", ["not a TOML file"]),
+        ("vdc = 2.0", "vdc = 2.6", ["inverter.vdc", "1.5 to 2.5"]),
+        ("xdc = 2.201", "xdc = 0.4", ["inverter.xdc", "0.5 to 10"]),
+        ('"anpc5l"', '"npc3l"', ["inverter.topology", '"npc3l"', '"anpc5l"']),
+        ("ts = 50e-6", "ts = 50", ["control.ts", "50", "1.91e-05 to 0.0002005"]),
+        ("ts = 50e-6", "ts = 0.0", ["control.ts", "0.006 to 0.063"]),
+        ("ts = 50e-6", "ts = nan", ["control.ts", "0.006 to 0.063"]),
+        ("frequency = 50.0", "frequency = 500.0", ["control.ts", "500 Hz", "1.91e-06"]),
+        ("frequency = 50.0", "frequency = 0", ["base.frequency", "1 to 1000 Hz"]),
+        ("current = 139.9", "current = 139.9\nname = 1", ["base.name", "unknown", "frequency"]),
+        ("horizon = 63 ", "horizon = 63.0 ", ["control.horizon", "63.0", "an integer from 1"]),
+        ("horizon = 63 ", "horizon = 64 ", ["control.horizon", "64", "1 to 63"]),
+        ("horizon = 63 ", "horizon = 0 ", ["control.horizon", "1 to 63"]),
+        ("horizon = 63 ", "horizon = true ", ["control.horizon", "true", "an integer"]),
+        ('"SE"   #', '"se"   #', ["control.switching_horizon", '"se"', '"SE" or "SESE"']),
+        ('"SE"   #', "1   #", ["control.switching_horizon", '"SE" or "SESE"']),
+        ("lambda_n = 0.1", "lambda_n = -0.1", ["control.lambda_n", "0 to 100"]),
+        ("bound_vn = 0.05", "bound_vn = 0.01", ["control.bound_vn", "0.02 to 0.5"]),
+        ("[inverter] ", "[inverters] ", ["inverters", "unknown", "inverter: missing"]),
+        ("[base] ", "[[base]] ", ["base", "a table [base]"]),
+        ("[machine] ", "[[machine]] ", ["machine", "a table [machine]"]),
+        ('controller = "mpdcc"', 'controller = "dtc"', ["controller", '"dtc"', '"mpdcc"']),
+        ('controller = "mpdcc"', "controller = 1", ["controller", '"mpdcc" or "mptc"']),
+        ('controller = "mpdcc"', "", ["controller", "missing", '"mpdcc" or "mptc"']),
+        ('controller = "mpdcc"', 'controller = "mptc"', ["base", "unknown"]),
+        ("rs = 0.0057", "rs = ", ["not a TOML file", "line 17"]),
+        ("rs = 0.0057", "rs = 0.0057\nrs = 0.0057", ["not a TOML file"]),
+    ],
+)
+def test_bad_files(
+    drives_folder: Path, tmp_path: Path, old: str, new: str, named: list[str]
+) -> None:
+    text = text_of(drives_folder)
+    assert text.count(old) == 1
+    path = tmp_path / "bad.toml"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(DriveFileError) as caught:
+        load_drive(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in [str(path), *named]:
+        assert part in message
+
+
+def test_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(DriveFileError, match=r"none\.toml: cannot be read"):
+        load_drive(tmp_path / "none.toml")
+    with pytest.raises(DriveFileError, match="cannot be read"):
+        load_drive(tmp_path)
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DriveFileError, match="not a TOML file"):
+        load_drive(binary)
+    empty = tmp_path / "empty.toml"
+    empty.write_text("")
+    with pytest.raises(DriveFileError, match="controller: missing"):
+        load_drive(empty)
+
+
+def test_mptc_drives(tmp_path: Path, drives_folder: Path) -> None:
+    path = tmp_path / "mptc.toml"
+    path.write_text(MPTC)
+    drive = load_any_drive(path)
+    assert isinstance(drive, MptcDrive)
+    assert drive == load_mptc_drive(path)
+    assert (drive.control.method, drive.inverter.vdc) == ("MPTC", 582.0)
+    path.write_text(MPTC + 'method = "MPFC"\n')
+    assert load_mptc_drive(path).control.method == "MPFC"
+    with pytest.raises(DriveFileError, match='must be "mpdcc"'):
+        load_drive(path)
+    with pytest.raises(DriveFileError, match='must be "mptc"'):
+        load_mptc_drive(drives_folder / "anpc5l_6kv.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("ls = 0.175", "ls = 0.17", ["machine.ls", "above machine.lm"]),
+        ("lr = 0.175", "lr = 0.1", ["machine.lr", "above machine.lm"]),
+        ("pole_pairs = 1", "pole_pairs = 1.0", ["machine.pole_pairs", "an integer from 1"]),
+        ("psi_max = 1.5", "", ["control.psi_max", "missing"]),
+        ('"two_level"', '"anpc5l"', ["inverter.topology", '"two_level"']),
+        ("speed_max = 400.0", 'method = "FOC"\nspeed_max = 4', ["control.method", '"MPFC"']),
+    ],
+)
+def test_bad_mptc_files(tmp_path: Path, old: str, new: str, named: list[str]) -> None:
+    assert MPTC.count(old) == 1
+    path = tmp_path / "bad.toml"
+    path.write_text(MPTC.replace(old, new))
+    with pytest.raises(DriveFileError) as caught:
+        load_mptc_drive(path)
+    for part in [str(path), *named]:
+        assert part in str(caught.value)
+
+
+def test_bounds_are_a_fresh_array(drive: Drive) -> None:
+    drive.bounds[0] = np.nan
+    assert drive.bounds[0] == 0.1

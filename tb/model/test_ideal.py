@@ -1,0 +1,260 @@
+"""The ideal controller against the contract written down a second time, slowly and plainly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from directmpc import ideal
+from directmpc.drive import Drive
+from directmpc.trace import MpdccTrace
+
+NEXT = [[0, 1, 2], [0, 1, 3], [0, 2, 3, 4], [1, 2, 3, 5], [2, 4, 5, 6], [3, 4, 5, 7], [4, 6, 7],
+        [5, 6, 7]]  # fmt: skip
+
+
+def phase_voltage(s: int, vdc: float, v_n: float, v_ph: float) -> float:
+    return [
+        -vdc / 2, -vdc / 2 + v_ph, v_n - v_ph, v_n, v_n, v_n + v_ph, vdc / 2 - v_ph, vdc / 2
+    ][s]  # fmt: skip
+
+
+def transitions(s: int, t: int) -> int:
+    return 0 if s == t else 3 if {s, t} in ({2, 4}, {3, 5}) else 1
+
+
+class Contract:
+    """Section 2 of the contract, step by step, no compiled code and no shared tables."""
+
+    def __init__(self, drive: Drive, trace: MpdccTrace, row: int) -> None:
+        self.drive = drive
+        self.h = drive.ts_pu
+        self.n = drive.control.horizon
+        self.omega_s, self.vdc = trace.omega_s[row], trace.vdc[row]
+        self.a, self.b = drive.machine.exact(trace.omega_r[row], self.h)
+        self.iref = complex(*trace.iref[row])
+        self.s_prev = tuple(int(s) for s in trace.s_prev[row])
+        self.x_m, self.x_inv = trace.x_m[row], trace.x_inv[row]
+
+    @staticmethod
+    def phases(alpha: float, beta: float) -> list[float]:
+        """Three-phase components of a space vector."""
+        r = math.sqrt(3) / 2
+        return [alpha, -alpha / 2 + r * beta, -alpha / 2 - r * beta]
+
+    def deviations(self, x_m, x_inv, step: int) -> list[float]:
+        """Absolute deviations |y* - y| at k + step, the seven outputs in order."""
+        reference = self.iref * complex(
+            math.cos(self.omega_s * step * self.h), math.sin(self.omega_s * step * self.h)
+        )
+        wanted = self.phases(reference.real, reference.imag) + [0.0] + [self.vdc / 4] * 3
+        actual = self.phases(x_m[0], x_m[1]) + list(x_inv)
+        return [abs(w - y) for w, y in zip(wanted, actual, strict=True)]
+
+    def inside(self, x_m, x_inv, step: int) -> bool:
+        """Whether all outputs keep their bounds at k + step."""
+        deviations = self.deviations(x_m, x_inv, step)
+        return all(d <= b for d, b in zip(deviations, self.drive.bounds, strict=True))
+
+    def slopes(self, x_m, s) -> np.ndarray:
+        """Change of the inverter state per step at the currents given."""
+        currents = self.phases(x_m[0], x_m[1])
+        drawn = sum(i for i, p in zip(currents, s, strict=True) if p in (2, 3, 4, 5))
+        slopes = [-drawn / (2 * self.drive.inverter.xdc)]
+        for i, p in zip(currents, s, strict=True):
+            sign = 1 if p in (2, 6) else -1 if p in (1, 5) else 0
+            slopes.append(sign * i / self.drive.inverter.xph)
+        return self.h * np.array(slopes)
+
+    def voltages(self, x_inv, s) -> np.ndarray:
+        """Phase voltages of a position at an inverter state."""
+        return np.array(
+            [phase_voltage(p, self.vdc, x_inv[0], v) for p, v in zip(s, x_inv[1:], strict=True)]
+        )
+
+    def extend(self, x_m, x_inv, s, offset: int):
+        """L* from a state at k + offset, and the state there."""
+        v, slopes = self.voltages(x_inv, s), self.slopes(x_m, s)
+        states = [(x_m, x_inv)]
+        for step in range(self.n + 1):
+            if not self.inside(*states[step], offset + step):
+                length = max(step - 1, 0)
+                return length, *states[length]
+            states.append((self.a @ states[step][0] + self.b @ v, x_inv + (step + 1) * slopes))
+        return self.n, *states[self.n]
+
+    def decide(self):
+        """s_a, s_b, s_c, held, deadlock, length."""
+        s = self.s_prev
+        x_m = self.a @ self.x_m + self.b @ self.voltages(self.x_inv, s)
+        if self.inside(x_m, self.x_inv + self.slopes(self.x_m, s), 1):
+            return *self.s_prev, 1, 0, 0
+        return self.search()
+
+    def following(self, s):
+        """Candidates after s, in order."""
+        return [(a, b, c) for a in NEXT[s[0]] for b in NEXT[s[1]] for c in NEXT[s[2]]]
+
+    def search(self):
+        """Decide without the hold test."""
+        lam = self.drive.control.lambda_n
+        best_se, best_sese, best_dead = None, None, None
+        for s1 in self.following(self.s_prev):
+            f1 = sum(map(transitions, self.s_prev, s1))
+            l1, x_m1, x_inv1 = self.extend(self.x_m, self.x_inv, s1, 0)
+            if l1 == 0:
+                x_m = self.a @ self.x_m + self.b @ self.voltages(self.x_inv, s1)
+                x_inv = self.x_inv + self.slopes(self.x_m, s1)
+                excess = max(np.array(self.deviations(x_m, x_inv, 1)) - self.drive.bounds)
+                if best_dead is None or excess < best_dead[0]:
+                    best_dead = excess, s1
+                continue
+            cost = f1 / l1 + lam * x_inv1[0] ** 2
+            if best_se is None or cost < best_se[0]:
+                best_se = cost, s1, l1
+            if self.drive.control.switching_horizon == "SE":
+                continue
+            leaves = [cost] if l1 == self.n else []
+            if l1 < self.n:
+                for s2 in self.following(s1):
+                    l2, _, x_inv2 = self.extend(x_m1, x_inv1, s2, l1)
+                    if l2 > 0:
+                        f2 = sum(map(transitions, s1, s2))
+                        leaves.append((f1 + f2) / (l1 + l2) + lam * x_inv2[0] ** 2)
+            for cost in leaves:
+                if best_sese is None or cost < best_sese[0]:
+                    best_sese = cost, s1, l1
+        if best_se is None:
+            return *best_dead[1], 0, 1, 0
+        chosen = best_sese or best_se
+        return *chosen[1], 0, 0, chosen[2]
+
+
+def random_trace(drive: Drive, n: int, seed: int, spread: float = 1.2) -> MpdccTrace:
+    """States around the bounds: most outputs inside, some just outside."""
+    rng = np.random.default_rng(seed)
+    omega_s = rng.uniform(-1.2, 1.2, n)
+    iref = rng.uniform(0.3, 1.2, n) * np.exp(2j * np.pi * rng.random(n))
+    flux = rng.uniform(0.5, 1.1, n) * np.exp(2j * np.pi * rng.random(n))
+    b = drive.bounds
+    radius = spread * b[0] * np.sqrt(rng.random(n))
+    current = iref + radius * np.exp(2j * np.pi * rng.random(n))
+    vdc = rng.uniform(1.8, 2.2, n)
+    x_inv = spread * b[3:] * rng.uniform(-1, 1, (n, 4)) ** 3
+    x_inv[:, 1:] += vdc[:, None] / 4
+    return MpdccTrace(
+        x_m=np.column_stack([current.real, current.imag, flux.real, flux.imag]),
+        x_inv=x_inv,
+        vdc=vdc,
+        iref=np.column_stack([iref.real, iref.imag]),
+        omega_s=omega_s,
+        omega_r=omega_s + rng.uniform(-0.02, 0.02, n),
+        s_prev=rng.integers(0, 8, (n, 3)),
+    )
+
+
+def as_rows(decisions) -> list[tuple[int, ...]]:
+    columns = np.column_stack(
+        [decisions.s, decisions.held, decisions.deadlock, decisions.length]
+    ).tolist()
+    return [tuple(row) for row in columns]
+
+
+@pytest.mark.parametrize(
+    ("control", "n"),
+    [
+        ({"horizon": 63}, 60),
+        ({"horizon": 63, "lambda_n": 0.0, "bound_current": 0.2}, 60),  # nothing but ties
+        ({"horizon": 63, "lambda_n": 100.0}, 60),
+        ({"horizon": 1, "bound_current": 0.06}, 60),
+        ({"horizon": 6, "switching_horizon": "SESE"}, 16),
+        ({"horizon": 4, "switching_horizon": "SESE", "lambda_n": 0.0}, 16),
+        ({"horizon": 63, "switching_horizon": "SESE", "bound_current": 0.05}, 12),
+    ],
+    ids=lambda value: ",".join(map(str, value.values())) if isinstance(value, dict) else None,
+)
+def test_ideal_is_the_contract(
+    drive: Drive, with_control: Callable[..., Drive], control: dict, n: int
+) -> None:
+    changed = with_control(drive, **control)
+    trace = random_trace(changed, n, seed=len(str(control)))
+    decisions = ideal.run(changed, trace)
+    expected = [Contract(changed, trace, row).decide() for row in range(n)]
+    assert as_rows(decisions) == expected
+    assert decisions.cycles is None
+    assert not decisions.saturated.any()
+    # The random states must reach the branches, or the comparison says little.
+    searched = decisions.held == 0
+    assert searched.sum() > n // 4
+    assert (decisions.length[searched] > 0).any()
+
+
+@pytest.mark.parametrize("kind", ["SE", "SESE"])
+def test_every_branch_occurs(drive: Drive, with_control: Callable[..., Drive], kind: str) -> None:
+    changed = with_control(drive, switching_horizon=kind)
+    decisions = ideal.run(changed, random_trace(changed, 3000, seed=5))
+    assert decisions.held.mean() > 0.02
+    assert decisions.deadlock.mean() > 0.02
+    assert (decisions.length > 1).mean() > 0.02
+    assert not (decisions.held & decisions.deadlock).any()
+    assert not decisions.length[(decisions.held | decisions.deadlock) == 1].any()
+
+
+@pytest.mark.parametrize("kind", ["SE", "SESE"])
+def test_pruning_changes_nothing(
+    drive: Drive, with_control: Callable[..., Drive], kind: str
+) -> None:
+    changed = with_control(drive, switching_horizon=kind, lambda_n=0.0)
+    parameters = ideal.ideal_parameters(changed)
+    trace = random_trace(changed, 400, seed=8)
+    for k in range(len(trace)):
+        row = (
+            trace.x_m[k], trace.x_inv[k], trace.vdc[k], trace.iref[k], trace.omega_s[k],
+            trace.omega_r[k], trace.s_prev[k],
+        )  # fmt: skip
+        quick = ideal._search(parameters, *row, True)
+        full = ideal._search(parameters, *row, False)
+        assert quick[:6] == full[:6]
+
+
+def test_bounds_are_inclusive(drive: Drive) -> None:
+    # A still state exactly on a bound: zero currents and flux, no voltage across the machine.
+    on_bound = np.array([[drive.control.bound_vn, 0.5, 0.5, 0.5]])
+    above = np.nextafter(on_bound, 1.0)
+    for x_inv, held in ((on_bound, 1), (above, 0)):
+        trace = MpdccTrace(
+            x_m=np.zeros((1, 4)), x_inv=x_inv, vdc=np.array([2.0]), iref=np.zeros((1, 2)),
+            omega_s=np.zeros(1), omega_r=np.zeros(1), s_prev=np.full((1, 3), 3),
+        )  # fmt: skip
+        decisions = ideal.run(drive, trace)
+        assert decisions.held.tolist() == [held]
+        assert decisions.deadlock.tolist() == [1 - held]
+
+
+def test_margins_tell_the_two_best(drive: Drive) -> None:
+    parameters = ideal.ideal_parameters(drive)
+    trace = random_trace(drive, 200, seed=9)
+    decisions = ideal.run(drive, trace)
+    for k in range(len(trace)):
+        held, deadlock, best, second = ideal.margins(
+            parameters, trace.x_m[k], trace.x_inv[k], trace.vdc[k], trace.iref[k],
+            trace.omega_s[k], trace.omega_r[k], trace.s_prev[k],
+        )  # fmt: skip
+        assert best <= second
+        assert held == decisions.held[k]
+        if not held:
+            assert deadlock == decisions.deadlock[k]
+
+
+def test_absurd_states_still_get_an_admissible_answer(drive: Drive) -> None:
+    trace = random_trace(drive, 4, seed=3)
+    trace.x_m[0] = 1e308
+    trace.x_inv[1] = -1e308
+    trace.omega_r[2] = 1e300
+    trace.vdc[3] = 1e308
+    decisions = ideal.run(drive, trace)
+    for before, after in zip(trace.s_prev, decisions.s, strict=True):
+        assert all(t in NEXT[s] for s, t in zip(before, after, strict=True))
