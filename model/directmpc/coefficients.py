@@ -1,0 +1,165 @@
+"""From a drive to register values: what a host computes and writes once per drive.
+
+Nothing here depends on the state, the speeds or the dc-link voltage; those products are formed in
+fabric every step.  The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
+bounds allow, see ``formats``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc import formats as f
+from directmpc.common_terms import COEFFICIENTS
+from directmpc.drive import Drive
+from directmpc.fit import choose_extrapolation
+
+#: Right shift that a product of each alignment undergoes on its way to the result.
+_COARSE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[1])
+_FINE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[0])
+_ERROR = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[2])
+
+#: Scales (LSB per unit) of the products that are fed back as operands.
+_REFERENCE_SPEED = f.CURRENT.scale * f.SPEED.scale / _COARSE
+_FLUX_SPEED = f.FLUX.scale * f.SPEED.scale / _COARSE
+_FLUX_SPEED2 = _FLUX_SPEED * f.SPEED.scale / _FINE
+
+_HIGH = 2 ** (f.COEFFICIENT_WIDTH - 1) - 1
+_BOUND_HIGH = 2**f.BOUND_WIDTH - 1
+_SQRT3_2 = math.sqrt(3.0) / 2.0
+
+
+@dataclass(frozen=True)
+class Registers:
+    """Run-time parameters of ``mpdcc_core`` as integers.
+
+    Parameters
+    ----------
+    coefficients : dict of int
+        One signed 16-bit value per name of ``common_terms.COEFFICIENTS``.
+    bound_current, bound_neutral, bound_phase : int
+        Half widths in trajectory units, unsigned 16 bits.
+    horizon : int
+        N in steps, 1..63.
+    weight_scale : int
+        Index into ``formats.WEIGHT_FRACTIONS``.
+    unit : float
+        U, trajectory units per unit; for reports only, no register.
+    extrapolation : int
+        L in steps that the correction p was fitted for; for reports only.
+    correction : float
+        p; for reports only.
+    """
+
+    coefficients: dict[str, int]
+    bound_current: int
+    bound_neutral: int
+    bound_phase: int
+    horizon: int
+    weight_scale: int
+    unit: float
+    extrapolation: int
+    correction: float
+
+    def ports(self) -> dict[str, int]:
+        """Every parameter port of the core: name -> integer, in port order."""
+        return {
+            **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
+            "bound_current": self.bound_current,
+            "bound_neutral": self.bound_neutral,
+            "bound_phase": self.bound_phase,
+            "horizon": self.horizon,
+            "weight_scale": self.weight_scale,
+        }
+
+    def array(self) -> NDArray[np.int64]:
+        """``ports`` as an array, for compiled code."""
+        return np.array(list(self.ports().values()), dtype=np.int64)
+
+
+def _per_unit(drive: Drive, length: int, correction: float) -> dict[str, float]:
+    """Coefficients for U = 1 as real numbers, apart from the weight on v_n (Paper A, eq. 14)."""
+    m, h = drive.machine, drive.ts_pu
+    forced = h * m.xr / m.d / 3.0 * 2.0**f.FORCED_FRACTION
+    result = {
+        "error_alpha": _ERROR / f.CURRENT.scale,
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale,
+        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale),
+        "stator_alpha": h / m.tau_s * _FINE / f.CURRENT.scale,
+        "rotor_alpha": -h * m.xm / (m.d * m.tau_r) * _FINE / f.FLUX.scale,
+        "reference_alpha": -h * _FINE / _REFERENCE_SPEED,
+        "emf_alpha": -h * m.xm / m.d * _COARSE / _FLUX_SPEED,
+        "correction_alpha": -correction * length * h * h * _COARSE / _FLUX_SPEED2,
+        "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
+        "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
+        "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
+        "midpoint_alpha": h / (2.0 * drive.inverter.xdc) * _FINE / f.CURRENT.scale,
+    }
+    for name in ("error", "stator", "rotor", "correction", "phase", "midpoint"):
+        result[f"{name}_beta"] = _SQRT3_2 * result[f"{name}_alpha"]
+    for name in ("reference", "emf"):  # the cross terms change sign between the components
+        result[f"{name}_beta"] = -_SQRT3_2 * result[f"{name}_alpha"]
+    return result
+
+
+def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
+    """Finest scale of sqrt(lambda_n)*v_n that fits, and its three coefficients."""
+    root = math.sqrt(drive.control.lambda_n)
+    slope = -root * drive.ts_pu / (2.0 * drive.inverter.xdc)
+    for scale in reversed(range(len(f.WEIGHT_FRACTIONS))):
+        unit = 2.0 ** f.WEIGHT_FRACTIONS[scale]
+        alpha = slope * unit * 2.0**f.WEIGHT_SLOPE_FRACTION * _COARSE / f.CURRENT.scale
+        values = {
+            "weight": root * unit * _COARSE / f.NEUTRAL_VOLTAGE.scale,
+            "weight_alpha": alpha,
+            "weight_beta": _SQRT3_2 * alpha,
+        }
+        if all(abs(v) <= _HIGH for v in values.values()):
+            return scale, values
+    raise ValueError(
+        f"control.lambda_n = {drive.control.lambda_n} with inverter.xdc = {drive.inverter.xdc} "
+        "does not fit the weight on v_n; a smaller lambda_n is needed"
+    )
+
+
+def registers(drive: Drive) -> Registers:
+    """Register values of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Validated drive file.
+
+    Returns
+    -------
+    Registers
+
+    Raises
+    ------
+    ValueError
+        Where a value cannot be represented; the message names the drive file's key.
+    """
+    length, correction = choose_extrapolation(drive)
+    real = _per_unit(drive, length, correction)
+    bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
+    unit = min(
+        min(_HIGH / abs(value) for value in real.values() if value != 0.0),
+        _BOUND_HIGH / max(bounds),
+    )
+    scale, weight = _weight(drive)
+    values = {name: value * unit for name, value in real.items()} | weight
+    return Registers(
+        coefficients={name: round(values[name]) for name in COEFFICIENTS},
+        bound_current=round(bounds[0] * unit),
+        bound_neutral=round(bounds[1] * unit),
+        bound_phase=round(bounds[2] * unit),
+        horizon=drive.control.horizon,
+        weight_scale=scale,
+        unit=unit,
+        extrapolation=length,
+        correction=correction,
+    )
