@@ -1,0 +1,66 @@
+-- Explorer unit: evaluates candidates of a node (Paper A, Section VI).
+--
+-- One entity, two variants: FOLDED = true is the paper's, one candidate at a time over shared
+-- hardware (explorer_paper, where the algorithm is documented).
+-- Tasks are taken while ready is '1'.  A result may stand for several tasks: only those that can
+-- still win are reported.  busy is '0' when every candidate taken is accounted for.
+-- Formats, latency, overflow: see the variant.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+library work;
+  use work.mpdcc_types.all;
+
+entity mpdcc_explorer is
+  generic (
+    FOLDED : boolean := true -- true: the paper's variant
+  );
+  port (
+    clk          : in    std_logic; -- rising edge
+    rst          : in    std_logic; -- synchronous, active high
+    limits       : in    limits_t;  -- bounds and horizon, stable while busy
+    node         : in    node_t;    -- where trajectories start, stable while busy
+    best_valid   : in    std_logic; -- '1': a candidate with length > 0 is known, J_dl is not needed any more
+    best_cost    : in    cost_t;    -- its cost, valid with best_valid
+    candidate_valid   : in    std_logic; -- '1': candidate is new
+    candidate_ready   : out   std_logic; -- '1': candidate is taken in this clock
+    candidate         : in    candidate_t;    -- candidate
+    probe_done   : out   std_logic; -- '1' for one clock: answer to a probe
+    probe_held   : out   std_logic; -- '1': step one stays inside every bound
+    result_valid : out   std_logic; -- '1': result is new
+    result_ready : in    std_logic; -- '1': result is taken in this clock
+    result       : out   result_t;  -- evaluation of a candidate
+    busy         : out   std_logic  -- '1': tasks or results are under way
+  );
+end entity mpdcc_explorer;
+
+architecture rtl of mpdcc_explorer is
+
+begin
+
+  assert FOLDED
+    report "mpdcc_explorer: only the paper's variant exists, set FOLDED to true"
+    severity failure;
+
+  i_explorer : entity work.explorer_paper
+    port map (
+      clk          => clk,
+      rst          => rst,
+      limits       => limits,
+      node         => node,
+      best_valid   => best_valid,
+      best_cost    => best_cost,
+      candidate_valid   => candidate_valid,
+      candidate_ready   => candidate_ready,
+      candidate         => candidate,
+      probe_done   => probe_done,
+      probe_held   => probe_held,
+      result_valid => result_valid,
+      result_ready => result_ready,
+      result       => result,
+      busy         => busy
+    );
+
+end architecture rtl;

@@ -1,0 +1,368 @@
+-- Central scheduler (Paper A, Section V, Algorithm 1).
+--
+-- Samples the measurements, has the common terms computed, asks an explorer whether s(k-1) keeps
+-- every output inside its bound for one more step, and if not hands every candidate to the first
+-- free explorer and keeps the best result: smallest J where some length is above zero, else the
+-- smallest J_dl; ties go to the earliest candidate, in whatever order results arrive.
+--
+-- Formats: see mpdcc_types.
+-- Latency: 29 clocks from start to valid for a held position with the paper's explorer, up to
+-- 40 + 22 * ceil(candidates / explorers) for a search; one decision at a time.
+-- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
+-- decision.
+-- Tried and dropped: starting the enumeration before the probe is answered saves 12 clocks of a
+-- search and costs a cancellation through every explorer.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_types.all;
+
+entity mpdcc_scheduler is
+  generic (
+    EXPLORERS : positive range 1 to 8 := 2 -- number of explorers
+  );
+  port (
+    clk             : in    std_logic;                                                          -- rising edge
+    rst             : in    std_logic;                                                          -- synchronous, active high
+    start           : in    std_logic;                                                          -- '1' for one clock: decide; ignored while busy
+    measurement     : in    measurement_t;                                                      -- sampled with start
+    previous        : in    positions_t;                                                        -- s(k-1), sampled with start
+    coefficients    : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- signed, FACTOR_* order, stable
+    valid           : out   std_logic;                                                          -- '1' for one clock: decision is new
+    decision        : out   decision_t;                                                         -- stable until the next valid
+    busy            : out   std_logic;                                                          -- '1': a decision is under way
+    node            : out   node_t;                                                             -- to every explorer
+    best_valid      : out   std_logic;                                                          -- to every explorer: J_dl is not needed any more
+    best_cost       : out   cost_t;                                                             -- to every explorer, valid with best_valid
+    candidate_valid : out   std_logic_vector(EXPLORERS - 1 downto 0);                           -- one-hot: who takes candidate
+    candidate_ready : in    std_logic_vector(EXPLORERS - 1 downto 0);                           -- '1': explorer is free
+    candidate       : out   candidate_t;                                                        -- to every explorer
+    probe_done      : in    std_logic;                                                          -- explorer 0 answers the probe
+    probe_held      : in    std_logic;                                                          -- '1': step one stays inside every bound
+    result_valid    : in    std_logic_vector(EXPLORERS - 1 downto 0);                           -- '1': explorer has a result
+    result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0);                           -- one-hot: whose result is taken
+    results         : in    results_t(0 to EXPLORERS - 1);                                      -- of every explorer
+    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0)                            -- '1': work is under way
+  );
+end entity mpdcc_scheduler;
+
+architecture rtl of mpdcc_scheduler is
+
+  type phase_t is (IDLE, PREPARE, ASK, AWAIT, SEARCH, FINISH);
+
+  type state_t is record
+    phase     : phase_t;
+    started   : std_logic; -- first clock of a phase is over
+    any       : std_logic; -- best holds a result
+    best      : result_t;
+    valid     : std_logic;
+    decision  : decision_t;
+  end record state_t;
+
+  constant STATE_INIT : state_t := (
+    phase    => IDLE,
+    started  => '0',
+    any      => '0',
+    best     => RESULT_INIT,
+    valid    => '0',
+    decision => DECISION_INIT
+  );
+
+  -- '1' for the lowest set bit only
+  function first_of (bits : std_logic_vector) return std_logic_vector is
+
+    variable result : std_logic_vector(bits'range);
+    variable found  : std_logic;
+
+  begin
+
+    found := '0';
+
+    for i in bits'low to bits'high loop
+      result(i) := bits(i) and not found;
+      found     := found or bits(i);
+    end loop;
+
+    return result;
+
+  end function first_of;
+
+  signal r      : state_t;
+  signal r_next : state_t;
+
+  signal sample   : measurement_t;
+  signal s_before : positions_t;
+  signal signals  : std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0);
+  signal speeds   : std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0);
+  signal negative : std_logic_vector(2 downto 0);
+
+  signal terms_start     : std_logic;
+  signal terms_done      : std_logic;
+  signal terms_saturated : std_logic;
+  signal terms_node      : node_t;
+
+  signal enumerate_start : std_logic;
+  signal enumerate_valid : std_logic;
+  signal enumerate_ready : std_logic;
+  signal enumerate_done  : std_logic;
+  signal enumerated      : candidate_t;
+
+  signal take     : std_logic_vector(EXPLORERS - 1 downto 0);
+  signal taken    : std_logic;
+  signal incoming : result_t;
+
+begin
+
+  p_sample : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (start = '1' and r.phase = IDLE) then
+        sample   <= measurement;
+        s_before <= previous;
+      end if;
+    end if;
+
+  end process p_sample;
+
+  ---------------------------------------------------------------------------------------------
+  -- Common terms
+  ---------------------------------------------------------------------------------------------
+
+  p_signals : process (sample) is
+
+    variable bus_words : std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0);
+
+    procedure put (index : natural; value : signed) is
+    begin
+
+      bus_words((index + 1) * OPERAND_WIDTH - 1 downto index * OPERAND_WIDTH) :=
+        std_logic_vector(resize(value, OPERAND_WIDTH));
+
+    end procedure put;
+
+    -- difference of two voltages that puts v_dc/4 - v_ph at twice the scale of v_ph
+    function difference (v_dc, v_ph : unsigned) return signed is
+    begin
+
+      return signed(resize(v_dc, OPERAND_WIDTH)) - signed(shift_left(resize(v_ph, OPERAND_WIDTH), 1));
+
+    end function difference;
+
+  begin
+
+    bus_words := (others => '0');
+    put(OPERAND_IS_ALPHA, sample.is_alpha);
+    put(OPERAND_IS_BETA, sample.is_beta);
+    put(OPERAND_PSIR_ALPHA, sample.psir_alpha);
+    put(OPERAND_PSIR_BETA, sample.psir_beta);
+    put(OPERAND_V_N, sample.v_n);
+    put(OPERAND_V_PH_A, signed(resize(sample.v_ph_a, OPERAND_WIDTH)));
+    put(OPERAND_V_PH_B, signed(resize(sample.v_ph_b, OPERAND_WIDTH)));
+    put(OPERAND_V_PH_C, signed(resize(sample.v_ph_c, OPERAND_WIDTH)));
+    put(OPERAND_V_DC, signed(resize(sample.v_dc, OPERAND_WIDTH)));
+    put(OPERAND_IREF_ALPHA, sample.iref_alpha);
+    put(OPERAND_IREF_BETA, sample.iref_beta);
+    put(OPERAND_DIFFERENCE_ALPHA, resize(sample.iref_alpha, OPERAND_WIDTH) - sample.is_alpha);
+    put(OPERAND_DIFFERENCE_BETA, resize(sample.iref_beta, OPERAND_WIDTH) - sample.is_beta);
+    put(OPERAND_DIFFERENCE_A, difference(sample.v_dc, sample.v_ph_a));
+    put(OPERAND_DIFFERENCE_B, difference(sample.v_dc, sample.v_ph_b));
+    put(OPERAND_DIFFERENCE_C, difference(sample.v_dc, sample.v_ph_c));
+    signals   <= bus_words;
+
+  end process p_signals;
+
+  speeds <= std_logic_vector(sample.omega_r) & std_logic_vector(sample.omega_s);
+
+  i_common_terms : entity work.common_terms
+    port map (
+      clk          => clk,
+      rst          => rst,
+      start        => terms_start,
+      signals      => signals,
+      speeds       => speeds,
+      coefficients => coefficients,
+      done         => terms_done,
+      node         => terms_node,
+      saturated    => terms_saturated
+    );
+
+  node <= terms_node;
+
+  ---------------------------------------------------------------------------------------------
+  -- Enumeration
+  ---------------------------------------------------------------------------------------------
+
+  -- the capacitor-current terms carry the signs of the phase currents
+  g_signs : for x in 0 to 2 generate
+    negative(x) <= terms_node.phase_current(x)(CURRENT_TERM_WIDTH - 1);
+  end generate g_signs;
+
+  i_enumerator : entity work.candidate_enumerator
+    port map (
+      clk       => clk,
+      rst       => rst,
+      start     => enumerate_start,
+      previous  => s_before,
+      negative  => negative,
+      valid     => enumerate_valid,
+      ready     => enumerate_ready,
+      candidate => enumerated,
+      done      => enumerate_done
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- Collection: one result a clock, the lowest-numbered explorer first
+  ---------------------------------------------------------------------------------------------
+
+  take         <= first_of(result_valid);
+  result_ready <= take;
+
+  p_collect : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      taken <= to_std_logic(take /= (take'range => '0')) and not rst;
+
+      for i in 0 to EXPLORERS - 1 loop
+        if (take(i) = '1') then
+          incoming <= results(i);
+        end if;
+      end loop;
+    end if;
+
+  end process p_collect;
+
+  ---------------------------------------------------------------------------------------------
+  -- Algorithm 1
+  ---------------------------------------------------------------------------------------------
+
+  p_next : process (r, start, terms_done, terms_saturated, candidate_ready, probe_done, probe_held,
+                    s_before, enumerate_valid, enumerate_done, enumerated, taken, incoming, take,
+                    explorer_busy) is
+
+    variable v : state_t;
+
+  begin
+
+    v               := r;
+    v.valid         := '0';
+    v.started       := '1';
+    terms_start     <= '0';
+    enumerate_start <= '0';
+    enumerate_ready <= '0';
+    candidate_valid <= (others => '0');
+    candidate       <= enumerated;
+
+    if (taken = '1' and (r.any = '0' or better(incoming, r.best) = '1')) then
+      v.best := incoming;
+      v.any  := '1';
+    end if;
+
+    case r.phase is
+
+      when IDLE =>
+
+        v.any           := '0';
+        v.best.feasible := '0';
+
+        if (start = '1') then
+          v.phase := PREPARE;
+        end if;
+
+      when PREPARE =>
+
+        terms_start <= not r.started;
+
+        if (terms_done = '1') then
+          v.phase := ASK;
+        end if;
+
+      when ASK =>
+
+        candidate_valid(0) <= '1';
+        candidate          <= (
+          probe    => '1',
+          index    => (others => '0'),
+          position => s_before,
+          effort   => (others => '0')
+        );
+        v.phase            := AWAIT;
+
+      when AWAIT =>
+
+        if (probe_done = '1') then
+          if (probe_held = '1') then
+            v.phase              := IDLE;
+            v.valid              := '1';
+            v.decision.position  := s_before;
+            v.decision.held      := '1';
+            v.decision.deadlock  := '0';
+            v.decision.length    := (others => '0');
+            v.decision.saturated := terms_saturated;
+          else
+            v.phase         := SEARCH;
+            enumerate_start <= '1';
+          end if;
+        end if;
+
+      when SEARCH =>
+
+        if (enumerate_valid = '1') then
+          candidate_valid <= first_of(candidate_ready);
+          enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
+        end if;
+
+        -- the enumerator still shows the last search's end in the first clock
+        if (r.started = '1' and enumerate_done = '1' and taken = '0'
+            and explorer_busy = (explorer_busy'range => '0')) then
+          v.phase := FINISH;
+        end if;
+
+      when FINISH =>
+
+        v.phase              := IDLE;
+        v.valid              := '1';
+        v.decision.position  := r.best.position;
+        v.decision.held      := '0';
+        v.decision.deadlock  := not r.best.feasible;
+        v.decision.length    := r.best.length;
+        v.decision.saturated := terms_saturated or r.best.saturated;
+
+    end case;
+
+    if (v.phase /= r.phase) then
+      v.started := '0';
+    end if;
+
+    r_next <= v;
+
+  end process p_next;
+
+  p_state : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      r <= r_next;
+
+      if (rst = '1') then
+        r.phase <= STATE_INIT.phase;
+        r.valid <= STATE_INIT.valid;
+      end if;
+    end if;
+
+  end process p_state;
+
+  best_valid <= r.best.feasible;
+  best_cost  <= r.best.cost;
+  valid      <= r.valid;
+  decision   <= r.decision;
+  busy       <= to_std_logic(r.phase /= IDLE);
+
+end architecture rtl;

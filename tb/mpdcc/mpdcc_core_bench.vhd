@@ -1,0 +1,152 @@
+-- Flat bench around mpdcc_core: presents one row of inputs on the start edge and random values on
+-- every other, counts clocks from the accepting edge to the one that samples valid, and hands the
+-- decision out. The clock is made here: a simulator toggles it much faster than a coroutine.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+entity mpdcc_core_bench is
+  generic (
+    EXPLORERS : positive := 2;   -- explorers of the core
+    FOLDED    : boolean  := true -- variant of the explorers
+  );
+  port (
+    rst        : in    std_logic;                      -- synchronous, active high
+    request    : in    std_logic;                      -- a change asks for a decision on row
+    row        : in    std_logic_vector(216 downto 0); -- s_prev c, b, a, then measurements, is_alpha rightmost
+    parameters : in    std_logic_vector(423 downto 0); -- parameter ports, c_error_alpha rightmost
+    finished   : out   std_logic := '0';               -- changes when response is new
+    response   : out   std_logic_vector(17 downto 0);  -- saturated, length, deadlock, held, s_c, s_b, s_a
+    cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
+  );
+end entity mpdcc_core_bench;
+
+architecture bench of mpdcc_core_bench is
+
+  constant PATIENCE : natural := 100_000; -- clocks
+
+  signal idle     : natural := 0; -- clocks since the last request
+  signal clk      : std_logic := '0';
+  signal start    : std_logic := '0';
+  signal inputs   : std_logic_vector(216 downto 0) := (others => '0');
+  signal noise    : std_logic_vector(63 downto 0) := x"9E3779B97F4A7C15";
+  signal answered : std_logic := '0';
+  signal count    : unsigned(15 downto 0) := (others => '0');
+  signal valid    : std_logic;
+  signal busy     : std_logic;
+  signal decision : std_logic_vector(17 downto 0);
+
+begin
+
+  clk <= not clk after 5 ns;
+
+  p_inputs : process (clk) is
+
+    variable v : std_logic_vector(63 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      -- xorshift64
+      v     := noise xor (noise(50 downto 0) & "0000000000000");
+      v     := v xor ("0000000" & v(63 downto 7));
+      v     := v xor (v(46 downto 0) & "00000000000000000");
+      noise <= v;
+      start <= '0';
+      count <= count + 1;
+
+      if (start = '1') then
+        count <= x"0001";
+      end if;
+
+      if (request /= answered and start = '0' and busy = '0') then
+        inputs   <= row;
+        start    <= '1';
+        answered <= request;
+        idle     <= 0;
+      else
+        idle   <= idle + 1;
+        inputs <= v(24 downto 0) & v & (v xor x"5555555555555555") & v;
+      end if;
+
+      -- the clock never stops by itself: end a simulation that nobody attends to
+      assert idle < PATIENCE
+        report "no request for " & integer'image(PATIENCE) & " clocks"
+        severity failure;
+
+      if (valid = '1') then
+        finished <= answered;
+        response <= decision;
+        cycles   <= std_logic_vector(count);
+      end if;
+    end if;
+
+  end process p_inputs;
+
+  i_core : entity work.mpdcc_core
+    generic map (
+      EXPLORERS => EXPLORERS,
+      FOLDED    => FOLDED
+    )
+    port map (
+      clk                => clk,
+      rst                => rst,
+      start              => start,
+      is_alpha           => inputs(15 downto 0),
+      is_beta            => inputs(31 downto 16),
+      psir_alpha         => inputs(47 downto 32),
+      psir_beta          => inputs(63 downto 48),
+      v_n                => inputs(79 downto 64),
+      v_ph_a             => inputs(95 downto 80),
+      v_ph_b             => inputs(111 downto 96),
+      v_ph_c             => inputs(127 downto 112),
+      v_dc               => inputs(143 downto 128),
+      iref_alpha         => inputs(159 downto 144),
+      iref_beta          => inputs(175 downto 160),
+      omega_s            => inputs(191 downto 176),
+      omega_r            => inputs(207 downto 192),
+      s_prev_a           => inputs(210 downto 208),
+      s_prev_b           => inputs(213 downto 211),
+      s_prev_c           => inputs(216 downto 214),
+      c_error_alpha      => parameters(15 downto 0),
+      c_error_beta       => parameters(31 downto 16),
+      c_error_neutral    => parameters(47 downto 32),
+      c_error_phase      => parameters(63 downto 48),
+      c_stator_alpha     => parameters(79 downto 64),
+      c_stator_beta      => parameters(95 downto 80),
+      c_rotor_alpha      => parameters(111 downto 96),
+      c_rotor_beta       => parameters(127 downto 112),
+      c_reference_alpha  => parameters(143 downto 128),
+      c_reference_beta   => parameters(159 downto 144),
+      c_emf_alpha        => parameters(175 downto 160),
+      c_emf_beta         => parameters(191 downto 176),
+      c_correction_alpha => parameters(207 downto 192),
+      c_correction_beta  => parameters(223 downto 208),
+      c_forced_voltage   => parameters(239 downto 224),
+      c_forced_neutral   => parameters(255 downto 240),
+      c_phase_alpha      => parameters(271 downto 256),
+      c_phase_beta       => parameters(287 downto 272),
+      c_midpoint_alpha   => parameters(303 downto 288),
+      c_midpoint_beta    => parameters(319 downto 304),
+      c_weight           => parameters(335 downto 320),
+      c_weight_alpha     => parameters(351 downto 336),
+      c_weight_beta      => parameters(367 downto 352),
+      bound_current      => parameters(383 downto 368),
+      bound_neutral      => parameters(399 downto 384),
+      bound_phase        => parameters(415 downto 400),
+      horizon            => parameters(421 downto 416),
+      weight_scale       => parameters(423 downto 422),
+      valid              => valid,
+      busy               => busy,
+      s_a                => decision(2 downto 0),
+      s_b                => decision(5 downto 3),
+      s_c                => decision(8 downto 6),
+      held               => decision(9),
+      deadlock           => decision(10),
+      length             => decision(16 downto 11),
+      saturated          => decision(17)
+    );
+
+end architecture bench;
