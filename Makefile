@@ -1,0 +1,109 @@
+# Commands of the project; `make` alone lists them. Every tool can be replaced: make test GHDL=/opt/ghdl/bin/ghdl
+
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+.DELETE_ON_ERROR:
+
+# Not made absolute: make splits absolute names at the blanks of a path.
+ROOT := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
+VENV := $(ROOT)/.venv
+READY := $(VENV)/.ready
+
+PYTHON ?= python3
+PY ?= $(VENV)/bin/python
+# The same from any working directory
+PY_HERE = $(if $(filter /%,$(PY)),$(PY),$(CURDIR)/$(PY))
+GHDL ?= ghdl
+VERILATOR ?= verilator
+YOSYS ?=
+NEXTPNR ?=
+export PYTHON GHDL VERILATOR
+ifneq ($(strip $(YOSYS)),)
+export YOSYS
+endif
+ifneq ($(strip $(NEXTPNR)),)
+export NEXTPNR
+endif
+
+# Processes at a time, tests and synthesis alike
+JOBS ?= 2
+# Further arguments of run, test, synth, pnr and report
+ARGS ?=
+export JOBS
+
+# Replay: files and choices, handed on through the environment so that any path works
+DRIVE ?=
+IN ?=
+OUT ?=
+ENGINE ?= rtl
+EXPLORERS ?= 2
+VARIANT ?= paper
+TOP ?=
+SEEDS ?= 5
+export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP
+
+.PHONY: help setup run test lint format replay synth pnr report sources generate clean
+
+help: ## this list
+	@echo 'directmpc: direct predictive control of drives in VHDL'
+	@echo
+	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+	@echo
+	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=paper]'
+	@echo '  make -s sources TOP=mpdcc_core'
+	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
+
+$(READY): $(ROOT)/requirements.txt $(ROOT)/scripts/setup.sh
+	@'$(ROOT)/scripts/setup.sh' >&2
+
+setup: ## install what is missing: system tools (apt) and .venv
+	@'$(ROOT)/scripts/setup.sh' >&2
+
+run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draws the result
+	@'$(PY)' -m directmpc.run $(ARGS)
+
+test: $(READY) ## every test
+	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' $(ARGS)
+
+lint: $(READY) ## VHDL and Python style, analysis as VHDL-93 and VHDL-2008, generated files
+	@'$(PY)' -m scripts.lint
+
+format: $(READY) ## rewrite VHDL and Python in house style
+	@'$(PY)' -m scripts.lint --fix
+
+# $(call need,NAME,what): stop with one line when a variable is empty
+need = @if [ -z "$${$(1)}" ]; then echo 'replay: $(1) is not set ($(2)); make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv' >&2; exit 2; fi
+readable = @if [ ! -f "$${$(1)}" ] || [ ! -r "$${$(1)}" ]; then echo "replay: $(1): no readable file '$${$(1)}' in $$(pwd)" >&2; exit 2; fi
+empty :=
+oneof = @case "$${$(1)}" in $(subst $(empty) ,|,$(2))) ;; *) echo "replay: $(1) is '$${$(1)}', but has to be one of: $(2)" >&2; exit 2;; esac
+
+replay: $(READY) ## run a recorded trace through the RTL or a model
+	$(call need,DRIVE,the drive file)
+	$(call need,IN,the trace)
+	$(call need,OUT,the file for the decisions)
+	$(call oneof,ENGINE,rtl model ideal)
+	$(call oneof,EXPLORERS,1 2 3 4 5 6 7 8)
+	$(call oneof,VARIANT,paper)
+	$(call readable,DRIVE)
+	$(call readable,IN)
+	@if [ -d "$$OUT" ] || [ ! -d "$$(dirname -- "$$OUT")" ]; then echo "replay: OUT: cannot write '$$OUT': a directory, or in none" >&2; exit 2; fi
+	@'$(PY)' -m directmpc.replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
+
+synth: $(READY) ## resources of every entity and configuration (Yosys)
+	@'$(PY)' -m scripts.synth --jobs '$(JOBS)' $(ARGS)
+
+pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
+	@'$(PY)' -m scripts.pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)
+
+report: $(READY) ## every published number, table and plot into reports/
+	@'$(PY)' -m directmpc.report $(ARGS)
+
+sources: $(READY) ## VHDL files in compile order for TOP
+	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts.sources '' >&2; exit 2; fi; '$(PY)' -m scripts.sources "$$TOP"
+
+generate: $(READY) ## rewrite the files that are generated from the model
+	@'$(PY)' -m directmpc.vhdl_package
+
+clean: ## remove what can be made again, but for .venv
+	@rm -rf '$(ROOT)/build' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'
+	@find '$(ROOT)' -path '$(ROOT)/.venv' -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
