@@ -40,24 +40,29 @@ def _run(command: list[str]) -> list[str]:
     return (done.stdout + done.stderr).strip().splitlines() or [f"status {done.returncode}"]
 
 
-def vhdl_files() -> list[Path]:
-    """Every VHDL file of design and test benches."""
-    benches = [*(ROOT / "tb").rglob("*.vhd"), *(ROOT / "tb").rglob("*.vhdl")]
-    return [*sources.rtl_files(), *sorted(benches)]
+def vhdl_files() -> list[tuple[list[Path], list[Path]]]:
+    """VSG's configurations with the files they are for: the design, and its test benches."""
+    benches = sorted([*(ROOT / "tb").rglob("*.vhd"), *(ROOT / "tb").rglob("*.vhdl")])
+    on_top = [CONFIGURATION, ROOT / "tb" / ".vsg.yaml"]
+    pairs = [([CONFIGURATION], sources.rtl_files()), (on_top, benches)]
+    return [(configuration, files) for configuration, files in pairs if files]
 
 
-def vhdl_style() -> list[str]:
-    """VSG over all VHDL; a warning counts as much as an error."""
-    files = [str(path.relative_to(ROOT)) for path in vhdl_files()]
-    if not files:
-        return []
-    command = [*tools.tool("vsg"), "-c", str(CONFIGURATION), "-ap", "-of", "syntastic"]
-    command += ["-p", os.environ.get("JOBS", "2"), "-f", *files]
+def _vsg(configuration: list[Path], files: list[Path], *options: str) -> list[str]:
+    """VSG's findings; a warning counts as much as an error."""
+    command = [*tools.tool("vsg"), "-c", *map(str, configuration), "-ap", "-of", "syntastic"]
+    names = [str(path.relative_to(ROOT)) for path in files]
+    command += ["-p", os.environ.get("JOBS", "2"), *options, "-f", *names]
     done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
     lines = [line for line in done.stdout.splitlines() if line.strip()]
     if done.returncode and not lines:
         lines = done.stderr.strip().splitlines() or [f"vsg ended with {done.returncode}"]
     return lines
+
+
+def vhdl_style() -> list[str]:
+    """VSG over all VHDL."""
+    return [line for pair in vhdl_files() for line in _vsg(*pair)]
 
 
 def _python_directories() -> list[str]:
@@ -176,20 +181,9 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
 
 def fix() -> int:
     """Let VSG and ruff rewrite what they can."""
-    files = [str(path.relative_to(ROOT)) for path in vhdl_files()]
-    status = 0
-    if files:
-        command = [
-            *tools.tool("vsg"),
-            "-c",
-            str(CONFIGURATION),
-            "--fix",
-            "-ap",
-            "-of",
-            "syntastic",
-            "-f",
-        ]
-        status |= subprocess.run([*command, *files], cwd=ROOT, check=False).returncode
+    left = [line for pair in vhdl_files() for line in _vsg(*pair, "--fix")]
+    print("\n".join(left))
+    status = 1 if left else 0
     ruff = tools.tool("ruff")
     status |= subprocess.run(
         [*ruff, "check", "--fix", *_python_directories()], cwd=ROOT, check=False

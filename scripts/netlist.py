@@ -4,6 +4,7 @@ GHDL 2.0.0 (the one Debian ships) elaborates VHDL correctly, but its Verilog wri
 parts of the netlist that its VHDL writer, printing the very same netlist, keeps:
 
 * `case` loses the default arm (`when others`), so that a latch appears where there was none;
+* a constant wider than 32 bits becomes "0101", which Verilog takes for a text of four bytes;
 * the arithmetic right shift is written as `>>`, which fills with zeros;
 * signed `/`, `mod` and `rem` are written as Verilog's unsigned `/` and `%`;
 * `abs`, `minimum` and `maximum` are left in VHDL syntax;
@@ -38,14 +39,15 @@ class Repairs:
     """How much had to be restored."""
 
     defaults: int = 0
+    constants: int = 0
     arithmetic_shifts: int = 0
     signed_divisions: int = 0
     leftovers: int = 0
-    details: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         return (
-            f"restored: {self.defaults} case defaults, {self.arithmetic_shifts} arithmetic shifts, "
+            f"restored: {self.defaults} case defaults, {self.constants} wide constants, "
+            f"{self.arithmetic_shifts} arithmetic shifts, "
             f"{self.signed_divisions} signed divisions, {self.leftovers} names and VHDL leftovers"
         )
 
@@ -168,6 +170,7 @@ _COMBINATIONAL = re.compile(
     r"^ *always @\*(?: begin)?[^\n]*\n(?:.*?^ *endcase$|.*?;[^\n]*$)", re.M | re.S
 )
 _LITERAL = re.compile(r"(\d+)'b([01xXzZ]+)$")
+_TEXT = re.compile(r'"([01xXzZ]+)"')
 _UNCERTAIN = re.compile(r"[!=]= \d+'b[01]*[xXzZ]")
 _LEFTOVER = re.compile(
     r"std_logic_vector|\*nil\*|\*err\*|<unassigned>|\bgate_\w+|\bto_integer\b|^ *--", re.M
@@ -322,8 +325,15 @@ def repair(verilog: str, vhdl: str, top: str) -> tuple[str, Repairs]:
     architectures = _read_vhdl(vhdl)
     log = Repairs()
 
+    def constant(match: re.Match[str]) -> str:
+        log.constants += 1
+        return f"{len(match.group(1))}'b{match.group(1)}"
+
     def module(match: re.Match[str]) -> str:
         name, body = match.groups()
+        body = _TEXT.sub(constant, body)
+        if '"' in body:
+            raise NetlistError(f"{name}: a text is left in the Verilog")
         body, renamed = _rename_keywords(name, body, log)
         declared = set(_DECLARED.findall(body))
         names = _Names(name, declared, name.lower() == top.lower(), renamed)
@@ -396,7 +406,7 @@ def convert(
             vhdl = _synthesise(top, generics, files, "vhdl", workdir, std)
     text, log = repair(verilog, vhdl, top)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.
-    text = re.sub(r"/\* (?:\S*/)?(\S+)  \*/", r"/* \1 */", text)
+    text = re.sub(r"/\* (?:.*/)?(\S+)  \*/", r"/* \1 */", text)
     shown = " ".join(f"{k}={tools.generic_text(v)}" for k, v in generics.items())
     text = f"// {top} {shown}\n// {tools.version('ghdl')}; {log}\n{text}"
     with tools.replacing(target) as temporary:

@@ -16,8 +16,10 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -217,24 +219,29 @@ def build(
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     key = tools.digest(text, harness, tools.version("verilator"))[:16]
     stem = tools.configuration_name(top, generics or {})
-    folder = tools.BUILD / "verilated" / f"{stem}-{key}"
-    program = folder / "core"
+    program = tools.BUILD / "verilated" / f"{stem}-{key}" / "core"
     if not program.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "harness.cpp").write_text(harness, encoding="utf-8")
-        tools.run(
-            [
-                *tools.tool("verilator"),
-                *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
-                *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
-                *("--top-module", top.lower(), "-Wno-fatal", "-Wno-lint", "-Wno-style"),
-                *("-CFLAGS", "-O2 -std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O2 OPT_SLOW=-O1"),
-                *("-o", "core", str(source.resolve()), "harness.cpp"),
-            ],
-            cwd=folder,
-            timeout=900,
-        )
-        (folder / "obj" / "core").replace(program)
+        # Built elsewhere and moved: Verilator's makefiles work in no path with a blank in it.
+        with tempfile.TemporaryDirectory(prefix="verilated-") as name:
+            folder = Path(name)
+            (folder / "harness.cpp").write_text(harness, encoding="utf-8")
+            shutil.copy(source, folder / "core.v")
+            tools.run(
+                [
+                    *tools.tool("verilator"),
+                    *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
+                    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
+                    *("--top-module", top.lower(), "-Wno-fatal", "-Wno-lint", "-Wno-style"),
+                    *("-CFLAGS", "-O2 -std=c++17"),
+                    *("-MAKEFLAGS", "-s OPT_FAST=-O2 OPT_SLOW=-O1"),
+                    *("-o", "core", "core.v", "harness.cpp"),
+                ],
+                cwd=folder,
+                timeout=900,
+            )
+            with tools.replacing(program) as temporary:
+                shutil.copy(folder / "obj" / "core", temporary)
+            program.chmod(0o755)
     return program, ports
 
 

@@ -112,7 +112,8 @@ def _carry_feeds(cells: dict[str, dict[str, Any]]) -> int:
     """Carry positions that have no LUT of their own in front of them."""
     drivers: dict[int | str, str] = {}
     for name, cell in cells.items():
-        if cell["type"].startswith("LUT") and cell["type"][3:].isdigit():
+        # An inverter that is left over takes a LUT, and that one may sit in front of the carry.
+        if cell["type"] == "INV" or (cell["type"].startswith("LUT") and cell["type"][3:].isdigit()):
             for bit in cell["connections"].get("O", []):
                 drivers[bit] = name
     positions: list[int | str] = []

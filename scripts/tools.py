@@ -117,8 +117,9 @@ def generic_text(value: int | bool) -> str:
 
 
 def configuration_name(entity: str, generics: Generics) -> str:
-    """Short file name for an entity with generics."""
-    return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in generics.items())])
+    """Short file name for an entity with generics, whatever the order they are given in."""
+    ordered = sorted(generics.items())
+    return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in ordered)])
 
 
 def git_state() -> tuple[str, bool]:

@@ -31,11 +31,12 @@ def test_spartan_3_counts():
         "m": cell("MULT18X18"),
         "b": cell("RAMB16_S36_S36"),
         "w": cell("MUXF5"),
-        # Positions: one with its own LUT, one fed by a register, one whose LUT is taken already.
+        # Positions: with a LUT of its own, fed by a register, with a taken LUT, with an inverter.
         "c1": cell("MUXCY", S=[4], O=[10]),
         "x1": cell("XORCY", LI=[4], O=[11]),
         "c2": cell("MUXCY", S=[7], O=[12]),
         "c3": cell("MUXCY", S=[4], O=[13]),
+        "c4": cell("MUXCY", S=[6], O=[14]),
     }
     got = synth.count(cells, "xc3s")
     assert (got["lut"], got["ff"], got["mult"], got["bram"]) == (2 + 1 + 2 + 2, 1, 1, 1)

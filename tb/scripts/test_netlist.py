@@ -69,6 +69,7 @@ entity cases is
     valid : out std_logic;
     wide : out std_logic_vector(39 downto 0);
     ops : out std_logic_vector(71 downto 0);
+    wide_constant : out std_logic_vector(42 downto 0);
     down : out std_logic_vector(7 downto 0)
   );
 end entity cases;
@@ -76,6 +77,8 @@ end entity cases;
 architecture rtl of cases is
   type state_t is (idle, first, second, third, last);
   type rom_t is array (0 to 9) of natural;
+  -- wider than 32 bits: GHDL 2.0.0 writes "0101", a text of one byte a digit in Verilog
+  constant ROUNDING : std_logic_vector(42 downto 0) := (15 => '1', 40 => '1', others => '0');
   constant ROM : rom_t := (7, 1, 4, 1, 5, 9, 2, 6, 5, 3);
   signal state : state_t;
   signal sel_1 : std_logic_vector(3 downto 0);
@@ -118,6 +121,10 @@ begin
           wide(15 downto 8) <= leafed;
           wide(23 downto 16) <= std_logic_vector(to_unsigned(ROM(to_integer(unsigned(sel_1)) mod
           8), 8)); wide(39 downto 24) <= std_logic_vector(resize(sa, 16));
+          wide_constant <= ROUNDING;
+          if sa < 0 then
+            wide_constant <= not ROUNDING;
+          end if;
           down <= std_logic_vector(sb);
           if sa < sb then
             down <= std_logic_vector(sa);
@@ -173,6 +180,7 @@ def test_repaired_netlist_computes_what_the_vhdl_says(converted):
     path, log = converted
     if "GHDL 2.0" in tools.version("ghdl"):
         assert log.defaults > 4
+        assert log.constants > 0
         assert log.arithmetic_shifts == 2
         assert log.signed_divisions == 5 - 1  # the table's index is not negative, but signed
     draw = random.Random(7)
@@ -182,7 +190,7 @@ def test_repaired_netlist_computes_what_the_vhdl_says(converted):
         "a": [draw.choice([0, 127, 128, 255, draw.getrandbits(8)]) for _ in range(count)],
         "b": [draw.getrandbits(8) for _ in range(count)],
     }
-    expected: dict[str, list[int]] = {"wide": [], "ops": [], "down": []}
+    expected: dict[str, list[int]] = {"wide": [], "ops": [], "down": [], "wide_constant": []}
     rom = (7, 1, 4, 1, 5, 9, 2, 6, 5, 3)
     for sel, a, b in zip(*inputs.values(), strict=True):
         sa, sb = signed(a), signed(b)
@@ -194,6 +202,8 @@ def test_repaired_netlist_computes_what_the_vhdl_says(converted):
         fields += [(sa % 7, 8), (sa - 7 * truncated(sa, 7), 8), (truncated(sa, 5), 8)]
         expected["ops"].append(pack(fields))
         expected["down"].append(min(sa, sb))
+        rounding = 1 << 15 | 1 << 40
+        expected["wide_constant"].append(~rounding if sa < 0 else rounding)
     result = netlist_check.check(
         "cases", {"INVERT": True}, inputs, expected, [3 + 1] * count, verilog=path, seed=5
     )
