@@ -76,9 +76,7 @@ _NEUTRAL_CURRENT = anpc.NEUTRAL_CURRENT.astype(np.int64)
 _CAPACITOR_CURRENT = anpc.CAPACITOR_CURRENT.astype(np.int64)
 _WEIGHT = anpc.TRANSITION_WEIGHT.astype(np.int64)
 _COUNT = np.array([len(p) for p in anpc.NEXT_POSITIONS], dtype=np.int64)
-_NEXT = np.array(
-    [list(p) + [p[-1]] * (4 - len(p)) for p in anpc.NEXT_POSITIONS], dtype=np.int64
-)
+_NEXT = np.array([list(p) + [p[-1]] * (4 - len(p)) for p in anpc.NEXT_POSITIONS], dtype=np.int64)
 
 
 @njit(cache=True)
@@ -113,9 +111,7 @@ def common_terms(measurement, register):  # type: ignore[no-untyped-def]
     saturated = False
     for row in range(_PROGRAM.shape[0]):
         a, b, shift, result, last = _PROGRAM[row]
-        factor = (
-            register[b] if b < _N_COEFFICIENTS else measurement[11 + b - _N_COEFFICIENTS]
-        )
+        factor = register[b] if b < _N_COEFFICIENTS else measurement[11 + b - _N_COEFFICIENTS]
         total[result] += (operand[a] * factor) << shift
         if last:
             value = (total[result] + _HALF) >> _RESULT_SHIFT

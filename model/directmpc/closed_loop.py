@@ -336,6 +336,37 @@ def _nearest_positions(voltage: complex, vdc: float) -> IntArray:
     return np.array([anpc.LEVEL.tolist().index(level) for level in levels.tolist()])
 
 
+def initial_conditions(
+    profile: Profile, rng: np.random.Generator | None = None, disturbance: float = 0.0
+) -> tuple[FloatArray, IntArray]:
+    """Steady state in which a profile starts.
+
+    Parameters
+    ----------
+    profile
+        Its first step counts.
+    rng
+        Source of the disturbance; without it there is none.
+    disturbance
+        Standard deviation of what is added to the currents and capacitor voltages, per unit.
+
+    Returns
+    -------
+    state : (8,)
+        Plant state, see `plant`: currents on their references, capacitors balanced.
+    positions : (3,)
+        Positions whose levels come nearest to the stator voltage.
+    """
+    start, turn = profile.start, profile.iref[0] / profile.start.i_s
+    flux = start.psi_r * turn
+    state = np.array([profile.iref[0].real, profile.iref[0].imag, flux.real, flux.imag] + [0.0] * 4)
+    state[5:] = profile.vdc[0] / 4
+    if rng is not None:
+        state[:2] += disturbance * rng.standard_normal(2)
+        state[4:] += disturbance * rng.standard_normal(4)
+    return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
+
+
 def _decisions(out: IntArray) -> Decisions:
     return Decisions(
         s=out[:, :3].copy(),
@@ -420,13 +451,7 @@ def simulate(
         real.inverter.xph,
         drive.ts_pu,
     )
-    start, turn = profile.start, profile.iref[0] / profile.start.i_s
-    flux = start.psi_r * turn
-    state = np.array([profile.iref[0].real, profile.iref[0].imag, flux.real, flux.imag] + [0.0] * 4)
-    state[5:] = profile.vdc[0] / 4
-    state[:2] += disturbance * rng.standard_normal(2)
-    state[4:] += disturbance * rng.standard_normal(4)
-    applied = _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
+    state, applied = initial_conditions(profile, rng, disturbance)
 
     own = ideal.ideal_parameters(drive)
     predictor = (
@@ -470,5 +495,5 @@ def simulate(
         ),
         decisions=_decisions(out[keep]),
         shadow=_decisions(shadow_out[keep]) if shadow is not None else None,
-        profile=Profile(start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
+        profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
     )

@@ -2,12 +2,16 @@
 
 Nothing here depends on the state, the speeds or the dc-link voltage; those products are formed in
 fabric every step.  The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
-bounds allow, see ``formats``.
+bounds allow, see ``formats``.  ``python -m directmpc.coefficients drive.toml`` prints the values.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
+import os
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +19,7 @@ from numpy.typing import NDArray
 
 from directmpc import formats as f
 from directmpc.common_terms import COEFFICIENTS
-from directmpc.drive import Drive
+from directmpc.drive import Drive, load_drive
 from directmpc.fit import choose_extrapolation
 
 #: Right shift that a product of each alignment undergoes on its way to the result.
@@ -163,3 +167,49 @@ def registers(drive: Drive) -> Registers:
         extrapolation=length,
         correction=correction,
     )
+
+
+def format_csv(values: Registers) -> str:
+    """Lay out the registers as CSV: port, value, and the word to write in hexadecimal."""
+    lines = ["port,value,hex"]
+    for port, value in values.ports().items():
+        digits = 4 if port.startswith(("c_", "bound")) else 2
+        lines.append(f"{port},{value},{value & (16**digits - 1):0{digits}x}")
+    return "\n".join(lines)
+
+
+def format_table(values: Registers) -> str:
+    """Lay out the registers as text."""
+    rows = [line.split(",") for line in format_csv(values).splitlines()]
+    lines = [f"{port:20} {value:>8} {word:>6}" for port, value, word in rows]
+    lines += [
+        "",
+        f"trajectory unit: 1/{values.unit:.6g} pu; extrapolation over L = {values.extrapolation} "
+        f"steps with p = {values.correction:.5f}",
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the register values of a drive file; 2 when it cannot be used."""
+    parser = argparse.ArgumentParser(
+        prog="coefficients", description="Parameter ports of mpdcc_core for a drive file."
+    )
+    parser.add_argument("drive", help="drive file (TOML)")
+    parser.add_argument("--csv", action="store_true", help="comma-separated, for a program to read")
+    given = parser.parse_args(arguments)
+    try:
+        values = registers(load_drive(given.drive))
+        print(format_csv(values) if given.csv else format_table(values), flush=True)
+    except BrokenPipeError:  # a reader such as head has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except ValueError as error:
+        text = str(error)
+        shown = text if text.startswith(given.drive) else f"{given.drive}: {text}"
+        print(f"coefficients: {shown}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

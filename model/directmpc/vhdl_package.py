@@ -40,9 +40,7 @@ def _binary(value: int, width: int) -> str:
 
 def _rows(items: Sequence[str], per_line: int, indent: str = "    ") -> str:
     """Join array elements, several to a line."""
-    lines = [
-        ", ".join(items[start : start + per_line]) for start in range(0, len(items), per_line)
-    ]
+    lines = [", ".join(items[start : start + per_line]) for start in range(0, len(items), per_line)]
     return (",\n" + indent).join(lines)
 
 
@@ -92,8 +90,7 @@ def _formats() -> list[str]:
         "",
         "  -- round(2**24/L), entry 0 unused",
         "  constant RECIPROCALS : reciprocals_t := (",
-        "    "
-        + _rows([_binary(int(r), f.RECIPROCAL_FRACTION + 1) for r in f.RECIPROCALS], 3),
+        "    " + _rows([_binary(int(r), f.RECIPROCAL_FRACTION + 1) for r in f.RECIPROCALS], 3),
         "  );",
         "",
     ]
@@ -172,9 +169,7 @@ def _program() -> list[str]:
     ]
 
     def rows(value) -> list[list[int]]:  # type: ignore[no-untyped-def]
-        return [
-            [value(block, clock) for clock in range(ct.PROGRAM_LENGTH)] for block in ct.PROGRAM
-        ]
+        return [[value(block, clock) for clock in range(ct.PROGRAM_LENGTH)] for block in ct.PROGRAM]
 
     def last(block, clock) -> int:  # type: ignore[no-untyped-def]
         if clock >= len(block):

@@ -1,0 +1,361 @@
+"""`make replay`: run a recorded trace through the RTL or one of its models.
+
+Rows are independent of one another, so a long trace is split over two simulators. Which columns a
+trace and its decisions have, and who decides, follows from the drive file's `controller`: one entry
+of ``CONTROLLERS`` each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from directmpc import anpc, bit_true, ideal, rtl_simulation, trace
+from directmpc.coefficients import Registers, registers
+from directmpc.drive import Drive, DriveFileError, load_any_drive
+from directmpc.rtl_simulation import Job, SimulationError
+from directmpc.trace import Decisions, MpdccTrace
+
+IntArray = NDArray[np.int64]
+
+ENGINES = ("rtl", "model", "ideal")
+EXPLORERS = range(1, 9)
+PARALLEL_ROWS = 2000
+"""A trace of more rows than this is worth a second simulator."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What belongs to one variant of the MPDCC core.
+
+    Attributes
+    ----------
+    registers
+        Register values of a drive.
+    run
+        Its bit-true model over a trace.
+    decide
+        The same for one step, compiled: the signature of `ideal.decide`.
+    switching_horizons
+        Values of ``control.switching_horizon`` it decides with.
+    worst_cycles
+        Most clock cycles of a decision for a number of explorers, any input: the published bound,
+        counted as `cycles` of the decisions file.
+    """
+
+    registers: Callable[[Drive], Registers]
+    run: Callable[[Drive, MpdccTrace], Decisions]
+    decide: Any
+    switching_horizons: tuple[str, ...]
+    worst_cycles: Callable[[int], int]
+
+
+def _paper_worst(explorers: int) -> int:
+    """As the head of rtl/mpdcc_core.vhd derives it: the first candidate, then 63 more."""
+    rounds, left = divmod(anpc.MAX_NEXT**3 - 1, explorers)
+    return 65 + 22 * rounds + left
+
+
+VARIANTS = {"paper": Variant(registers, bit_true.run, bit_true.decide, ("SE",), _paper_worst)}
+DEFAULT_VARIANT = "paper"
+
+
+class ReplayError(ValueError):
+    """What was asked for cannot be done; the message is for a user."""
+
+
+class CancelledError(Exception):
+    """Stops a simulator from its progress callback."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a replay was asked for, apart from its drive."""
+
+    drive: Path
+    trace: Path
+    out: Path
+    engine: str
+    explorers: int
+    variant: str
+
+
+@contextmanager
+def progress_bar(text: str, total: int, stream: TextIO | None = None) -> Iterator[Any]:
+    """Yield a function that takes how many are done; a bar, or plain lines off a terminal.
+
+    Parameters
+    ----------
+    text
+        What is under way.
+    total
+        How many there are.
+    stream
+        Where to show it; stderr if not given.
+    """
+    console = Console(file=stream or sys.stderr)
+    if console.is_terminal:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(text, total=total)
+            yield lambda done: bar.update(task, completed=done)
+        return
+    shown = -1
+
+    def line(done: int) -> None:
+        nonlocal shown
+        if done * 10 // total > shown:
+            shown = done * 10 // total
+            print(f"{text}: {done} of {total}", file=console.file, flush=True)
+
+    line(0)
+    yield line
+
+
+def simulate_rows(
+    measurements: IntArray,
+    s_prev: IntArray,
+    values: IntArray,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+    processes: int | None = None,
+) -> IntArray:
+    """Let the RTL decide on independent rows.
+
+    Parameters
+    ----------
+    measurements : (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : (n, 3)
+        s(k-1).
+    values
+        ``Registers.array()``.
+    explorers, variant
+        Configuration of the core.
+    progress
+        Called now and then with the number of decisions made.
+    processes
+        Simulators to split the rows over; two for more than ``PARALLEL_ROWS`` if not given.
+
+    Returns
+    -------
+    (n, 8)
+        In the order of ``rtl_simulation.FIELDS``.
+
+    Raises
+    ------
+    SimulationError
+        If a simulator is missing or fails.
+    """
+    n = len(measurements)
+    count = processes or (2 if n > PARALLEL_ROWS and (os.cpu_count() or 1) > 1 else 1)
+    blocks = np.array_split(np.arange(n), min(count, n))
+    done = [0] * len(blocks)
+    stop = threading.Event()
+
+    def one(index: int) -> IntArray:
+        def advance(rows: int) -> None:
+            if stop.is_set():
+                raise CancelledError
+            done[index] = rows
+
+        rows = blocks[index]
+        job = Job(values, measurements[rows], s_prev[rows])
+        answer = rtl_simulation.simulate(job, explorers, variant, advance)
+        done[index] = len(rows)
+        return np.asarray(answer["decisions"], dtype=np.int64)
+
+    with concurrent.futures.ThreadPoolExecutor(len(blocks)) as pool:
+        futures = [pool.submit(one, index) for index in range(len(blocks))]
+        try:
+            waiting = set(futures)
+            while waiting:
+                finished, waiting = concurrent.futures.wait(
+                    waiting, timeout=0.2, return_when=concurrent.futures.FIRST_EXCEPTION
+                )
+                for future in finished:
+                    future.result()
+                if progress is not None:
+                    progress(sum(done))
+        except BaseException:
+            stop.set()
+            raise
+    return np.concatenate([future.result() for future in futures])
+
+
+def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:
+    """Turn what the RTL answered into decisions; `clipped` marks rows whose inputs saturated."""
+    fields = {name: rows[:, i] for i, name in enumerate(rtl_simulation.FIELDS)}
+    return Decisions(
+        s=rows[:, 0:3],
+        held=fields["held"],
+        deadlock=fields["deadlock"],
+        length=fields["length"],
+        cycles=fields["cycles"],
+        saturated=fields["saturated"] | np.asarray(clipped, dtype=np.int64),
+    )
+
+
+def decide_mpdcc(
+    drive: Drive,
+    rows: MpdccTrace,
+    engine: str,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+) -> Decisions:
+    """Decisions of one engine on every row of a trace.
+
+    Parameters
+    ----------
+    drive
+        Drive the controller is set up for.
+    rows
+        What it sees.
+    engine
+        One of ``ENGINES``.
+    explorers, variant
+        Configuration of the core; the explorers count for the RTL alone.
+    progress
+        Called now and then with the number of decisions made; RTL only.
+
+    Raises
+    ------
+    ValueError
+        If the drive's registers cannot be represented.
+    ReplayError
+        If the variant does not serve the drive's switching horizon.
+    SimulationError
+        If the simulation fails.
+    """
+    if engine == "ideal":
+        return ideal.run(drive, rows)
+    chosen = VARIANTS[variant]
+    wanted = drive.control.switching_horizon
+    if wanted not in chosen.switching_horizons:
+        raise ReplayError(
+            f'control.switching_horizon: got "{wanted}"; the variant {variant} serves '
+            f"{' and '.join(chosen.switching_horizons)} alone, the engine ideal all"
+        )
+    # A number near the largest float leaves its range when scaled; it saturates all the same.
+    with np.errstate(over="ignore"):
+        if engine == "model":
+            return chosen.run(drive, rows)
+        measurements, clipped = bit_true.encode(rows)
+    values = chosen.registers(drive).array()
+    answered = simulate_rows(measurements, rows.s_prev, values, explorers, variant, progress)
+    return decisions_of(answered, clipped)
+
+
+def replay_mpdcc(drive: Drive, request: Request) -> None:
+    """Read an MPDCC trace, decide, and write the decisions."""
+    rows = trace.read_trace(request.trace, drive)
+
+    def run(progress: Callable[[int], None] | None) -> Decisions:
+        return decide_mpdcc(
+            drive, rows, request.engine, request.explorers, request.variant, progress
+        )
+
+    try:
+        if request.engine == "rtl":
+            with progress_bar(f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
+                decisions = run(progress)
+        else:
+            decisions = run(None)
+    except SimulationError:
+        raise
+    except ValueError as error:  # names the key, but does not know the file
+        raise ReplayError(f"{request.drive}: {error}") from error
+    trace.write_decisions(request.out, decisions)
+
+
+CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {"mpdcc": replay_mpdcc}
+"""Who replays a trace, by the drive file's key `controller`."""
+
+
+def replay(request: Request) -> None:
+    """Do what was asked for; raises the errors that `main` reports."""
+    drive = load_any_drive(request.drive)
+    if drive.controller not in CONTROLLERS:
+        served = " or ".join(f'"{name}"' for name in CONTROLLERS)
+        raise DriveFileError(
+            f'{request.drive}: controller: got "{drive.controller}"; it must be {served} to be '
+            "replayed"
+        )
+    folder = request.out.parent
+    if request.out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise ReplayError(
+            f"{request.out}: cannot be written (a folder, or in none that is writable); a path in "
+            "a writable folder is needed"
+        )
+    for used in (request.drive, request.trace):
+        if request.out.exists() and used.exists() and request.out.samefile(used):
+            raise ReplayError(f"{request.out}: is an input of this replay; another path is needed")
+    CONTROLLERS[drive.controller](drive, request)
+
+
+class OneParagraphParser(argparse.ArgumentParser):
+    """Reports wrong arguments as every other error: one paragraph, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and leave."""
+        print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
+        sys.exit(2)
+
+
+def _arguments(arguments: Sequence[str] | None) -> Request:
+    parser = OneParagraphParser(prog="replay", description=__doc__.splitlines()[0])
+    parser.add_argument("--drive", type=Path, required=True, help="drive file (TOML)")
+    parser.add_argument("--trace", type=Path, required=True, help="recorded trace (CSV)")
+    parser.add_argument("--out", type=Path, required=True, help="decisions to write (CSV)")
+    parser.add_argument("--engine", choices=ENGINES, default="rtl")
+    parser.add_argument("--explorers", type=int, choices=EXPLORERS, default=2, metavar="1..8")
+    parser.add_argument("--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT)
+    return Request(**vars(parser.parse_args(arguments)))
+
+
+def report_error(program: str, error: BaseException) -> None:
+    """Print an expected error as one paragraph on stderr."""
+    text = str(error)
+    if isinstance(error, OSError):
+        text = f"{error.filename or 'file'}: {error.strerror or error}"
+    # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
+    print(f"{program}: " + "\n".join(x for x in text.splitlines() if x.strip()), file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Replay a trace; 0 when the decisions are written, 2 when something was wrong."""
+    request = _arguments(arguments)
+    try:
+        replay(request)
+    except (ValueError, SimulationError, OSError) as error:
+        report_error("replay", error)
+        return 2
+    except KeyboardInterrupt:
+        print("replay: interrupted; nothing was written", file=sys.stderr)
+        return 128 + signal.SIGINT
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,589 @@
+"""`make report`: regenerate every published number, table and plot into ``reports/``.
+
+Nothing is copied by hand: cycles come from the simulated RTL, resources from Yosys, clock
+frequencies from nextpnr, fidelity from the bit-true model against the ideal controller. The
+README's table is rewritten from ``reports/metrics.json``.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import io
+import json
+import math
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rich.console import Console
+
+from directmpc import anpc, bit_true, closed_loop, ideal, metrics
+from directmpc.closed_loop import OperatingPoint
+from directmpc.drive import Drive, load_drive
+from directmpc.replay import VARIANTS, OneParagraphParser, report_error, simulate_rows
+from directmpc.rtl_simulation import FIELDS, ROOT, SimulationError
+from directmpc.run import PAPER_CYCLES, draw, save_png, simulate
+from scripts import tools
+from scripts.pnr import PART
+from scripts.synth import PAPER_MULTIPLIERS, PAPER_SLICES
+
+IntArray = NDArray[np.int64]
+
+REPORTS = ROOT / "reports"
+BUILD = ROOT / "build"
+README = ROOT / "README.md"
+BEGIN = "<!-- figures: begin (written by make report) -->"
+END = "<!-- figures: end -->"
+
+EXPLORERS = tuple(PAPER_CYCLES)
+PLACED = 2  # explorers of the configuration that is placed and routed
+FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
+DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
+BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
+SEEDS = 10  # starts per point of the fidelity figures
+STEPS = 20_000  # per start
+SETTLE = 2_000
+COMMAND = "make report"
+
+
+class ReportError(RuntimeError):
+    """A figure cannot be published."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """How one variant appears in the figures.
+
+    Attributes
+    ----------
+    key
+        Its object in metrics.json.
+    folded
+        The generic FOLDED of the core.
+    """
+
+    key: str
+    folded: bool
+
+
+DESIGNS = {"paper": Design("mpdcc_paper", True)}
+
+
+# --- cycles ---------------------------------------------------------------------------------------
+
+
+@njit  # not cached on disk: a cache would not notice changes of bit_true
+def _alive(register, coefficients, measurement, s_prev, following):  # type: ignore[no-untyped-def]
+    """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
+    error, natural, forced, phase, midpoint, _, _, _ = bit_true.node(measurement, register)
+    bound = np.empty(7, dtype=np.int64)
+    bound[0:3] = register[coefficients]
+    bound[3] = register[coefficients + 1]
+    bound[4:7] = register[coefficients + 2]
+    horizon = register[coefficients + 3]
+    slope = np.empty(7, dtype=np.int64)
+    bit_true.slopes(s_prev, natural, forced, phase, midpoint, slope)
+    if np.all(np.abs(error + slope) <= bound):
+        return -1
+    s = np.empty(3, dtype=np.int64)
+    alive = 0
+    for index in range(64):
+        s[0] = following[s_prev[0], index // 16]
+        s[1] = following[s_prev[1], index // 4 % 4]
+        s[2] = following[s_prev[2], index % 4]
+        bit_true.slopes(s, natural, forced, phase, midpoint, slope)
+        inside = True
+        for j in range(7):
+            inside &= bit_true.search_length(error[j], slope[j], bound[j], horizon) > 0
+        alive += inside
+    return alive
+
+
+def wide_drive(drive: Drive) -> Drive:
+    """The drive with the settings that leave an explorer least to skip.
+
+    Wide bounds keep candidates alive; a heavy weight on v_n makes every cost large beside the
+    switching effort, so that no candidate can be dropped early.
+    """
+    control = drive.control.model_copy(
+        update={"bound_current": 0.5, "bound_vn": 0.5, "bound_vph": 0.5, "lambda_n": 100.0}
+    )
+    return drive.model_copy(update={"control": control})
+
+
+def hardest_rows(
+    drive: Drive, variant: str, keep: int, tries: int = 200_000
+) -> tuple[IntArray, IntArray]:
+    """Random rows of 64 candidates that search longest: those with most candidates alive.
+
+    Returns
+    -------
+    measurements : (keep, 13)
+    s_prev : (keep, 3)
+    """
+    values = VARIANTS[variant].registers(drive)
+    register, count = values.array(), len(values.coefficients)
+    bounds = drive.control
+    rng = np.random.default_rng(0)
+    vdc = rng.uniform(1.5, 2.5, tries)
+    iref = rng.uniform(-1.4, 1.4, (tries, 2))
+    current = iref + 1.1 * bounds.bound_current * rng.uniform(-1, 1, (tries, 2))
+    flux = rng.uniform(-1.5, 1.5, (tries, 2))
+    neutral = bounds.bound_vn * rng.uniform(-1, 1, tries)
+    capacitor = vdc[:, None] / 4 + bounds.bound_vph * rng.uniform(-1, 1, (tries, 3))
+    speed = rng.uniform(-1.5, 1.5, (tries, 2))
+    x_m = np.hstack([current, flux])
+    x_inv = np.column_stack([neutral, np.clip(capacitor, 0.0, 1.2)])
+    s_prev = rng.integers(2, 6, (tries, 3))
+    measurements = np.empty((tries, 13), dtype=np.int64)
+    alive = np.empty(tries, dtype=np.int64)
+    for k in range(tries):
+        measurements[k], _ = bit_true.encode_row(
+            x_m[k], x_inv[k], vdc[k], iref[k], speed[k, 0], speed[k, 1]
+        )
+        alive[k] = _alive(register, count, measurements[k], s_prev[k], anpc.NEXT_TABLE)
+    best = np.argsort(-alive, kind="stable")[:keep]
+    return measurements[best], s_prev[best]
+
+
+def forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArray]:
+    """Rows of a closed loop with s(k-1) forced to positions 2 to 5: 64 candidates each; some hold.
+
+    Returns
+    -------
+    measurements : (keep, 13)
+    s_prev : (keep, 3)
+    """
+    run = closed_loop.simulate(
+        drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(), 20 * keep
+    )
+    seen = run.trace()
+    seen = seen.rows(np.arange(0, len(seen), 20))
+    s_prev = np.random.default_rng(0).integers(2, 6, (len(seen), 3))
+    # The first rows keep what was applied: most of them hold.
+    s_prev[: keep // 4] = seen.s_prev[: keep // 4]
+    return bit_true.encode(seen)[0], s_prev
+
+
+def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
+    """Worst, measured and hold cycles for every number of explorers, on the RTL.
+
+    Raises
+    ------
+    ReportError
+        If a decision differs from the model, or takes longer than the published bound.
+    """
+    base = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+    wide = wide_drive(base)
+    corpus = []
+    for drive, rows in (
+        (wide, hardest_rows(wide, variant, 40)),
+        (base, forced_rows(base, variant, 40)),
+    ):
+        register = VARIANTS[variant].registers(drive).array()
+        expected = np.array(
+            [bit_true.decide_words(register, m, s) for m, s in zip(*rows, strict=True)]
+        )
+        corpus.append((register, *rows, expected))
+    worst, measured, held = {}, {}, set()
+
+    def one(explorers: int) -> IntArray:
+        parts = []
+        for register, measurements, s_prev, expected in corpus:
+            rows = simulate_rows(measurements, s_prev, register, explorers, variant, processes=1)
+            if not np.array_equal(rows[:, [0, 1, 2, 3, 4, 5, 7]], expected):
+                raise ReportError(
+                    f"the RTL with {explorers} explorers ({variant}) differs from its model"
+                )
+            parts.append(rows)
+        say(f"cycles of the RTL: {explorers} explorer(s) done")
+        return np.concatenate(parts)
+
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        answers = dict(zip(EXPLORERS, pool.map(one, EXPLORERS), strict=True))
+    for explorers, rows in answers.items():
+        taken = rows[:, FIELDS.index("cycles")]
+        worst[str(explorers)] = VARIANTS[variant].worst_cycles(explorers)
+        measured[str(explorers)] = int(taken.max())
+        held |= set(taken[rows[:, FIELDS.index("held")] == 1].tolist())
+        if measured[str(explorers)] > worst[str(explorers)]:
+            raise ReportError(
+                f"{explorers} explorers took {measured[str(explorers)]} cycles, more than the "
+                f"bound {worst[str(explorers)]}"
+            )
+    if len(held) != 1:
+        raise ReportError(f"a held decision takes {sorted(held)} cycles, not always the same")
+    return {"cycles_worst": worst, "cycles_measured": measured, "cycles_hold": held.pop()}
+
+
+# --- fidelity -------------------------------------------------------------------------------------
+
+
+def fidelity_point(
+    drive: Drive, variant: str, omega_s: float, name: str, swept: str
+) -> dict[str, Any]:
+    """Compare model and ideal controller at one operating point; one row of fidelity.csv.
+
+    A closed loop of this kind is chaotic: two runs that differ in their start alone spread. Means
+    over `SEEDS` starts are compared, and the standard error of the difference stands beside it.
+    """
+    chosen = VARIANTS[variant]
+    register, reference = chosen.registers(drive).array(), ideal.ideal_parameters(drive)
+    counts, figures = [], []
+    for seed in range(SEEDS):
+        options: dict[str, Any] = {"settle": SETTLE, "seed": seed}
+        point = OperatingPoint(omega_s)
+        ours = closed_loop.simulate(
+            drive, chosen.decide, register, point, STEPS,
+            shadow=ideal.decide, shadow_parameters=reference, **options,
+        )  # fmt: skip
+        exact = closed_loop.simulate(drive, ideal.decide, reference, point, STEPS, **options)
+        counts.append(ours.shadow_count())
+        both = [metrics.summarise(drive, run) for run in (exact, ours)]
+        figures.append(
+            [x for s in both for x in (s.switching.per_device_24_logical, 100 * s.thd_mean)]
+        )
+    mean = np.mean(figures, axis=0)
+    error = np.std(figures, axis=0, ddof=1) / math.sqrt(SEEDS)
+    row: dict[str, Any] = {
+        "drive": name,
+        "swept": swept,
+        "omega_s_pu": omega_s,
+        "bound_current_pu": drive.control.bound_current,
+        "runs": SEEDS,
+        "steps": sum(c.steps for c in counts),
+        "searches": sum(c.searched for c in counts),
+        "deadlocks": sum(c.deadlocks for c in counts),
+        "differing": sum(c.differing for c in counts),
+        "searches_differing": sum(c.searched_differing for c in counts),
+    }
+    for column, (key, unit) in enumerate((("fsw", "hz"), ("thd", "pct"))):
+        exact_mean, our_mean = float(mean[column]), float(mean[column + 2])
+        row[f"{key}_ideal_{unit}"] = round(exact_mean, 3)
+        row[f"{key}_model_{unit}"] = round(our_mean, 3)
+        row[f"{key}_diff_pct"] = round(100 * (our_mean / exact_mean - 1), 2)
+        spread = math.hypot(error[column], error[column + 2])
+        row[f"{key}_diff_error_pct"] = round(100 * spread / exact_mean, 2)
+    return row
+
+
+def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
+    points: list[tuple[Drive, str, float, str, str]] = []
+    for name in DRIVES:
+        drive = load_drive(ROOT / "drives" / f"{name}.toml")
+        for omega_s in (*(-s for s in reversed(SPEEDS)), *SPEEDS):
+            points.append((drive, variant, omega_s, name, "speed"))
+        for bound in BOUNDS:
+            control = drive.control.model_copy(update={"bound_current": bound})
+            changed = drive.model_copy(update={"control": control})
+            points.append((changed, variant, 1.0, name, "bound"))
+    rows = []
+    with concurrent.futures.ProcessPoolExecutor(2) as pool:
+        for row in pool.map(fidelity_point, *zip(*points, strict=True)):
+            rows.append(row)
+            if len(rows) % 10 == 0:
+                say(f"fidelity: {len(rows)} of {len(points)} points")
+    return rows
+
+
+def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Figures of metrics.json.
+
+    Mismatches are shares over the speeds. Differences of switching frequency and THD are taken per
+    operating point, without sign: the largest over the speeds (`..._diff_pct`, with its standard
+    error) and the largest over the bounds at rated speed, which is what Paper A's Fig. 5 sweeps.
+    """
+    speeds = [row for row in rows if row["swept"] == "speed"]
+    bounds = [row for row in rows if row["swept"] == "bound"]
+    steps = sum(row["steps"] for row in speeds)
+    searches = sum(row["searches"] for row in speeds)
+    wrong, wrong_searches = (
+        sum(row[key] for row in speeds) for key in ("differing", "searches_differing")
+    )
+    result: dict[str, float] = {
+        "steps": steps,
+        "decision_mismatch_pct": round(100 * wrong / steps, 3),
+        "search_mismatch_pct": round(100 * wrong_searches / searches, 3),
+    }
+    for key in ("fsw_diff", "thd_diff"):
+        largest = max(speeds, key=lambda row: abs(row[f"{key}_pct"]))
+        result[f"{key}_pct"] = abs(largest[f"{key}_pct"])
+        result[f"{key}_error_pct"] = largest[f"{key}_error_pct"]
+        result[f"{key}_bounds_pct"] = max(abs(row[f"{key}_pct"]) for row in bounds)
+    return result
+
+
+def draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    figure, axes = plt.subplots(
+        2, 2, figsize=(8.0, 5.4), sharex=True, sharey="row", layout="constrained"
+    )
+    for column, name in enumerate(DRIVES):
+        chosen = [r for r in rows if r["drive"] == name and r["swept"] == "bound"]
+        x = [r["bound_current_pu"] for r in chosen]
+        for line, (key, label) in enumerate(
+            (("fsw", "switching frequency (Hz),\nper device, 24 logical"), ("thd", "THD (%)"))
+        ):
+            unit = "hz" if key == "fsw" else "pct"
+            ax = axes[line][column]
+            ideal_line = [r[f"{key}_ideal_{unit}"] for r in chosen]
+            model_line = [r[f"{key}_model_{unit}"] for r in chosen]
+            ax.plot(x, ideal_line, "-.", color="0.35", label="ideal controller, 64-bit float")
+            ax.plot(x, model_line, "-", color="#1b6ca8", marker="o", markersize=3.5,
+                    label="bit-true model of the RTL")  # fmt: skip
+            ax.set_ylim(bottom=0)
+            if column == 0:
+                ax.set_ylabel(label)
+        axes[0][column].set_title(f"{name}.toml", fontsize=9)
+        axes[1][column].set_xlabel("current bound, half width (pu)")
+    axes[1][0].legend(loc="upper left", frameon=False)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+# --- resources and clock frequency ----------------------------------------------------------------
+
+
+def _script(module: str, *arguments: str) -> None:
+    """Run one of the build scripts; its progress goes to stderr."""
+    command = [sys.executable, "-m", module, *arguments]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise ReportError(f"'{' '.join(['python', *command[1:]])}' failed:\n{done.stdout[-1000:]}")
+
+
+def resources(variant: str, jobs: int) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Resource figures per family and number of explorers, and the tools that made them."""
+    out = BUILD / "synth_report.json"
+    _script("scripts.synth", "mpdcc_core", "--jobs", str(jobs), "--out", str(out))
+    document = json.loads(out.read_text(encoding="utf-8"))
+    found: dict[str, dict[str, Any]] = {family: {} for family in FAMILIES}
+    for one in document["configurations"]:
+        generics = one["generics"]
+        if (
+            one["entity"] != "mpdcc_core"
+            or generics.get("FOLDED", False) != DESIGNS[variant].folded
+        ):
+            continue
+        for family, figures in one["families"].items():
+            dropped = ("cells", "seconds", "carry_feeds")
+            found[family][str(generics.get("EXPLORERS", 2))] = {
+                key: value for key, value in figures.items() if key not in dropped
+            }
+    for family in FAMILIES:
+        missing = [n for n in EXPLORERS if str(n) not in found[family]]
+        if missing:
+            raise ReportError(f"no {family} figures for {missing} explorers ({variant})")
+    return found, document["tools"]
+
+
+def placed(variant: str, jobs: int, seeds: int) -> tuple[dict[str, float], dict[str, str]]:
+    """Clock frequency on ECP5 of the core with `PLACED` explorers, and the tools."""
+    generics: tools.Generics = {"EXPLORERS": PLACED, "FOLDED": DESIGNS[variant].folded}
+    name = tools.configuration_name("mpdcc_core", generics)
+    _script("scripts.pnr", name, "--jobs", str(jobs), "--seeds", str(seeds))
+    out = BUILD / f"pnr_{name.replace('-', '_')}.json"
+    document = json.loads(out.read_text(encoding="utf-8"))
+    keys = ("fmax_worst_mhz", "fmax_median_mhz", "seeds")
+    return {key: document[key] for key in keys}, document["tools"]
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def _csv_text(rows: Sequence[dict[str, Any]], head: Sequence[str]) -> str:
+    out = io.StringIO()
+    out.writelines(f"# {line}\n" for line in head)
+    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return out.getvalue()
+
+
+def table2(figures: dict[str, Any], head: Sequence[str]) -> str:
+    """Paper A's Table II with ours beside it, as Markdown."""
+    lines = [
+        "# Cycles and hardware beside Paper A's Table II",
+        "",
+        "Paper variant, Spartan-3 (Yosys, before a mapper). Slices compare as slices_unpacked,",
+        "(LUT + FF)/2; a mapper that packs unrelated logic lands between that and slices_packed,",
+        "max(LUT, FF)/2. Cycles are the bound for any input; the longest decision that a corpus of",
+        "rows with 64 candidates caused stands beside it.",
+        "",
+        "| explorers | cycles, Paper A | cycles, ours | longest measured | slices, Paper A "
+        "| slices, ours (unpacked) | (packed) | block RAM, ours | multipliers, Paper A | ours |",
+        "| ---: " * 10 + "|",
+    ]
+    for index, n in enumerate(EXPLORERS):
+        area = figures["xc3s"][str(n)]
+        cells = [
+            n, PAPER_CYCLES[n], figures["cycles_worst"][str(n)], figures["cycles_measured"][str(n)],
+            PAPER_SLICES[index], area["slices_unpacked"], area["slices_packed"], area["bram"],
+            PAPER_MULTIPLIERS[index], area["mult"],
+        ]  # fmt: skip
+        lines.append("| " + " | ".join(str(c) for c in cells) + " |")
+    lines += ["", *(f"- {line}" for line in head), ""]
+    return "\n".join(lines)
+
+
+def readme_figures(document: dict[str, Any]) -> str:
+    """The README's table, from metrics.json alone."""
+    figures = document["mpdcc_paper"]
+    n = str(PLACED)
+    area, fit = figures["xc3s"][n], figures["fidelity"]
+    ecp5 = figures["ecp5"][n]
+    index = EXPLORERS.index(PLACED)
+    worst = figures["cycles_worst"][n]
+    rows = [
+        ("", "Paper A", "directmpc, paper variant"),
+        ("---", "---:", "---:"),
+        ("clock cycles, worst case", f"{PAPER_CYCLES[PLACED]}", f"{worst}"),
+        ("the same at 40 MHz", f"{PAPER_CYCLES[PLACED] / 40:.1f} us", f"{worst / 40:.1f} us"),
+        ("clock cycles, position held", "not stated", f"{figures['cycles_hold']}"),
+        ("Spartan-3 slices", f"{PAPER_SLICES[index]}",
+         f"{area['slices_unpacked']} unpacked, {area['slices_packed']} packed (estimate)"),
+        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}", f"{area['mult']}"),
+        ("block RAMs", "not stated", f"{area['bram']}"),
+        ("ECP5 (-6): LUT, FF, DSP", "", f"{ecp5['lut']}, {ecp5['ff']}, {ecp5['dsp']}"),
+        (f"ECP5 (-6): Fmax, worst of {ecp5['seeds']} seeds", "",
+         f"{ecp5['fmax_worst_mhz']:.1f} MHz"),
+        ("decisions that differ from the ideal controller", "2.5 %",
+         f"{fit['decision_mismatch_pct']:.2f} % of {fit['steps']} steps"),
+        ("switching frequency, largest difference over the current bounds", "below 8 %",
+         f"{fit['fsw_diff_bounds_pct']:.1f} %"),
+        ("current THD, largest difference over the current bounds", "below 2 %",
+         f"{fit['thd_diff_bounds_pct']:.1f} %"),
+        ("the same over speeds 0.2 to 1.0, both signs", "not stated",
+         f"{fit['fsw_diff_pct']:.0f} and {fit['thd_diff_pct']:.1f} %"),
+    ]  # fmt: skip
+    table = ["| " + " | ".join(row) + " |" for row in rows]
+    commit = document["commit"]
+    short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
+    return "\n".join([f"Two explorers, measured at commit `{short}`:", "", *table])
+
+
+def write_readme(document: dict[str, Any], path: Path = README) -> None:
+    """Rewrite what stands between the README's markers."""
+    text = path.read_text(encoding="utf-8")
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ReportError(f"{path.name}: the markers '{BEGIN}' and '{END}' are missing")
+    tools.write(path, f"{before}{BEGIN}\n{readme_figures(document)}\n{END}{after}")
+
+
+def _sources() -> str:
+    """Digest of all that figures are measured on."""
+    folders = (("rtl", "*.vhd"), ("model/directmpc", "*.py"), ("drives", "*.toml"))
+    return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
+
+
+def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
+    """Measure everything, then write everything.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had, or sources changed meanwhile: figures would not belong together.
+    """
+    before = _sources()
+    commit, dirty = tools.git_state()
+    commit += "-dirty" if dirty else ""
+    temporary = REPORTS / "tmp"
+    temporary.mkdir(parents=True, exist_ok=True)
+    document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
+    files: dict[str, str] = {}
+    for variant, design in DESIGNS.items():
+        say(f"resources of every number of explorers ({variant})")
+        area, synth_tools = resources(variant, jobs)
+        say(f"clock frequency on {PART} ({variant})")
+        frequency, pnr_tools = placed(variant, jobs, seeds)
+        area["ecp5"][str(PLACED)] |= frequency
+        rows = fidelity(variant, say)
+        figures = cycles(variant, say) | area | {"fidelity": fidelity_summary(rows)}
+        document[design.key] = figures
+        document["tools"] = {**synth_tools, **pnr_tools, "cocotb": _cocotb_version()}
+        head = [
+            f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
+            *(f"{name}: {text}" for name, text in document["tools"].items()),
+            f"commit: {commit}",
+            f"command: {COMMAND}",
+        ]
+        suffix = "" if variant == "paper" else f"_{variant}"
+        files[f"table2{suffix}.md"] = table2(figures, head)
+        files[f"fidelity{suffix}.csv"] = _csv_text(rows, ["part: none, models only", *head[1:]])
+        draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
+        say("closed loop on the RTL for the picture")
+        drive = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        run = simulate(drive, 1.0, None, PLACED, variant)
+        if run.differing:
+            raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
+        draw(run, temporary / f"run{suffix}.png")
+    if _sources() != before:
+        raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
+    for name, text in files.items():
+        tools.write(REPORTS / name, text)
+    for picture in sorted(temporary.glob("*.png")):
+        picture.replace(REPORTS / picture.name)
+    tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
+    write_readme(document)
+
+
+def _cocotb_version() -> str:
+    import importlib.metadata
+
+    return importlib.metadata.version("cocotb")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Regenerate the reports; 0 when all is written, 2 when a figure could not be had."""
+    parser = OneParagraphParser(prog="report", description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seeds", type=int, default=5, help="of placement")
+    parser.add_argument(
+        "--readme", action="store_true", help="rewrite the README's table from metrics.json only"
+    )
+    given = parser.parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    began = time.perf_counter()
+
+    def say(text: str) -> None:
+        console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
+
+    try:
+        if given.readme:
+            write_readme(json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8")))
+        else:
+            try:
+                build(given.jobs, given.seeds, say)
+            finally:
+                shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
+    except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:
+        report_error("report", error)
+        return 2
+    except KeyboardInterrupt:
+        print("report: interrupted; nothing was rewritten", file=sys.stderr)
+        return 130
+    say("done")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""`make run` on few steps: it checks, prints and draws, and says no when a decision differs.
+
+Stimulus: a tenth of a fundamental period on the simulated RTL.
+Does not prove: the figures it prints (see the tests of the model).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc import closed_loop, ideal, run
+from directmpc.drive import load_drive
+from directmpc.replay import VARIANTS
+from directmpc.rtl_simulation import ROOT
+
+
+def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "pictures" / "run.png"
+    assert run.main(["--steps", "40", "--out", str(picture)]) == 0
+    shown = capsys.readouterr().out
+    for words in ("40 checked", "0 differ", "24 logical", "36 physical", "us at 40 MHz", "1135"):
+        assert words in shown
+    assert str(picture) in shown
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size < 150_000
+
+
+@pytest.fixture
+def modelled() -> run.Run:
+    """A run as `run.simulate` returns it, the bit-true model in place of the RTL."""
+    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    variant = VARIANTS["paper"]
+    profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(-0.6), 30)
+    result = closed_loop.simulate(
+        drive, variant.decide, variant.registers(drive).array(), profile, 30, disturbance=0.0,
+        shadow=ideal.decide, shadow_parameters=ideal.ideal_parameters(drive),
+    )  # fmt: skip
+    decisions = dataclasses.replace(result.decisions, cycles=np.full(30, 100))
+    result = dataclasses.replace(result, decisions=decisions)
+    return run.Run(drive, 2, "paper", result, differing=1, seconds=0.0)
+
+
+def test_the_rtl_makes_the_same_loop(modelled: run.Run) -> None:
+    found = run.simulate(modelled.drive, -0.6, 30, 2, "paper")
+    assert found.differing == 0
+    np.testing.assert_array_equal(found.result.positions, modelled.result.positions)
+    np.testing.assert_allclose(found.result.state, modelled.result.state, atol=1e-12)
+    assert found.result.shadow_count() == modelled.result.shadow_count()
+
+
+def test_a_difference_is_an_error(
+    modelled: run.Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(run, "simulate", lambda *arguments: modelled)
+    assert run.main(["--out", str(tmp_path / "run.png")]) == 1
+    assert "1 of 30 decisions of the RTL differ" in capsys.readouterr().err
+
+
+def test_differences_are_counted(modelled: run.Run) -> None:
+    decisions = modelled.result.decisions
+    assert run.count_differences(decisions, decisions) == 0
+    other = dataclasses.replace(decisions, length=decisions.length + (np.arange(30) == 7))
+    assert run.count_differences(decisions, other) == 1
+
+
+@pytest.mark.parametrize("arguments", [["--speed", "0"], ["--drive", "none.toml"]])
+def test_errors_are_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run.main(arguments) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("run: ")
+    assert errors.count("\n") == 1
