@@ -94,6 +94,7 @@ begin
 
       v.valid       := '1';
       v.candidate.effort := effort;
+      v.candidate.probe  := '0';
       v.candidate.index  := r.index;
       v.index       := r.index + 1;
 

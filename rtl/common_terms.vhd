@@ -5,7 +5,7 @@
 --
 -- Formats: operand A 18 bits, operand B 16 bits, products kept whole, sums rounded half up at bit
 -- RESULT_SHIFT and saturated to RESULT_WIDTHS.
--- Latency: done PROGRAM_LENGTH + 4 clocks after start, one pulse, with the node registered; one
+-- Latency: done PROGRAM_LENGTH + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.

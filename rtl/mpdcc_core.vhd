@@ -6,8 +6,9 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.coefficients computes
 -- them from a drive file, in units of that drive.
--- Latency: data dependent; held 29 clocks, worst case 40 + 22 * ceil(64 / EXPLORERS); one decision
--- at a time, the next start may come with valid.
+-- Latency: data dependent, from the start edge to the edge that samples valid: held 30 clocks, at
+-- most 65 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS; one decision at a time, the next start may
+-- come with valid.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Tried and dropped: registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.

@@ -6,8 +6,9 @@
 -- smallest J_dl; ties go to the earliest candidate, in whatever order results arrive.
 --
 -- Formats: see mpdcc_types.
--- Latency: 29 clocks from start to valid for a held position with the paper's explorer, up to
--- 40 + 22 * ceil(candidates / explorers) for a search; one decision at a time.
+-- Latency: 30 clocks from start to valid for a held position with the paper's explorer, up to
+-- 65 + 22 * (n / EXPLORERS) + n mod EXPLORERS for a search of n + 1 candidates; one decision at a
+-- time.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
 -- Tried and dropped: starting the enumeration before the probe is answered saves 12 clocks of a

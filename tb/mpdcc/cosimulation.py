@@ -52,18 +52,19 @@ def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
 
 
 class Bench:
-    """Drives the bench's ports."""
+    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each."""
 
     def __init__(self, dut, registers: np.ndarray) -> None:  # type: ignore[no-untyped-def]
         self.dut = dut
         self.registers = registers
         self.level = 0
+        self.decided = 0
 
     async def reset(self) -> None:
         """Reset and load the parameters."""
         self.dut.request.value = 0
         self.dut.row.value = 0
-        self.dut.parameters.value = pack_parameters(self.registers)
+        self.dut.parameters.value = pack_parameters(np.atleast_2d(self.registers)[0])
         self.dut.rst.value = 1
         await Timer(4 * CLOCK_NS, "ns")
         self.dut.rst.value = 0
@@ -72,6 +73,9 @@ class Bench:
     async def decide(self, measurement: np.ndarray, s_prev: np.ndarray) -> tuple[int, ...]:
         """One decision."""
         self.level ^= 1
+        if self.registers.ndim == 2:
+            self.dut.parameters.value = pack_parameters(self.registers[self.decided])
+        self.decided += 1
         self.dut.row.value = pack_row(measurement, s_prev)
         self.dut.request.value = self.level
         await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
@@ -88,6 +92,7 @@ class Progress:
         self.every = every
 
     def __call__(self, done: int) -> None:
+        """Note that so many decisions are made."""
         if done % self.every == 0:
             self.path.write_text(str(done), encoding="ascii")
 
@@ -137,4 +142,4 @@ async def run_job(dut) -> None:  # type: ignore[no-untyped-def]
     await bench.reset()
     progress = Progress(job.progress_path, max(1, job.steps // 200))
     result = await (_closed_loop if job.loop is not None else _replay)(bench, job, progress)
-    np.savez(job.result_path, **result)
+    np.savez(job.result_path, bound=dut.bound.value.to_unsigned(), **result)

@@ -1,6 +1,12 @@
 -- Flat bench around mpdcc_core: presents one row of inputs on the start edge and random values on
 -- every other, counts clocks from the accepting edge to the one that samples valid, and hands the
 -- decision out. The clock is made here: a simulator toggles it much faster than a coroutine.
+--
+-- The bound on the clocks of a decision stands here and nowhere else; a slower one ends the
+-- simulation with a failure. With P clocks between two candidates of one explorer and one candidate
+-- handed out a clock, candidate k goes out at d(k) <= max(d(k-1) + 1, d(k-EXPLORERS) + P), since
+-- fewer than EXPLORERS explorers can be occupied by candidates younger than k-EXPLORERS. The last
+-- of 64 goes out P * (63 / EXPLORERS) + 63 mod EXPLORERS clocks after the first.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -19,13 +25,40 @@ entity mpdcc_core_bench is
     parameters : in    std_logic_vector(423 downto 0); -- parameter ports, c_error_alpha rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
     response   : out   std_logic_vector(17 downto 0);  -- saturated, length, deadlock, held, s_c, s_b, s_a
-    cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
+    cycles     : out   std_logic_vector(15 downto 0);  -- clocks from start to valid
+    bound      : out   std_logic_vector(15 downto 0)   -- most clocks a decision may take
   );
 end entity mpdcc_core_bench;
 
 architecture bench of mpdcc_core_bench is
 
   constant PATIENCE : natural := 100_000; -- clocks
+
+  -- start to first candidate, plus last candidate to valid: 31 and 34 for the paper's variant
+  function overhead return natural is
+  begin
+
+    if (FOLDED) then
+      return 65;
+    else
+      return 65;
+    end if;
+
+  end function overhead;
+
+  -- clocks between two candidates of one explorer
+  function interval return positive is
+  begin
+
+    if (FOLDED) then
+      return 22;
+    else
+      return 1;
+    end if;
+
+  end function interval;
+
+  constant MOST_CLOCKS : positive := overhead + interval * (63 / EXPLORERS) + 63 mod EXPLORERS;
 
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';
@@ -39,6 +72,8 @@ architecture bench of mpdcc_core_bench is
   signal decision : std_logic_vector(17 downto 0);
 
 begin
+
+  bound <= std_logic_vector(to_unsigned(MOST_CLOCKS, 16));
 
   clk <= not clk after 5 ns;
 
@@ -74,6 +109,10 @@ begin
       -- the clock never stops by itself: end a simulation that nobody attends to
       assert idle < PATIENCE
         report "no request for " & integer'image(PATIENCE) & " clocks"
+        severity failure;
+
+      assert busy = '0' or start = '1' or count <= MOST_CLOCKS
+        report "a decision takes more than " & integer'image(MOST_CLOCKS) & " clocks"
         severity failure;
 
       if (valid = '1') then

@@ -1,0 +1,304 @@
+"""The paper variant's bit-true model: no sum overflows, every decision as documented, fast.
+
+Sweep: both shipped drives, 200 random drives over the contract's ranges, five speeds.
+Stimulus: interval arithmetic over any content of registers and measurements; random and corner
+words; closed loops of the ideal controller with the bit-true one as its shadow.
+Checks: widths against intervals; decisions against a slow second writing of them in integers;
+flags of saturation; agreement with the ideal controller; coefficients; generated package; speed.
+Timing: 20,000 decisions a second, asserted with a margin for a busy machine.
+Does not prove: anything about the RTL; see tb/mpdcc.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from directmpc import anpc, bit_true, closed_loop, ideal, vhdl_package
+from directmpc import coefficients as co
+from directmpc import formats as f
+from directmpc.closed_loop import OperatingPoint
+from directmpc.common_terms import PROGRAM, TERMS, result_width
+from directmpc.drive import Drive
+from tb.common import plain, states
+
+Interval = tuple[int, int]
+
+
+def word_range(width: int, *, signed: bool = True) -> Interval:
+    return (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+
+
+def times(a: Interval, b: Interval) -> Interval:
+    products = [x * y for x in a for y in b]
+    return min(products), max(products)
+
+
+def plus(*terms: Interval) -> Interval:
+    return sum(t[0] for t in terms), sum(t[1] for t in terms)
+
+
+def scaled(a: Interval, factor: int) -> Interval:
+    return times(a, (factor, factor))
+
+
+def fits(a: Interval, width: int) -> bool:
+    low, high = word_range(width)
+    return low <= a[0] and a[1] <= high
+
+
+def phases(alpha: Interval, beta: Interval) -> list[Interval]:
+    half = (alpha[0] >> 1, alpha[1] >> 1)
+    return [alpha, plus(beta, scaled(half, -1)), plus(scaled(half, -1), scaled(beta, -1))]
+
+
+def hull(parts: list[Interval]) -> Interval:
+    return min(p[0] for p in parts), max(p[1] for p in parts)
+
+
+def result_ranges(*, lowest_code: bool = True) -> tuple[dict[str, Interval], list[str]]:
+    """Range of every result for any content of registers and measurements; what may saturate.
+
+    Without the lowest code, signed inputs stop one short of the most negative word.
+    """
+
+    def given(width: int, *, signed: bool = True) -> Interval:
+        low, high = word_range(width, signed=signed)
+        return low + int(signed and not lowest_code), high
+
+    measured = {n: given(m.width, signed=m.signed) for n, m in f.MEASUREMENTS.items()}
+    operand = {n: r for n, r in measured.items() if not n.startswith("omega")}
+    for x in ("alpha", "beta"):
+        operand[f"difference_{x}"] = plus(measured[f"iref_{x}"], scaled(measured[f"is_{x}"], -1))
+    for x in "abc":
+        operand[f"difference_{x}"] = plus(measured["v_dc"], scaled(measured[f"v_ph_{x}"], -2))
+    assert all(fits(r, f.OPERAND_WIDTH) for r in operand.values())
+    steps = sorted(
+        (clock, number, step)
+        for number, block in enumerate(PROGRAM)
+        for clock, step in enumerate(block)
+    )
+    total: dict[str, Interval] = {}
+    found: dict[str, Interval] = {}
+    may_saturate = []
+    for clock, number, step in steps:
+        factor = measured.get(step.b, given(f.COEFFICIENT_WIDTH))
+        product = scaled(times(operand[step.a], factor), 1 << f.ALIGNMENT[step.alignment])
+        total[step.result] = plus(total.get(step.result, (0, 0)), product)
+        block = PROGRAM[number]
+        if clock + 1 < len(block) and block[clock + 1].result == step.result:
+            continue
+        low, high = total[step.result]
+        half = 1 << (f.RESULT_SHIFT - 1)
+        assert fits((low, high + half), f.ACCUMULATOR_WIDTH)
+        exact = ((low + half) >> f.RESULT_SHIFT, (high + half) >> f.RESULT_SHIFT)
+        least, most = word_range(result_width(step.result))
+        if exact[0] < least or exact[1] > most:
+            may_saturate.append(step.result)
+        found[step.result] = (max(exact[0], least), min(exact[1], most))
+        operand[step.result] = found[step.result]
+    return found, may_saturate
+
+
+def test_no_trajectory_overflows_whatever_registers_and_measurements_hold() -> None:
+    t, may_saturate = result_ranges()
+    # these saturate and flag, all but the weight's slope only with two most negative words
+    assert set(may_saturate) == {
+        "weight_start", "weight_alpha", "weight_beta",
+        *(f"{kind}_speed_{x}" for kind in ("reference", "flux") for x in ("alpha", "beta")),
+    }  # fmt: skip
+    assert set(result_ranges(lowest_code=False)[1]) == {"weight_alpha", "weight_beta"}
+    assert set(TERMS) <= set(t)
+    width = f.TRAJECTORY_WIDTH
+    error = hull(
+        [
+            *phases(t["error_alpha"], t["error_beta"]),
+            *(t[f"error_{x}"] for x in ("neutral", "a", "b", "c")),
+        ]
+    )
+    natural = hull(phases(t["slope_alpha"], t["slope_beta"]))
+    assert fits(error, width)
+    assert fits(natural, width)
+
+    # voltages of one phase: one bit above FORCED_WIDTH; 2*u_x - u_y - u_z: three
+    voltages = []
+    for p in range(anpc.POSITIONS):
+        voltages.append(
+            plus(
+                scaled(t["forced_link"], int(anpc.HALF_DC[p])),
+                scaled(t["forced_neutral"], int(anpc.NEUTRAL[p])),
+                scaled(hull([t[f"forced_{x}"] for x in "abc"]), int(anpc.CAPACITOR[p])),
+            )
+        )
+    voltage = hull(voltages)
+    assert fits(voltage, f.FORCED_WIDTH + 1)
+    difference = plus(scaled(voltage, 2), scaled(voltage, -1), scaled(voltage, -1))
+    rounding = 1 << (f.FORCED_FRACTION - 1)
+    assert fits(plus(difference, (0, rounding)), f.FORCED_WIDTH + 3)
+    forced = ((difference[0]) >> f.FORCED_FRACTION, (difference[1] + rounding) >> f.FORCED_FRACTION)
+    current_slope = plus(natural, scaled(forced, -1))
+    assert fits(current_slope, width)
+
+    shares = phases(t["midpoint_alpha"], t["midpoint_beta"])
+    charges = phases(t["phase_alpha"], t["phase_beta"])
+    assert all(fits(r, f.CURRENT_TERM_WIDTH) for r in shares + charges)
+    neutral_slope = plus(*(hull([r, (0, 0)]) for r in shares))
+    assert fits(neutral_slope, f.CURRENT_TERM_WIDTH + 2)
+    slope = hull([current_slope, neutral_slope, *charges, *(scaled(c, -1) for c in charges)])
+    end = plus(error, slope)
+    assert fits(end, width)
+    bound = word_range(f.BOUND_WIDTH, signed=False)
+    magnitude = (0, max(-end[0], end[1]))
+    assert fits(plus(magnitude, scaled(bound, -1)), width)
+    # where the search matters, |error| <= bound: the room is at most twice the largest bound
+    assert 2 * bound[1] <= word_range(f.SEARCH_WIDTH, signed=False)[1]
+
+
+def test_no_cost_overflows_whatever_registers_and_measurements_hold() -> None:
+    t, _ = result_ranges()
+    shares = phases(t["weight_alpha"], t["weight_beta"])
+    assert all(fits(r, f.WEIGHT_WIDTH) for r in shares)
+    # b + c = -a + {0, 1} and so on: two shares sum to the third but for one, three to 0 or 1
+    pair = plus(scaled(hull(shares), -1), (0, 1))
+    slope = hull([*shares, pair, (0, 1)])
+    assert fits(slope, f.WEIGHT_WIDTH)
+    longest = (0, 2**f.LENGTH_WIDTH - 1)
+    end = plus(scaled(t["weight_start"], 1 << f.WEIGHT_SLOPE_FRACTION), times(slope, longest))
+    assert fits(end, 2 * f.WEIGHT_WIDTH)
+    square = (1 << (f.WEIGHT_WIDTH - 1)) ** 2
+    assert square < 1 << (2 * f.WEIGHT_WIDTH - 1)
+    rate = (2**f.EFFORT_WIDTH - 1) * int(f.RECIPROCALS.max())
+    assert rate + (square >> min(f.WEIGHT_SHIFTS)) < 1 << f.COST_WIDTH
+    assert 3 * int(anpc.TRANSITION_WEIGHT.max()) < 1 << f.EFFORT_WIDTH
+
+
+@pytest.mark.parametrize("kind", ["near", "wide", "any words", "any registers"])
+def test_decisions_are_those_of_the_documentation(kind: str) -> None:
+    rng = np.random.default_rng(len(kind))
+    seen = np.zeros(3, dtype=int)
+    for k in range(60):
+        drive = states.shipped(states.SHIPPED[k % 2]) if k % 4 else states.random_drive(rng)
+        array = (
+            states.any_registers(rng) if kind == "any registers" else co.registers(drive).array()
+        )
+        trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
+        row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
+        s_prev = trace.s_prev[0]
+        expected = plain.decide(
+            states.plain_node(array, row), states.plain_limits(array), [int(p) for p in s_prev]
+        )
+        found = bit_true.decide_words(array, row, s_prev)
+        assert tuple(int(v) for v in found) == tuple(int(v) for v in expected), (k, row, s_prev)
+        seen += [found[3], found[4], found[6]]
+    if kind == "near":
+        assert seen[0] >= 3
+        assert seen[1] >= 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_length_is_the_last_step_inside(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(2000):
+        bound = int(rng.choice([0, 1, 65535, rng.integers(0, 65536)]))
+        slope = int(rng.integers(-(2**23), 2**23)) >> int(rng.integers(0, 24))
+        offset = int(rng.integers(-bound - 2, bound + 3))
+        horizon = int(rng.choice([1, 63, rng.integers(1, 64)]))
+        length = 0
+        if abs(offset) <= bound:
+            while length < horizon and abs(offset + (length + 1) * slope) <= bound:
+                length += 1
+        assert bit_true.search_length(offset, slope, bound, horizon) == length
+
+
+def test_fast_enough(drive: Drive) -> None:
+    trace = states.recorded(drive, 20_000, 1.0)
+    bit_true.run(drive, trace.rows(slice(0, 10)))
+    best = np.inf
+    for _ in range(3):
+        began = time.perf_counter()
+        bit_true.run(drive, trace)
+        best = min(best, time.perf_counter() - began)
+    assert len(trace) / best > 20_000
+
+
+def test_values_outside_their_words_saturate_and_flag(drive: Drive) -> None:
+    rng = np.random.default_rng(4)
+    inside = states.wide(500, rng)
+    words, clipped = bit_true.encode(inside)
+    assert not clipped.any()
+    low = np.array([m.low for m in f.MEASUREMENTS.values()])
+    high = np.array([m.high for m in f.MEASUREMENTS.values()])
+    assert (words > low).all()
+    assert (words < high).all()
+    outside = states.wide(500, rng, beyond=3.0)
+    words, clipped = bit_true.encode(outside)
+    assert ((words >= low) & (words <= high)).all()
+    at_end = ((words == low) | (words == high)).any(axis=1)
+    assert clipped.sum() > 400
+    assert at_end[clipped].all()
+    assert (bit_true.run(drive, outside).saturated[clipped] == 1).all()
+    for k in (0, 1, 250):
+        one, flag = bit_true.encode_row(
+            outside.x_m[k], outside.x_inv[k], outside.vdc[k], outside.iref[k],
+            outside.omega_s[k], outside.omega_r[k],
+        )  # fmt: skip
+        np.testing.assert_array_equal(one, words[k])
+        assert flag == clipped[k]
+
+
+@pytest.mark.parametrize("name", states.SHIPPED)
+def test_nearly_every_decision_is_the_ideal_controllers(name: str) -> None:
+    drive = states.shipped(name)
+    steps = differing = searched = searched_differing = 0
+    for speed in (0.2, 0.4, 0.6, 0.8, 1.0):
+        result = closed_loop.simulate(
+            drive, ideal.decide, ideal.ideal_parameters(drive),
+            OperatingPoint(speed, current=1.0), 6000, settle=500,
+            shadow=bit_true.decide, shadow_parameters=co.registers(drive).array(),
+        )  # fmt: skip
+        count = result.shadow_count()
+        steps, differing = steps + count.steps, differing + count.differing
+        searched += count.searched
+        searched_differing += count.searched_differing
+    print(f"{name}: {differing / steps:.2%} of steps, {searched_differing / searched:.2%} searches")
+    assert steps >= 20_000
+    assert differing / steps <= 0.016
+    assert searched_differing / searched <= 0.06
+
+
+def test_registers_of_any_drive_are_representable() -> None:
+    rng = np.random.default_rng(8)
+    worst = 0.0
+    for _ in range(200):
+        drive = states.random_drive(rng)
+        registers = co.registers(drive)
+        ports = registers.ports()
+        for name, value in ports.items():
+            if name.startswith("c_"):
+                assert abs(value) < 2**15, name
+            else:
+                assert 0 <= value < {"horizon": 64, "weight_scale": 4}.get(name, 2**16), name
+        for bound in ("bound_current", "bound_neutral", "bound_phase"):
+            assert ports[bound] >= 100, (bound, drive)
+        # what decides over lengths: the voltage's and the capacitors' slopes, and the errors
+        real = co._per_unit(drive, registers.extrapolation, registers.correction)
+        for name in ("error_alpha", "error_neutral", "error_phase", "forced_voltage"):
+            exact = real[name] * registers.unit
+            worst = max(worst, abs(registers.coefficients[name] / exact - 1))
+    print(f"largest relative error of a leading coefficient: {worst:.2e}")
+    assert worst < 0.02
+
+
+def test_registers_refuse_what_does_not_fit(
+    drive: Drive, with_control: Callable[..., Drive]
+) -> None:
+    with pytest.raises(ValueError, match="lambda_n"):
+        co.registers(with_control(drive, lambda_n=1e6))
+
+
+def test_the_generated_package_is_up_to_date() -> None:
+    path = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl" / "directmpc_constants.vhd"
+    assert path.read_text(encoding="utf-8") == vhdl_package.text()

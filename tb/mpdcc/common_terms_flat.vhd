@@ -1,0 +1,47 @@
+-- common_terms with its node as a vector, see mpdcc_flat.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.mpdcc_types.all;
+  use work.mpdcc_flat.all;
+
+entity common_terms_flat is
+  port (
+    clk          : in    std_logic;                                                            -- rising edge
+    rst          : in    std_logic; -- synchronous, active high
+    start        : in    std_logic; -- '1' for one clock: begin
+    signals      : in    std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0); -- operands A, OPERAND_* order
+    speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0);                 -- omega_s rightmost
+    coefficients : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- operands B
+    done         : out   std_logic; -- '1' for one clock: node is new
+    node         : out   std_logic_vector(NODE_BITS - 1 downto 0);                             -- node_t
+    saturated    : out   std_logic -- '1': a result saturated
+  );
+end entity common_terms_flat;
+
+architecture bench of common_terms_flat is
+
+  signal node_record : node_t;
+
+begin
+
+  i_common_terms : entity work.common_terms
+    port map (
+      clk          => clk,
+      rst          => rst,
+      start        => start,
+      signals      => signals,
+      speeds       => speeds,
+      coefficients => coefficients,
+      done         => done,
+      node         => node_record,
+      saturated    => saturated
+    );
+
+  node <= to_vector(node_record);
+
+end architecture bench;

@@ -1,0 +1,179 @@
+"""Rows for ``mpdcc_core``, what the model answers to them, and the RTL's answers."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from directmpc import bit_true
+from directmpc.coefficients import registers
+from directmpc.rtl_simulation import Job
+from tb.common import states
+from tb.common.simulation import BENCH, RTL, VARIANTS, execute
+from tb.common.states import IntArray
+
+#: Rows that take long, found by a search over states and parameters: measurements, s(k-1),
+#: parameters.
+SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
+    (
+        [
+            -6297, -23343, 1062, -9849, 22209, 1791, 15473, 16767, 35087, -5328, -24435, -15954,
+            -6654,
+        ],
+        [2, 4, 3],
+        [
+            8388, 7265, -2097, 2097, 466, 403, -141, -122, -4318, 5008, -5128, 4474, -2628, -2276,
+            3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 65535, 65535, 65535, 63, 0,
+        ],
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Independent decisions to make.
+
+    Attributes
+    ----------
+    measurements : (n, 13)
+    s_prev : (n, 3)
+    registers : (n, 28)
+        Parameter ports of each row.
+    """
+
+    measurements: IntArray
+    s_prev: IntArray
+    registers: IntArray
+
+    def __len__(self) -> int:
+        return len(self.measurements)
+
+    def pick(self, selection: IntArray | slice) -> Rows:
+        """Some of the rows."""
+        return Rows(self.measurements[selection], self.s_prev[selection], self.registers[selection])
+
+    def model(self) -> IntArray:
+        """Decisions of the model: s_a, s_b, s_c, held, deadlock, length, saturated."""
+        return np.array(
+            [
+                bit_true.decide_words(r, m, s)
+                for r, m, s in zip(self.registers, self.measurements, self.s_prev, strict=True)
+            ],
+            dtype=np.int64,
+        )
+
+
+def join(parts: list[Rows]) -> Rows:
+    """Several sets of rows as one."""
+    return Rows(
+        np.concatenate([p.measurements for p in parts]),
+        np.concatenate([p.s_prev for p in parts]),
+        np.concatenate([p.registers for p in parts]),
+    )
+
+
+def of_trace(trace, array: IntArray) -> Rows:  # type: ignore[no-untyped-def]
+    """Rows of a trace under one set of parameters."""
+    n = len(trace)
+    return Rows(
+        states.trace_words(trace),
+        np.asarray(trace.s_prev, dtype=np.int64),
+        np.repeat(array[None], n, axis=0),
+    )
+
+
+#: Operating points of the recorded traces: speed, generating.
+POINTS = ((1.0, False), (-0.7, False), (0.4, True), (-1.0, True))
+
+
+def recorded_rows(per_point: int, rng: np.random.Generator) -> Rows:
+    """Rows of closed loops of both drives, most of them searches, deadlocks first."""
+    parts = []
+    for name in states.SHIPPED:
+        drive, array = states.shipped(name), registers(states.shipped(name)).array()
+        for speed, generating in POINTS:
+            rows = of_trace(states.recorded(drive, 1500, speed, generating), array)
+            answers = rows.model()
+            dead = np.flatnonzero(answers[:, 4] == 1)[: per_point // 4]
+            search = np.flatnonzero((answers[:, 3] == 0) & (answers[:, 4] == 0))
+            search = rng.permutation(search)[: per_point // 2]
+            held = rng.permutation(np.flatnonzero(answers[:, 3] == 1))[: per_point // 4]
+            parts.append(rows.pick(np.concatenate([dead, search, held])))
+    return join(parts)
+
+
+def random_rows(n: int, rng: np.random.Generator) -> Rows:
+    """Disturbed states of random drives, full ranges, saturating inputs, words of any content."""
+    parts = []
+    for k in range(n):
+        kind = k % 5
+        if kind == 4:
+            parts.append(
+                Rows(
+                    states.words(1, rng),
+                    rng.integers(0, 8, (1, 3)),
+                    states.any_registers(rng)[None],
+                )
+            )
+            continue
+        drive = states.random_drive(rng)
+        array = registers(drive).array()
+        trace = (
+            states.near(drive, 1, rng, reach=(0.6, 1.1)[kind])
+            if kind < 2
+            else states.wide(1, rng, beyond=(1.0, 1.4)[kind - 2])
+        )
+        parts.append(of_trace(trace, array))
+    return join(parts)
+
+
+def slow_rows() -> Rows:
+    """The slowest decisions known."""
+    return Rows(*(np.array(column, dtype=np.int64) for column in zip(*SLOW, strict=True)))
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the RTL said.
+
+    Attributes
+    ----------
+    decisions : (n, 7)
+        Columns as of ``Rows.model``.
+    cycles : (n,)
+    bound : int
+        Most clocks a decision may take, as the bench asserts it.
+    """
+
+    decisions: IntArray
+    cycles: IntArray
+    bound: int
+
+
+def simulate(
+    rows: Rows, explorers: int, variant: str, *, throttle: int = 0, rtl: Path = RTL
+) -> Answers:
+    """Decisions of the RTL."""
+    with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
+        folder = Path(name)
+        job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
+        path = folder / "job.pickle"
+        path.write_bytes(pickle.dumps(job))
+        execute(
+            "mpdcc_core_bench",
+            "tb.mpdcc.cosimulation",
+            folder,
+            units=["mpdcc_core"],
+            files=[BENCH / "mpdcc_core_bench.vhd"],
+            generics={"EXPLORERS": explorers, **VARIANTS[variant]},
+            environment={"DIRECTMPC_JOB": str(path)},
+            rtl=rtl,
+            timeout=240,
+        )
+        with np.load(job.result_path) as data:
+            out = data["decisions"]
+            return Answers(out[:, [0, 1, 2, 3, 4, 5, 7]], out[:, 6], int(data["bound"]))

@@ -1,0 +1,66 @@
+-- mpdcc_explorer with its records as vectors, see mpdcc_flat.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.mpdcc_types.all;
+  use work.mpdcc_flat.all;
+
+entity mpdcc_explorer_flat is
+  generic (
+    FOLDED : boolean := true -- variant of the explorer
+  );
+  port (
+    clk             : in    std_logic;                                     -- rising edge
+    rst             : in    std_logic;                                     -- synchronous, active high
+    limits          : in    std_logic_vector(LIMITS_BITS - 1 downto 0);    -- limits_t
+    node            : in    std_logic_vector(NODE_BITS - 1 downto 0);      -- node_t
+    best_valid      : in    std_logic;                                     -- '1': J_dl is not needed any more
+    best_cost       : in    std_logic_vector(COST_WIDTH - 1 downto 0);     -- best cost so far
+    candidate_valid : in    std_logic;                                     -- '1': candidate is new
+    candidate_ready : out   std_logic;                                     -- '1': candidate is taken in this clock
+    candidate       : in    std_logic_vector(CANDIDATE_BITS - 1 downto 0); -- candidate_t
+    probe_done      : out   std_logic;                                     -- '1' for one clock: answer to a probe
+    probe_held      : out   std_logic;                                     -- '1': step one stays inside
+    result_valid    : out   std_logic;                                     -- '1': result is new
+    result_ready    : in    std_logic;                                     -- '1': result is taken in this clock
+    result          : out   std_logic_vector(RESULT_BITS - 1 downto 0);    -- result_t
+    busy            : out   std_logic                                      -- '1': work is under way
+  );
+end entity mpdcc_explorer_flat;
+
+architecture bench of mpdcc_explorer_flat is
+
+  signal result_record : result_t;
+
+begin
+
+  i_explorer : entity work.mpdcc_explorer
+    generic map (
+      FOLDED => FOLDED
+    )
+    port map (
+      clk             => clk,
+      rst             => rst,
+      limits          => to_limits(limits),
+      node            => to_node(node),
+      best_valid      => best_valid,
+      best_cost       => unsigned(best_cost),
+      candidate_valid => candidate_valid,
+      candidate_ready => candidate_ready,
+      candidate       => to_candidate(candidate),
+      probe_done      => probe_done,
+      probe_held      => probe_held,
+      result_valid    => result_valid,
+      result_ready    => result_ready,
+      result          => result_record,
+      busy            => busy
+    );
+
+  result <= to_vector(result_record);
+
+end architecture bench;

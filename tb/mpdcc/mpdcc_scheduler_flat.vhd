@@ -1,0 +1,88 @@
+-- mpdcc_scheduler with its records as vectors, see mpdcc_flat.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.mpdcc_types.all;
+  use work.mpdcc_flat.all;
+
+entity mpdcc_scheduler_flat is
+  generic (
+    EXPLORERS : positive range 1 to 8 := 2 -- number of explorers
+  );
+  port (
+    clk             : in    std_logic;                                                            -- rising edge
+    rst             : in    std_logic; -- synchronous, active high
+    start           : in    std_logic; -- '1' for one clock: decide
+    measurement     : in    std_logic_vector(207 downto 0);                                       -- is_alpha rightmost
+    previous        : in    std_logic_vector(8 downto 0); -- s(k-1), phase a rightmost
+    coefficients    : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- FACTOR_* order
+    valid           : out   std_logic; -- '1' for one clock: decision is new
+    decision        : out   std_logic_vector(DECISION_BITS - 1 downto 0);                         -- decision_t
+    busy            : out   std_logic; -- '1': a decision is under way
+    node            : out   std_logic_vector(NODE_BITS - 1 downto 0);                             -- node_t
+    best_valid      : out   std_logic; -- '1': J_dl is not needed any more
+    best_cost       : out   std_logic_vector(COST_WIDTH - 1 downto 0);                            -- best cost so far
+    candidate_valid : out   std_logic_vector(EXPLORERS - 1 downto 0);                             -- one-hot
+    candidate_ready : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer is free
+    candidate       : out   std_logic_vector(CANDIDATE_BITS - 1 downto 0);                        -- candidate_t
+    probe_done      : in    std_logic; -- answer to the probe
+    probe_held      : in    std_logic; -- '1': step one stays inside
+    result_valid    : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer has a result
+    result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0);                             -- one-hot
+    results         : in    std_logic_vector(EXPLORERS * RESULT_BITS - 1 downto 0); -- result_t, 0 rightmost
+    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0) -- '1': work is under way
+  );
+end entity mpdcc_scheduler_flat;
+
+architecture bench of mpdcc_scheduler_flat is
+
+  signal node_record      : node_t;
+  signal candidate_record : candidate_t;
+  signal decision_record  : decision_t;
+  signal result_records   : results_t(0 to EXPLORERS - 1);
+  signal cost             : cost_t;
+
+begin
+
+  i_scheduler : entity work.mpdcc_scheduler
+    generic map (
+      EXPLORERS => EXPLORERS
+    )
+    port map (
+      clk             => clk,
+      rst             => rst,
+      start           => start,
+      measurement     => to_measurement(measurement),
+      previous        => to_positions(previous),
+      coefficients    => coefficients,
+      valid           => valid,
+      decision        => decision_record,
+      busy            => busy,
+      node            => node_record,
+      best_valid      => best_valid,
+      best_cost       => cost,
+      candidate_valid => candidate_valid,
+      candidate_ready => candidate_ready,
+      candidate       => candidate_record,
+      probe_done      => probe_done,
+      probe_held      => probe_held,
+      result_valid    => result_valid,
+      result_ready    => result_ready,
+      results         => result_records,
+      explorer_busy   => explorer_busy
+    );
+
+  g_results : for i in 0 to EXPLORERS - 1 generate
+    result_records(i) <= to_result(results((i + 1) * RESULT_BITS - 1 downto i * RESULT_BITS));
+  end generate g_results;
+
+  node      <= to_vector(node_record);
+  candidate <= to_vector(candidate_record);
+  decision  <= to_vector(decision_record);
+  best_cost <= std_logic_vector(cost);
+
+end architecture bench;

@@ -1,0 +1,145 @@
+"""Seeded faults: every bench has to turn red when the RTL it looks at is wrong.
+
+Sweep: one fault at a time, at least one for each bench, put into a copy of the design.
+Stimulus: that of the benches, fewer rounds.
+Checks: the bench fails, and passes without a fault; a fault whose text is not found exactly once,
+or that does not compile, is an error of this table and not a success.
+Does not prove: that no other fault slips through.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc.coefficients import registers
+from tb.common import states
+from tb.common.simulation import RTL, BenchError
+from tb.mpdcc import (
+    core,
+    test_binary_search,
+    test_candidate_enumerator,
+    test_common_terms,
+    test_mac_block,
+    test_mpdcc_explorer,
+    test_mpdcc_scheduler,
+)
+
+
+def core_bench(rtl: Path) -> None:
+    """A few decisions of the core."""
+    rng = np.random.default_rng(2)
+    drive = states.shipped("anpc5l_6kv")
+    rows = core.join(
+        [
+            core.of_trace(states.near(drive, 10, rng), registers(drive).array()),
+            core.random_rows(5, rng),
+            core.slow_rows(),
+        ]
+    )
+    found = core.simulate(rows, 5, "paper", rtl=rtl)
+    if not np.array_equal(found.decisions, rows.model()):
+        raise BenchError("decisions differ")
+
+
+BENCHES: dict[str, Callable[[Path], object]] = {
+    "mac_block": lambda rtl: test_mac_block.bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl),
+    "binary_search": lambda rtl: test_binary_search.bench(17, 6, True, searches=400, rtl=rtl),
+    "common_terms": lambda rtl: test_common_terms.bench(nodes=120, rtl=rtl),
+    "candidate_enumerator": lambda rtl: test_candidate_enumerator.bench(positions=64, rtl=rtl),
+    "mpdcc_explorer": lambda rtl: test_mpdcc_explorer.bench("paper", nodes=40, rtl=rtl),
+    "mpdcc_scheduler": lambda rtl: test_mpdcc_scheduler.bench(3, decisions=40, rtl=rtl),
+    "mpdcc_core": core_bench,
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A text of one file and what stands there instead."""
+
+    bench: str
+    file: str
+    text: str
+    fault: str
+
+    def __str__(self) -> str:
+        return f"{self.bench}-{self.fault.strip()[:30]}"
+
+
+FAULTS = [
+    Fault("mac_block", "mac_block.vhd", "aligned + seed_2;", "aligned;"),
+    Fault("mac_block", "mac_block.vhd", "if (enable_2 = '1') then", "if (true) then"),
+    Fault("binary_search", "binary_search.vhd", "v.below := '1';", "v.below := '0';"),
+    Fault(
+        "binary_search",
+        "binary_search.vhd",
+        "length <= upper when",
+        "length <= (others => '1') when",
+    ),
+    Fault("binary_search", "binary_search.vhd", "r.busy <= STATE_INIT.busy;", "null;"),
+    Fault("common_terms", "common_terms.vhd", "RESULT_SHIFT - 1 => '1', others", "others"),
+    Fault("common_terms", "common_terms.vhd", "overflow <= '1';", "overflow <= '0';"),
+    Fault(
+        "candidate_enumerator", "candidate_enumerator.vhd", "in 2 downto 0 loop", "in 0 to 2 loop"
+    ),
+    Fault(
+        "candidate_enumerator", "candidate_enumerator.vhd", "v.candidate.probe  := '0';", "null;"
+    ),
+    Fault("mpdcc_explorer", "explorer_paper.vhd", " + 2 ** (FORCED_FRACTION - 1)", ""),
+    Fault(
+        "mpdcc_explorer", "explorer_paper.vhd", "if (excess_5 > 0) then", "if (excess_5 >= 0) then"
+    ),
+    Fault("mpdcc_explorer", "explorer_paper.vhd", 'front.settle = "11"', 'front.settle = "00"'),
+    Fault(
+        "mpdcc_scheduler",
+        "mpdcc_types.vhd",
+        "(key_a & a.index) < (key_b & b.index)",
+        "key_a < key_b",
+    ),
+    Fault(
+        "mpdcc_scheduler",
+        "mpdcc_scheduler.vhd",
+        "explorer_busy = (explorer_busy'range => '0')",
+        "true",
+    ),
+    Fault("mpdcc_explorer", "explorer_paper.vhd", "effort - 1);", "shift_left(effort, 1));"),
+    Fault(
+        "mpdcc_core",
+        "mpdcc_scheduler.vhd",
+        "v.decision.length    := r.best.length;",
+        "v.decision.length    := (others => '0');",
+    ),
+    Fault("mpdcc_core", "mpdcc_core.vhd", "unsigned(v_ph_b)", "unsigned(v_ph_c)"),
+    Fault(
+        "mpdcc_core",
+        "explorer_paper.vhd",
+        "candidate_ready <= not front.busy;",
+        "candidate_ready <= '0';",
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    rtl = tmp_path / "rtl"
+    shutil.copytree(RTL, rtl)
+    path = rtl / fault.file
+    text = path.read_text(encoding="utf-8")
+    assert text.count(fault.text) == 1, f"{fault.file} has '{fault.text}' {text.count(fault.text)}x"
+    path.write_text(text.replace(fault.text, fault.fault), encoding="utf-8")
+    with pytest.raises(BenchError):
+        BENCHES[fault.bench](rtl)
+
+
+@pytest.mark.parametrize("bench", BENCHES)
+def test_without_a_fault_none_is_seen(bench: str) -> None:
+    BENCHES[bench](RTL)
+
+
+def test_every_bench_has_a_fault() -> None:
+    assert {fault.bench for fault in FAULTS} == set(BENCHES)
