@@ -37,7 +37,7 @@ IN ?=
 OUT ?=
 ENGINE ?= rtl
 EXPLORERS ?= 2
-VARIANT ?= paper
+VARIANT ?= fast
 TOP ?=
 SEEDS ?= 5
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP
@@ -49,7 +49,7 @@ help: ## this list
 	@echo
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 	@echo
-	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=paper]'
+	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=fast|paper]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
 
@@ -83,7 +83,7 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 	$(call need,OUT,the file for the decisions)
 	$(call oneof,ENGINE,rtl model ideal)
 	$(call oneof,EXPLORERS,1 2 3 4 5 6 7 8)
-	$(call oneof,VARIANT,paper)
+	$(call oneof,VARIANT,fast paper)
 	$(call readable,DRIVE)
 	$(call readable,IN)
 	@if [ -d "$$OUT" ] || [ ! -d "$$(dirname -- "$$OUT")" ]; then echo "replay: OUT: cannot write '$$OUT': a directory, or in none" >&2; exit 2; fi

@@ -1,8 +1,10 @@
 -- Enumerates the candidates that follow a switch position, one per clock.
 --
 -- Order of the contract: Cartesian product of the phases' next positions, phase a outermost, each
--- phase's positions ascending; index counts them.  effort is f_s, the sum of the transition weights
--- of the phases, which may depend on the signs of the phase currents.
+-- phase's positions ascending; index holds the three choices, so that its order is the contract's.
+-- With BLOCKS the phases a and b alone are enumerated: an explorer that takes one candidate a clock
+-- expands phase c itself, so that one enumerator feeds up to four of them.  effort is f_s, the sum of
+-- the transition weights of the phases, which may depend on the signs of the phase currents.
 -- Formats: positions 0 to 7; effort unsigned.
 -- Latency: the first candidate is valid two clocks after start; one per clock while ready is '1'.
 -- done rises with the clock in which the last candidate is taken and stays until the next start.
@@ -20,6 +22,9 @@ library work;
   use work.mpdcc_types.all;
 
 entity candidate_enumerator is
+  generic (
+    BLOCKS : boolean := false -- true: phases a and b only, phase c stays at its first choice with no effort
+  );
   port (
     clk      : in    std_logic;                    -- rising edge
     rst      : in    std_logic;                    -- synchronous, active high
@@ -35,6 +40,19 @@ end entity candidate_enumerator;
 
 architecture rtl of candidate_enumerator is
 
+  function last_phase_of (two : boolean) return natural is
+  begin
+
+    if (two) then
+      return 1;
+    else
+      return 2;
+    end if;
+
+  end function last_phase_of;
+
+  constant LAST_PHASE : natural := last_phase_of(BLOCKS);
+
   subtype choice_t is natural range 0 to 3;
 
   type choices_t is array (0 to 2) of choice_t;
@@ -42,7 +60,6 @@ architecture rtl of candidate_enumerator is
   type state_t is record
     running : std_logic;                          -- choices point at a candidate
     choice  : choices_t;                          -- which of its next positions each phase takes
-    index   : unsigned(INDEX_WIDTH - 1 downto 0);
     valid   : std_logic;
     candidate    : candidate_t;
   end record state_t;
@@ -50,7 +67,6 @@ architecture rtl of candidate_enumerator is
   constant STATE_INIT : state_t := (
     running => '0',
     choice  => (others => 0),
-    index   => (others => '0'),
     valid   => '0',
     candidate    => (
       probe    => '0',
@@ -68,8 +84,6 @@ begin
   p_next : process (r, start, previous, negative, ready) is
 
     variable v      : state_t;
-    variable from   : natural range 0 to 7;
-    variable row    : natural range 0 to 15;
     variable effort : unsigned(EFFORT_WIDTH - 1 downto 0);
     variable carry  : boolean;
 
@@ -84,24 +98,24 @@ begin
     if (r.running = '1' and v.valid = '0') then
       effort := (others => '0');
 
-      for x in 0 to 2 loop
-        from := to_integer(previous(x));
-        row  := to_integer(negative(x) & previous(x));
-
-        v.candidate.position(x) := to_unsigned(NEXT_POSITIONS(from, r.choice(x)), 3);
-        effort             := effort + to_unsigned(TRANSITION_WEIGHTS(row, r.choice(x)), EFFORT_WIDTH);
+      for x in 0 to LAST_PHASE loop
+        effort := effort + transition_weight(previous(x), negative(x), to_unsigned(r.choice(x), 2));
       end loop;
 
-      v.valid       := '1';
-      v.candidate.effort := effort;
-      v.candidate.probe  := '0';
-      v.candidate.index  := r.index;
-      v.index       := r.index + 1;
+      for x in 0 to 2 loop
+        v.candidate.position(x) := next_position(previous(x), to_unsigned(r.choice(x), 2));
+      end loop;
 
-      -- phase c counts fastest
+      v.valid            := '1';
+      v.candidate.probe  := '0';
+      v.candidate.effort := effort;
+      v.candidate.index  := to_unsigned(r.choice(0), 2) & to_unsigned(r.choice(1), 2)
+                            & to_unsigned(r.choice(2), 2);
+
+      -- the last phase counts fastest
       carry := true;
 
-      for x in 2 downto 0 loop
+      for x in LAST_PHASE downto 0 loop
         if (carry) then
           if (r.choice(x) = NEXT_LAST(to_integer(previous(x)))) then
             v.choice(x) := 0;
@@ -120,7 +134,6 @@ begin
     if (start = '1') then
       v.running := '1';
       v.choice  := (others => 0);
-      v.index   := (others => '0');
       v.valid   := '0';
     end if;
 

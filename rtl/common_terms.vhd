@@ -3,9 +3,9 @@
 -- What is multiplied with what is data: PROGRAM_* in directmpc_constants, written by
 -- directmpc/common_terms.py, where the equations stand.
 --
--- Formats: operand A 18 bits, operand B 16 bits, products kept whole, sums rounded half up at bit
--- RESULT_SHIFT and saturated to RESULT_WIDTHS.
--- Latency: done PROGRAM_LENGTH + 5 clocks after start, one pulse, with the node registered; one
+-- Formats: operand A 18 bits, operand B 16 bits, products kept whole, sums rounded half up at the bit
+-- PROGRAM_SHIFT and saturated to RESULT_WIDTHS.
+-- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
@@ -22,16 +22,21 @@ library work;
   use work.mpdcc_types.all;
 
 entity common_terms is
+  generic (
+    FOLDED : boolean := false -- true: the paper's program, false: the fast variant's
+  );
   port (
     clk          : in    std_logic;                                                       -- rising edge
     rst          : in    std_logic;                                                       -- synchronous, active high
     start        : in    std_logic;                                                       -- '1' for one clock: begin
-    signals      : in    std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0);          -- operands A, signed, OPERAND_* order
-    speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0);            -- omega_s, omega_r, signed, 1/16000 pu
-    coefficients : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- operands B, signed, FACTOR_* order
-    done         : out   std_logic;                                                       -- '1' for one clock: node is new
+    signals : in std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0); -- operands A, signed, OPERAND_* order
+    speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0); -- omega_s, omega_r, signed, 1/16000 pu
+    coefficients : in std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- signed, FACTOR_* order
+    issued       : out   std_logic; -- '1' for one clock: the last product is issued, five clocks before done
+    capacitors   : out   std_logic; -- '1' for one clock: capacitor terms of node are new with the next
+    done         : out   std_logic; -- '1' for one clock: node is new
     node         : out   node_t;                                                          -- stable until the next done
-    saturated    : out   std_logic                                                        -- '1': a result of this node saturated
+    saturated    : out   std_logic -- '1': a result of this node saturated
   );
 end entity common_terms;
 
@@ -40,7 +45,11 @@ architecture rtl of common_terms is
   -- controls travel with the block: three stages of the block, then the result register
   constant STAGES : natural := 3;
 
-  type clocks_t is array (0 to STAGES) of natural range 0 to PROGRAM_LENGTH;
+  constant VARIANT : natural := variant_of(FOLDED);
+
+  constant LENGTH_OF_PROGRAM : natural := PROGRAM_LENGTHS(VARIANT);
+
+  type clocks_t is array (0 to STAGES) of natural range 0 to LENGTH_OF_PROGRAM;
 
   subtype accumulator_t is std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0);
 
@@ -48,15 +57,35 @@ architecture rtl of common_terms is
 
   subtype result_t is signed(TERM_WIDTH - 1 downto 0);
 
+  type wide_curvatures_t is array (0 to 2) of signed(CURVATURE_TERM_WIDTH downto 0);
+
   type terms_t is array (0 to RESULT_COUNT - 1) of result_t;
 
-  constant ROUNDING : accumulator_t := (RESULT_SHIFT - 1 => '1', others => '0');
+  -- whether a program computes a result at all
+  function computed (result : natural) return boolean is
+  begin
+
+    for b in 0 to BLOCK_COUNT - 1 loop
+      for i in 0 to LENGTH_OF_PROGRAM - 1 loop
+        if (PROGRAM_RESULT(VARIANT, b, i) = result) then
+          return true;
+        end if;
+      end loop;
+    end loop;
+
+    return false;
+
+  end function computed;
 
   signal operands     : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
-  signal clock_count  : clocks_t; -- PROGRAM_LENGTH: idle
+  signal clock_count  : clocks_t; -- LENGTH_OF_PROGRAM: idle
   signal accumulators : accumulators_t;
   signal terms        : terms_t;
+  signal curvature    : wide_curvatures_t;
+  signal bend         : curvatures_t;
+  signal error        : trajectories_t;
+  signal slope        : trajectories_t;
   signal overflow     : std_logic;
   signal last         : std_logic;
 
@@ -72,35 +101,59 @@ begin
 
   g_blocks : for block_number in 0 to BLOCK_COUNT - 1 generate
 
-    signal a_inputs   : std_logic_vector(PROGRAM_LENGTH * OPERAND_WIDTH - 1 downto 0);
-    signal b_inputs   : std_logic_vector(PROGRAM_LENGTH * COEFFICIENT_WIDTH - 1 downto 0);
-    signal step       : std_logic_vector(selector_width(PROGRAM_LENGTH) - 1 downto 0);
+    signal a_inputs   : std_logic_vector(LENGTH_OF_PROGRAM * OPERAND_WIDTH - 1 downto 0);
+    signal b_inputs   : std_logic_vector(LENGTH_OF_PROGRAM * COEFFICIENT_WIDTH - 1 downto 0);
+    signal a_select   : std_logic_vector(selector_width(LENGTH_OF_PROGRAM) - 1 downto 0);
+    signal b_select   : std_logic_vector(selector_width(LENGTH_OF_PROGRAM) - 1 downto 0);
     signal alignment  : std_logic_vector(1 downto 0);
     signal accumulate : std_logic;
+    signal rounding   : accumulator_t; -- half an LSB of the result
     signal enable     : std_logic;
 
   begin
 
-    g_steps : for i in 0 to PROGRAM_LENGTH - 1 generate
-      a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH)         <=
-        word(operands, PROGRAM_A(block_number, i), OPERAND_WIDTH);
-      b_inputs((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <=
-        word(factors, PROGRAM_B(block_number, i), COEFFICIENT_WIDTH);
-    end generate g_steps;
+    g_words : for i in 0 to LENGTH_OF_PROGRAM - 1 generate
 
-    step   <= std_logic_vector(to_unsigned(clock_count(0), step'length));
-    enable <= to_std_logic(clock_count(0) /= PROGRAM_LENGTH);
+      g_a : if PROGRAM_WORDS_A(VARIANT, block_number, i) >= 0 generate
+        a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH) <=
+          word(operands, maximum_of(PROGRAM_WORDS_A(VARIANT, block_number, i), 0), OPERAND_WIDTH);
+      end generate g_a;
+
+      g_no_a : if PROGRAM_WORDS_A(VARIANT, block_number, i) < 0 generate
+        a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH) <= (others => '0');
+      end generate g_no_a;
+
+      g_b : if PROGRAM_WORDS_B(VARIANT, block_number, i) >= 0 generate
+        b_inputs((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <=
+          word(factors, maximum_of(PROGRAM_WORDS_B(VARIANT, block_number, i), 0), COEFFICIENT_WIDTH);
+      end generate g_b;
+
+      g_no_b : if PROGRAM_WORDS_B(VARIANT, block_number, i) < 0 generate
+        b_inputs((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <= (others => '0');
+      end generate g_no_b;
+
+    end generate g_words;
+
+    enable <= to_std_logic(clock_count(0) /= LENGTH_OF_PROGRAM);
 
     p_controls : process (clock_count(0)) is
     begin
 
+      a_select   <= (others => '0');
+      b_select   <= (others => '0');
       alignment  <= "00";
       accumulate <= '0';
+      rounding   <= (others => '0');
 
-      for i in 0 to PROGRAM_LENGTH - 1 loop
+      for i in 0 to LENGTH_OF_PROGRAM - 1 loop
         if (clock_count(0) = i) then
-          alignment  <= std_logic_vector(to_unsigned(PROGRAM_ALIGNMENT(block_number, i), 2));
-          accumulate <= to_std_logic(PROGRAM_ACCUMULATE(block_number, i) = 1);
+          a_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_A(VARIANT, block_number, i), a_select'length));
+          b_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_B(VARIANT, block_number, i), b_select'length));
+          alignment  <= std_logic_vector(to_unsigned(PROGRAM_ALIGNMENT(VARIANT, block_number, i), 2));
+
+          rounding(PROGRAM_SHIFT(VARIANT, block_number, i) - 1) <= '1';
+
+          accumulate <= to_std_logic(PROGRAM_ACCUMULATE(VARIANT, block_number, i) = 1);
         end if;
       end loop;
 
@@ -110,8 +163,8 @@ begin
       generic map (
         A_WIDTH           => OPERAND_WIDTH,
         B_WIDTH           => COEFFICIENT_WIDTH,
-        A_WORDS           => PROGRAM_LENGTH,
-        B_WORDS           => PROGRAM_LENGTH,
+        A_WORDS           => LENGTH_OF_PROGRAM,
+        B_WORDS           => LENGTH_OF_PROGRAM,
         ALIGNMENT_STEP    => ALIGNMENT_STEP,
         ACCUMULATOR_WIDTH => ACCUMULATOR_WIDTH
       )
@@ -119,12 +172,12 @@ begin
         clk         => clk,
         enable      => enable,
         a_inputs    => a_inputs,
-        a_select    => step,
+        a_select    => a_select,
         b_inputs    => b_inputs,
-        b_select    => step,
+        b_select    => b_select,
         alignment   => alignment,
         accumulate  => accumulate,
-        seed        => ROUNDING,
+        seed        => rounding,
         accumulator => accumulators(block_number)
       );
 
@@ -132,7 +185,7 @@ begin
 
   p_results : process (clk) is
 
-    variable value : signed(ACCUMULATOR_WIDTH - RESULT_SHIFT - 1 downto 0);
+    variable value : signed(ACCUMULATOR_WIDTH - 1 downto 0);
 
   begin
 
@@ -141,16 +194,28 @@ begin
         overflow <= '0';
       end if;
 
+      for i in 0 to RESULT_COUNT - 1 loop
+        if (not computed(i)) then
+          terms(i) <= (others => '0');
+        end if;
+      end loop;
+
       for b in 0 to BLOCK_COUNT - 1 loop
-        value := signed(accumulators(b)(ACCUMULATOR_WIDTH - 1 downto RESULT_SHIFT));
+        for i in 0 to LENGTH_OF_PROGRAM - 1 loop
+          if (PROGRAM_RESULT(VARIANT, b, i) >= 0 and clock_count(STAGES) = i) then
+            value := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
 
-        for i in 0 to PROGRAM_LENGTH - 1 loop
-          if (PROGRAM_RESULT(b, i) >= 0 and clock_count(STAGES) = i) then
-            terms(PROGRAM_RESULT(b, i)) <=
-              resize(clip(value, RESULT_WIDTHS(PROGRAM_RESULT(b, i))), TERM_WIDTH);
+            terms(PROGRAM_RESULT(VARIANT, b, i)) <=
+              resize(value(RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
 
-            if (overflows(value, RESULT_WIDTHS(PROGRAM_RESULT(b, i))) = '1') then
-              overflow <= '1';
+            -- most results cannot exceed their words and need no logic for it
+            if (RESULT_SATURATES(VARIANT, PROGRAM_RESULT(VARIANT, b, i)) = 1) then
+              terms(PROGRAM_RESULT(VARIANT, b, i)) <=
+                resize(clip(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
+
+              if (overflows(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))) = '1') then
+                overflow <= '1';
+              end if;
             end if;
           end if;
         end loop;
@@ -160,22 +225,25 @@ begin
 
   end process p_results;
 
+  issued     <= to_std_logic(clock_count(0) = LENGTH_OF_PROGRAM - 1);
+  capacitors <= to_std_logic(clock_count(STAGES) = CAPACITOR_STEP);
+
   p_sequence : process (clk) is
   begin
 
     if rising_edge(clk) then
       clock_count(1 to STAGES) <= clock_count(0 to STAGES - 1);
-      last                     <= to_std_logic(clock_count(STAGES) = PROGRAM_LENGTH - 1);
+      last                     <= to_std_logic(clock_count(STAGES) = LENGTH_OF_PROGRAM - 1);
       done                     <= last;
 
       if (start = '1') then
         clock_count(0) <= 0;
-      elsif (clock_count(0) /= PROGRAM_LENGTH) then
+      elsif (clock_count(0) /= LENGTH_OF_PROGRAM) then
         clock_count(0) <= clock_count(0) + 1;
       end if;
 
       if (rst = '1') then
-        clock_count <= (others => PROGRAM_LENGTH);
+        clock_count <= (others => LENGTH_OF_PROGRAM);
         last        <= '0';
         done        <= '0';
       end if;
@@ -183,35 +251,54 @@ begin
 
   end process p_sequence;
 
+  -- the terms stay until the next decision, so most of the node is wires
+  g_phases : for x in 0 to 2 generate
+    node.error(x)           <= error(x);
+    node.slope(x)           <= slope(x);
+    node.phase_current(x)   <= resize(phase_of(terms(RESULT_PHASE_ALPHA)(CURRENT_TERM_WIDTH - 1 downto 0),
+                                               terms(RESULT_PHASE_BETA)(CURRENT_TERM_WIDTH - 1 downto 0), x),
+                                      CURRENT_TERM_WIDTH);
+    node.neutral_current(x) <= resize(phase_of(terms(RESULT_MIDPOINT_ALPHA)(CURRENT_TERM_WIDTH - 1 downto 0),
+                                               terms(RESULT_MIDPOINT_BETA)(CURRENT_TERM_WIDTH - 1 downto 0), x),
+                                      CURRENT_TERM_WIDTH);
+    node.weight_slope(x)    <= phase_of(terms(RESULT_WEIGHT_ALPHA)(WEIGHT_SLOPE_WIDTH - 1 downto 0),
+                                        terms(RESULT_WEIGHT_BETA)(WEIGHT_SLOPE_WIDTH - 1 downto 0), x);
+    node.curvature(x)       <= bend(x);
+    curvature(x)            <= phase_of(terms(RESULT_CURVATURE_ALPHA)(CURVATURE_TERM_WIDTH - 1 downto 0),
+                                        terms(RESULT_CURVATURE_BETA)(CURVATURE_TERM_WIDTH - 1 downto 0), x);
+  end generate g_phases;
+
+  node.error(3)        <= resize(terms(RESULT_ERROR_NEUTRAL), TRAJECTORY_WIDTH);
+  node.error(4)        <= resize(terms(RESULT_ERROR_A), TRAJECTORY_WIDTH);
+  node.error(5)        <= resize(terms(RESULT_ERROR_B), TRAJECTORY_WIDTH);
+  node.error(6)        <= resize(terms(RESULT_ERROR_C), TRAJECTORY_WIDTH);
+  node.forced_link     <= resize(terms(RESULT_FORCED_LINK), FORCED_WIDTH);
+  node.forced_neutral  <= resize(terms(RESULT_FORCED_NEUTRAL), FORCED_WIDTH);
+  node.forced_phase(0) <= resize(terms(RESULT_FORCED_A), FORCED_WIDTH);
+  node.forced_phase(1) <= resize(terms(RESULT_FORCED_B), FORCED_WIDTH);
+  node.forced_phase(2) <= resize(terms(RESULT_FORCED_C), FORCED_WIDTH);
+  node.weight_start    <= resize(terms(RESULT_WEIGHT_START), WEIGHT_WIDTH);
+
   p_node : process (clk) is
   begin
 
     if rising_edge(clk) then
       if (last = '1') then
         for x in 0 to 2 loop
-          node.error(x)           <= resize(phase_of(terms(RESULT_ERROR_ALPHA),
-                                                     terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
-          node.slope(x)           <= resize(phase_of(terms(RESULT_SLOPE_ALPHA),
-                                                     terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
-          node.phase_current(x)   <= resize(phase_of(terms(RESULT_PHASE_ALPHA),
-                                                     terms(RESULT_PHASE_BETA), x), CURRENT_TERM_WIDTH);
-          node.neutral_current(x) <= resize(phase_of(terms(RESULT_MIDPOINT_ALPHA),
-                                                     terms(RESULT_MIDPOINT_BETA), x), CURRENT_TERM_WIDTH);
-          node.weight_slope(x)    <= resize(phase_of(terms(RESULT_WEIGHT_ALPHA),
-                                                     terms(RESULT_WEIGHT_BETA), x), WEIGHT_WIDTH);
+          error(x) <= resize(phase_of(terms(RESULT_ERROR_ALPHA),
+                                           terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+          bend(x)  <= clip(curvature(x), CURVATURE_WIDTH);
+          slope(x) <= resize(phase_of(terms(RESULT_SLOPE_ALPHA),
+                                           terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
         end loop;
 
-        node.error(3)        <= resize(terms(RESULT_ERROR_NEUTRAL), TRAJECTORY_WIDTH);
-        node.error(4)        <= resize(terms(RESULT_ERROR_A), TRAJECTORY_WIDTH);
-        node.error(5)        <= resize(terms(RESULT_ERROR_B), TRAJECTORY_WIDTH);
-        node.error(6)        <= resize(terms(RESULT_ERROR_C), TRAJECTORY_WIDTH);
-        node.forced_link     <= resize(terms(RESULT_FORCED_LINK), FORCED_WIDTH);
-        node.forced_neutral  <= resize(terms(RESULT_FORCED_NEUTRAL), FORCED_WIDTH);
-        node.forced_phase(0) <= resize(terms(RESULT_FORCED_A), FORCED_WIDTH);
-        node.forced_phase(1) <= resize(terms(RESULT_FORCED_B), FORCED_WIDTH);
-        node.forced_phase(2) <= resize(terms(RESULT_FORCED_C), FORCED_WIDTH);
-        node.weight_start    <= resize(terms(RESULT_WEIGHT_START), WEIGHT_WIDTH);
-        saturated            <= overflow;
+        saturated <= overflow;
+
+        if (not FOLDED and (overflows(curvature(0), CURVATURE_WIDTH) = '1'
+                            or overflows(curvature(1), CURVATURE_WIDTH) = '1'
+                            or overflows(curvature(2), CURVATURE_WIDTH) = '1')) then
+          saturated <= '1';
+        end if;
       end if;
     end if;
 

@@ -12,7 +12,7 @@ package directmpc_constants is
 
   constant OPERAND_WIDTH : natural := 18; -- bits, multiplier operand A, signed
   constant COEFFICIENT_WIDTH : natural := 16; -- bits, multiplier operand B, signed
-  constant ACCUMULATOR_WIDTH : natural := 43; -- bits, signed
+  constant ACCUMULATOR_WIDTH : natural := 41; -- bits, signed
   constant RESULT_SHIFT : natural := 16; -- accumulator bit that is the LSB of a result
   constant ALIGNMENT_STEP : natural := 3; -- bits of left shift per alignment step
   constant TERM_WIDTH : natural := 23; -- bits, errors and slopes, signed
@@ -26,6 +26,13 @@ package directmpc_constants is
   constant INDEX_WIDTH : natural := 6; -- bits, place of a candidate in the order of enumeration
   constant EFFORT_WIDTH : natural := 4; -- bits, weighted transitions of a candidate
   constant RECIPROCAL_FRACTION : natural := 24; -- fractional bits of 1/L and of the cost
+  constant CURVATURE_TERM_WIDTH : natural := 12; -- bits, curvature components, signed
+  constant CURVATURE_WIDTH : natural := 11; -- bits, curvature of a phase, signed
+  constant START_SLOPE_WIDTH : natural := 17; -- bits, slope at k in the fast search, signed
+  constant SLOPE_WIDTH : natural := 18; -- bits, slope at any step of the fast search, signed
+  constant MARGIN_WIDTH : natural := 17; -- bits, distance from the bound of exit, signed
+  constant TURN_SHIFT : natural := 6; -- bits of the slope that the test for a turn leaves out
+  constant TURN_WIDTH : natural := 19; -- bits, slope beyond which a trajectory leaves first, signed
   constant COST_WIDTH : natural := 31; -- bits, unsigned
   constant WEIGHT_WIDTH : natural := 18; -- bits, sqrt(lambda_n)*v_n, signed
   constant WEIGHT_SLOPE_WIDTH : natural := 17; -- bits, its slope per step, signed
@@ -138,6 +145,8 @@ package directmpc_constants is
   constant OPERAND_FLUX_SPEED_BETA : natural := 19;
   constant OPERAND_FLUX_SPEED2_ALPHA : natural := 20;
   constant OPERAND_FLUX_SPEED2_BETA : natural := 21;
+  constant OPERAND_REFERENCE_SPEED2_ALPHA : natural := 22;
+  constant OPERAND_REFERENCE_SPEED2_BETA : natural := 23;
 
   constant FACTOR_ERROR_ALPHA : natural := 0;
   constant FACTOR_ERROR_BETA : natural := 1;
@@ -162,8 +171,14 @@ package directmpc_constants is
   constant FACTOR_WEIGHT : natural := 20;
   constant FACTOR_WEIGHT_ALPHA : natural := 21;
   constant FACTOR_WEIGHT_BETA : natural := 22;
-  constant FACTOR_OMEGA_S : natural := 23;
-  constant FACTOR_OMEGA_R : natural := 24;
+  constant FACTOR_CURVATURE_EMF_ALPHA : natural := 23;
+  constant FACTOR_CURVATURE_EMF_BETA : natural := 24;
+  constant FACTOR_CURVATURE_FLUX_ALPHA : natural := 25;
+  constant FACTOR_CURVATURE_FLUX_BETA : natural := 26;
+  constant FACTOR_CURVATURE_REFERENCE_ALPHA : natural := 27;
+  constant FACTOR_CURVATURE_REFERENCE_BETA : natural := 28;
+  constant FACTOR_OMEGA_S : natural := 29;
+  constant FACTOR_OMEGA_R : natural := 30;
 
   constant RESULT_REFERENCE_SPEED_ALPHA : natural := 0;
   constant RESULT_REFERENCE_SPEED_BETA : natural := 1;
@@ -171,84 +186,188 @@ package directmpc_constants is
   constant RESULT_FLUX_SPEED_BETA : natural := 3;
   constant RESULT_FLUX_SPEED2_ALPHA : natural := 4;
   constant RESULT_FLUX_SPEED2_BETA : natural := 5;
-  constant RESULT_ERROR_ALPHA : natural := 6;
-  constant RESULT_ERROR_BETA : natural := 7;
-  constant RESULT_ERROR_NEUTRAL : natural := 8;
-  constant RESULT_ERROR_A : natural := 9;
-  constant RESULT_ERROR_B : natural := 10;
-  constant RESULT_ERROR_C : natural := 11;
-  constant RESULT_SLOPE_ALPHA : natural := 12;
-  constant RESULT_SLOPE_BETA : natural := 13;
-  constant RESULT_FORCED_LINK : natural := 14;
-  constant RESULT_FORCED_NEUTRAL : natural := 15;
-  constant RESULT_FORCED_A : natural := 16;
-  constant RESULT_FORCED_B : natural := 17;
-  constant RESULT_FORCED_C : natural := 18;
-  constant RESULT_PHASE_ALPHA : natural := 19;
-  constant RESULT_PHASE_BETA : natural := 20;
-  constant RESULT_MIDPOINT_ALPHA : natural := 21;
-  constant RESULT_MIDPOINT_BETA : natural := 22;
-  constant RESULT_WEIGHT_START : natural := 23;
-  constant RESULT_WEIGHT_ALPHA : natural := 24;
-  constant RESULT_WEIGHT_BETA : natural := 25;
+  constant RESULT_REFERENCE_SPEED2_ALPHA : natural := 6;
+  constant RESULT_REFERENCE_SPEED2_BETA : natural := 7;
+  constant RESULT_ERROR_ALPHA : natural := 8;
+  constant RESULT_ERROR_BETA : natural := 9;
+  constant RESULT_ERROR_NEUTRAL : natural := 10;
+  constant RESULT_ERROR_A : natural := 11;
+  constant RESULT_ERROR_B : natural := 12;
+  constant RESULT_ERROR_C : natural := 13;
+  constant RESULT_SLOPE_ALPHA : natural := 14;
+  constant RESULT_SLOPE_BETA : natural := 15;
+  constant RESULT_FORCED_LINK : natural := 16;
+  constant RESULT_FORCED_NEUTRAL : natural := 17;
+  constant RESULT_FORCED_A : natural := 18;
+  constant RESULT_FORCED_B : natural := 19;
+  constant RESULT_FORCED_C : natural := 20;
+  constant RESULT_PHASE_ALPHA : natural := 21;
+  constant RESULT_PHASE_BETA : natural := 22;
+  constant RESULT_MIDPOINT_ALPHA : natural := 23;
+  constant RESULT_MIDPOINT_BETA : natural := 24;
+  constant RESULT_WEIGHT_START : natural := 25;
+  constant RESULT_WEIGHT_ALPHA : natural := 26;
+  constant RESULT_WEIGHT_BETA : natural := 27;
+  constant RESULT_CURVATURE_ALPHA : natural := 28;
+  constant RESULT_CURVATURE_BETA : natural := 29;
 
-  constant OPERAND_COUNT : natural := 22; -- signals, then products
+  constant OPERAND_COUNT : natural := 24; -- signals, then products
   constant SIGNAL_COUNT : natural := 16;
-  constant PRODUCT_COUNT : natural := 6;
-  constant FACTOR_COUNT : natural := 25;
-  constant COEFFICIENT_COUNT : natural := 23;
-  constant RESULT_COUNT : natural := 26;
-  constant BLOCK_COUNT : natural := 4; -- multiply-accumulate blocks
-  constant PROGRAM_LENGTH : natural := 9; -- clocks of issue
+  constant PRODUCT_COUNT : natural := 8;
+  constant FACTOR_COUNT : natural := 31;
+  constant COEFFICIENT_COUNT : natural := 29;
+  constant RESULT_COUNT : natural := 30;
+  constant CAPACITOR_STEP : natural := 3; -- last for capacitors
+  constant BLOCK_COUNT : natural := 4; -- mac_blocks
+  constant PROGRAM_STEPS : natural := 10; -- clocks of the longest program
 
   type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;
+  type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;
+  type program_lengths_t is array (0 to 1) of natural;
+  type program_t is array (0 to 1, 0 to BLOCK_COUNT - 1, 0 to PROGRAM_STEPS - 1) of integer;
 
   -- bits, results saturate to these
   constant RESULT_WIDTHS : result_widths_t := (
-    18, 18, 18, 18, 18, 18, 23, 23, 23, 23, 23, 23, 23,
-    23, 20, 20, 20, 20, 20, 16, 16, 16, 16, 18, 17, 17
+    18, 18, 18, 18, 18, 18, 18, 18, 23, 23, 23, 23, 23,
+    23, 23, 23, 20, 20, 20, 20, 20, 16, 16, 16, 16, 18,
+    17, 17, 12, 12
   );
 
-  type program_t is array (0 to BLOCK_COUNT - 1, 0 to PROGRAM_LENGTH - 1) of integer;
-
-  -- operand A
-  constant PROGRAM_A : program_t := (
-    (2, 11, 0, 0, 0, 2, 17, 19, 20),
-    (3, 12, 1, 1, 1, 3, 16, 18, 21),
-    (9, 4, 14, 8, 18, 5, 7, 0, 0),
-    (10, 13, 15, 4, 19, 6, 4, 1, 0)
+  -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper
+  constant RESULT_SATURATES : result_flags_t := (
+    (1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1),
+    (1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0)
   );
 
-  -- operand B
-  constant PROGRAM_B : program_t := (
-    (24, 0, 16, 18, 4, 6, 8, 10, 12),
-    (24, 1, 17, 19, 5, 7, 9, 11, 13),
-    (23, 2, 3, 14, 24, 14, 14, 21, 0),
-    (23, 3, 3, 15, 24, 14, 20, 22, 0)
+  -- clocks of issue
+  constant PROGRAM_LENGTHS : program_lengths_t := (10, 9);
+
+  -- operands A of each block, -1: unused
+  constant PROGRAM_WORDS_A : program_t := (
+    (
+      (2, 0, 11, 17, 19, 5, -1, -1, -1, -1),
+      (3, 1, 12, 16, 18, 6, -1, -1, -1, -1),
+      (9, 4, 14, 8, 18, 16, 7, 19, 20, 22),
+      (10, 13, 15, 4, 19, 17, 18, 21, 23, -1)
+    ),
+    (
+      (2, 0, 11, 17, 19, 20, -1, -1, -1, -1),
+      (3, 1, 12, 16, 18, 21, -1, -1, -1, -1),
+      (9, 4, 14, 8, 18, 5, 7, 0, -1, -1),
+      (10, 13, 15, 4, 19, 6, 1, -1, -1, -1)
+    )
   );
 
-  -- left shift of the product in steps of ALIGNMENT_STEP
+  -- operands B of each block, -1: unused
+  constant PROGRAM_WORDS_B : program_t := (
+    (
+      (30, 16, 18, 0, 4, 6, 8, 10, 14, 21),
+      (30, 17, 19, 1, 5, 7, 9, 11, 14, 22),
+      (29, 2, 3, 14, 30, 23, 25, 27, -1, -1),
+      (29, 3, 15, 30, 20, 24, 26, 28, -1, -1)
+    ),
+    (
+      (30, 16, 18, 0, 4, 6, 8, 10, 12, -1),
+      (30, 17, 19, 1, 5, 7, 9, 11, 13, -1),
+      (29, 2, 3, 14, 30, 21, -1, -1, -1, -1),
+      (29, 3, 15, 30, 14, 20, 22, -1, -1, -1)
+    )
+  );
+
+  -- which of WORDS_A a step takes
+  constant PROGRAM_SELECT_A : program_t := (
+    (
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 1),
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 1),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
+      (0, 1, 2, 3, 4, 5, 3, 6, 7, 8)
+    ),
+    (
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0),
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 0, 0),
+      (0, 1, 2, 3, 4, 5, 3, 6, 0, 0)
+    )
+  );
+
+  -- which of WORDS_B a step takes
+  constant PROGRAM_SELECT_B : program_t := (
+    (
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
+      (0, 1, 2, 3, 4, 0, 3, 5, 6, 7),
+      (0, 1, 1, 2, 3, 0, 4, 5, 6, 7)
+    ),
+    (
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0),
+      (0, 1, 2, 3, 4, 3, 3, 5, 0, 0),
+      (0, 1, 1, 2, 3, 4, 5, 6, 0, 0)
+    )
+  );
+
+  -- left shift against the rest of the sum, ALIGNMENT_STEP
   constant PROGRAM_ALIGNMENT : program_t := (
-    (1, 2, 0, 0, 0, 0, 0, 1, 1),
-    (1, 2, 0, 0, 0, 0, 0, 1, 1),
-    (1, 2, 2, 1, 0, 1, 1, 1, 0),
-    (1, 2, 2, 1, 0, 1, 1, 1, 0)
+    (
+      (0, 0, 0, 0, 0, 0, 0, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    ),
+    (
+      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0),
+      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    )
+  );
+
+  -- accumulator bit that is the result's LSB
+  constant PROGRAM_SHIFT : program_t := (
+    (
+      (13, 16, 16, 10, 16, 16, 16, 16, 13, 13),
+      (13, 16, 16, 10, 16, 16, 16, 16, 13, 13),
+      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16),
+      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16)
+    ),
+    (
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16),
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16),
+      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16),
+      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16)
+    )
   );
 
   -- 1: add to the sum so far
   constant PROGRAM_ACCUMULATE : program_t := (
-    (0, 0, 0, 0, 0, 1, 1, 1, 1),
-    (0, 0, 0, 0, 0, 1, 1, 1, 1),
-    (0, 0, 0, 0, 0, 0, 0, 0, 0),
-    (0, 0, 0, 0, 0, 0, 0, 0, 0)
+    (
+      (0, 0, 0, 0, 0, 1, 1, 1, 0, 0),
+      (0, 0, 0, 0, 0, 1, 1, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1),
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1)
+    ),
+    (
+      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0),
+      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    )
   );
 
-  -- result that is complete with this step, or -1
+  -- result complete with this step, or -1
   constant PROGRAM_RESULT : program_t := (
-    (2, 6, 19, 21, -1, -1, -1, -1, 12),
-    (3, 7, 20, 22, -1, -1, -1, -1, 13),
-    (0, 8, 10, 14, 4, 16, 18, 24, -1),
-    (1, 9, 11, 15, 5, 17, 23, 25, -1)
+    (
+      (2, 21, 23, 8, -1, -1, -1, 14, 18, 26),
+      (3, 22, 24, 9, -1, -1, -1, 15, 19, 27),
+      (0, 10, 12, 16, 4, 6, 20, -1, -1, 28),
+      (1, 11, 13, 17, 5, 7, 25, -1, -1, 29)
+    ),
+    (
+      (2, 21, 23, 8, -1, -1, -1, -1, 14, -1),
+      (3, 22, 24, 9, -1, -1, -1, -1, 15, -1),
+      (0, 10, 12, 16, 4, 18, 20, 26, -1, -1),
+      (1, 11, 13, 17, 5, 19, 25, 27, -1, -1)
+    )
   );
 
 end package directmpc_constants;

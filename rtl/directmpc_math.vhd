@@ -16,11 +16,14 @@ package directmpc_math is
   -- value in width bits, saturated
   function clip (value : signed; width : positive) return signed;
 
-  -- magnitude with one bit more than needed for any but the most negative value: never overflows
+  -- magnitude, as many bits as value: never overflows
   function magnitude (value : signed) return unsigned;
 
   -- all bits of value where enable is '1', else zero
   function gated (value : signed; enable : std_logic) return signed;
+
+  -- addend + value, addend - value, or addend; as long as addend, which has to hold the result
+  function adjusted (addend, value : signed; plus, minus : std_logic) return signed;
 
   -- value, -value or zero
   function weighted (value : signed; positive_sign, negative_sign : std_logic) return signed;
@@ -34,6 +37,9 @@ package directmpc_math is
     return std_logic_vector;
 
   function to_std_logic (value : boolean) return std_logic;
+
+  -- index of a variant in generated tables: 1 the paper's, 0 the fast one
+  function variant_of (folded : boolean) return natural;
 
   function maximum_of (a, b : integer) return integer;
 
@@ -86,17 +92,15 @@ package body directmpc_math is
 
   function magnitude (value : signed) return unsigned is
 
-    variable wide : signed(value'length downto 0);
+    variable sign : std_logic_vector(0 downto 0);
+    variable bits : std_logic_vector(value'length - 1 downto 0);
 
   begin
 
-    wide := resize(value, value'length + 1);
-
-    if (wide < 0) then
-      wide := -wide;
-    end if;
-
-    return unsigned(wide(value'length - 1 downto 0));
+    -- complement and carry rather than a negation and a multiplexer: one LUT a bit
+    sign := (others => value(value'high));
+    bits := std_logic_vector(value) xor (value'length - 1 downto 0 => value(value'high));
+    return unsigned(bits) + unsigned(sign);
 
   end function magnitude;
 
@@ -115,6 +119,27 @@ package body directmpc_math is
     return result;
 
   end function gated;
+
+  function adjusted (addend, value : signed; plus, minus : std_logic) return signed is
+
+    variable left   : unsigned(addend'length downto 0);
+    variable right  : unsigned(addend'length downto 0);
+    variable result : unsigned(addend'length downto 0);
+
+  begin
+
+    -- complement and carry: the adder's own LUTs hold the sign
+    left              := unsigned(addend) & minus;
+    right             := unsigned(resize(value, addend'length)) & minus;
+
+    for i in 1 to addend'length loop
+      right(i) := (right(i) xor minus) and (plus or minus);
+    end loop;
+
+    result := left + right;
+    return signed(result(addend'length downto 1));
+
+  end function adjusted;
 
   function weighted (value : signed; positive_sign, negative_sign : std_logic) return signed is
 
@@ -177,6 +202,17 @@ package body directmpc_math is
     end if;
 
   end function to_std_logic;
+
+  function variant_of (folded : boolean) return natural is
+  begin
+
+    if (folded) then
+      return 1;
+    else
+      return 0;
+    end if;
+
+  end function variant_of;
 
   function maximum_of (a, b : integer) return integer is
   begin

@@ -606,7 +606,6 @@ begin
   result.feasible  <= back.feasible;
   result.saturated <= back.saturated;
   result.index     <= back.candidate.index;
-  result.position  <= back.candidate.position;
   result.length    <= back.length;
   result.cost      <= back.cost;
   result.excess    <= back.excess;

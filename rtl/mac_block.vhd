@@ -35,13 +35,13 @@ entity mac_block is
   );
   port (
     clk         : in    std_logic;                                                      -- rising edge
-    enable      : in    std_logic;                                                      -- '1': operands are given in this clock
-    a_inputs    : in    std_logic_vector(A_WORDS * A_WIDTH - 1 downto 0);              -- signed words, word 0 rightmost
+    enable      : in    std_logic; -- '1': operands are given in this clock
+    a_inputs    : in    std_logic_vector(A_WORDS * A_WIDTH - 1 downto 0); -- signed words, word 0 rightmost
     a_select    : in    std_logic_vector(selector_width(A_WORDS) - 1 downto 0);        -- word for operand A
-    b_inputs    : in    std_logic_vector(B_WORDS * B_WIDTH - 1 downto 0);              -- signed words, word 0 rightmost
+    b_inputs    : in    std_logic_vector(B_WORDS * B_WIDTH - 1 downto 0); -- signed words, word 0 rightmost
     b_select    : in    std_logic_vector(selector_width(B_WORDS) - 1 downto 0);        -- word for operand B
-    alignment   : in    std_logic_vector(1 downto 0);                                   -- left shift of the product, 0 to 2 steps
-    accumulate  : in    std_logic;                                                      -- '1': add to the sum, '0': to the seed
+    alignment   : in    std_logic_vector(1 downto 0); -- left shift of the product, 0 to 2 steps
+    accumulate  : in    std_logic; -- '1': add to the sum, '0': to the seed
     seed        : in    std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0);               -- signed, first summand
     accumulator : out   std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0)                -- signed, three clocks later
   );

@@ -6,9 +6,9 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.coefficients computes
 -- them from a drive file, in units of that drive.
--- Latency: data dependent, from the start edge to the edge that samples valid: held 30 clocks, at
--- most 65 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS; one decision at a time, the next start may
--- come with valid.
+-- Latency: fast 21 clocks when held, at most 109, 81, 72 with one to three explorers and 69 with
+-- more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a
+-- time, the next start may come one clock after valid.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Tried and dropped: registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.
@@ -24,20 +24,20 @@ library work;
 
 entity mpdcc_core is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2;   -- number of explorers
-    FOLDED    : boolean               := true -- true: the paper's explorer
+    EXPLORERS : positive range 1 to 8 := 2;    -- number of explorers
+    FOLDED    : boolean               := false -- true: the paper's explorer, false: the fast one
   );
   port (
     clk                  : in    std_logic;                               -- rising edge
     rst                  : in    std_logic;                               -- synchronous, active high
-    start                : in    std_logic;                               -- '1' for one clock: decide; ignored while busy
+    start                : in    std_logic; -- '1' for one clock: decide; ignored while busy
     -- measurements, sampled with start
     is_alpha             : in    std_logic_vector(15 downto 0);           -- stator current, signed, 1/16000 pu
     is_beta              : in    std_logic_vector(15 downto 0);           -- signed, 1/16000 pu
     psir_alpha           : in    std_logic_vector(15 downto 0);           -- rotor flux, signed, 1/9000 pu
     psir_beta            : in    std_logic_vector(15 downto 0);           -- signed, 1/9000 pu
-    v_n                  : in    std_logic_vector(15 downto 0);           -- neutral point potential, signed, 1/64000 pu
-    v_ph_a               : in    std_logic_vector(15 downto 0);           -- phase capacitor voltage, unsigned, 1/32000 pu
+    v_n                  : in    std_logic_vector(15 downto 0); -- neutral point potential, signed, 1/64000 pu
+    v_ph_a               : in    std_logic_vector(15 downto 0); -- phase capacitor voltage, unsigned, 1/32000 pu
     v_ph_b               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32000 pu
     v_ph_c               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32000 pu
     v_dc                 : in    std_logic_vector(15 downto 0);           -- dc-link voltage, unsigned, 1/16000 pu
@@ -52,7 +52,7 @@ entity mpdcc_core is
     c_error_alpha        : in    std_logic_vector(15 downto 0);           -- (iref - is) to trajectory units, scaled
     c_error_beta         : in    std_logic_vector(15 downto 0);           -- the same times sqrt(3)/2, scaled
     c_error_neutral      : in    std_logic_vector(15 downto 0);           -- -v_n to trajectory units, scaled
-    c_error_phase        : in    std_logic_vector(15 downto 0);           -- (v_dc/4 - v_ph) to trajectory units, scaled
+    c_error_phase        : in    std_logic_vector(15 downto 0); -- (v_dc/4 - v_ph) to trajectory units, scaled
     c_stator_alpha       : in    std_logic_vector(15 downto 0);           -- h/tau_s, scaled
     c_stator_beta        : in    std_logic_vector(15 downto 0);           -- h/tau_s * sqrt(3)/2, scaled
     c_rotor_alpha        : in    std_logic_vector(15 downto 0);           -- -h*Xm/(D*tau_r), scaled
@@ -71,12 +71,18 @@ entity mpdcc_core is
     c_midpoint_beta      : in    std_logic_vector(15 downto 0);           -- h/(2*X_dc) * sqrt(3)/2, scaled
     c_weight             : in    std_logic_vector(15 downto 0);           -- sqrt(lambda_n), scaled
     c_weight_alpha       : in    std_logic_vector(15 downto 0);           -- -sqrt(lambda_n)*h/(2*X_dc), scaled
-    c_weight_beta        : in    std_logic_vector(15 downto 0);           -- -sqrt(lambda_n)*h/(2*X_dc) * sqrt(3)/2, scaled
+    c_weight_beta        : in    std_logic_vector(15 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc) * sqrt(3)/2, scaled
+    c_curvature_emf_alpha : in std_logic_vector(15 downto 0); -- c: omega_r*psi_r; fast variant only
+    c_curvature_emf_beta : in std_logic_vector(15 downto 0); -- c: the same, beta; fast variant only
+    c_curvature_flux_alpha : in std_logic_vector(15 downto 0); -- c: omega_r**2*psi_r; fast variant only
+    c_curvature_flux_beta : in std_logic_vector(15 downto 0); -- c: the same, beta; fast variant only
+    c_curvature_reference_alpha : in std_logic_vector(15 downto 0); -- c: omega_s**2*iref; fast variant only
+    c_curvature_reference_beta : in std_logic_vector(15 downto 0); -- c: the same, beta; fast variant only
     bound_current        : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     bound_neutral        : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     bound_phase          : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     horizon              : in    std_logic_vector(5 downto 0);            -- N, unsigned, steps, 1 to 63
-    weight_scale         : in    std_logic_vector(1 downto 0);            -- fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20
+    weight_scale         : in    std_logic_vector(1 downto 0); -- fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20
     -- decision, stable until the next valid
     valid                : out   std_logic;                               -- '1' for one clock: decision is new
     busy                 : out   std_logic;                               -- '1': a decision is under way
@@ -85,7 +91,7 @@ entity mpdcc_core is
     s_c                  : out   std_logic_vector(2 downto 0);            -- switch position s(k) of phase c, 0 to 7
     held                 : out   std_logic;                               -- '1': s(k-1) was kept
     deadlock             : out   std_logic;                               -- '1': no candidate stays inside its bounds
-    length               : out   std_logic_vector(5 downto 0);            -- L* of the choice, steps; 0 when held or deadlocked
+    length               : out   std_logic_vector(5 downto 0); -- L* of the choice, steps; 0 when held or deadlocked
     saturated            : out   std_logic                                -- '1': a value did not fit its word
   );
 end entity mpdcc_core;
@@ -99,6 +105,9 @@ architecture rtl of mpdcc_core is
   signal decision     : decision_t;
 
   signal node            : node_t;
+  signal band            : band_t;
+  signal capacitor       : capacitor_t;
+  signal last            : std_logic;
   signal best_valid      : std_logic;
   signal best_cost       : cost_t;
   signal candidate       : candidate_t;
@@ -141,7 +150,9 @@ begin
                             c_stator_beta, c_rotor_alpha, c_rotor_beta, c_reference_alpha, c_reference_beta,
                             c_emf_alpha, c_emf_beta, c_correction_alpha, c_correction_beta, c_forced_voltage,
                             c_forced_neutral, c_phase_alpha, c_phase_beta, c_midpoint_alpha, c_midpoint_beta,
-                            c_weight, c_weight_alpha, c_weight_beta) is
+                            c_weight, c_weight_alpha, c_weight_beta,
+                            c_curvature_emf_alpha, c_curvature_emf_beta, c_curvature_flux_alpha,
+                            c_curvature_flux_beta, c_curvature_reference_alpha, c_curvature_reference_beta) is
 
     procedure put (index : natural; value : std_logic_vector) is
     begin
@@ -175,12 +186,19 @@ begin
     put(FACTOR_WEIGHT, c_weight);
     put(FACTOR_WEIGHT_ALPHA, c_weight_alpha);
     put(FACTOR_WEIGHT_BETA, c_weight_beta);
+    put(FACTOR_CURVATURE_EMF_ALPHA, c_curvature_emf_alpha);
+    put(FACTOR_CURVATURE_EMF_BETA, c_curvature_emf_beta);
+    put(FACTOR_CURVATURE_FLUX_ALPHA, c_curvature_flux_alpha);
+    put(FACTOR_CURVATURE_FLUX_BETA, c_curvature_flux_beta);
+    put(FACTOR_CURVATURE_REFERENCE_ALPHA, c_curvature_reference_alpha);
+    put(FACTOR_CURVATURE_REFERENCE_BETA, c_curvature_reference_beta);
 
   end process p_coefficients;
 
   i_scheduler : entity work.mpdcc_scheduler
     generic map (
-      EXPLORERS => EXPLORERS
+      EXPLORERS => EXPLORERS,
+      FOLDED    => FOLDED
     )
     port map (
       clk             => clk,
@@ -188,11 +206,15 @@ begin
       start           => start,
       measurement     => measurement,
       previous        => previous,
+      limits          => limits,
       coefficients    => coefficients,
       valid           => valid,
       decision        => decision,
       busy            => busy,
       node            => node,
+      band            => band,
+      capacitor       => capacitor,
+      last            => last,
       best_valid      => best_valid,
       best_cost       => best_cost,
       candidate_valid => candidate_valid,
@@ -217,6 +239,9 @@ begin
         rst             => rst,
         limits          => limits,
         node            => node,
+        band            => band,
+        capacitor       => capacitor,
+        last            => last,
         best_valid      => best_valid,
         best_cost       => best_cost,
         candidate_valid => candidate_valid(i),

@@ -1,7 +1,7 @@
 -- Explorer unit: evaluates candidates of a node (Paper A, Section VI).
 --
 -- One entity, two variants: FOLDED = true is the paper's, one candidate at a time over shared
--- hardware (explorer_paper, where the algorithm is documented).
+-- hardware (explorer_paper); FOLDED = false takes one candidate per clock (explorer_fast).
 -- Tasks are taken while ready is '1'.  A result may stand for several tasks: only those that can
 -- still win are reported.  busy is '0' when every candidate taken is accounted for.
 -- Formats, latency, overflow: see the variant.
@@ -15,13 +15,16 @@ library work;
 
 entity mpdcc_explorer is
   generic (
-    FOLDED : boolean := true -- true: the paper's variant
+    FOLDED : boolean := false -- true: the paper's variant, false: the fast one
   );
   port (
     clk          : in    std_logic; -- rising edge
     rst          : in    std_logic; -- synchronous, active high
     limits       : in    limits_t;  -- bounds and horizon, stable while busy
     node         : in    node_t;    -- where trajectories start, stable while busy
+    band            : in    band_t;      -- fast variant: the band seen from there, stable while busy
+    capacitor       : in    capacitor_t; -- fast variant: table of the capacitors' lengths, row by row
+    last            : in    std_logic;   -- '1': no candidate of this node is left
     best_valid   : in    std_logic; -- '1': a candidate with length > 0 is known, J_dl is not needed any more
     best_cost    : in    cost_t;    -- its cost, valid with best_valid
     candidate_valid   : in    std_logic; -- '1': candidate is new
@@ -40,27 +43,51 @@ architecture rtl of mpdcc_explorer is
 
 begin
 
-  assert FOLDED
-    report "mpdcc_explorer: only the paper's variant exists, set FOLDED to true"
-    severity failure;
+  g_paper : if FOLDED generate
 
-  i_explorer : entity work.explorer_paper
-    port map (
-      clk          => clk,
-      rst          => rst,
-      limits       => limits,
-      node         => node,
-      best_valid   => best_valid,
-      best_cost    => best_cost,
-      candidate_valid   => candidate_valid,
-      candidate_ready   => candidate_ready,
-      candidate         => candidate,
-      probe_done   => probe_done,
-      probe_held   => probe_held,
-      result_valid => result_valid,
-      result_ready => result_ready,
-      result       => result,
-      busy         => busy
-    );
+    i_explorer : entity work.explorer_paper
+      port map (
+        clk             => clk,
+        rst             => rst,
+        limits          => limits,
+        node            => node,
+        best_valid      => best_valid,
+        best_cost       => best_cost,
+        candidate_valid => candidate_valid,
+        candidate_ready => candidate_ready,
+        candidate       => candidate,
+        probe_done      => probe_done,
+        probe_held      => probe_held,
+        result_valid    => result_valid,
+        result_ready    => result_ready,
+        result          => result,
+        busy            => busy
+      );
+
+  end generate g_paper;
+
+  g_fast : if not FOLDED generate
+
+    i_explorer : entity work.explorer_fast
+      port map (
+        clk             => clk,
+        rst             => rst,
+        limits          => limits,
+        node            => node,
+        band            => band,
+        capacitor       => capacitor,
+        last            => last,
+        candidate_valid => candidate_valid,
+        candidate_ready => candidate_ready,
+        candidate       => candidate,
+        probe_done      => probe_done,
+        probe_held      => probe_held,
+        result_valid    => result_valid,
+        result_ready    => result_ready,
+        result          => result,
+        busy            => busy
+      );
+
+  end generate g_fast;
 
 end architecture rtl;

@@ -6,9 +6,9 @@
 -- smallest J_dl; ties go to the earliest candidate, in whatever order results arrive.
 --
 -- Formats: see mpdcc_types.
--- Latency: 30 clocks from start to valid for a held position with the paper's explorer, up to
--- 65 + 22 * (n / EXPLORERS) + n mod EXPLORERS for a search of n + 1 candidates; one decision at a
--- time.
+-- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
+-- search at most 109, 81, 72, 69 with one, two, three, more explorers, whatever they find; with the
+-- paper's 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a time.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
 -- Tried and dropped: starting the enumeration before the probe is answered saves 12 clocks of a
@@ -26,36 +26,41 @@ library work;
 
 entity mpdcc_scheduler is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2 -- number of explorers
+    EXPLORERS : positive range 1 to 8 := 2;    -- number of explorers
+    FOLDED    : boolean               := false -- true: the paper's explorers, false: the fast ones
   );
   port (
     clk             : in    std_logic;                                                          -- rising edge
-    rst             : in    std_logic;                                                          -- synchronous, active high
-    start           : in    std_logic;                                                          -- '1' for one clock: decide; ignored while busy
+    rst             : in    std_logic; -- synchronous, active high
+    start           : in    std_logic; -- '1' for one clock: decide; ignored while busy
     measurement     : in    measurement_t;                                                      -- sampled with start
-    previous        : in    positions_t;                                                        -- s(k-1), sampled with start
-    coefficients    : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- signed, FACTOR_* order, stable
-    valid           : out   std_logic;                                                          -- '1' for one clock: decision is new
-    decision        : out   decision_t;                                                         -- stable until the next valid
-    busy            : out   std_logic;                                                          -- '1': a decision is under way
+    previous        : in    positions_t; -- s(k-1), sampled with start
+    limits          : in    limits_t; -- bounds and horizon, stable
+    coefficients : in std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- FACTOR_* order, stable
+    valid           : out   std_logic; -- '1' for one clock: decision is new
+    decision        : out   decision_t; -- stable until the next valid
+    busy            : out   std_logic; -- '1': a decision is under way
     node            : out   node_t;                                                             -- to every explorer
-    best_valid      : out   std_logic;                                                          -- to every explorer: J_dl is not needed any more
-    best_cost       : out   cost_t;                                                             -- to every explorer, valid with best_valid
-    candidate_valid : out   std_logic_vector(EXPLORERS - 1 downto 0);                           -- one-hot: who takes candidate
-    candidate_ready : in    std_logic_vector(EXPLORERS - 1 downto 0);                           -- '1': explorer is free
+    band            : out   band_t; -- to every fast explorer
+    capacitor       : out   capacitor_t; -- to every fast explorer
+    last            : out   std_logic; -- to every explorer: no candidate of this node is left
+    best_valid      : out   std_logic; -- to every explorer: J_dl is not needed any more
+    best_cost       : out   cost_t; -- to every explorer, valid with best_valid
+    candidate_valid : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: who takes candidate
+    candidate_ready : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer is free
     candidate       : out   candidate_t;                                                        -- to every explorer
-    probe_done      : in    std_logic;                                                          -- explorer 0 answers the probe
-    probe_held      : in    std_logic;                                                          -- '1': step one stays inside every bound
-    result_valid    : in    std_logic_vector(EXPLORERS - 1 downto 0);                           -- '1': explorer has a result
-    result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0);                           -- one-hot: whose result is taken
+    probe_done      : in    std_logic; -- explorer 0 answers the probe
+    probe_held      : in    std_logic; -- '1': step one stays inside every bound
+    result_valid    : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer has a result
+    result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: whose result is taken
     results         : in    results_t(0 to EXPLORERS - 1);                                      -- of every explorer
-    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0)                            -- '1': work is under way
+    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0) -- '1': work is under way
   );
 end entity mpdcc_scheduler;
 
 architecture rtl of mpdcc_scheduler is
 
-  type phase_t is (IDLE, PREPARE, ASK, AWAIT, SEARCH, FINISH);
+  type phase_t is (IDLE, PREPARE, AWAIT, SEARCH, FINISH);
 
   type state_t is record
     phase     : phase_t;
@@ -94,6 +99,31 @@ architecture rtl of mpdcc_scheduler is
 
   end function first_of;
 
+  function decided (
+    best      : result_t;
+    before    : positions_t;
+    saturated : std_logic
+  ) return decision_t is
+
+    variable result : decision_t;
+
+  begin
+
+    for x in 0 to 2 loop
+      result.position(x) := next_position(before(x), best.index(5 - 2 * x downto 4 - 2 * x));
+    end loop;
+
+    result.held      := '0';
+    result.deadlock  := not best.feasible;
+    result.length    := best.length;
+    result.saturated := saturated or best.saturated;
+    return result;
+
+  end function decided;
+
+  -- a single fast explorer reports once, so its result is the decision
+  constant SINGLE : boolean := EXPLORERS = 1 and not FOLDED;
+
   signal r      : state_t;
   signal r_next : state_t;
 
@@ -104,7 +134,12 @@ architecture rtl of mpdcc_scheduler is
   signal negative : std_logic_vector(2 downto 0);
 
   signal terms_start     : std_logic;
+  signal terms_issued    : std_logic;
+  signal terms_charged   : std_logic;
   signal terms_done      : std_logic;
+  signal ask             : std_logic;
+  signal lines_held      : std_logic;
+  signal lines_ready     : std_logic;
   signal terms_saturated : std_logic;
   signal terms_node      : node_t;
 
@@ -182,6 +217,9 @@ begin
   speeds <= std_logic_vector(sample.omega_r) & std_logic_vector(sample.omega_s);
 
   i_common_terms : entity work.common_terms
+    generic map (
+      FOLDED => FOLDED
+    )
     port map (
       clk          => clk,
       rst          => rst,
@@ -189,12 +227,55 @@ begin
       signals      => signals,
       speeds       => speeds,
       coefficients => coefficients,
+      issued       => terms_issued,
+      capacitors   => terms_charged,
       done         => terms_done,
       node         => terms_node,
       saturated    => terms_saturated
     );
 
   node <= terms_node;
+
+  g_paper : if FOLDED generate
+    ask        <= terms_done;
+    lines_held  <= '1';
+    lines_ready <= '1';
+
+    -- the paper's explorers look at capacitors themselves and have no use for these
+    band.first       <= (others => (others => '0'));
+    band.margin_up   <= (others => (others => '0'));
+    band.margin_down <= (others => (others => '0'));
+    band.outside     <= (others => '0');
+    band.turn        <= (others => (others => '0'));
+    band.previous    <= s_before;
+    band.negative    <= negative;
+    capacitor.write  <= '0';
+    capacitor.row    <= (others => '0');
+    capacitor.length <= (others => '0');
+    capacitor.excess <= (others => '0');
+  end generate g_paper;
+
+  g_fast : if not FOLDED generate
+    -- the probe needs the node a few stages down its pipeline
+    ask <= terms_issued;
+
+    i_preparation : entity work.node_preparation
+      port map (
+        clk             => clk,
+        rst             => rst,
+        capacitors_done => terms_charged,
+        terms_done      => terms_done,
+        limits          => limits,
+        node            => terms_node,
+        previous        => s_before,
+        negative        => negative,
+        band            => band,
+        capacitor       => capacitor,
+        ready           => lines_ready,
+        held            => lines_held
+      );
+
+  end generate g_fast;
 
   ---------------------------------------------------------------------------------------------
   -- Enumeration
@@ -206,6 +287,9 @@ begin
   end generate g_signs;
 
   i_enumerator : entity work.candidate_enumerator
+    generic map (
+      BLOCKS => not FOLDED
+    )
     port map (
       clk       => clk,
       rst       => rst,
@@ -225,26 +309,26 @@ begin
   take         <= first_of(result_valid);
   result_ready <= take;
 
-  p_collect : process (clk) is
+  p_collect : process (take, results) is
   begin
 
-    if rising_edge(clk) then
-      taken <= to_std_logic(take /= (take'range => '0')) and not rst;
+    incoming <= results(0);
 
-      for i in 0 to EXPLORERS - 1 loop
-        if (take(i) = '1') then
-          incoming <= results(i);
-        end if;
-      end loop;
-    end if;
+    for i in 1 to EXPLORERS - 1 loop
+      if (take(i) = '1') then
+        incoming <= results(i);
+      end if;
+    end loop;
 
   end process p_collect;
+
+  taken <= to_std_logic(take /= (take'range => '0'));
 
   ---------------------------------------------------------------------------------------------
   -- Algorithm 1
   ---------------------------------------------------------------------------------------------
 
-  p_next : process (r, start, terms_done, terms_saturated, candidate_ready, probe_done, probe_held,
+  p_next : process (r, start, ask, lines_held, lines_ready, terms_saturated, candidate_ready, probe_done, probe_held,
                     s_before, enumerate_valid, enumerate_done, enumerated, taken, incoming, take,
                     explorer_busy) is
 
@@ -261,7 +345,7 @@ begin
     candidate_valid <= (others => '0');
     candidate       <= enumerated;
 
-    if (taken = '1' and (r.any = '0' or better(incoming, r.best) = '1')) then
+    if (not SINGLE and taken = '1' and (r.any = '0' or better(incoming, r.best) = '1')) then
       v.best := incoming;
       v.any  := '1';
     end if;
@@ -274,32 +358,28 @@ begin
         v.best.feasible := '0';
 
         if (start = '1') then
-          v.phase := PREPARE;
+          v.phase     := PREPARE;
+          terms_start <= '1';
         end if;
 
       when PREPARE =>
 
-        terms_start <= not r.started;
-
-        if (terms_done = '1') then
-          v.phase := ASK;
-        end if;
-
-      when ASK =>
-
-        candidate_valid(0) <= '1';
-        candidate          <= (
+        candidate <= (
           probe    => '1',
           index    => (others => '0'),
           position => s_before,
           effort   => (others => '0')
         );
-        v.phase            := AWAIT;
+
+        if (ask = '1') then
+          candidate_valid(0) <= '1';
+          v.phase            := AWAIT;
+        end if;
 
       when AWAIT =>
 
         if (probe_done = '1') then
-          if (probe_held = '1') then
+          if (probe_held = '1' and lines_held = '1') then
             v.phase              := IDLE;
             v.valid              := '1';
             v.decision.position  := s_before;
@@ -315,13 +395,19 @@ begin
 
       when SEARCH =>
 
-        if (enumerate_valid = '1') then
+        if (enumerate_valid = '1' and lines_ready = '1') then
           candidate_valid <= first_of(candidate_ready);
           enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
         end if;
 
+        if (SINGLE and taken = '1') then
+          v.phase    := IDLE;
+          v.valid    := '1';
+          v.decision := decided(incoming, s_before, terms_saturated);
+        end if;
+
         -- the enumerator still shows the last search's end in the first clock
-        if (r.started = '1' and enumerate_done = '1' and taken = '0'
+        if (not SINGLE and r.started = '1' and enumerate_done = '1' and taken = '0'
             and explorer_busy = (explorer_busy'range => '0')) then
           v.phase := FINISH;
         end if;
@@ -330,11 +416,7 @@ begin
 
         v.phase              := IDLE;
         v.valid              := '1';
-        v.decision.position  := r.best.position;
-        v.decision.held      := '0';
-        v.decision.deadlock  := not r.best.feasible;
-        v.decision.length    := r.best.length;
-        v.decision.saturated := terms_saturated or r.best.saturated;
+        v.decision := decided(r.best, s_before, terms_saturated);
 
     end case;
 
@@ -360,6 +442,7 @@ begin
 
   end process p_state;
 
+  last       <= to_std_logic(r.phase = SEARCH) and r.started and enumerate_done;
   best_valid <= r.best.feasible;
   best_cost  <= r.best.cost;
   valid      <= r.valid;

@@ -33,6 +33,12 @@ package mpdcc_types is
 
   subtype position_t is unsigned(2 downto 0);
 
+  subtype curvature_t is signed(CURVATURE_WIDTH - 1 downto 0);
+
+  subtype margin_t is signed(MARGIN_WIDTH - 1 downto 0);
+
+  subtype turn_t is signed(TURN_WIDTH - 1 downto 0);
+
   type errors_t is array (0 to OUTPUTS - 1) of trajectory_t;
 
   type trajectories_t is array (0 to 2) of trajectory_t;
@@ -40,6 +46,12 @@ package mpdcc_types is
   type forced_terms_t is array (0 to 2) of forced_t;
 
   type current_terms_t is array (0 to 2) of current_term_t;
+
+  type curvatures_t is array (0 to 2) of curvature_t;
+
+  type margins_t is array (0 to 2) of margin_t;
+
+  type turns_t is array (0 to 2) of turn_t;
 
   type weights_t is array (0 to 2) of weight_t;
 
@@ -55,7 +67,30 @@ package mpdcc_types is
     neutral_current : current_terms_t; -- share of each phase in the slope of v_n
     weight_start    : weight_t;        -- sqrt(lambda_n) * v_n at k
     weight_slope    : weights_t;       -- share of each phase in its slope, WEIGHT_SLOPE_FRACTION extra bits
+    curvature       : curvatures_t;    -- of the current errors, per square step; fast variant alone
   end record node_t;
+
+  -- what the fast explorer needs besides: the band as seen from k, per phase
+  type band_t is record
+    first       : trajectories_t;               -- error + curvature: the error at k+1 but for the slope
+    margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound
+    margin_down : margins_t;                    -- error + bound: not negative inside the lower bound
+    outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k
+    turn        : turns_t;                      -- threshold, or -threshold - 1 with a negative curvature
+    previous    : positions_t;                  -- s(k-1)
+    negative    : std_logic_vector(2 downto 0); -- '1': negative phase current
+  end record band_t;
+
+  -- lengths and excesses of the capacitor voltages and v_n: rows 4 * phase + kind, then 16 + pattern
+
+  subtype capacitor_row_t is unsigned(4 downto 0);
+
+  type capacitor_t is record
+    write  : std_logic;       -- '1': a row is new
+    row    : capacitor_row_t;
+    length : length_t;        -- steps, at most the horizon
+    excess : trajectory_t;    -- |error at k+1| - bound
+  end record capacitor_t;
 
   type limits_t is record
     bound_current : bound_t;              -- trajectory units
@@ -99,7 +134,7 @@ package mpdcc_types is
 
   type candidate_t is record
     probe    : std_logic;                          -- '1': only ask whether step one stays inside
-    index    : unsigned(INDEX_WIDTH - 1 downto 0); -- place in the order of enumeration
+    index    : unsigned(INDEX_WIDTH - 1 downto 0); -- which next position of phases a, b, c, two bits each
     position : positions_t;                        -- candidate
     effort   : unsigned(EFFORT_WIDTH - 1 downto 0); -- f_s, weighted transitions
   end record candidate_t;
@@ -107,8 +142,7 @@ package mpdcc_types is
   type result_t is record
     feasible  : std_logic;                          -- '1': length > 0, cost valid; '0': excess valid
     saturated : std_logic;                          -- '1': the weight on v_n saturated
-    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- place in the order of enumeration
-    position  : positions_t;                        -- candidate
+    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- as in candidate_t; its order is the contract's
     length    : length_t;                           -- L*, steps
     cost      : cost_t;                             -- J, RECIPROCAL_FRACTION fractional bits
     excess    : trajectory_t;                       -- J_dl, trajectory units
@@ -120,7 +154,6 @@ package mpdcc_types is
     feasible  => '0',
     saturated => '0',
     index     => (others => '0'),
-    position  => (others => (others => '0')),
     length    => (others => '0'),
     cost      => (others => '0'),
     excess    => (others => '0')
@@ -138,6 +171,22 @@ package mpdcc_types is
   function neutral_slope (node : node_t; position : positions_t) return signed;
 
   function weight_slope_of (node : node_t; position : positions_t) return weight_t;
+
+  -- 0: neither charged nor discharged by a positive current, 1: charged, 2: discharged
+  function charge_kind (position : position_t) return unsigned;
+
+  -- which phases are connected to the neutral point, phase a in bit 0
+  function neutral_pattern (position : positions_t) return std_logic_vector;
+
+  -- next position that a choice stands for
+  function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t;
+
+  -- weight of the transition to it
+  function transition_weight (
+    previous : position_t;
+    negative : std_logic;
+    choice   : unsigned(1 downto 0)
+  ) return unsigned;
 
   -- '1' where a is better than b: feasible first, then cost or excess, then place
   function better (a, b : result_t) return std_logic;
@@ -188,10 +237,23 @@ package body mpdcc_types is
 
   begin
 
-    result := weighted(node.forced_link, is_in(position, LINK_POSITIVE), is_in(position, LINK_NEGATIVE))
-              + weighted(node.forced_phase(phase), is_in(position, CAPACITOR_POSITIVE),
-                         is_in(position, CAPACITOR_NEGATIVE))
-              + gated(node.forced_neutral, is_in(position, NEUTRAL_VOLTAGE));
+    -- a position connects the phase to one end of the dc-link or to the neutral point, never to both
+    result := (others => '0');
+
+    if (is_in(position, LINK_POSITIVE) = '1') then
+      result := resize(node.forced_link, FORCED_WIDTH + 1);
+    end if;
+
+    if (is_in(position, LINK_NEGATIVE) = '1') then
+      result := -resize(node.forced_link, FORCED_WIDTH + 1);
+    end if;
+
+    if (is_in(position, NEUTRAL_VOLTAGE) = '1') then
+      result := resize(node.forced_neutral, FORCED_WIDTH + 1);
+    end if;
+
+    result := adjusted(result, node.forced_phase(phase), is_in(position, CAPACITOR_POSITIVE),
+                       is_in(position, CAPACITOR_NEGATIVE));
     return result;
 
   end function phase_voltage;
@@ -228,6 +290,54 @@ package body mpdcc_types is
     return result;
 
   end function weight_slope_of;
+
+  function charge_kind (position : position_t) return unsigned is
+
+    variable result : unsigned(1 downto 0);
+
+  begin
+
+    result(0) := is_in(position, CAPACITOR_CHARGE);
+    result(1) := is_in(position, CAPACITOR_DISCHARGE);
+    return result;
+
+  end function charge_kind;
+
+  function neutral_pattern (position : positions_t) return std_logic_vector is
+
+    variable result : std_logic_vector(2 downto 0);
+
+  begin
+
+    for x in 0 to 2 loop
+      result(x) := is_in(position(x), NEUTRAL_CURRENT);
+    end loop;
+
+    return result;
+
+  end function neutral_pattern;
+
+  function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t is
+  begin
+
+    return to_unsigned(NEXT_POSITIONS(to_integer(previous), to_integer(choice)), 3);
+
+  end function next_position;
+
+  function transition_weight (
+    previous : position_t;
+    negative : std_logic;
+    choice   : unsigned(1 downto 0)
+  ) return unsigned is
+
+    variable row : unsigned(3 downto 0);
+
+  begin
+
+    row := negative & previous;
+    return to_unsigned(TRANSITION_WEIGHTS(to_integer(row), to_integer(choice)), EFFORT_WIDTH);
+
+  end function transition_weight;
 
   function better (a, b : result_t) return std_logic is
 

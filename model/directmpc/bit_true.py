@@ -1,6 +1,7 @@
 """The bit-true twin of ``mpdcc_core``: integer arithmetic, word for word what the gates compute.
 
-``decide_words`` mirrors the paper variant: linear extrapolation, Algorithm 2, costs in fixed point.  It
+``decide_words`` mirrors the paper variant: linear extrapolation, Algorithm 2, costs in fixed
+point.  It
 is written from the formats and the program of ``common_terms``; it never reads the RTL.  Pruning
 (the two early exits, 'no J_dl needed') cannot change an answer and is therefore not modelled.
 
@@ -8,6 +9,8 @@ All functions are compiled; everything is int64, whose range no intermediate res
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,7 +22,7 @@ from directmpc.coefficients import Registers, registers
 from directmpc.common_terms import (
     COEFFICIENTS,
     PRODUCTS,
-    PROGRAM,
+    PROGRAMS,
     SIGNALS,
     SPEEDS,
     TERMS,
@@ -33,11 +36,12 @@ _FACTORS = COEFFICIENTS + SPEEDS
 _RESULTS = PRODUCTS + TERMS
 
 
-def _flatten_program() -> NDArray[np.int64]:
+def _flatten_program(variant: str) -> NDArray[np.int64]:
     """Program in an order that respects its data flow: rows (a, b, alignment, result, last)."""
+    program = PROGRAMS[variant]
     rows = []
-    for clock in range(max(len(block) for block in PROGRAM)):
-        for block in PROGRAM:
+    for clock in range(max(len(block) for block in program)):
+        for block in program:
             if clock >= len(block):
                 continue
             step = block[clock]
@@ -54,7 +58,8 @@ def _flatten_program() -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64)
 
 
-_PROGRAM = _flatten_program()
+PAPER_PROGRAM = _flatten_program("paper")
+FAST_PROGRAM = _flatten_program("fast")
 _HIGHS = np.array([2 ** (result_width(name) - 1) - 1 for name in _RESULTS], dtype=np.int64)
 _N_SIGNALS = len(SIGNALS)
 _N_PRODUCTS = len(PRODUCTS)
@@ -80,11 +85,13 @@ _NEXT = np.array([list(p) + [p[-1]] * (4 - len(p)) for p in anpc.NEXT_POSITIONS]
 
 
 @njit(cache=True)
-def common_terms(measurement, register):  # type: ignore[no-untyped-def]
-    """Run the program of ``common_terms``.
+def common_terms(program, measurement, register):  # type: ignore[no-untyped-def]
+    """Run a program of ``common_terms``.
 
     Parameters
     ----------
+    program : ndarray of int64, shape (n, 5)
+        ``PAPER_PROGRAM`` or ``FAST_PROGRAM``.
     measurement : ndarray of int64, shape (13,)
         In the order of ``formats.MEASUREMENTS``.
     register : ndarray of int64
@@ -109,8 +116,8 @@ def common_terms(measurement, register):  # type: ignore[no-untyped-def]
     results = np.zeros(_N_RESULTS, dtype=np.int64)
     total = np.zeros(_N_RESULTS, dtype=np.int64)
     saturated = False
-    for row in range(_PROGRAM.shape[0]):
-        a, b, shift, result, last = _PROGRAM[row]
+    for row in range(program.shape[0]):
+        a, b, shift, result, last = program[row]
         factor = register[b] if b < _N_COEFFICIENTS else measurement[11 + b - _N_COEFFICIENTS]
         total[result] += (operand[a] * factor) << shift
         if last:
@@ -136,7 +143,7 @@ def _phases(alpha, beta):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def node(measurement, register):  # type: ignore[no-untyped-def]
+def node(program, measurement, register):  # type: ignore[no-untyped-def]
     """The node that explorers start from.
 
     Returns
@@ -151,9 +158,11 @@ def node(measurement, register):  # type: ignore[no-untyped-def]
         Capacitor-current terms per phase.
     weight_start : int
         sqrt(lambda_n)*v_n at k.
+    curvature : ndarray of int64, shape (3,)
+        Of the current errors; zero in the paper variant.
     saturated : bool
     """
-    t, saturated = common_terms(measurement, register)
+    t, saturated = common_terms(program, measurement, register)
     t = t[_N_PRODUCTS:]
     error = np.empty(7, dtype=np.int64)
     error[0], error[1], error[2] = _phases(t[0], t[1])
@@ -168,7 +177,9 @@ def node(measurement, register):  # type: ignore[no-untyped-def]
     midpoint[0], midpoint[1], midpoint[2] = _phases(t[15], t[16])
     weight_slope = np.empty(3, dtype=np.int64)
     weight_slope[0], weight_slope[1], weight_slope[2] = _phases(t[18], t[19])
-    return error, slope, forced, phase, midpoint, weight_slope, t[17], saturated
+    curvature = np.empty(3, dtype=np.int64)
+    curvature[0], curvature[1], curvature[2] = _phases(t[20], t[21])
+    return error, slope, forced, phase, midpoint, weight_slope, t[17], curvature, saturated
 
 
 @njit(cache=True)
@@ -237,8 +248,8 @@ def decide_words(register, measurement, s_prev):  # type: ignore[no-untyped-def]
     bound[4:7] = register[_N_COEFFICIENTS + 2]
     horizon = register[_N_COEFFICIENTS + 3]
     scale = register[_N_COEFFICIENTS + 4]
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, saturated = node(
-        measurement, register
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = node(
+        PAPER_PROGRAM, measurement, register
     )
     slope = np.empty(7, dtype=np.int64)
     slopes(s_prev, natural, forced, phase, midpoint, slope)
@@ -397,8 +408,38 @@ def _run(register, measurements, s_prev, out):  # type: ignore[no-untyped-def]
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 
 
+def run_rows(rows: Any, register: NDArray[np.int64], trace: MpdccTrace) -> Decisions:
+    """Decisions of a compiled loop over rows (``_run`` of a variant) for a trace.
+
+    Parameters
+    ----------
+    rows : compiled function
+        Arguments (register, measurements, s_prev, out).
+    register : ndarray of int64
+        ``Registers.array()``.
+    trace : MpdccTrace
+        n independent rows.
+
+    Returns
+    -------
+    Decisions
+        ``cycles`` is None: the model has no clock.
+    """
+    measurements, clipped = encode(trace)
+    out = np.empty((len(measurements), 7), dtype=np.int64)
+    rows(register, measurements, trace.s_prev.astype(np.int64), out)
+    return Decisions(
+        s=out[:, 0:3],
+        held=out[:, 3],
+        deadlock=out[:, 4],
+        length=out[:, 5],
+        cycles=None,
+        saturated=out[:, 6] | clipped,
+    )
+
+
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
-    """Decisions for every row of a trace.
+    """Decisions of the paper variant for every row of a trace.
 
     Parameters
     ----------
@@ -412,17 +453,5 @@ def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Dec
     Returns
     -------
     Decisions
-        ``cycles`` is None: the model has no clock.
     """
-    array = (values or registers(drive)).array()
-    measurements, clipped = encode(trace)
-    out = np.empty((len(measurements), 7), dtype=np.int64)
-    _run(array, measurements, trace.s_prev.astype(np.int64), out)
-    return Decisions(
-        s=out[:, 0:3],
-        held=out[:, 3],
-        deadlock=out[:, 4],
-        length=out[:, 5],
-        cycles=None,
-        saturated=out[:, 6] | clipped,
-    )
+    return run_rows(_run, (values or registers(drive)).array(), trace)

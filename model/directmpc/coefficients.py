@@ -1,8 +1,10 @@
 """From a drive to register values: what a host computes and writes once per drive.
 
 Nothing here depends on the state, the speeds or the dc-link voltage; those products are formed in
-fabric every step.  The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
-bounds allow, see ``formats``.  ``python -m directmpc.coefficients drive.toml`` prints the values.
+fabric every step.  ``python -m directmpc.coefficients drive.toml`` prints them.
+
+The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
+bounds allow, see ``formats``.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from directmpc import formats as f
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.drive import Drive, load_drive
 from directmpc.fit import choose_extrapolation
+from directmpc.second_order import FAR, fit_parabola
 
 #: Right shift that a product of each alignment undergoes on its way to the result.
 _COARSE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[1])
@@ -31,9 +34,9 @@ _ERROR = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[2])
 _REFERENCE_SPEED = f.CURRENT.scale * f.SPEED.scale / _COARSE
 _FLUX_SPEED = f.FLUX.scale * f.SPEED.scale / _COARSE
 _FLUX_SPEED2 = _FLUX_SPEED * f.SPEED.scale / _FINE
+_REFERENCE_SPEED2 = _REFERENCE_SPEED * f.SPEED.scale / _FINE
 
 _HIGH = 2 ** (f.COEFFICIENT_WIDTH - 1) - 1
-_BOUND_HIGH = 2**f.BOUND_WIDTH - 1
 _SQRT3_2 = math.sqrt(3.0) / 2.0
 
 
@@ -85,28 +88,54 @@ class Registers:
         return np.array(list(self.ports().values()), dtype=np.int64)
 
 
-def _per_unit(drive: Drive, length: int, correction: float) -> dict[str, float]:
-    """Coefficients for U = 1 as real numbers, apart from the weight on v_n (Paper A, eq. 14)."""
+def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:
+    """Real coefficients of slopes and curvatures for U = 1; L and p for reports."""
     m, h = drive.machine, drive.ts_pu
-    forced = h * m.xr / m.d / 3.0 * 2.0**f.FORCED_FRACTION
-    result = {
-        "error_alpha": _ERROR / f.CURRENT.scale,
-        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale,
-        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale),
+    if variant == "fast":
+        q = fit_parabola(drive.machine, h)
+        real = {
+            "stator_alpha": q.stator * _FINE / f.CURRENT.scale,
+            "rotor_alpha": q.rotor * _FINE / f.FLUX.scale,
+            "reference_alpha": -q.reference * _FINE / _REFERENCE_SPEED,
+            "emf_alpha": -q.emf * _COARSE / _FLUX_SPEED,
+            "correction_alpha": 0.0,
+            "curvature_emf_alpha": -q.curvature_emf * _FINE / _FLUX_SPEED,
+            "curvature_flux_alpha": -q.curvature_flux * _FINE / _FLUX_SPEED2,
+            "curvature_reference_alpha": -q.curvature_reference * _FINE / _REFERENCE_SPEED2,
+        }
+        return real | {"forced": q.forced}, FAR, 0.0
+    length, correction = choose_extrapolation(drive)
+    real = {
         "stator_alpha": h / m.tau_s * _FINE / f.CURRENT.scale,
         "rotor_alpha": -h * m.xm / (m.d * m.tau_r) * _FINE / f.FLUX.scale,
         "reference_alpha": -h * _FINE / _REFERENCE_SPEED,
         "emf_alpha": -h * m.xm / m.d * _COARSE / _FLUX_SPEED,
         "correction_alpha": -correction * length * h * h * _COARSE / _FLUX_SPEED2,
+        "curvature_emf_alpha": 0.0,
+        "curvature_flux_alpha": 0.0,
+        "curvature_reference_alpha": 0.0,
+    }
+    return real | {"forced": h * m.xr / m.d}, length, correction
+
+
+def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
+    """Add what the prediction does not depend on, and the beta components."""
+    h = drive.ts_pu
+    result = dict(real)
+    forced = result.pop("forced") / 3.0 * 2.0**f.FORCED_FRACTION
+    result |= {
+        "error_alpha": _ERROR / f.CURRENT.scale,
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale,
+        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale),
         "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
         "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
         "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
         "midpoint_alpha": h / (2.0 * drive.inverter.xdc) * _FINE / f.CURRENT.scale,
     }
-    for name in ("error", "stator", "rotor", "correction", "phase", "midpoint"):
-        result[f"{name}_beta"] = _SQRT3_2 * result[f"{name}_alpha"]
-    for name in ("reference", "emf"):  # the cross terms change sign between the components
-        result[f"{name}_beta"] = -_SQRT3_2 * result[f"{name}_alpha"]
+    for name in [n.removesuffix("_alpha") for n in result if n.endswith("_alpha")]:
+        # cross terms change sign between the components
+        sign = -1.0 if name in ("reference", "emf", "curvature_emf") else 1.0
+        result[f"{name}_beta"] = sign * _SQRT3_2 * result[f"{name}_alpha"]
     return result
 
 
@@ -130,13 +159,15 @@ def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     )
 
 
-def registers(drive: Drive) -> Registers:
+def registers(drive: Drive, variant: str = "paper") -> Registers:
     """Register values of a drive.
 
     Parameters
     ----------
     drive : Drive
         Validated drive file.
+    variant : str
+        "paper" or "fast": which explorers the core has.
 
     Returns
     -------
@@ -147,12 +178,12 @@ def registers(drive: Drive) -> Registers:
     ValueError
         Where a value cannot be represented; the message names the drive file's key.
     """
-    length, correction = choose_extrapolation(drive)
-    real = _per_unit(drive, length, correction)
+    prediction, length, correction = _prediction(drive, variant)
+    real = _per_unit(drive, prediction)
     bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
     unit = min(
         min(_HIGH / abs(value) for value in real.values() if value != 0.0),
-        _BOUND_HIGH / max(bounds),
+        f.BOUND_HIGH[variant] / max(bounds),
     )
     scale, weight = _weight(drive)
     values = {name: value * unit for name, value in real.items()} | weight
@@ -197,9 +228,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("drive", help="drive file (TOML)")
     parser.add_argument("--csv", action="store_true", help="comma-separated, for a program to read")
+    parser.add_argument(
+        "--variant", choices=sorted(f.BOUND_HIGH), default="fast", help="explorers of the core"
+    )
     given = parser.parse_args(arguments)
     try:
-        values = registers(load_drive(given.drive))
+        values = registers(load_drive(given.drive), given.variant)
         print(format_csv(values) if given.csv else format_table(values), flush=True)
     except BrokenPipeError:  # a reader such as head has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

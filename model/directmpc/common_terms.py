@@ -48,6 +48,12 @@ COEFFICIENTS: tuple[str, ...] = (
     "weight",
     "weight_alpha",
     "weight_beta",
+    "curvature_emf_alpha",
+    "curvature_emf_beta",
+    "curvature_flux_alpha",
+    "curvature_flux_beta",
+    "curvature_reference_alpha",
+    "curvature_reference_beta",
 )
 
 #: Operands A (18 bits): measurements, their differences, and products fed back.
@@ -78,6 +84,8 @@ PRODUCTS: tuple[str, ...] = (
     "flux_speed_beta",
     "flux_speed2_alpha",  # w_r^2 * psir_alpha
     "flux_speed2_beta",
+    "reference_speed2_alpha",  # w_s^2 * iref_alpha
+    "reference_speed2_beta",
 )
 
 #: Terms of the node (23 bits), as the sequencer delivers them.
@@ -100,8 +108,10 @@ TERMS: tuple[str, ...] = (
     "midpoint_alpha",  # h/(2*X_dc) * i
     "midpoint_beta",
     "weight_start",  # sqrt(lambda_n) * v_n
-    "weight_alpha",  # its slope per step and ampere, two extra fractional bits
+    "weight_alpha",  # its slope per step, two extra fractional bits
     "weight_beta",
+    "curvature_alpha",  # of the current error, per square step; the fast variant alone
+    "curvature_beta",
 )
 
 SPEEDS: tuple[str, ...] = ("omega_s", "omega_r")
@@ -129,57 +139,102 @@ class Step:
     result: str
 
 
-def _component(name: str, other: str, flux2: str) -> list[Step]:
-    """Slope of one component of the current error, five products."""
+def _slope(name: str, other: str) -> list[Step]:
+    """Slope of one component of the current error, without the correction."""
     return [
         Step(f"is_{name}", f"stator_{name}", 0, f"slope_{name}"),
         Step(f"psir_{name}", f"rotor_{name}", 0, f"slope_{name}"),
         Step(f"reference_speed_{other}", f"reference_{name}", 0, f"slope_{name}"),
         Step(f"flux_speed_{other}", f"emf_{name}", 1, f"slope_{name}"),
-        Step(flux2, f"correction_{name}", 1, f"slope_{name}"),
     ]
 
 
-def _block(name: str, other: str) -> list[Step]:
+def _current(name: str, other: str, end: list[Step]) -> tuple[Step, ...]:
     """Program of the block that owns one current component."""
-    return [
+    return (
         Step(f"psir_{name}", "omega_r", 1, f"flux_speed_{name}"),
-        Step(f"difference_{name}", f"error_{name}", 2, f"error_{name}"),
         Step(f"is_{name}", f"phase_{name}", 0, f"phase_{name}"),
         Step(f"is_{name}", f"midpoint_{name}", 0, f"midpoint_{name}"),
-        *_component(name, other, f"flux_speed2_{name}"),
-    ]
+        Step(f"difference_{name}", f"error_{name}", 2, f"error_{name}"),
+        *_slope(name, other),
+        *end,
+    )
 
 
-#: One list per multiply-accumulate block; position in the list is the clock it is issued.
-PROGRAM: tuple[tuple[Step, ...], ...] = (
-    tuple(_block("alpha", "beta")),
-    tuple(_block("beta", "alpha")),
-    (
-        Step("iref_alpha", "omega_s", 1, "reference_speed_alpha"),
-        Step("v_n", "error_neutral", 2, "error_neutral"),
-        Step("difference_b", "error_phase", 2, "error_b"),
-        Step("v_dc", "forced_voltage", 1, "forced_link"),
-        Step("flux_speed_alpha", "omega_r", 0, "flux_speed2_alpha"),
-        Step("v_ph_a", "forced_voltage", 1, "forced_a"),
-        Step("v_ph_c", "forced_voltage", 1, "forced_c"),
-        Step("is_alpha", "weight_alpha", 1, "weight_alpha"),
-    ),
-    (
-        Step("iref_beta", "omega_s", 1, "reference_speed_beta"),
-        Step("difference_a", "error_phase", 2, "error_a"),
-        Step("difference_c", "error_phase", 2, "error_c"),
-        Step("v_n", "forced_neutral", 1, "forced_neutral"),
-        Step("flux_speed_beta", "omega_r", 0, "flux_speed2_beta"),
-        Step("v_ph_b", "forced_voltage", 1, "forced_b"),
-        Step("v_n", "weight", 1, "weight_start"),
-        Step("is_beta", "weight_beta", 1, "weight_beta"),
-    ),
+def _correction(name: str) -> Step:
+    """Paper A's correction of the Euler step."""
+    return Step(f"flux_speed2_{name}", f"correction_{name}", 1, f"slope_{name}")
+
+
+def _curvature(name: str, other: str) -> tuple[Step, ...]:
+    """Curvature of one component of the current error; the end of a program."""
+    return (
+        Step(f"flux_speed_{other}", f"curvature_emf_{name}", 0, f"curvature_{name}"),
+        Step(f"flux_speed2_{name}", f"curvature_flux_{name}", 0, f"curvature_{name}"),
+        Step(f"reference_speed2_{name}", f"curvature_reference_{name}", 0, f"curvature_{name}"),
+    )
+
+
+_FORCED = {
+    name: Step(signal, "forced_neutral" if signal == "v_n" else "forced_voltage", 1, name)
+    for name, signal in (
+        ("forced_link", "v_dc"),
+        ("forced_neutral", "v_n"),
+        ("forced_a", "v_ph_a"),
+        ("forced_b", "v_ph_b"),
+        ("forced_c", "v_ph_c"),
+    )
+}
+_WEIGHT_ALPHA = Step("is_alpha", "weight_alpha", 1, "weight_alpha")
+_WEIGHT_BETA = Step("is_beta", "weight_beta", 1, "weight_beta")
+_WEIGHT_START = Step("v_n", "weight", 1, "weight_start")
+_HEAD_2 = (
+    Step("iref_alpha", "omega_s", 1, "reference_speed_alpha"),
+    Step("v_n", "error_neutral", 2, "error_neutral"),
+    Step("difference_b", "error_phase", 2, "error_b"),
+    _FORCED["forced_link"],
+    Step("flux_speed_alpha", "omega_r", 0, "flux_speed2_alpha"),
 )
+_HEAD_3 = (
+    Step("iref_beta", "omega_s", 1, "reference_speed_beta"),
+    Step("difference_a", "error_phase", 2, "error_a"),
+    Step("difference_c", "error_phase", 2, "error_c"),
+    _FORCED["forced_neutral"],
+    Step("flux_speed_beta", "omega_r", 0, "flux_speed2_beta"),
+)
+
+#: One list per multiply-accumulate block and variant; position in the list is the clock of issue.
+PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
+    "paper": (
+        _current("alpha", "beta", [_correction("alpha")]),
+        _current("beta", "alpha", [_correction("beta")]),
+        (*_HEAD_2, _FORCED["forced_a"], _FORCED["forced_c"], _WEIGHT_ALPHA),
+        (*_HEAD_3, _FORCED["forced_b"], _WEIGHT_START, _WEIGHT_BETA),
+    ),
+    "fast": (
+        _current("alpha", "beta", [_FORCED["forced_a"], _WEIGHT_ALPHA]),
+        _current("beta", "alpha", [_FORCED["forced_b"], _WEIGHT_BETA]),
+        (
+            *_HEAD_2,
+            Step("reference_speed_alpha", "omega_s", 0, "reference_speed2_alpha"),
+            _FORCED["forced_c"],
+            *_curvature("alpha", "beta"),
+        ),
+        (
+            *_HEAD_3,
+            Step("reference_speed_beta", "omega_s", 0, "reference_speed2_beta"),
+            _WEIGHT_START,
+            *_curvature("beta", "alpha"),
+        ),
+    ),
+}
+PROGRAM = PROGRAMS["paper"]
 
 #: Clocks from issuing a product until its rounded result can be an operand.
 RESULT_LATENCY = 4
-PROGRAM_LENGTH = max(len(block) for block in PROGRAM)
+PROGRAM_LENGTHS = {
+    variant: max(len(block) for block in program) for variant, program in PROGRAMS.items()
+}
 
 
 def result_width(name: str) -> int:
@@ -192,18 +247,61 @@ def result_width(name: str) -> int:
         return f.WEIGHT_SLOPE_WIDTH
     if name.startswith("forced_"):
         return f.FORCED_WIDTH
+    if name.startswith("curvature_"):
+        return f.CURVATURE_TERM_WIDTH
     return f.TERM_WIDTH
 
 
-def check_program() -> None:
+def _largest_signal(name: str) -> int:
+    """Largest magnitude of an operand A that is no product."""
+    if name.startswith("difference_"):
+        return 2**17
+    unsigned = name.startswith(("v_ph", "v_dc"))
+    return 2**16 - 1 if unsigned else 2**15
+
+
+def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
+    """Largest magnitude each result of a program can have before it is saturated.
+
+    Every operand and coefficient is taken at the extreme of its word, whatever a drive allows.
+    """
+    largest: dict[str, int] = {}
+    for clock in range(max(len(block) for block in program)):
+        for block in program:
+            if clock >= len(block):
+                continue
+            step = block[clock]
+            if step.a in SIGNALS:
+                a = _largest_signal(step.a)
+            else:
+                limit = 2 ** (result_width(step.a) - 1)
+                a = min(limit, largest[step.a] >> f.RESULT_SHIFT)
+            product = a * 2 ** (f.COEFFICIENT_WIDTH - 1) << f.ALIGNMENT[step.alignment]
+            largest[step.result] = largest.get(step.result, 2 ** (f.RESULT_SHIFT - 1)) + product
+    return largest
+
+
+def saturates(variant: str, name: str) -> bool:
+    """Whether a result can exceed its word at all: only then is there logic to saturate it."""
+    sums = largest_sums(PROGRAMS[variant])
+    return name in sums and sums[name] >> f.RESULT_SHIFT >= 2 ** (result_width(name) - 1)
+
+
+def base_alignment(program: tuple[tuple[Step, ...], ...], result: str) -> int:
+    """Smallest alignment among the products of a result: it costs no logic, only wiring."""
+    return min(step.alignment for block in program for step in block if step.result == result)
+
+
+def check_program(variant: str) -> None:
     """Raise ValueError where a step reads a product before it exists or a sum is interrupted."""
+    program = PROGRAMS[variant]
     ready: dict[str, int] = {}
-    for block in PROGRAM:
+    for block in program:
         for clock, step in enumerate(block):
             if step.result in PRODUCTS:
                 ready[step.result] = clock + RESULT_LATENCY
     seen: set[str] = set()
-    for block in PROGRAM:
+    for block in program:
         last = ""
         for clock, step in enumerate(block):
             if step.a not in SIGNALS and clock < ready[step.a]:
@@ -214,9 +312,13 @@ def check_program() -> None:
                 raise ValueError(f"the sum {step.result} is interrupted at clock {clock}")
             seen.add(step.result)
             last = step.result
-    missing = (set(TERMS) | set(PRODUCTS)) - seen
+    spared = () if variant == "fast" else ("curvature_", "reference_speed2_")
+    if max(largest_sums(program).values()) >= 2 ** (f.ACCUMULATOR_WIDTH - 1):
+        raise ValueError("a sum does not fit the accumulator")
+    missing = {n for n in (*TERMS, *PRODUCTS) if not n.startswith(spared or ("-",))} - seen
     if missing:
         raise ValueError(f"no step computes {sorted(missing)}")
 
 
-check_program()
+for _variant in PROGRAMS:
+    check_program(_variant)

@@ -99,18 +99,29 @@ INDEX_WIDTH = 6  # place of a candidate in the contract's order
 EFFORT_WIDTH = 4  # weighted switching transitions of one candidate, 0..15
 RECIPROCAL_FRACTION = 24  # fractional bits of 1/L and of the cost J
 COST_WIDTH = 31  # f_s/L + lambda_n * v_n^2, unsigned, 24 fractional bits
+CURVATURE_TERM_WIDTH = 12  # alpha and beta component of the curvature, signed
+CURVATURE_WIDTH = 11  # curvature of one phase, trajectory units per square step, signed
+START_SLOPE_WIDTH = 17  # slope at k as the fast search takes it, clipped, signed
+SLOPE_WIDTH = 18  # slope at any step of the fast search, signed
+MARGIN_WIDTH = 17  # distance from the bound of exit in the fast search, signed
+TURN_SHIFT = 6  # low bits of the slope that the test for a turn leaves out
+TURN_WIDTH = 19  # slope beyond which a trajectory leaves before it turns, signed
 WEIGHT_WIDTH = 18  # sqrt(lambda_n) * v_n, signed
 WEIGHT_SLOPE_WIDTH = 17  # its slope per step, signed: the sum over the phases fits 18 bits
 FORCED_WIDTH = 20  # voltage terms of the slopes, signed
 FORCED_FRACTION = 2  # extra fractional bits of the forced terms: their sum is four of them
 WEIGHT_SLOPE_FRACTION = 2  # extra fractional bits of the slope of sqrt(lambda_n) * v_n
 
+#: Largest bound (trajectory units) by variant.  The fast search keeps 17-bit margins: a trajectory
+#: that does not leave before it turns goes at most 1.125 * (bound + |error|) beyond the error.
+BOUND_HIGH = {"paper": 2**BOUND_WIDTH - 1, "fast": 29000}
+
 #: Products are aligned so that bit RESULT_SHIFT of the accumulator is the LSB of the result; a
 #: program step may shift its product left by ``ALIGNMENT[k]`` first.
 RESULT_SHIFT = 16
 ALIGNMENT = (0, 3, 6)
-#: product + largest alignment + five-term sums
-ACCUMULATOR_WIDTH = OPERAND_WIDTH + COEFFICIENT_WIDTH + max(ALIGNMENT) + 3
+#: the largest sum any program can form fits (asserted where the package is written)
+ACCUMULATOR_WIDTH = 41
 
 #: sqrt(lambda_n) * v_n carries 14, 16, 18 or 20 fractional bits; its square is shifted right by
 #: these to reach the cost's 24.

@@ -29,7 +29,13 @@ from rich.console import Console
 from directmpc import anpc, bit_true, closed_loop, ideal, metrics
 from directmpc.closed_loop import OperatingPoint
 from directmpc.drive import Drive, load_drive
-from directmpc.replay import VARIANTS, OneParagraphParser, report_error, simulate_rows
+from directmpc.replay import (
+    DEFAULT_VARIANT,
+    VARIANTS,
+    OneParagraphParser,
+    report_error,
+    simulate_rows,
+)
 from directmpc.rtl_simulation import FIELDS, ROOT, SimulationError
 from directmpc.run import PAPER_CYCLES, draw, save_png, simulate
 from scripts import tools
@@ -70,13 +76,19 @@ class Design:
         Its object in metrics.json.
     folded
         The generic FOLDED of the core.
+    placed
+        Numbers of explorers that are placed and routed.
     """
 
     key: str
     folded: bool
+    placed: tuple[int, ...]
 
 
-DESIGNS = {"paper": Design("mpdcc_paper", True)}
+DESIGNS = {
+    "fast": Design("mpdcc", False, (1,)),
+    "paper": Design("mpdcc_paper", True, (2,)),
+}
 
 
 # --- cycles ---------------------------------------------------------------------------------------
@@ -85,7 +97,9 @@ DESIGNS = {"paper": Design("mpdcc_paper", True)}
 @njit  # not cached on disk: a cache would not notice changes of bit_true
 def _alive(register, coefficients, measurement, s_prev, following):  # type: ignore[no-untyped-def]
     """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
-    error, natural, forced, phase, midpoint, _, _, _ = bit_true.node(measurement, register)
+    error, natural, forced, phase, midpoint, _, _, _, _ = bit_true.node(
+        bit_true.PAPER_PROGRAM, measurement, register
+    )
     bound = np.empty(7, dtype=np.int64)
     bound[0:3] = register[coefficients]
     bound[3] = register[coefficients + 1]
@@ -192,7 +206,7 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
     ):
         register = VARIANTS[variant].registers(drive).array()
         expected = np.array(
-            [bit_true.decide_words(register, m, s) for m, s in zip(*rows, strict=True)]
+            [VARIANTS[variant].decide_words(register, m, s) for m, s in zip(*rows, strict=True)]
         )
         corpus.append((register, *rows, expected))
     worst, measured, held = {}, {}, set()
@@ -388,15 +402,18 @@ def resources(variant: str, jobs: int) -> tuple[dict[str, dict[str, Any]], dict[
                 key: value for key, value in figures.items() if key not in dropped
             }
     for family in FAMILIES:
-        missing = [n for n in EXPLORERS if str(n) not in found[family]]
+        wanted = EXPLORERS if family == "xc3s" else (PLACED,)
+        missing = [n for n in wanted if str(n) not in found[family]]
         if missing:
             raise ReportError(f"no {family} figures for {missing} explorers ({variant})")
     return found, document["tools"]
 
 
-def placed(variant: str, jobs: int, seeds: int) -> tuple[dict[str, float], dict[str, str]]:
-    """Clock frequency on ECP5 of the core with `PLACED` explorers, and the tools."""
-    generics: tools.Generics = {"EXPLORERS": PLACED, "FOLDED": DESIGNS[variant].folded}
+def placed(
+    variant: str, explorers: int, jobs: int, seeds: int
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Clock frequency on ECP5 of the core, and the tools."""
+    generics: tools.Generics = {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
     name = tools.configuration_name("mpdcc_core", generics)
     _script("scripts.pnr", name, "--jobs", str(jobs), "--seeds", str(seeds))
     out = BUILD / f"pnr_{name.replace('-', '_')}.json"
@@ -417,12 +434,12 @@ def _csv_text(rows: Sequence[dict[str, Any]], head: Sequence[str]) -> str:
     return out.getvalue()
 
 
-def table2(figures: dict[str, Any], head: Sequence[str]) -> str:
+def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
     """Paper A's Table II with ours beside it, as Markdown."""
     lines = [
         "# Cycles and hardware beside Paper A's Table II",
         "",
-        "Paper variant, Spartan-3 (Yosys, before a mapper). Slices compare as slices_unpacked,",
+        f"Variant {variant}, Spartan-3 (Yosys, no mapper). Slices compare as slices_unpacked,",
         "(LUT + FF)/2; a mapper that packs unrelated logic lands between that and slices_packed,",
         "max(LUT, FF)/2. Cycles are the bound for any input; the longest decision that a corpus of",
         "rows with 64 candidates caused stands beside it.",
@@ -443,36 +460,67 @@ def table2(figures: dict[str, Any], head: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
+def _frequency(figures: dict[str, Any]) -> str:
+    """Clock frequencies of the placed configurations, and what a decision takes then."""
+    parts = []
+    for n, area in figures["ecp5"].items():
+        if "fmax_worst_mhz" in area:
+            clock = area["fmax_worst_mhz"]
+            parts.append(
+                f"n = {n}: {clock:.1f} MHz of {area['seeds']} seeds, "
+                f"{figures['cycles_worst'][n] / clock:.2f} us"
+            )
+    return "; ".join(parts)
+
+
+def _column(figures: dict[str, Any]) -> list[str]:
+    """One variant's figures for the README's table, two explorers."""
+    n = str(PLACED)
+    area, fit, ecp5 = figures["xc3s"][n], figures["fidelity"], figures["ecp5"][n]
+    worst = figures["cycles_worst"][n]
+    return [
+        f"{worst}",
+        f"{worst / 40:.1f} us",
+        f"{figures['cycles_hold']}",
+        f"{area['slices_unpacked']} unpacked, {area['slices_packed']} packed (estimate)",
+        f"{area['mult']}",
+        f"{area['bram']}",
+        f"{ecp5['lut']}, {ecp5['ff']}, {ecp5['dsp']}",
+        _frequency(figures),
+        f"{fit['decision_mismatch_pct']:.2f} % of {fit['steps']} steps",
+        f"{fit['fsw_diff_bounds_pct']:.1f} %",
+        f"{fit['thd_diff_bounds_pct']:.1f} %",
+        f"{fit['fsw_diff_pct']:.0f} and {fit['thd_diff_pct']:.1f} %",
+    ]
+
+
 def readme_figures(document: dict[str, Any]) -> str:
     """The README's table, from metrics.json alone."""
-    figures = document["mpdcc_paper"]
-    n = str(PLACED)
-    area, fit = figures["xc3s"][n], figures["fidelity"]
-    ecp5 = figures["ecp5"][n]
     index = EXPLORERS.index(PLACED)
-    worst = figures["cycles_worst"][n]
+    worst = PAPER_CYCLES[PLACED]
+    labels = [
+        ("clock cycles, worst case", f"{worst}"),
+        ("the same at 40 MHz", f"{worst / 40:.1f} us"),
+        ("clock cycles, position held", "not stated"),
+        ("Spartan-3 slices", f"{PAPER_SLICES[index]}"),
+        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}"),
+        ("block RAMs", "not stated"),
+        ("ECP5 (-6): LUT, FF, DSP", ""),
+        ("ECP5 (-6): Fmax, worst seed; worst case at that clock", ""),
+        ("decisions that differ from the ideal controller", "2.5 %"),
+        ("switching frequency, largest difference over the current bounds", "below 8 %"),
+        ("current THD, largest difference over the current bounds", "below 2 %"),
+        ("the same over speeds 0.2 to 1.0, both signs", "not stated"),
+    ]
+    columns = [_column(document[DESIGNS[variant].key]) for variant in ("fast", "paper")]
     rows = [
-        ("", "Paper A", "directmpc, paper variant"),
-        ("---", "---:", "---:"),
-        ("clock cycles, worst case", f"{PAPER_CYCLES[PLACED]}", f"{worst}"),
-        ("the same at 40 MHz", f"{PAPER_CYCLES[PLACED] / 40:.1f} us", f"{worst / 40:.1f} us"),
-        ("clock cycles, position held", "not stated", f"{figures['cycles_hold']}"),
-        ("Spartan-3 slices", f"{PAPER_SLICES[index]}",
-         f"{area['slices_unpacked']} unpacked, {area['slices_packed']} packed (estimate)"),
-        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}", f"{area['mult']}"),
-        ("block RAMs", "not stated", f"{area['bram']}"),
-        ("ECP5 (-6): LUT, FF, DSP", "", f"{ecp5['lut']}, {ecp5['ff']}, {ecp5['dsp']}"),
-        (f"ECP5 (-6): Fmax, worst of {ecp5['seeds']} seeds", "",
-         f"{ecp5['fmax_worst_mhz']:.1f} MHz"),
-        ("decisions that differ from the ideal controller", "2.5 %",
-         f"{fit['decision_mismatch_pct']:.2f} % of {fit['steps']} steps"),
-        ("switching frequency, largest difference over the current bounds", "below 8 %",
-         f"{fit['fsw_diff_bounds_pct']:.1f} %"),
-        ("current THD, largest difference over the current bounds", "below 2 %",
-         f"{fit['thd_diff_bounds_pct']:.1f} %"),
-        ("the same over speeds 0.2 to 1.0, both signs", "not stated",
-         f"{fit['fsw_diff_pct']:.0f} and {fit['thd_diff_pct']:.1f} %"),
-    ]  # fmt: skip
+        ("", "Paper A", "fast variant", "paper variant"),
+        ("---", "---:", "---:", "---:"),
+        *(
+            (label, paper, *ours)
+            for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
+        ),
+    ]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     commit = document["commit"]
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
@@ -514,8 +562,9 @@ def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
         say(f"resources of every number of explorers ({variant})")
         area, synth_tools = resources(variant, jobs)
         say(f"clock frequency on {PART} ({variant})")
-        frequency, pnr_tools = placed(variant, jobs, seeds)
-        area["ecp5"][str(PLACED)] |= frequency
+        for explorers in design.placed:
+            frequency, pnr_tools = placed(variant, explorers, jobs, seeds)
+            area["ecp5"].setdefault(str(explorers), {}).update(frequency)
         rows = fidelity(variant, say)
         figures = cycles(variant, say) | area | {"fidelity": fidelity_summary(rows)}
         document[design.key] = figures
@@ -526,8 +575,8 @@ def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
             f"commit: {commit}",
             f"command: {COMMAND}",
         ]
-        suffix = "" if variant == "paper" else f"_{variant}"
-        files[f"table2{suffix}.md"] = table2(figures, head)
+        suffix = "" if variant == DEFAULT_VARIANT else f"_{variant}"
+        files[f"table2{suffix}.md"] = table2(figures, head, variant)
         files[f"fidelity{suffix}.csv"] = _csv_text(rows, ["part: none, models only", *head[1:]])
         draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")

@@ -69,6 +69,13 @@ def _formats() -> list[str]:
         ("INDEX_WIDTH", f.INDEX_WIDTH, "bits, place of a candidate in the order of enumeration"),
         ("EFFORT_WIDTH", f.EFFORT_WIDTH, "bits, weighted transitions of a candidate"),
         ("RECIPROCAL_FRACTION", f.RECIPROCAL_FRACTION, "fractional bits of 1/L and of the cost"),
+        ("CURVATURE_TERM_WIDTH", f.CURVATURE_TERM_WIDTH, "bits, curvature components, signed"),
+        ("CURVATURE_WIDTH", f.CURVATURE_WIDTH, "bits, curvature of a phase, signed"),
+        ("START_SLOPE_WIDTH", f.START_SLOPE_WIDTH, "bits, slope at k in the fast search, signed"),
+        ("SLOPE_WIDTH", f.SLOPE_WIDTH, "bits, slope at any step of the fast search, signed"),
+        ("MARGIN_WIDTH", f.MARGIN_WIDTH, "bits, distance from the bound of exit, signed"),
+        ("TURN_SHIFT", f.TURN_SHIFT, "bits of the slope that the test for a turn leaves out"),
+        ("TURN_WIDTH", f.TURN_WIDTH, "bits, slope beyond which a trajectory leaves first, signed"),
         ("COST_WIDTH", f.COST_WIDTH, "bits, unsigned"),
         ("WEIGHT_WIDTH", f.WEIGHT_WIDTH, "bits, sqrt(lambda_n)*v_n, signed"),
         ("WEIGHT_SLOPE_WIDTH", f.WEIGHT_SLOPE_WIDTH, "bits, its slope per step, signed"),
@@ -124,6 +131,9 @@ def _leg() -> list[str]:
         f"  constant NEXT_LAST : next_last_t := ({counts});",
         "",
     ]
+    heaviest = 3 * int(anpc.TRANSITION_WEIGHT.max())
+    if heaviest >= 2**f.EFFORT_WIDTH:
+        raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")
     weights = [
         [int(anpc.TRANSITION_WEIGHT[sign, s, p]) for p in nexts[s]]
         for sign in range(2)
@@ -138,15 +148,121 @@ def _leg() -> list[str]:
     return lines
 
 
+def _variants(name: str, kind: str, tables: list[list[list[int]]], comment: str) -> list[str]:
+    """Three-dimensional constant: variant, block, clock."""
+    bodies = []
+    for table in tables:
+        rows = ",\n      ".join("(" + ", ".join(str(v) for v in row) + ")" for row in table)
+        bodies.append(f"    (\n      {rows}\n    )")
+    body = ",\n".join(bodies)
+    return [f"  -- {comment}", f"  constant {name} : {kind} := (", body, "  );", ""]
+
+
+class _Program:
+    """A program of the common terms as tables of integers, padded to a common length."""
+
+    def __init__(self, variant: str, length: int) -> None:
+        self.blocks = ct.PROGRAMS[variant]
+        self.length = length
+        self.operands = ct.SIGNALS + ct.PRODUCTS
+        self.factors = ct.COEFFICIENTS + ct.SPEEDS
+        self.results = ct.PRODUCTS + ct.TERMS
+
+    def _rows(self, value) -> list[list[int]]:  # type: ignore[no-untyped-def]
+        return [[value(block, clock) for clock in range(self.length)] for block in self.blocks]
+
+    def words(self, field: str) -> list[list[int]]:
+        """Operands that each block's multiplexer needs, each once; padded with -1."""
+        table = self.operands if field == "a" else self.factors
+        rows = []
+        for block in self.blocks:
+            used = list(dict.fromkeys(table.index(getattr(step, field)) for step in block))
+            rows.append(used + [-1] * (self.length - len(used)))
+        return rows
+
+    def select(self, field: str) -> list[list[int]]:
+        """Which of these words each step takes."""
+        table = self.operands if field == "a" else self.factors
+        words = self.words(field)
+        return [
+            [
+                words[n].index(table.index(getattr(block[clock], field)))
+                if clock < len(block)
+                else 0
+                for clock in range(self.length)
+            ]
+            for n, block in enumerate(self.blocks)
+        ]
+
+    def alignment(self) -> list[list[int]]:
+        """Left shift of each product against the others of its sum, in alignment steps."""
+        return self._rows(
+            lambda b, clock: (
+                b[clock].alignment - ct.base_alignment(self.blocks, b[clock].result)
+                if clock < len(b)
+                else 0
+            )
+        )
+
+    def shift(self) -> list[list[int]]:
+        """Accumulator bit that is the LSB of the result a step belongs to."""
+        return self._rows(
+            lambda b, clock: (
+                f.RESULT_SHIFT - f.ALIGNMENT[ct.base_alignment(self.blocks, b[clock].result)]
+                if clock < len(b)
+                else f.RESULT_SHIFT
+            )
+        )
+
+    def accumulate(self) -> list[list[int]]:
+        """1 where a product is added to the sum so far."""
+        return self._rows(
+            lambda b, clock: int(0 < clock < len(b) and b[clock].result == b[clock - 1].result)
+        )
+
+    def result(self) -> list[list[int]]:
+        """Result that is complete with a step, or -1."""
+
+        def complete(block, clock) -> int:  # type: ignore[no-untyped-def]
+            if clock >= len(block):
+                return -1
+            ends = clock + 1 == len(block) or block[clock + 1].result != block[clock].result
+            return self.results.index(block[clock].result) if ends else -1
+
+        return self._rows(complete)
+
+
+def _capacitor_step() -> int:
+    """Clock of issue that completes what the capacitor search needs; the same in all programs."""
+    wanted = ("error_neutral", "error_a", "error_b", "error_c", "phase_", "midpoint_")
+    last = {
+        max(
+            clock
+            for block in program
+            for clock, step in enumerate(block)
+            if step.result.startswith(wanted)
+        )
+        for program in ct.PROGRAMS.values()
+    }
+    (step,) = last
+    return step
+
+
 def _program() -> list[str]:
-    """Program of the common terms."""
-    operands, factors = ct.SIGNALS + ct.PRODUCTS, ct.COEFFICIENTS + ct.SPEEDS
-    results = ct.PRODUCTS + ct.TERMS
+    """Programs of the common terms; variant 0 is the fast one, variant 1 the paper's."""
+    variants = ("fast", "paper")
+    length = max(ct.PROGRAM_LENGTHS.values())
+    programs = [_Program(variant, length) for variant in variants]
+    operands, factors, results = programs[0].operands, programs[0].factors, programs[0].results
     lines = []
     for prefix, names in (("OPERAND", operands), ("FACTOR", factors), ("RESULT", results)):
         for index, name in enumerate(names):
             lines.append(f"  constant {prefix}_{name.upper()} : natural := {index};")
         lines.append("")
+    lengths = ", ".join(str(ct.PROGRAM_LENGTHS[variant]) for variant in variants)
+    saturating = [
+        ", ".join(str(int(ct.saturates(variant, name))) for name in results) for variant in variants
+    ]
     lines += [
         f"  constant OPERAND_COUNT : natural := {len(operands)}; -- signals, then products",
         f"  constant SIGNAL_COUNT : natural := {len(ct.SIGNALS)};",
@@ -154,55 +270,45 @@ def _program() -> list[str]:
         f"  constant FACTOR_COUNT : natural := {len(factors)};",
         f"  constant COEFFICIENT_COUNT : natural := {len(ct.COEFFICIENTS)};",
         f"  constant RESULT_COUNT : natural := {len(results)};",
-        f"  constant BLOCK_COUNT : natural := {len(ct.PROGRAM)}; -- multiply-accumulate blocks",
-        f"  constant PROGRAM_LENGTH : natural := {ct.PROGRAM_LENGTH}; -- clocks of issue",
+        f"  constant CAPACITOR_STEP : natural := {_capacitor_step()}; -- last for capacitors",
+        f"  constant BLOCK_COUNT : natural := {len(programs[0].blocks)}; -- mac_blocks",
+        f"  constant PROGRAM_STEPS : natural := {length}; -- clocks of the longest program",
         "",
         "  type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;",
+        "  type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;",
+        "  type program_lengths_t is array (0 to 1) of natural;",
+        "  type program_t is array (0 to 1, 0 to BLOCK_COUNT - 1, 0 to PROGRAM_STEPS - 1) "
+        "of integer;",
         "",
         "  -- bits, results saturate to these",
         "  constant RESULT_WIDTHS : result_widths_t := (",
         "    " + _rows([str(ct.result_width(name)) for name in results], 13),
         "  );",
         "",
-        "  type program_t is array (0 to BLOCK_COUNT - 1, 0 to PROGRAM_LENGTH - 1) of integer;",
+        "  -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper",
+        "  constant RESULT_SATURATES : result_flags_t := (",
+        ",\n".join(f"    ({row})" for row in saturating),
+        "  );",
+        "",
+        "  -- clocks of issue",
+        f"  constant PROGRAM_LENGTHS : program_lengths_t := ({lengths});",
         "",
     ]
-
-    def rows(value) -> list[list[int]]:  # type: ignore[no-untyped-def]
-        return [[value(block, clock) for clock in range(ct.PROGRAM_LENGTH)] for block in ct.PROGRAM]
-
-    def last(block, clock) -> int:  # type: ignore[no-untyped-def]
-        if clock >= len(block):
-            return -1
-        ends = clock + 1 == len(block) or block[clock + 1].result != block[clock].result
-        return results.index(block[clock].result) if ends else -1
-
-    def field(name, table):  # type: ignore[no-untyped-def]
-        return lambda block, clock: (
-            table.index(getattr(block[clock], name)) if clock < len(block) else 0
-        )
-
-    lines += _table("PROGRAM_A", "program_t", rows(field("a", operands)), "operand A")
-    lines += _table("PROGRAM_B", "program_t", rows(field("b", factors)), "operand B")
-    lines += _table(
-        "PROGRAM_ALIGNMENT",
-        "program_t",
-        rows(lambda block, clock: block[clock].alignment if clock < len(block) else 0),
-        "left shift of the product in steps of ALIGNMENT_STEP",
-    )
-    lines += _table(
-        "PROGRAM_ACCUMULATE",
-        "program_t",
-        rows(
-            lambda block, clock: int(
-                0 < clock < len(block) and block[clock].result == block[clock - 1].result
-            )
+    for name, tables, comment in (
+        ("WORDS_A", [p.words("a") for p in programs], "operands A of each block, -1: unused"),
+        ("WORDS_B", [p.words("b") for p in programs], "operands B of each block, -1: unused"),
+        ("SELECT_A", [p.select("a") for p in programs], "which of WORDS_A a step takes"),
+        ("SELECT_B", [p.select("b") for p in programs], "which of WORDS_B a step takes"),
+        (
+            "ALIGNMENT",
+            [p.alignment() for p in programs],
+            "left shift against the rest of the sum, ALIGNMENT_STEP",
         ),
-        "1: add to the sum so far",
-    )
-    lines += _table(
-        "PROGRAM_RESULT", "program_t", rows(last), "result that is complete with this step, or -1"
-    )
+        ("SHIFT", [p.shift() for p in programs], "accumulator bit that is the result's LSB"),
+        ("ACCUMULATE", [p.accumulate() for p in programs], "1: add to the sum so far"),
+        ("RESULT", [p.result() for p in programs], "result complete with this step, or -1"),
+    ):
+        lines += _variants(f"PROGRAM_{name}", "program_t", tables, comment)
     return lines
 
 

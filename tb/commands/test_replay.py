@@ -156,7 +156,7 @@ def _field(text: str, line: int, column: int, value: str) -> str:
         ("horizon = 63", 'horizon = "63"', ["control.horizon"]),
         ('controller = "mpdcc"', 'controller = "pid"', ["controller", '"mpdcc" or "mptc"']),
         ("[machine]", "[machine", ["not a TOML file"]),
-        ('"SE"   #', '"SESE"   #', ["control.switching_horizon", "paper", "SE"]),
+        ('"SE"   #', '"SESE"   #', ["control.switching_horizon", "fast", "SE"]),
         ("rs = 0.0057", 'rs = "\\u0007"', ["machine.rs"]),
     ],
 )

@@ -131,6 +131,11 @@ def signed(value: int, width: int) -> int:
     return value - (1 << width) if value >> (width - 1) else value
 
 
+def lowest_bit(handle) -> int:  # type: ignore[no-untyped-def]
+    """Bit 0 of an output whose others may be undefined."""
+    return int(str(handle.value)[-1])
+
+
 def number(handle) -> int:  # type: ignore[no-untyped-def]
     """An output as an unsigned integer; fails where a bit is undefined."""
     value = handle.value

@@ -20,7 +20,10 @@ RTL = ROOT / "rtl"
 BENCH = ROOT / "tb" / "mpdcc"
 
 #: Variants of the explorer that the benches run, and the generic that selects each.
-VARIANTS: dict[str, dict[str, object]] = {"paper": {"FOLDED": "true"}}
+VARIANTS: dict[str, dict[str, object]] = {
+    "paper": {"FOLDED": "true"},
+    "fast": {"FOLDED": "false"},
+}
 
 #: Environment variables between pytest and the cocotb module.
 ARGUMENTS, RESULT = "DIRECTMPC_BENCH_ARGUMENTS", "DIRECTMPC_BENCH_RESULT"
@@ -108,7 +111,7 @@ def execute(
             build_dir=folder,
             log_file=build_log,
         )
-    except (SystemExit, subprocess.CalledProcessError) as error:
+    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
         raise BuildError(f"{top} does not compile:\n{_tail(build_log)}") from error
     prefix = {"SIM_CMD_PREFIX": f"timeout -k 5 {timeout}"}
     results_xml = folder / "results.xml"

@@ -131,14 +131,15 @@ def words(n: int, rng: np.random.Generator) -> IntArray:
     return np.column_stack(columns)
 
 
-def any_registers(rng: np.random.Generator) -> IntArray:
-    """Parameter ports of any content; the horizon alone is not zero."""
+def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
+    """Parameter ports of any content a variant allows; the horizon is not zero."""
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
     count = len(COEFFICIENTS)
     shift = rng.integers(0, 14, count) * (rng.random() < 0.7)
     coefficients = rng.integers(-high, high, count) >> shift
     coefficients = np.where(rng.random(count) < 0.1, rng.choice([-high, high - 1, 0]), coefficients)
-    bounds = rng.choice([0, 1, 2**16 - 1, *rng.integers(0, 2**16, 6)], 3)
+    most = f.BOUND_HIGH[variant]
+    bounds = rng.choice([0, 1, most, *rng.integers(0, most + 1, 6)], 3)
     return np.array(
         [*coefficients, *bounds, rng.choice([1, 63, rng.integers(1, 64)]), rng.integers(0, 4)],
         dtype=np.int64,
@@ -171,11 +172,11 @@ def named_measurement(row: IntArray) -> dict[str, int]:
     return {name: int(v) for name, v in zip(f.MEASUREMENTS, row, strict=True)}
 
 
-def plain_node(registers_array: IntArray, row: IntArray) -> plain.Node:
+def plain_node(registers_array: IntArray, row: IntArray, variant: str = "paper") -> plain.Node:
     """The node of a row, by the slow way."""
     m = named_measurement(row)
     c = {name: int(v) for name, v in zip(COEFFICIENTS, registers_array, strict=False)}
-    return plain.common_terms(plain.signals_of(m), m["omega_s"], m["omega_r"], c)
+    return plain.common_terms(plain.signals_of(m), m["omega_s"], m["omega_r"], c, variant)
 
 
 def plain_limits(registers_array: IntArray) -> plain.Limits:

@@ -21,7 +21,7 @@ from directmpc import anpc, bit_true, closed_loop, ideal, vhdl_package
 from directmpc import coefficients as co
 from directmpc import formats as f
 from directmpc.closed_loop import OperatingPoint
-from directmpc.common_terms import PROGRAM, TERMS, result_width
+from directmpc.common_terms import PROGRAMS, TERMS, result_width
 from directmpc.drive import Drive
 from tb.common import plain, states
 
@@ -59,17 +59,9 @@ def hull(parts: list[Interval]) -> Interval:
     return min(p[0] for p in parts), max(p[1] for p in parts)
 
 
-def result_ranges(*, lowest_code: bool = True) -> tuple[dict[str, Interval], list[str]]:
-    """Range of every result for any content of registers and measurements; what may saturate.
-
-    Without the lowest code, signed inputs stop one short of the most negative word.
-    """
-
-    def given(width: int, *, signed: bool = True) -> Interval:
-        low, high = word_range(width, signed=signed)
-        return low + int(signed and not lowest_code), high
-
-    measured = {n: given(m.width, signed=m.signed) for n, m in f.MEASUREMENTS.items()}
+def result_ranges(variant: str) -> tuple[dict[str, Interval], list[str]]:
+    """Range of every result for any content of registers and measurements; what may saturate."""
+    measured = {n: word_range(m.width, signed=m.signed) for n, m in f.MEASUREMENTS.items()}
     operand = {n: r for n, r in measured.items() if not n.startswith("omega")}
     for x in ("alpha", "beta"):
         operand[f"difference_{x}"] = plus(measured[f"iref_{x}"], scaled(measured[f"is_{x}"], -1))
@@ -78,17 +70,17 @@ def result_ranges(*, lowest_code: bool = True) -> tuple[dict[str, Interval], lis
     assert all(fits(r, f.OPERAND_WIDTH) for r in operand.values())
     steps = sorted(
         (clock, number, step)
-        for number, block in enumerate(PROGRAM)
+        for number, block in enumerate(PROGRAMS[variant])
         for clock, step in enumerate(block)
     )
     total: dict[str, Interval] = {}
     found: dict[str, Interval] = {}
     may_saturate = []
     for clock, number, step in steps:
-        factor = measured.get(step.b, given(f.COEFFICIENT_WIDTH))
+        factor = measured.get(step.b, word_range(f.COEFFICIENT_WIDTH))
         product = scaled(times(operand[step.a], factor), 1 << f.ALIGNMENT[step.alignment])
         total[step.result] = plus(total.get(step.result, (0, 0)), product)
-        block = PROGRAM[number]
+        block = PROGRAMS[variant][number]
         if clock + 1 < len(block) and block[clock + 1].result == step.result:
             continue
         low, high = total[step.result]
@@ -103,15 +95,17 @@ def result_ranges(*, lowest_code: bool = True) -> tuple[dict[str, Interval], lis
     return found, may_saturate
 
 
-def test_no_trajectory_overflows_whatever_registers_and_measurements_hold() -> None:
-    t, may_saturate = result_ranges()
-    # these saturate and flag, all but the weight's slope only with two most negative words
-    assert set(may_saturate) == {
-        "weight_start", "weight_alpha", "weight_beta",
+@pytest.mark.parametrize("variant", PROGRAMS)
+def test_no_trajectory_overflows_whatever_registers_and_measurements_hold(variant: str) -> None:
+    t, may_saturate = result_ranges(variant)
+    # these flag; nothing else can be too large for its word, two exact corners apart
+    assert set(may_saturate) <= {
+        "weight_alpha", "weight_beta", "weight_start",
         *(f"{kind}_speed_{x}" for kind in ("reference", "flux") for x in ("alpha", "beta")),
+        *(f"{kind}_speed2_{x}" for kind in ("reference", "flux") for x in ("alpha", "beta")),
+        *(f"curvature_{x}" for x in ("alpha", "beta")),
     }  # fmt: skip
-    assert set(result_ranges(lowest_code=False)[1]) == {"weight_alpha", "weight_beta"}
-    assert set(TERMS) <= set(t)
+    assert {n for n in TERMS if variant == "fast" or not n.startswith("curvature")} <= set(t)
     width = f.TRAJECTORY_WIDTH
     error = hull(
         [
@@ -148,7 +142,8 @@ def test_no_trajectory_overflows_whatever_registers_and_measurements_hold() -> N
     neutral_slope = plus(*(hull([r, (0, 0)]) for r in shares))
     assert fits(neutral_slope, f.CURRENT_TERM_WIDTH + 2)
     slope = hull([current_slope, neutral_slope, *charges, *(scaled(c, -1) for c in charges)])
-    end = plus(error, slope)
+    bend = word_range(f.CURVATURE_WIDTH) if variant == "fast" else (0, 0)
+    end = plus(error, slope, bend)
     assert fits(end, width)
     bound = word_range(f.BOUND_WIDTH, signed=False)
     magnitude = (0, max(-end[0], end[1]))
@@ -157,8 +152,9 @@ def test_no_trajectory_overflows_whatever_registers_and_measurements_hold() -> N
     assert 2 * bound[1] <= word_range(f.SEARCH_WIDTH, signed=False)[1]
 
 
-def test_no_cost_overflows_whatever_registers_and_measurements_hold() -> None:
-    t, _ = result_ranges()
+@pytest.mark.parametrize("variant", PROGRAMS)
+def test_no_cost_overflows_whatever_registers_and_measurements_hold(variant: str) -> None:
+    t, _ = result_ranges(variant)
     shares = phases(t["weight_alpha"], t["weight_beta"])
     assert all(fits(r, f.WEIGHT_WIDTH) for r in shares)
     # b + c = -a + {0, 1} and so on: two shares sum to the third but for one, three to 0 or 1
@@ -269,12 +265,13 @@ def test_nearly_every_decision_is_the_ideal_controllers(name: str) -> None:
     assert searched_differing / searched <= 0.06
 
 
-def test_registers_of_any_drive_are_representable() -> None:
+@pytest.mark.parametrize("variant", PROGRAMS)
+def test_registers_of_any_drive_are_representable(variant: str) -> None:
     rng = np.random.default_rng(8)
     worst = 0.0
     for _ in range(200):
         drive = states.random_drive(rng)
-        registers = co.registers(drive)
+        registers = co.registers(drive, variant)
         ports = registers.ports()
         for name, value in ports.items():
             if name.startswith("c_"):
@@ -282,9 +279,9 @@ def test_registers_of_any_drive_are_representable() -> None:
             else:
                 assert 0 <= value < {"horizon": 64, "weight_scale": 4}.get(name, 2**16), name
         for bound in ("bound_current", "bound_neutral", "bound_phase"):
-            assert ports[bound] >= 100, (bound, drive)
+            assert 100 <= ports[bound] <= f.BOUND_HIGH[variant], (bound, drive)
         # what decides over lengths: the voltage's and the capacitors' slopes, and the errors
-        real = co._per_unit(drive, registers.extrapolation, registers.correction)
+        real = co._per_unit(drive, co._prediction(drive, variant)[0])
         for name in ("error_alpha", "error_neutral", "error_phase", "forced_voltage"):
             exact = real[name] * registers.unit
             worst = max(worst, abs(registers.coefficients[name] / exact - 1))

@@ -13,6 +13,12 @@ from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 LATENCY = 2  # clocks from start to the first candidate, as the entity's header declares
 
 
+def expected_after(s_prev: tuple[int, ...], blocks: bool) -> list[tuple[int, tuple[int, ...], int]]:
+    """Index, position and effort of what is enumerated."""
+    found = plain.blocks(s_prev) if blocks else plain.candidates(s_prev)
+    return [(plain.choices(s_prev, s), s, effort) for s, effort in found]
+
+
 def packed(index: int, s: tuple[int, ...], effort: int) -> int:
     """A candidate as the flat bench shows it."""
     return index << 1 | (s[0] | s[1] << 3 | s[2] << 6) << 7 | effort << 16
@@ -31,7 +37,7 @@ async def every_position(dut) -> None:  # type: ignore[no-untyped-def]
     positions = list(itertools.product(range(8), repeat=3))
     rng.shuffle(positions)
     for n, s_prev in enumerate(positions[: given["positions"]]):
-        expected = plain.candidates(s_prev)
+        expected = expected_after(s_prev, given["blocks"])
         slow = 0.0 if n % 2 == 0 else 0.5
         negative = rng.randrange(8)
         cut = rng.randrange(1, len(expected)) if rng.random() < 0.05 else None
@@ -51,8 +57,8 @@ async def every_position(dut) -> None:  # type: ignore[no-untyped-def]
             context = f"s(k-1) {s_prev}, signs {negative}, candidate {taken}"
             board.check("valid", number(dut.valid), 1, context)
             board.check("done", number(dut.done), 0, context)
-            s, effort = expected[taken]
-            board.check("candidate", number(dut.candidate), packed(taken, s, effort), context)
+            index, s, effort = expected[taken]
+            board.check("candidate", number(dut.candidate), packed(index, s, effort), context)
             if cut == taken:
                 break
             ready = rng.random() >= slow
@@ -77,6 +83,6 @@ async def every_position(dut) -> None:  # type: ignore[no-untyped-def]
             board.check("end", (number(dut.valid), number(dut.done)), (0, 1), f"{s_prev}")
     few = given["positions"] < 512
     board.finish(
-        {"candidate": 12 * given["positions"]},
-        {} if few else {"27 candidates": 40, "64 candidates": 40, "waited": 500, "reset": 5},
+        {"candidate": (4 if given["blocks"] else 12) * given["positions"]},
+        {} if few else {given["fewest"]: 40, given["most"]: 40, "waited": 500, "reset": 5},
     )

@@ -7,11 +7,14 @@ import random
 import cocotb
 
 from directmpc import formats as f
-from directmpc.common_terms import COEFFICIENTS, PROGRAM_LENGTH, SIGNALS
+from directmpc.common_terms import COEFFICIENTS, PROGRAM_LENGTHS, SIGNALS
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, join, number, word
 
-LATENCY = PROGRAM_LENGTH + 5  # clocks from start to done, as the entity's header declares
+#: Clocks from start to done, as the entity's header declares; issued comes five clocks before.
+LATENCIES = {variant: length + 5 for variant, length in PROGRAM_LENGTHS.items()}
+ISSUED_BEFORE = 5
+CAPACITORS = 7  # clocks from start to the pulse after which the capacitors' terms are there
 
 
 def operands(rng: random.Random, kind: str) -> dict[str, int]:
@@ -26,6 +29,17 @@ def operands(rng: random.Random, kind: str) -> dict[str, int]:
     return plain.signals_of(measurement) | (free if kind == "any" else {})
 
 
+def capacitor_terms(node: str) -> list[str]:
+    """Errors and current terms of v_n and v_ph in a packed node, bit 0 first."""
+    found, offset = [], 0
+    for name, words, width in plain.NODE_FIELDS:
+        for i in range(words):
+            if (name == "error" and i >= 3) or name in ("phase_current", "neutral_current"):
+                found.append(node[offset : offset + width])
+            offset += width
+    return found
+
+
 @cocotb.test()
 async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
     """Random operands, some computations cut off by a reset."""
@@ -33,6 +47,8 @@ async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
     width = f.COEFFICIENT_WIDTH
+    variant = given["variant"]
+    latency = LATENCIES[variant]
 
     def apply(signal: dict[str, int], speed: list[int], coefficient: dict[str, int]) -> None:
         dut.signals.value = join([signal[name] for name in SIGNALS], f.OPERAND_WIDTH)
@@ -58,21 +74,27 @@ async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
         }
         if kind == "lowest":
             speed, coefficient = [-(1 << 15)] * 2, dict.fromkeys(COEFFICIENTS, -(1 << 15))
-        node = plain.common_terms(signal, speed[0], speed[1], coefficient)
+        node = plain.common_terms(signal, speed[0], speed[1], coefficient, variant)
         apply(signal, speed, coefficient)
         dut.start.value = 1
         await clock.tick()
         dut.start.value = 0
-        stop = rng.randrange(1, LATENCY) if rng.random() < 0.06 else 0
-        for k in range(1, LATENCY):
+        stop = rng.randrange(1, latency) if rng.random() < 0.06 else 0
+        for k in range(1, latency):
             board.check("not done yet", number(dut.done), 0, f"clock {k}")
+            board.check("issued", number(dut.issued), int(k == latency - ISSUED_BEFORE), f"{k}")
+            board.check("capacitors", number(dut.capacitors), int(k == CAPACITORS), f"{k}")
+            if k == CAPACITORS + 1:
+                got = str(dut.node.value)[::-1]
+                want = f"{plain.pack_node(node):0{len(got)}b}"[::-1]
+                board.check("capacitor terms", capacitor_terms(got), capacitor_terms(want))
             if k == stop:
                 break
             await clock.tick()
         if stop:
             scramble()
             await clock.reset(1)
-            for _ in range(LATENCY + 2):
+            for _ in range(latency + 2):
                 board.check("silent after reset", number(dut.done), 0)
                 await clock.tick()
             board.cover("reset")

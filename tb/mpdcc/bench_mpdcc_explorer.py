@@ -1,4 +1,4 @@
-"""Cocotb side of ``test_mpdcc_explorer``."""
+"""Cocotb side of ``test_mpdcc_explorer``: the paper's variant."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def unpack_result(value: int) -> dict[str, int]:
     """A result as the flat bench shows it."""
     fields = {}
     for name, width in (
-        ("feasible", 1), ("saturated", 1), ("index", f.INDEX_WIDTH), ("position", 9),
+        ("feasible", 1), ("saturated", 1), ("index", f.INDEX_WIDTH),
         ("length", f.LENGTH_WIDTH), ("cost", f.COST_WIDTH), ("excess", f.TRAJECTORY_WIDTH),
     ):  # fmt: skip
         fields[name] = value & ((1 << width) - 1)
@@ -54,7 +54,7 @@ class Exits:
     """Counts the early exits inside the paper's variant, seen from its searches."""
 
     def __init__(self, dut, board: Scoreboard) -> None:  # type: ignore[no-untyped-def]
-        inner = dut.i_explorer.i_explorer
+        inner = dut.i_explorer.g_paper.i_explorer
         self.handles = (inner.search_start, inner.search_done, inner.search_below)
         self.board = board
         self.begun = [0, 0]  # searches begun one and two clocks ago
@@ -82,6 +82,8 @@ class Bench:
         for name in ("candidate_valid", "result_ready", "best_valid", "best_cost", "candidate"):
             getattr(self.dut, name).value = 0
         self.dut.limits.value = self.dut.node.value = 0
+        # ports of the fast variant
+        self.dut.band.value = self.dut.capacitor.value = self.dut.last.value = 0
         await self.clock.reset(3)
 
     def show(self, node: plain.Node, limits: plain.Limits) -> None:
@@ -119,6 +121,7 @@ class Bench:
         self,
         node: plain.Node,
         limits: plain.Limits,
+        s_prev: tuple[int, ...],
         candidates: list[tuple[tuple[int, ...], int]],
         best: str,
         throttle: float,
@@ -131,8 +134,8 @@ class Bench:
         rng, dut, board = self.rng, self.dut, self.board
         pending: dict[int, Task] = {}
         queue = [
-            Task(i, s, effort, plain.evaluate(node, limits, s, effort))
-            for i, (s, effort) in enumerate(candidates)
+            Task(plain.choices(s_prev, s), s, effort, plain.evaluate(node, limits, s, effort))
+            for s, effort in candidates
         ]
         costs = sorted(t.wanted.cost for t in queue if t.wanted.feasible)
         best_cost: int | None = None
@@ -218,7 +221,6 @@ class Bench:
         task = pending.pop(got["index"])
         want = task.wanted
         context = f"{task}"
-        board.check("position", got["position"], task.s[0] | task.s[1] << 3 | task.s[2] << 6)
         board.check("feasible", got["feasible"], int(want.feasible), context)
         board.check("length", got["length"], want.length, context)
         if want.feasible:
@@ -233,12 +235,12 @@ class Bench:
 
 
 def example(
-    rng: random.Random, generator: np.random.Generator, n: int
+    rng: random.Random, generator: np.random.Generator, n: int, variant: str = "paper"
 ) -> tuple[plain.Node, plain.Limits, tuple[int, ...]]:
     """A node some host and some measurement can make."""
     kind = n % 4
     if kind == 3:
-        array = states.any_registers(generator)
+        array = states.any_registers(generator, variant)
         row = states.words(1, generator)[0]
         s_prev = tuple(rng.randrange(8) for _ in range(3))
     else:
@@ -249,10 +251,10 @@ def example(
         )
         if kind != 2:
             drive = states.changed(drive, horizon=rng.choice([1, 2, 5, 33, 62, 63]))
-        array = registers(drive).array()
+        array = registers(drive, variant).array()
         trace = states.near(drive, 1, generator)
         row, s_prev = states.trace_words(trace)[0], tuple(int(p) for p in trace.s_prev[0])
-    node, limits = states.plain_node(array, row), states.plain_limits(array)
+    node, limits = states.plain_node(array, row, variant), states.plain_limits(array)
     if rng.random() < 0.15:
         # an error exactly on its bound, or one beyond
         j = rng.randrange(7)
@@ -281,6 +283,6 @@ async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
         best = ("never", "found", "always")[n % 3]
         throttle = (0.0, 0.0, 0.4, 0.85)[rng.randrange(4)]
         cut = rng.randrange(5, 150) if rng.random() < 0.08 else None
-        await bench.node(node, limits, candidates, best, throttle, cut)
+        await bench.node(node, limits, s_prev, candidates, best, throttle, cut)
     board = bench.board
     board.finish({"cost": given["nodes"], "excess": given["nodes"], "held": given["nodes"]})

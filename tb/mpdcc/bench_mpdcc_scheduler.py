@@ -9,15 +9,24 @@ import cocotb
 import numpy as np
 
 from directmpc import formats as f
+from directmpc.coefficients import registers
+from directmpc.common_terms import COEFFICIENTS
 from tb.common import plain, states
-from tb.common.scoreboard import Clock, Scoreboard, arguments, join, number
+from tb.common.scoreboard import Clock, Scoreboard, arguments, join, lowest_bit, number, signed
+from tb.mpdcc.bench_capacitor_search import unpack_row
 from tb.mpdcc.bench_mpdcc_explorer import pack_candidate
+
+#: Clocks from start to the first row of the capacitors' table.
+FIRST_ROW = 14
+
+#: Clocks from the first block's offer until the table of the capacitors is complete.
+TABLE_AFTER = 7
 
 #: Clocks from start to candidate_valid of the probe, from the probe's answer to valid, and from
 #: the taking of the last result to valid.
-TO_PROBE, FROM_PROBE, FROM_LAST = 16, 1, 4
+TO_PROBE, FROM_PROBE, FROM_LAST = {"paper": 14, "fast": 10}, 1, 3
 
-RESULT_BITS = 2 + f.INDEX_WIDTH + 9 + f.LENGTH_WIDTH + f.COST_WIDTH + f.TRAJECTORY_WIDTH
+RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.COST_WIDTH + f.TRAJECTORY_WIDTH
 
 
 @dataclass
@@ -38,8 +47,8 @@ class Answer:
         value = offset = 0
         for field, width in (
             (self.feasible, 1), (self.saturated, 1), (self.index, f.INDEX_WIDTH),
-            (self.s[0] | self.s[1] << 3 | self.s[2] << 6, 9), (self.length, f.LENGTH_WIDTH),
-            (self.cost, f.COST_WIDTH), (self.excess, f.TRAJECTORY_WIDTH),
+            (self.length, f.LENGTH_WIDTH), (self.cost, f.COST_WIDTH),
+            (self.excess, f.TRAJECTORY_WIDTH),
         ):  # fmt: skip
             value |= (int(field) & ((1 << width) - 1)) << offset
             offset += width
@@ -52,18 +61,58 @@ class Answer:
 
 
 class Stub:
-    """An explorer that answers as the script says, when it likes to."""
+    """An explorer that answers as the script says, when it likes to.
 
-    def __init__(self) -> None:
+    A fast one takes blocks at any time and answers with its best candidate after the last.
+    """
+
+    def __init__(self, fast: bool) -> None:
         self.answer: Answer | None = None
         self.due = 0
+        self.fast = fast
 
     def free(self) -> bool:
         """Whether it takes a candidate."""
-        return self.answer is None
+        return self.fast or self.answer is None
+
+    def busy(self) -> bool:
+        """Whether a candidate is under way."""
+        return self.answer is not None
+
+    def add(self, answers: list[Answer]) -> None:
+        """Take a candidate, or those of a block."""
+        self.answer = min([*answers, *([self.answer] if self.busy() else [])], key=lambda a: a.key)
 
 
-def script(rng: random.Random, candidates: list[tuple[tuple[int, ...], int]]) -> list[Answer]:
+def check_band(board: Scoreboard, packed: int, want: plain.Band) -> None:
+    """Hold the band against what it should be; what belongs to an error outside is void."""
+    for name, words, width in plain.BAND_FIELDS:
+        for i in range(words):
+            value, packed = packed & ((1 << width) - 1), packed >> width
+            expected = getattr(want, name)[i] if words > 1 else getattr(want, name)
+            if name.startswith(("margin", "turn")) and want.outside >> i & 1:
+                continue
+            if name not in ("outside", "previous", "negative"):
+                value = signed(value, width)
+            board.check(f"band {name}", value, expected)
+
+
+def situation(
+    rng: random.Random, generator: np.random.Generator, variant: str
+) -> tuple[list[int], list[int], tuple[int, ...]]:
+    """Registers, measurements and s(k-1): of any content, or of a drive near its reference."""
+    if rng.random() < 0.5:
+        s_prev = tuple(rng.choice([rng.randrange(8), rng.randrange(2, 6)]) for _ in range(3))
+        return states.any_registers(generator, variant), states.words(1, generator)[0], s_prev
+    drive = states.shipped(rng.choice(states.SHIPPED))
+    trace = states.near(drive, 1, generator, 0.7)
+    s_prev = tuple(int(p) for p in trace.s_prev[0])
+    return registers(drive, variant).array(), states.trace_words(trace)[0], s_prev
+
+
+def script(
+    rng: random.Random, s_prev: tuple[int, ...], candidates: list[tuple[tuple[int, ...], int]]
+) -> list[Answer]:
     """Answers with many ties, one set for a whole search."""
     kind = rng.choice(["mixed", "dead", "alive", "late"])
     costs = [0, 2**f.COST_WIDTH - 1, *(rng.getrandbits(f.COST_WIDTH) for _ in range(3))]
@@ -76,13 +125,13 @@ def script(rng: random.Random, candidates: list[tuple[tuple[int, ...], int]]) ->
         Answer(
             feasible=rng.random() < share,
             saturated=rng.random() < 0.5,
-            index=index,
+            index=plain.choices(s_prev, s),
             s=s,
             length=rng.randrange(1, 64),
             cost=rng.choice(chosen_costs),
             excess=rng.choice(chosen_excesses),
         )
-        for index, (s, _) in enumerate(candidates)
+        for s, _ in candidates
     ]
 
 
@@ -90,30 +139,41 @@ def script(rng: random.Random, candidates: list[tuple[tuple[int, ...], int]]) ->
 async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
     """Decisions with stubs in place of explorers."""
     given = arguments()
-    explorers = given["EXPLORERS"]
+    explorers, variant = given["EXPLORERS"], given["variant"]
+    fast = variant == "fast"
     rng = random.Random(given["seed"])
     generator = np.random.default_rng(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
     for name in (
-        "start", "measurement", "previous", "coefficients", "candidate_ready", "probe_done",
-        "probe_held", "result_valid", "results", "explorer_busy",
+        "start", "measurement", "previous", "limits", "coefficients", "candidate_ready",
+        "probe_done", "probe_held", "result_valid", "results", "explorer_busy",
     ):  # fmt: skip
         getattr(dut, name).value = 0
     await clock.reset(3)
 
     for n in range(given["decisions"]):
-        array = states.any_registers(generator)
-        row = states.words(1, generator)[0]
-        node = states.plain_node(array, row)
-        s_prev = tuple(rng.choice([rng.randrange(8), rng.randrange(2, 6)]) for _ in range(3))
-        held = rng.random() < 0.2
+        array, row, s_prev = situation(rng, generator, variant)
+        node, limits = states.plain_node(array, row, variant), states.plain_limits(array)
+        # the fast explorers' probe is about the currents alone
+        ends = zip(plain.after_one(node, s_prev)[3:], limits.bounds[3:], strict=True)
+        lines = all(abs(e) <= bound for e, bound in ends)
+        says_held = rng.random() < (0.4 if fast else 0.2)
+        held = says_held and (lines or not fast)
+        board.cover("held by currents alone", int(says_held and not held))
         slowness = rng.choice([1, 4, 40])
         throttle = rng.choice([0.0, 0.0, 0.5])
         candidates = plain.candidates(s_prev)
-        answers = script(rng, candidates)
+        answers = script(rng, s_prev, candidates)
+        handed = plain.blocks(s_prev) if fast else candidates
+        each = len(candidates) // len(handed)
+        table: dict[int, tuple[int, int]] = {}
+        first_offer = -1
+        dut.limits.value = limits.pack()
         cut = rng.randrange(60) if rng.random() < 0.1 else None
-        dut.coefficients.value = join([int(v) for v in array[:23]], f.COEFFICIENT_WIDTH)
-        stubs = [Stub() for _ in range(explorers)]
+        dut.coefficients.value = join(
+            [int(v) for v in array[: len(COEFFICIENTS)]], f.COEFFICIENT_WIDTH
+        )
+        stubs = [Stub(fast) for _ in range(explorers)]
         given_out, taken, order = 0, [], []
         probe_due: int | None = None
         probed = False
@@ -145,9 +205,9 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
             for i, stub in enumerate(stubs):
                 if probed and stub.free() and rng.random() >= throttle:
                     ready |= 1 << i
-                if not stub.free():
+                if stub.busy():
                     busy_mask |= 1 << i
-                    if k >= stub.due:
+                    if k >= stub.due and (not fast or number(dut.last)):
                         if stub.answer.dropped:
                             stub.answer = None
                             busy_mask &= ~(1 << i)
@@ -163,7 +223,7 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
                 busy_mask |= 1
             now = probe_due is not None and not probed and k >= probe_due
             dut.probe_done.value = int(now)
-            dut.probe_held.value = int(held) if now else rng.randrange(2)
+            dut.probe_held.value = int(says_held) if now else rng.randrange(2)
             dut.candidate_ready.value = ready
             dut.result_valid.value = valid_mask
             if results != shown:
@@ -174,29 +234,42 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
             offered = number(dut.candidate_valid)
             board.check("one-hot", offered & (offered - 1), 0)
             if offered and probe_due is None:
-                board.check("clocks to the probe", k, TO_PROBE)
+                board.check("clocks to the probe", k, TO_PROBE[variant])
                 board.check("probe", (offered, number(dut.candidate) & 1), (1, 1), f"{s_prev}")
                 position = number(dut.candidate) >> 7 & 0x1FF
                 board.check("probe", position, s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6)
-                board.check("node", number(dut.node), plain.pack_node(node))
-                probe_due = k + rng.randrange(1, 14)
+                if not fast:
+                    board.check("node", number(dut.node), plain.pack_node(node))
+                probe_due = k + (rng.randrange(10, 15) if fast else rng.randrange(1, 14))
             elif offered:
                 board.check("no candidate before the probe is answered", probed, True)
                 board.check("offered to a free one", offered & ready, offered)
                 lowest = ready & -ready
                 board.check("offered to the first free one", offered, lowest)
-                s, effort = candidates[given_out]
-                board.check(
-                    "candidate", number(dut.candidate), pack_candidate(0, given_out, s, effort)
-                )
+                s, effort = handed[given_out]
+                want = pack_candidate(0, plain.choices(s_prev, s), s, effort)
+                board.check("candidate", number(dut.candidate), want)
+                if fast and first_offer < 0:
+                    first_offer = k
+                    board.check("node", number(dut.node), plain.pack_node(node))
+                    check_band(board, number(dut.band), plain.band(node, limits, s_prev))
                 stub = stubs[offered.bit_length() - 1]
-                stub.answer = answers[given_out]
+                stub.add(answers[given_out * each : (given_out + 1) * each])
                 stub.due = k + rng.randrange(1, slowness + 1)
                 known = [a.cost for a in taken if a.feasible]
                 loser = bool(known) and (not stub.answer.feasible or stub.answer.cost > min(known))
-                stub.answer.dropped = loser and rng.random() < 0.7
+                stub.answer.dropped = not fast and loser and rng.random() < 0.7
                 board.cover("dropped", int(stub.answer.dropped))
                 given_out += 1
+            # what is left of a table after a held decision comes earlier
+            if k >= FIRST_ROW and lowest_bit(dut.capacitor):
+                line, content = unpack_row(number(dut.capacitor))
+                board.check("row once", line in table, False)
+                table[line] = content
+            if first_offer >= 0 and k == first_offer + TABLE_AFTER:
+                board.check("table", table, plain.capacitor_rows(node, limits), f"{n}")
+            if number(dut.busy) and number(dut.last):
+                board.check("last", (probed, given_out), (True, len(handed)))
             if now:
                 probed, answered_at = True, k
             accepted = number(dut.result_ready)
@@ -227,13 +300,15 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
             want = plain_decision(s_prev, 1, 0, 0, node.saturated)
             board.check("clocks from the probe", k - answered_at, FROM_PROBE)
         else:
-            board.check("every candidate was given out", given_out, len(candidates))
+            board.check("every candidate was given out", given_out, len(handed))
             best = min(taken, key=lambda a: a.key)
             want = plain_decision(
                 best.s, 0, not best.feasible, best.length, node.saturated or best.saturated
             )
             if last_taken_at > last_drop_at:
-                board.check("clocks after the last result", k - last_taken_at, FROM_LAST)
+                # the only fast explorer's result is the decision
+                after = 1 if fast and explorers == 1 else FROM_LAST
+                board.check("clocks after the last result", k - last_taken_at, after)
             board.cover("ties", int(sum(a.key[:2] == best.key[:2] for a in taken) > 1))
             board.cover(
                 "earliest arrived later",
@@ -252,7 +327,10 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
             board.check("one pulse", (number(dut.valid), number(dut.busy)), (0, 0))
             board.check("decision stays", number(dut.decision), want)
             await clock.edge()
-    board.finish({"decision": int(0.7 * given["decisions"]), "candidate": given["decisions"]})
+    board.finish(
+        {"decision": int(0.7 * given["decisions"]), "candidate": given["decisions"]}
+        | ({"table": given["decisions"] // 3} if fast else {})
+    )
 
 
 def plain_decision(s, held, deadlock, length, saturated) -> int:  # type: ignore[no-untyped-def]

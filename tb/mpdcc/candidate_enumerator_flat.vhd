@@ -9,6 +9,9 @@ library work;
   use work.mpdcc_flat.all;
 
 entity candidate_enumerator_flat is
+  generic (
+    BLOCKS : boolean := false -- phases a and b only
+  );
   port (
     clk       : in    std_logic;                                     -- rising edge
     rst       : in    std_logic;                                     -- synchronous, active high
@@ -29,6 +32,9 @@ architecture bench of candidate_enumerator_flat is
 begin
 
   i_enumerator : entity work.candidate_enumerator
+    generic map (
+      BLOCKS => BLOCKS
+    )
     port map (
       clk       => clk,
       rst       => rst,

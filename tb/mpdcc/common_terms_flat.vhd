@@ -10,6 +10,9 @@ library work;
   use work.mpdcc_flat.all;
 
 entity common_terms_flat is
+  generic (
+    FOLDED : boolean := true -- variant whose program runs
+  );
   port (
     clk          : in    std_logic;                                                            -- rising edge
     rst          : in    std_logic; -- synchronous, active high
@@ -17,6 +20,8 @@ entity common_terms_flat is
     signals      : in    std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0); -- operands A, OPERAND_* order
     speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0);                 -- omega_s rightmost
     coefficients : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- operands B
+    issued       : out   std_logic; -- '1' for one clock: five clocks before done
+    capacitors   : out   std_logic; -- '1' for one clock: capacitor terms are new with the next
     done         : out   std_logic; -- '1' for one clock: node is new
     node         : out   std_logic_vector(NODE_BITS - 1 downto 0);                             -- node_t
     saturated    : out   std_logic -- '1': a result saturated
@@ -30,6 +35,9 @@ architecture bench of common_terms_flat is
 begin
 
   i_common_terms : entity work.common_terms
+    generic map (
+      FOLDED => FOLDED
+    )
     port map (
       clk          => clk,
       rst          => rst,
@@ -37,6 +45,8 @@ begin
       signals      => signals,
       speeds       => speeds,
       coefficients => coefficients,
+      issued       => issued,
+      capacitors   => capacitors,
       done         => done,
       node         => node_record,
       saturated    => saturated

@@ -9,15 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc import bit_true
+from directmpc import bit_true, bit_true_fast
+from directmpc import formats as f
 from directmpc.coefficients import registers
+from directmpc.common_terms import COEFFICIENTS
 from directmpc.rtl_simulation import Job
 from tb.common import states
 from tb.common.simulation import BENCH, RTL, VARIANTS, execute
 from tb.common.states import IntArray
 
-#: Rows that take long, found by a search over states and parameters: measurements, s(k-1),
-#: parameters.
+#: Rows that take the paper's explorers long, found by a search over states and parameters:
+#: measurements, s(k-1), parameters.
 SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
     (
         [
@@ -27,10 +29,15 @@ SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
         [2, 4, 3],
         [
             8388, 7265, -2097, 2097, 466, 403, -141, -122, -4318, 5008, -5128, 4474, -2628, -2276,
-            3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 65535, 65535, 65535, 63, 0,
+            3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 0, 0, 0, 0, 0, 0,
+            65535, 65535, 65535, 63, 0,
         ],
     ),
 )  # fmt: skip
+
+
+#: The compiled decision of each variant.
+DECIDE = {"paper": bit_true.decide_words, "fast": bit_true_fast.decide_words}
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,7 @@ class Rows:
     ----------
     measurements : (n, 13)
     s_prev : (n, 3)
-    registers : (n, 28)
+    registers : (n, 34)
         Parameter ports of each row.
     """
 
@@ -56,11 +63,11 @@ class Rows:
         """Some of the rows."""
         return Rows(self.measurements[selection], self.s_prev[selection], self.registers[selection])
 
-    def model(self) -> IntArray:
-        """Decisions of the model: s_a, s_b, s_c, held, deadlock, length, saturated."""
+    def model(self, variant: str) -> IntArray:
+        """Decisions of a variant's model: s_a, s_b, s_c, held, deadlock, length, saturated."""
         return np.array(
             [
-                bit_true.decide_words(r, m, s)
+                DECIDE[variant](r, m, s)
                 for r, m, s in zip(self.registers, self.measurements, self.s_prev, strict=True)
             ],
             dtype=np.int64,
@@ -90,14 +97,15 @@ def of_trace(trace, array: IntArray) -> Rows:  # type: ignore[no-untyped-def]
 POINTS = ((1.0, False), (-0.7, False), (0.4, True), (-1.0, True))
 
 
-def recorded_rows(per_point: int, rng: np.random.Generator) -> Rows:
+def recorded_rows(per_point: int, rng: np.random.Generator, variant: str) -> Rows:
     """Rows of closed loops of both drives, most of them searches, deadlocks first."""
     parts = []
     for name in states.SHIPPED:
-        drive, array = states.shipped(name), registers(states.shipped(name)).array()
+        drive = states.shipped(name)
+        array = registers(drive, variant).array()
         for speed, generating in POINTS:
             rows = of_trace(states.recorded(drive, 1500, speed, generating), array)
-            answers = rows.model()
+            answers = rows.model(variant)
             dead = np.flatnonzero(answers[:, 4] == 1)[: per_point // 4]
             search = np.flatnonzero((answers[:, 3] == 0) & (answers[:, 4] == 0))
             search = rng.permutation(search)[: per_point // 2]
@@ -106,7 +114,7 @@ def recorded_rows(per_point: int, rng: np.random.Generator) -> Rows:
     return join(parts)
 
 
-def random_rows(n: int, rng: np.random.Generator) -> Rows:
+def random_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
     """Disturbed states of random drives, full ranges, saturating inputs, words of any content."""
     parts = []
     for k in range(n):
@@ -116,12 +124,12 @@ def random_rows(n: int, rng: np.random.Generator) -> Rows:
                 Rows(
                     states.words(1, rng),
                     rng.integers(0, 8, (1, 3)),
-                    states.any_registers(rng)[None],
+                    states.any_registers(rng, variant)[None],
                 )
             )
             continue
         drive = states.random_drive(rng)
-        array = registers(drive).array()
+        array = registers(drive, variant).array()
         trace = (
             states.near(drive, 1, rng, reach=(0.6, 1.1)[kind])
             if kind < 2
@@ -131,9 +139,32 @@ def random_rows(n: int, rng: np.random.Generator) -> Rows:
     return join(parts)
 
 
-def slow_rows() -> Rows:
-    """The slowest decisions known."""
-    return Rows(*(np.array(column, dtype=np.int64) for column in zip(*SLOW, strict=True)))
+def saturating_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
+    """Rows whose product of rotor flux and speed is the one that does not fit its word."""
+    rows = random_rows(n, rng, variant)
+    names = list(f.MEASUREMENTS)
+    for name in ("psir_alpha", "psir_beta", "omega_r"):
+        rows.measurements[:, names.index(name)] = f.CURRENT.low - 1
+    return rows
+
+
+def slow_rows(variant: str) -> Rows:
+    """The slowest decisions known.
+
+    The fast explorers' time depends on the number of next positions alone: four in each phase.
+    """
+    if variant == "paper":
+        return Rows(*(np.array(column, dtype=np.int64) for column in zip(*SLOW, strict=True)))
+    measurement, s_prev, register = (np.array(column, dtype=np.int64) for column in SLOW[0])
+    first = len(COEFFICIENTS)
+    alive, dead = register.copy(), register.copy()
+    alive[first : first + 3] = f.BOUND_HIGH["fast"]
+    dead[first : first + 3] = 0
+    return Rows(
+        np.repeat(measurement[None], 2, axis=0),
+        np.repeat(s_prev[None], 2, axis=0),
+        np.array([alive, dead]),
+    )
 
 
 @dataclass(frozen=True)

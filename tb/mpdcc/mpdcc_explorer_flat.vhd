@@ -19,6 +19,9 @@ entity mpdcc_explorer_flat is
     rst             : in    std_logic;                                     -- synchronous, active high
     limits          : in    std_logic_vector(LIMITS_BITS - 1 downto 0);    -- limits_t
     node            : in    std_logic_vector(NODE_BITS - 1 downto 0);      -- node_t
+    band            : in    std_logic_vector(BAND_BITS - 1 downto 0);      -- band_t
+    capacitor       : in    std_logic_vector(CAPACITOR_BITS - 1 downto 0); -- capacitor_t
+    last            : in    std_logic;                                     -- '1': no candidate is left
     best_valid      : in    std_logic;                                     -- '1': J_dl is not needed any more
     best_cost       : in    std_logic_vector(COST_WIDTH - 1 downto 0);     -- best cost so far
     candidate_valid : in    std_logic;                                     -- '1': candidate is new
@@ -48,6 +51,9 @@ begin
       rst             => rst,
       limits          => to_limits(limits),
       node            => to_node(node),
+      band            => to_band(band),
+      capacitor       => to_capacitor(capacitor),
+      last            => last,
       best_valid      => best_valid,
       best_cost       => unsigned(best_cost),
       candidate_valid => candidate_valid,

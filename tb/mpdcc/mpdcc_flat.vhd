@@ -14,13 +14,19 @@ library work;
 package mpdcc_flat is
 
   constant NODE_BITS      : natural := (OUTPUTS + 3) * TRAJECTORY_WIDTH + 5 * FORCED_WIDTH
-                                       + 6 * CURRENT_TERM_WIDTH + 4 * WEIGHT_WIDTH;
+                                       + 6 * CURRENT_TERM_WIDTH + 4 * WEIGHT_WIDTH + 3 * CURVATURE_WIDTH;
+  constant BAND_BITS      : natural := 3 * TRAJECTORY_WIDTH + 6 * MARGIN_WIDTH + 3 * TURN_WIDTH + 15;
+  constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
   constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 2;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
-  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + 9 + LENGTH_WIDTH + COST_WIDTH + TRAJECTORY_WIDTH;
+  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + COST_WIDTH + TRAJECTORY_WIDTH;
   constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
 
   function to_vector (value : node_t) return std_logic_vector;
+
+  function to_vector (value : band_t) return std_logic_vector;
+
+  function to_vector (value : capacitor_t) return std_logic_vector;
 
   function to_vector (value : candidate_t) return std_logic_vector;
 
@@ -31,6 +37,10 @@ package mpdcc_flat is
   function to_positions (value : std_logic_vector) return positions_t;
 
   function to_node (value : std_logic_vector) return node_t;
+
+  function to_band (value : std_logic_vector) return band_t;
+
+  function to_capacitor (value : std_logic_vector) return capacitor_t;
 
   function to_limits (value : std_logic_vector) return limits_t;
 
@@ -51,6 +61,7 @@ package body mpdcc_flat is
     variable forced   : std_logic_vector(5 * FORCED_WIDTH - 1 downto 0);
     variable currents : std_logic_vector(6 * CURRENT_TERM_WIDTH - 1 downto 0);
     variable weights  : std_logic_vector(4 * WEIGHT_WIDTH - 1 downto 0);
+    variable bends    : std_logic_vector(3 * CURVATURE_WIDTH - 1 downto 0);
 
   begin
 
@@ -72,9 +83,11 @@ package body mpdcc_flat is
         std_logic_vector(value.neutral_current(i));
       weights((i + 2) * WEIGHT_WIDTH - 1 downto (i + 1) * WEIGHT_WIDTH)            :=
         std_logic_vector(value.weight_slope(i));
+      bends((i + 1) * CURVATURE_WIDTH - 1 downto i * CURVATURE_WIDTH)              :=
+        std_logic_vector(value.curvature(i));
     end loop;
 
-    return weights & currents & forced & slopes & errors;
+    return bends & weights & currents & forced & slopes & errors;
 
   end function to_vector;
 
@@ -82,6 +95,33 @@ package body mpdcc_flat is
   begin
 
     return std_logic_vector(value(2)) & std_logic_vector(value(1)) & std_logic_vector(value(0));
+
+  end function to_vector;
+
+  function to_vector (value : band_t) return std_logic_vector is
+
+    variable firsts : std_logic_vector(3 * TRAJECTORY_WIDTH - 1 downto 0);
+    variable ups    : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
+    variable downs  : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
+    variable turns  : std_logic_vector(3 * TURN_WIDTH - 1 downto 0);
+
+  begin
+
+    for i in 0 to 2 loop
+      firsts((i + 1) * TRAJECTORY_WIDTH - 1 downto i * TRAJECTORY_WIDTH) := std_logic_vector(value.first(i));
+      ups((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)            := std_logic_vector(value.margin_up(i));
+      downs((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)          := std_logic_vector(value.margin_down(i));
+      turns((i + 1) * TURN_WIDTH - 1 downto i * TURN_WIDTH)              := std_logic_vector(value.turn(i));
+    end loop;
+
+    return value.negative & to_vector(value.previous) & turns & value.outside & downs & ups & firsts;
+
+  end function to_vector;
+
+  function to_vector (value : capacitor_t) return std_logic_vector is
+  begin
+
+    return std_logic_vector(value.excess) & std_logic_vector(value.length) & std_logic_vector(value.row) & value.write;
 
   end function to_vector;
 
@@ -96,7 +136,7 @@ package body mpdcc_flat is
   begin
 
     return std_logic_vector(value.excess) & std_logic_vector(value.cost) & std_logic_vector(value.length)
-           & to_vector(value.position) & std_logic_vector(value.index) & value.saturated & value.feasible;
+           & std_logic_vector(value.index) & value.saturated & value.feasible;
 
   end function to_vector;
 
@@ -172,9 +212,73 @@ package body mpdcc_flat is
       take(result.weight_slope(i));
     end loop;
 
+    for i in 0 to 2 loop
+      take(result.curvature(i));
+    end loop;
+
     return result;
 
   end function to_node;
+
+  function to_band (value : std_logic_vector) return band_t is
+
+    variable bits   : std_logic_vector(BAND_BITS - 1 downto 0);
+    variable used   : natural;
+    variable result : band_t;
+
+    procedure take (target : out signed) is
+    begin
+
+      target := signed(bits(used + target'length - 1 downto used));
+      used   := used + target'length;
+
+    end procedure take;
+
+  begin
+
+    bits := value;
+    used := 0;
+
+    for i in 0 to 2 loop
+      take(result.first(i));
+    end loop;
+
+    for i in 0 to 2 loop
+      take(result.margin_up(i));
+    end loop;
+
+    for i in 0 to 2 loop
+      take(result.margin_down(i));
+    end loop;
+
+    result.outside := bits(used + 2 downto used);
+    used           := used + 3;
+
+    for i in 0 to 2 loop
+      take(result.turn(i));
+    end loop;
+
+    result.previous := to_positions(bits(used + 8 downto used));
+    result.negative := bits(BAND_BITS - 1 downto BAND_BITS - 3);
+    return result;
+
+  end function to_band;
+
+  function to_capacitor (value : std_logic_vector) return capacitor_t is
+
+    variable bits   : std_logic_vector(CAPACITOR_BITS - 1 downto 0);
+    variable result : capacitor_t;
+
+  begin
+
+    bits          := value;
+    result.write  := bits(0);
+    result.row    := unsigned(bits(5 downto 1));
+    result.length := unsigned(bits(5 + LENGTH_WIDTH downto 6));
+    result.excess := signed(bits(CAPACITOR_BITS - 1 downto 6 + LENGTH_WIDTH));
+    return result;
+
+  end function to_capacitor;
 
   function to_limits (value : std_logic_vector) return limits_t is
 
@@ -211,10 +315,9 @@ package body mpdcc_flat is
 
   function to_result (value : std_logic_vector) return result_t is
 
-    constant POSITION_AT : natural := INDEX_WIDTH + 2;
-    constant LENGTH_AT   : natural := POSITION_AT + 9;
-    constant COST_AT     : natural := LENGTH_AT + LENGTH_WIDTH;
-    constant EXCESS_AT   : natural := COST_AT + COST_WIDTH;
+    constant LENGTH_AT : natural := INDEX_WIDTH + 2;
+    constant COST_AT   : natural := LENGTH_AT + LENGTH_WIDTH;
+    constant EXCESS_AT : natural := COST_AT + COST_WIDTH;
 
     variable bits   : std_logic_vector(RESULT_BITS - 1 downto 0);
     variable result : result_t;
@@ -224,8 +327,7 @@ package body mpdcc_flat is
     bits             := value;
     result.feasible  := bits(0);
     result.saturated := bits(1);
-    result.index     := unsigned(bits(POSITION_AT - 1 downto 2));
-    result.position  := to_positions(bits(LENGTH_AT - 1 downto POSITION_AT));
+    result.index     := unsigned(bits(LENGTH_AT - 1 downto 2));
     result.length    := unsigned(bits(COST_AT - 1 downto LENGTH_AT));
     result.cost      := unsigned(bits(EXCESS_AT - 1 downto COST_AT));
     result.excess    := signed(bits(RESULT_BITS - 1 downto EXCESS_AT));

@@ -11,7 +11,8 @@ library work;
 
 entity mpdcc_scheduler_flat is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2 -- number of explorers
+    EXPLORERS : positive range 1 to 8 := 2;   -- number of explorers
+    FOLDED    : boolean               := true -- variant of the explorers
   );
   port (
     clk             : in    std_logic;                                                            -- rising edge
@@ -19,11 +20,15 @@ entity mpdcc_scheduler_flat is
     start           : in    std_logic; -- '1' for one clock: decide
     measurement     : in    std_logic_vector(207 downto 0);                                       -- is_alpha rightmost
     previous        : in    std_logic_vector(8 downto 0); -- s(k-1), phase a rightmost
+    limits          : in    std_logic_vector(LIMITS_BITS - 1 downto 0);                           -- limits_t
     coefficients    : in    std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- FACTOR_* order
     valid           : out   std_logic; -- '1' for one clock: decision is new
     decision        : out   std_logic_vector(DECISION_BITS - 1 downto 0);                         -- decision_t
     busy            : out   std_logic; -- '1': a decision is under way
     node            : out   std_logic_vector(NODE_BITS - 1 downto 0);                             -- node_t
+    band            : out   std_logic_vector(BAND_BITS - 1 downto 0);                             -- band_t
+    capacitor       : out   std_logic_vector(CAPACITOR_BITS - 1 downto 0);                        -- capacitor_t
+    last            : out   std_logic; -- '1': no candidate is left
     best_valid      : out   std_logic; -- '1': J_dl is not needed any more
     best_cost       : out   std_logic_vector(COST_WIDTH - 1 downto 0);                            -- best cost so far
     candidate_valid : out   std_logic_vector(EXPLORERS - 1 downto 0);                             -- one-hot
@@ -41,6 +46,8 @@ end entity mpdcc_scheduler_flat;
 architecture bench of mpdcc_scheduler_flat is
 
   signal node_record      : node_t;
+  signal band_record      : band_t;
+  signal capacitor_record : capacitor_t;
   signal candidate_record : candidate_t;
   signal decision_record  : decision_t;
   signal result_records   : results_t(0 to EXPLORERS - 1);
@@ -50,7 +57,8 @@ begin
 
   i_scheduler : entity work.mpdcc_scheduler
     generic map (
-      EXPLORERS => EXPLORERS
+      EXPLORERS => EXPLORERS,
+      FOLDED    => FOLDED
     )
     port map (
       clk             => clk,
@@ -58,11 +66,15 @@ begin
       start           => start,
       measurement     => to_measurement(measurement),
       previous        => to_positions(previous),
+      limits          => to_limits(limits),
       coefficients    => coefficients,
       valid           => valid,
       decision        => decision_record,
       busy            => busy,
       node            => node_record,
+      band            => band_record,
+      capacitor       => capacitor_record,
+      last            => last,
       best_valid      => best_valid,
       best_cost       => cost,
       candidate_valid => candidate_valid,
@@ -81,6 +93,8 @@ begin
   end generate g_results;
 
   node      <= to_vector(node_record);
+  band      <= to_vector(band_record);
+  capacitor <= to_vector(capacitor_record);
   candidate <= to_vector(candidate_record);
   decision  <= to_vector(decision_record);
   best_cost <= std_logic_vector(cost);

@@ -17,44 +17,53 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.coefficients import registers
+from directmpc.replay import VARIANTS
 from tb.common import states
 from tb.common.simulation import RTL, BenchError
 from tb.mpdcc import (
     core,
     test_binary_search,
     test_candidate_enumerator,
+    test_capacitor_search,
     test_common_terms,
+    test_explorer_fast,
     test_mac_block,
     test_mpdcc_explorer,
     test_mpdcc_scheduler,
+    test_turn_threshold,
 )
 
 
-def core_bench(rtl: Path) -> None:
+def core_bench(variant: str, rtl: Path) -> None:
     """A few decisions of the core."""
     rng = np.random.default_rng(2)
     drive = states.shipped("anpc5l_6kv")
     rows = core.join(
         [
-            core.of_trace(states.near(drive, 10, rng), registers(drive).array()),
-            core.random_rows(5, rng),
-            core.slow_rows(),
+            core.of_trace(states.near(drive, 10, rng), VARIANTS[variant].registers(drive).array()),
+            core.random_rows(5, rng, variant),
+            core.slow_rows(variant),
         ]
     )
-    found = core.simulate(rows, 5, "paper", rtl=rtl)
-    if not np.array_equal(found.decisions, rows.model()):
+    found = core.simulate(rows, 5, variant, rtl=rtl)
+    if not np.array_equal(found.decisions, rows.model(variant)):
         raise BenchError("decisions differ")
 
 
 BENCHES: dict[str, Callable[[Path], object]] = {
     "mac_block": lambda rtl: test_mac_block.bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl),
     "binary_search": lambda rtl: test_binary_search.bench(17, 6, True, searches=400, rtl=rtl),
-    "common_terms": lambda rtl: test_common_terms.bench(nodes=120, rtl=rtl),
+    "common_terms": lambda rtl: test_common_terms.bench("fast", nodes=120, rtl=rtl),
     "candidate_enumerator": lambda rtl: test_candidate_enumerator.bench(positions=64, rtl=rtl),
     "mpdcc_explorer": lambda rtl: test_mpdcc_explorer.bench("paper", nodes=40, rtl=rtl),
-    "mpdcc_scheduler": lambda rtl: test_mpdcc_scheduler.bench(3, decisions=40, rtl=rtl),
-    "mpdcc_core": core_bench,
+    "mpdcc_scheduler": lambda rtl: test_mpdcc_scheduler.bench(3, "paper", decisions=40, rtl=rtl),
+    "mpdcc_core": lambda rtl: core_bench("paper", rtl),
+    "turn_threshold": lambda rtl: test_turn_threshold.bench(800, rtl=rtl),
+    "capacitor_search": lambda rtl: test_capacitor_search.bench(80, rtl=rtl),
+    "explorer_fast": lambda rtl: test_explorer_fast.bench(200, rtl=rtl),
+    "scheduler_fast": lambda rtl: test_mpdcc_scheduler.bench(3, "fast", decisions=40, rtl=rtl),
+    "core_fast": lambda rtl: core_bench("fast", rtl),
+    "blocks": lambda rtl: test_candidate_enumerator.bench(positions=64, blocks=True, rtl=rtl),
 }
 
 
@@ -82,10 +91,13 @@ FAULTS = [
         "length <= (others => '1') when",
     ),
     Fault("binary_search", "binary_search.vhd", "r.busy <= STATE_INIT.busy;", "null;"),
-    Fault("common_terms", "common_terms.vhd", "RESULT_SHIFT - 1 => '1', others", "others"),
+    Fault("common_terms", "common_terms.vhd", "- 1) <= '1';", "- 1) <= '0';"),
     Fault("common_terms", "common_terms.vhd", "overflow <= '1';", "overflow <= '0';"),
     Fault(
-        "candidate_enumerator", "candidate_enumerator.vhd", "in 2 downto 0 loop", "in 0 to 2 loop"
+        "candidate_enumerator",
+        "candidate_enumerator.vhd",
+        "in LAST_PHASE downto 0",
+        "in 0 to LAST_PHASE",
     ),
     Fault(
         "candidate_enumerator", "candidate_enumerator.vhd", "v.candidate.probe  := '0';", "null;"
@@ -111,8 +123,8 @@ FAULTS = [
     Fault(
         "mpdcc_core",
         "mpdcc_scheduler.vhd",
-        "v.decision.length    := r.best.length;",
-        "v.decision.length    := (others => '0');",
+        "result.length    := best.length;",
+        "result.length    := (others => '0');",
     ),
     Fault("mpdcc_core", "mpdcc_core.vhd", "unsigned(v_ph_b)", "unsigned(v_ph_c)"),
     Fault(
@@ -121,6 +133,35 @@ FAULTS = [
         "candidate_ready <= not front.busy;",
         "candidate_ready <= '0';",
     ),
+    Fault("turn_threshold", "turn_threshold.vhd", "if (curvature >= 0)", "if (curvature > 0)"),
+    Fault("turn_threshold", "turn_threshold.vhd", "wide < smallest", "wide > smallest"),
+    Fault("capacitor_search", "capacitor_search.vhd", "if (less >= 0)", "if (less > 0)"),
+    Fault("capacitor_search", "capacitor_search.vhd", "excess(2) > 0", "excess(2) >= 0"),
+    Fault(
+        "explorer_fast",
+        "explorer_fast.vhd",
+        "and not (lanes(STAGE - 1)(x).exceeds and turned and to_std_logic(m > 0))",
+        "",
+    ),
+    Fault("explorer_fast", "explorer_fast.vhd", "cost_16 < best.cost", "cost_16 <= best.cost"),
+    Fault(
+        "explorer_fast", "explorer_fast.vhd", 'or band.outside /= "000"', "or limits.horizon = 0"
+    ),
+    Fault(
+        "scheduler_fast",
+        "node_preparation.vhd",
+        "xor falling",
+        "or falling",
+    ),
+    Fault(
+        "scheduler_fast",
+        "mpdcc_scheduler.vhd",
+        "probe_held = '1' and lines_held = '1'",
+        "probe_held = '1'",
+    ),
+    Fault("explorer_fast", "explorer_fast.vhd", "any and idle and last", "any and last"),
+    Fault("core_fast", "mpdcc_core.vhd", "unsigned(v_ph_b)", "unsigned(v_ph_c)"),
+    Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]
 
 

@@ -1,6 +1,7 @@
 """The candidates that follow each switch position, in the contract's order.
 
-Sweep: all 512 positions, random signs of the phase currents.
+Sweep: single candidates and blocks of phases a and b; all 512 positions, random signs of the phase
+currents.
 Stimulus: every position once in random order, a taker that is always ready or ready half the time,
 resets in the middle, random inputs between enumerations.
 Checks: position, index, effort and order of every candidate against a Cartesian product; weights by
@@ -13,23 +14,33 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tb.common.simulation import BENCH, RTL, Outcome, run
 
 FILES = [BENCH / "mpdcc_flat.vhd", BENCH / "candidate_enumerator_flat.vhd"]
 
 
-def bench(positions: int = 512, rtl: Path = RTL) -> Outcome:
+def bench(positions: int = 512, blocks: bool = False, rtl: Path = RTL) -> Outcome:
     return run(
         "candidate_enumerator_flat",
         "tb.mpdcc.bench_candidate_enumerator",
         units=["candidate_enumerator"],
         files=FILES,
-        arguments={"seed": 5, "positions": positions},
+        generics={"BLOCKS": str(blocks).lower()},
+        arguments={
+            "seed": 5,
+            "positions": positions,
+            "blocks": blocks,
+            "fewest": "9 candidates" if blocks else "27 candidates",
+            "most": "16 candidates" if blocks else "64 candidates",
+        },
         rtl=rtl,
     )
 
 
-def test_candidates_and_their_order() -> None:
-    found = bench()
-    assert found.checks["candidate"] >= 20_000
-    assert found.covered["64 candidates"] >= 40
+@pytest.mark.parametrize("blocks", [False, True], ids=["candidates", "blocks"])
+def test_candidates_and_their_order(blocks: bool) -> None:
+    found = bench(blocks=blocks)
+    assert found.checks["candidate"] >= (5000 if blocks else 20_000)
+    assert found.covered["16 candidates" if blocks else "64 candidates"] >= 40

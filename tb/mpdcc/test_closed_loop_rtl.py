@@ -1,6 +1,6 @@
 """The RTL itself controls the exact plant, and ends where its model does.
 
-Sweep: one operating point of the 6 kV drive, rated.
+Sweep: both variants; one operating point of the 6 kV drive, rated.
 Stimulus: the float plant; measurements quantised as a converter would, decisions applied at once.
 Checks: every decision and every state equal to the model's own closed loop from the same start;
 currents inside their bounds but for one step's overshoot, distortion and voltages sane.
@@ -11,21 +11,28 @@ Does not prove: anything about delays or converters; the loop is ideal but for t
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from directmpc import bit_true, closed_loop, metrics
+from directmpc import closed_loop, metrics
 from directmpc.closed_loop import OperatingPoint
-from directmpc.coefficients import registers
+from directmpc.replay import VARIANTS
 from directmpc.rtl_simulation import Job, Loop, simulate
 from tb.common import states
 
 STEPS = 400  # one period of the fundamental
 
 
-def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop() -> None:
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(variant: str) -> None:
     drive = states.shipped("anpc5l_6kv")
-    array = registers(drive).array()
+    array = VARIANTS[variant].registers(drive).array()
     expected = closed_loop.simulate(
-        drive, bit_true.decide, array, OperatingPoint(1.0, current=1.0, voltage=1.0), STEPS, seed=3
+        drive,
+        VARIANTS[variant].decide,
+        array,
+        OperatingPoint(1.0, current=1.0, voltage=1.0),
+        STEPS,
+        seed=3,
     )
     profile, seen = expected.profile, expected.seen
     loop = Loop(
@@ -38,7 +45,7 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop() -> None:
         iref=np.column_stack([profile.iref.real, profile.iref.imag]),
     )
     empty = np.empty((0, 0), dtype=np.int64)
-    found = simulate(Job(array, empty, empty, loop=loop), 2, "paper")
+    found = simulate(Job(array, empty, empty, loop=loop), 2, variant)
     decisions = found["decisions"]
     assert len(decisions) == STEPS == len(seen)
     np.testing.assert_array_equal(decisions[:, :3], expected.decisions.s)

@@ -64,7 +64,7 @@ def test_replay_passes_paths_with_blanks_and_the_defaults(project):
         "work dir/trace 1.csv",
     ]
     expected += ["--out", "work dir/out 1.csv", "--engine", "rtl", "--explorers", "2"]
-    expected += ["--variant", "paper"]
+    expected += ["--variant", "fast"]
     assert [line.strip("<>") for line in done.stdout.splitlines()] == expected
 
 

@@ -1,0 +1,257 @@
+-- Lengths and excesses of v_n and the phase capacitor voltages, for every position at once.
+--
+-- A phase capacitor's trajectory depends on the phase and on whether its position charges it,
+-- discharges it or neither; v_n's on which phases hang on the neutral point: 9 + 8 straight lines
+-- serve all candidates of a node. They pass one pipeline, one line a clock, those of s(k-1) first,
+-- so that the hold test has its answer early.
+--
+--   stage 0    which line
+--   stage 1    slope and error at k of the line
+--   stage 2    room in the slope's direction, error at k+1
+--   stage 3-5  two bits of the length each: room - 2**m * abs(slope) >= 0
+--
+-- Formats: trajectory units; rows of the table as capacitor_t says.
+-- Latency: held is valid 8 clocks after start, the last of the 17 rows is out 23 clocks after
+-- start; initiation interval of a node 18 clocks.
+-- Overflow: none; abs(slope) is clipped at twice the largest bound, which is outside at once.
+-- Tried and dropped: one bit a stage takes 200 flip-flops more; using the explorers' own pipelines
+-- saves 250 slices and makes every explorer
+-- idle for seven clocks of every node.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_types.all;
+
+entity capacitor_search is
+  port (
+    clk      : in    std_logic;   -- rising edge
+    rst      : in    std_logic;   -- synchronous, active high
+    start    : in    std_logic;   -- '1' for one clock: begin
+    limits   : in    limits_t;    -- bounds and horizon, stable
+    node     : in    node_t;      -- errors of the capacitor voltages and current terms, stable
+    previous : in    positions_t; -- s(k-1), stable
+    held     : out   std_logic;   -- '1': the lines of s(k-1) are inside at k+1; see latency
+    ready    : out   std_logic;   -- '1': the last row is out 6 clocks later
+    entry    : out   capacitor_t  -- rows of the table as they come
+  );
+end entity capacitor_search;
+
+architecture rtl of capacitor_search is
+
+  constant LINES       : natural := 17;
+  constant STAGE_COUNT : natural := 2 + LENGTH_WIDTH / 2;
+
+  subtype room_t is unsigned(BOUND_WIDTH - 1 downto 0);
+
+  type rooms_t is array (2 to STAGE_COUNT) of room_t;
+
+  type rows_t is array (1 to STAGE_COUNT) of capacitor_row_t;
+
+  type lengths_t is array (2 to STAGE_COUNT) of length_t;
+
+  type ends_t is array (2 to STAGE_COUNT) of trajectory_t;
+
+  signal line  : natural range 0 to LINES; -- LINES: idle
+  signal valid     : std_logic_vector(0 to STAGE_COUNT);
+  signal first     : std_logic_vector(0 to 2);     -- '1': a line of s(k-1)
+  signal phase_0   : natural range 0 to 3;         -- 3: neutral point
+  signal kind_0    : unsigned(1 downto 0);
+  signal pattern_0 : std_logic_vector(2 downto 0);
+  signal flips     : unsigned(2 downto 0);         -- how the next pattern differs from that of s(k-1)
+  signal row   : rows_t;
+
+  signal slope_1 : trajectory_t;
+  signal error_1 : trajectory_t;
+  signal bound_1 : bound_t;
+
+  signal room   : rooms_t;
+  signal pace   : rooms_t;
+  signal length : lengths_t;
+  signal inside : std_logic_vector(2 to STAGE_COUNT);
+  signal excess : ends_t;
+  signal passed : std_logic;
+
+begin
+
+  p_lines : process (clk) is
+
+    variable kind    : unsigned(1 downto 0);
+    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable current : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable room_up : signed(TRAJECTORY_WIDTH downto 0);
+    variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
+    variable error   : trajectory_t;
+    variable steep   : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
+    variable left    : room_t;
+    variable less    : signed(BOUND_WIDTH downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      valid <= to_std_logic(line /= LINES) & valid(0 to STAGE_COUNT - 1);
+
+      if (line /= LINES) then
+        line <= line + 1;
+      end if;
+
+      -- stage 0
+      -- lines 0 to 2: phases as at s(k-1); 3: neutral point as at s(k-1); 4 to 9: the phases' other
+      -- kinds; 10 to 16: the other patterns of the neutral point
+      pattern_0 <= neutral_pattern(previous) xor std_logic_vector(flips);
+      phase_0   <= 3;
+      kind      := "00";
+      first(0)  <= to_std_logic(line < 4);
+
+      if (line >= 10) then
+        flips <= flips + 1;
+      else
+        flips <= "001";
+      end if;
+
+      if (line < 10) then
+        pattern_0 <= neutral_pattern(previous);
+      end if;
+
+      for x in 0 to 2 loop
+        if (line = x or line = 4 + x or line = 7 + x) then
+          phase_0 <= x;
+          kind    := charge_kind(previous(x));
+        end if;
+      end loop;
+
+      -- the other two of 0, 1, 2 in turn
+      if (line >= 4 and line < 7) then
+        kind := kind(0) & (kind(0) nor kind(1));
+      elsif (line >= 7 and line < 10) then
+        kind := (kind(0) nor kind(1)) & kind(1);
+      end if;
+
+      kind_0 <= kind;
+
+      -- stage 1
+      first(1) <= first(0);
+
+      if (valid(0) = '1') then
+        if (phase_0 = 3) then
+          slope := (others => '0');
+
+          for x in 0 to 2 loop
+            slope := slope + gated(node.neutral_current(x), pattern_0(x));
+          end loop;
+
+          slope_1 <= resize(slope, TRAJECTORY_WIDTH);
+          error_1 <= node.error(3);
+          bound_1 <= limits.bound_neutral;
+          row(1)  <= unsigned'("10") & unsigned(pattern_0);
+        else
+          current := (others => '0');
+
+          for x in 0 to 2 loop
+            if (phase_0 = x) then
+              current := resize(node.phase_current(x), current'length);
+              error_1 <= node.error(4 + x);
+            end if;
+          end loop;
+
+          slope   := adjusted((slope'range => '0'), current, kind_0(1), kind_0(0));
+          slope_1 <= resize(slope, TRAJECTORY_WIDTH);
+          bound_1 <= limits.bound_phase;
+          row(1)  <= to_unsigned(phase_0, 3) & kind_0;
+        end if;
+      end if;
+
+      -- stage 2
+      first(2) <= first(1);
+
+      if (valid(1) = '1') then
+        room_up := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) - error_1;
+        room_dn := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) + error_1;
+
+        if (slope_1 >= 0) then
+          room(2) <= unsigned(room_up(BOUND_WIDTH - 1 downto 0));
+        else
+          room(2) <= unsigned(room_dn(BOUND_WIDTH - 1 downto 0));
+        end if;
+
+        steep := magnitude(slope_1);
+
+        if (steep(TRAJECTORY_WIDTH - 1 downto BOUND_WIDTH) /= 0) then
+          pace(2) <= (others => '1');
+        else
+          pace(2) <= steep(BOUND_WIDTH - 1 downto 0);
+        end if;
+
+        error     := error_1 + slope_1;
+        excess(2) <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
+        inside(2) <= not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
+        row(2)    <= row(1);
+        length(2) <= (others => '0');
+      end if;
+
+      if (valid(2) = '1' and first(2) = '1' and excess(2) > 0) then
+        passed <= '0';
+      end if;
+
+      -- stages 3 to 5
+      for i in 3 to STAGE_COUNT loop
+        if (valid(i - 1) = '1') then
+          left      := room(i - 1);
+          length(i) <= length(i - 1);
+
+          for bit in 2 * (STAGE_COUNT - i) + 1 downto 2 * (STAGE_COUNT - i) loop
+            -- what lies below the multiple's LSB passes by
+            less := signed(resize(shift_right(left, bit), less'length)) - signed(resize(pace(i - 1), less'length));
+
+            if (less >= 0) then
+              left(BOUND_WIDTH - 1 downto bit) := unsigned(less(BOUND_WIDTH - bit - 1 downto 0));
+              length(i)(bit) <= '1';
+            end if;
+          end loop;
+
+          room(i)   <= left;
+          pace(i)   <= pace(i - 1);
+          inside(i) <= inside(i - 1);
+          excess(i) <= excess(i - 1);
+          row(i)    <= row(i - 1);
+        end if;
+      end loop;
+
+      if (start = '1') then
+        line   <= 0;
+        passed <= '1';
+      end if;
+
+      if (rst = '1') then
+        line  <= LINES;
+        valid <= (others => '0');
+      end if;
+    end if;
+
+  end process p_lines;
+
+  p_entry : process (valid, row, length, inside, excess, limits) is
+  begin
+
+    entry.write  <= valid(STAGE_COUNT);
+    entry.row    <= row(STAGE_COUNT);
+    entry.length <= length(STAGE_COUNT);
+    entry.excess <= excess(STAGE_COUNT);
+
+    if (inside(STAGE_COUNT) = '0') then
+      entry.length <= (others => '0');
+    elsif (length(STAGE_COUNT) > limits.horizon) then
+      entry.length <= limits.horizon;
+    end if;
+
+  end process p_entry;
+
+  held  <= passed;
+  ready <= to_std_logic(line = LINES);
+
+end architecture rtl;

@@ -1,0 +1,706 @@
+-- The fast explorer: one candidate per clock, second-order trajectories.
+--
+-- Every quantity of a candidate is a common term of the node plus one contribution per phase, so
+-- the pipeline holds additions and comparisons alone, but for the two products of the cost.
+--
+--   stage 0      one candidate of the block: next position of phase c
+--   stage 1      h*Xr/(3D) * v_x of each phase
+--   stage 2-3    slope of each current error: natural - h*Xr/D * (v_x - (v_a + v_b + v_c)/3)
+--   stage 4      error at k+1; which bound is left to test (see turn_threshold); margin from it
+--   stage 5-10   one bit of the length per stage and phase: e(l + 2**m) = e(l) + 2**m * secant is
+--                tested, with secant = slope(l) + 2**m * c carried from stage to stage
+--   stage 5-8    beside: worst excess at k+1 and length that the capacitors allow
+--   stage 11-12  shortest length
+--   stage 13-16  J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
+--   then         best so far; the best deadlock cost is kept apart, after stage 8
+--
+-- First exit: the parabola may leave the band and come back. If the slope exceeds its threshold
+-- it leaves before it turns, and steps beyond the turn do not count; otherwise it can leave on the
+-- side of the curvature alone. One margin is tested, and the test is monotone.
+-- Formats: trajectory units; MARGIN_WIDTH and SLOPE_WIDTH hold whatever stays inside a bound of
+-- 29000 units; a step of the search that does not fit is outside. See directmpc/bit_true_fast.py.
+-- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
+-- its block is taken; initiation interval one clock per candidate.
+-- Overflow: a slope beyond START_SLOPE_WIDTH leaves in one step, so the search may run on what is
+-- left of it; sqrt(lambda_n)*v_n saturates and flags.
+-- Tried and dropped: carrying e(l) and testing both bounds takes a comparison more in each of the
+-- 18 search cells, 330 LUTs, and is wrong after the first exit; two clocks per search stage double
+-- the registers and bring no clock rate where the cell is margin, slope and two chained adders.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_types.all;
+
+entity explorer_fast is
+  port (
+    clk             : in    std_logic;   -- rising edge
+    rst             : in    std_logic;   -- synchronous, active high
+    limits          : in    limits_t;    -- bounds and horizon, stable while busy
+    node            : in    node_t;      -- where trajectories start, stable while busy
+    band            : in    band_t;      -- the band seen from there, stable while busy
+    capacitor       : in    capacitor_t; -- table of the capacitors' lengths, row by row
+    last            : in    std_logic;   -- '1': no candidate of this node is left, report the best
+    candidate_valid : in    std_logic;   -- '1': candidate is new
+    candidate_ready : out   std_logic;   -- '1': candidate is taken in this clock
+    candidate       : in    candidate_t; -- a probe, or phases a and b of up to four candidates
+    probe_done      : out   std_logic;   -- '1' for one clock: answer to a probe
+    probe_held      : out   std_logic;   -- '1': step one keeps the currents inside their bound
+    result_valid    : out   std_logic;   -- '1': result is new
+    result_ready    : in    std_logic;   -- '1': result is taken in this clock
+    result          : out   result_t;    -- the best of all candidates since the last result
+    busy            : out   std_logic    -- '1': candidates are under way or a result waits
+  );
+end entity explorer_fast;
+
+architecture rtl of explorer_fast is
+
+  constant SEARCH      : natural := 5;                     -- first stage of the search
+  constant SHORTEST    : natural := SEARCH + LENGTH_WIDTH; -- first stage of the minimum
+  constant STAGE_COUNT : natural := SHORTEST + 5;          -- the stage that holds the cost
+
+  subtype voltage_t is signed(FORCED_WIDTH downto 0);
+
+  type voltages_t is array (0 to 2) of voltage_t;
+
+  subtype difference_t is signed(FORCED_WIDTH + 1 downto 0);
+
+  type differences_t is array (0 to 2) of difference_t;
+
+  subtype slope_t is signed(SLOPE_WIDTH - 1 downto 0);
+
+  type slopes_t is array (0 to 2) of slope_t;
+
+  -- one phase in the search
+  type cell_t is record
+    exceeds : std_logic; -- '1': leaves before it turns
+    side_up : std_logic; -- '1': the upper bound is left to test
+    margin  : margin_t;  -- error at the length so far, seen from that bound
+    secant  : slope_t;   -- mean slope of the steps that the next stage tries
+    length  : length_t;  -- length so far
+  end record cell_t;
+
+  type cells_t is array (0 to 2) of cell_t;
+
+  type search_t is array (SEARCH - 1 to SHORTEST - 1) of cells_t;
+
+  subtype flags_t is std_logic_vector(2 downto 0);
+
+  subtype entry_t is std_logic_vector(LENGTH_WIDTH + TRAJECTORY_WIDTH - 1 downto 0);
+
+  type table_t is array (0 to 31) of entry_t;
+
+  type entries_t is array (0 to 3) of entry_t;
+
+  type excesses_t is array (0 to 1) of trajectory_t;
+
+  type lengths_t is array (0 to 1) of length_t;
+
+  type limit_stages_t is array (SEARCH + 3 to SHORTEST - 1) of length_t;
+
+  type length_stages_t is array (SHORTEST + 1 to STAGE_COUNT) of length_t;
+
+  subtype rate_t is unsigned(RECIPROCAL_FRACTION + EFFORT_WIDTH downto 0);
+
+  function length_of (entry : entry_t) return length_t is
+  begin
+
+    return unsigned(entry(entry'high downto TRAJECTORY_WIDTH));
+
+  end function length_of;
+
+  function excess_of (entry : entry_t) return trajectory_t is
+  begin
+
+    return signed(entry(TRAJECTORY_WIDTH - 1 downto 0));
+
+  end function excess_of;
+
+  function gated_unsigned (value : unsigned; enable : std_logic) return unsigned is
+  begin
+
+    return unsigned(gated(signed(value), enable));
+
+  end function gated_unsigned;
+
+  function shorter (a, b : length_t) return length_t is
+  begin
+
+    if (a < b) then
+      return a;
+    else
+      return b;
+    end if;
+
+  end function shorter;
+
+  -- three comparisons side by side rather than two in turn
+  function worst (a, b, c : trajectory_t) return trajectory_t is
+  begin
+
+    if (a > b and a > c) then
+      return a;
+    elsif (b > c) then
+      return b;
+    else
+      return c;
+    end if;
+
+  end function worst;
+
+  function worse (a, b : trajectory_t) return trajectory_t is
+  begin
+
+    if (a > b) then
+      return a;
+    else
+      return b;
+    end if;
+
+  end function worse;
+
+  -- block under way and block that waits
+  signal queue_valid : std_logic;
+  signal queue       : candidate_t;
+  signal block_valid : std_logic;
+  signal block_now   : candidate_t;
+  signal choice      : unsigned(1 downto 0);
+  signal block_end   : std_logic;
+
+  -- what travels beside the data, by stage
+  signal valid    : std_logic_vector(0 to STAGE_COUNT);
+  signal probe    : std_logic_vector(0 to SEARCH + 2);
+  signal limit    : limit_stages_t; -- length that the capacitors allow, 0 for a dead candidate
+  signal length   : length_stages_t;
+  signal feasible : std_logic_vector(SHORTEST + 2 to STAGE_COUNT);
+  signal clipped  : std_logic_vector(SHORTEST + 3 to STAGE_COUNT);
+
+  signal index_0     : std_logic_vector(INDEX_WIDTH - 1 downto 0);
+  signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with dead_8
+  signal index_last  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- of the last stage
+  signal effort_0    : std_logic_vector(EFFORT_WIDTH - 1 downto 0);
+  signal effort_late : std_logic_vector(EFFORT_WIDTH - 1 downto 0); -- of the stage before the rate
+  signal hangs_0     : std_logic_vector(8 downto 0);                -- pattern and kinds of the candidate
+  signal hangs_5     : std_logic_vector(8 downto 0);
+  signal pattern_10  : flags_t;
+
+  signal position_0   : positions_t;
+  signal voltage_1    : voltages_t;
+  signal difference_2 : differences_t;
+  signal slope_3      : trajectories_t;
+  signal error_4      : trajectories_t;
+  signal triple       : slopes_t; -- three times the curvature
+  signal lanes        : search_t;
+  signal distance_5   : trajectories_t;
+  signal distance_6   : trajectory_t;
+  signal excess_7     : trajectory_t;
+  signal entry_6      : entries_t;
+  signal excess_caps  : excesses_t;
+  signal length_caps  : lengths_t;
+  signal excess_8     : trajectory_t;
+  signal dead_8       : std_logic;
+
+  signal capacitors : table_t;
+
+  signal short_11   : lengths_t;
+  signal slope_11   : weight_t;
+  signal third_11   : weight_t;
+  signal slope_12   : weight_t;
+  signal product_13 : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
+  signal inverse_14 : unsigned(RECIPROCAL_FRACTION downto 0);
+  signal weight_14  : weight_t;
+  signal square_15  : signed(2 * WEIGHT_WIDTH - 1 downto 0);
+  signal rate_15    : rate_t;
+  signal cost_16    : cost_t;
+
+  -- the best of all candidates so far
+  signal any         : std_logic;
+  signal best        : result_t;
+  signal dead_any    : std_logic;
+  signal dead_excess : trajectory_t;
+  signal dead_index  : unsigned(INDEX_WIDTH - 1 downto 0);
+  signal idle        : std_logic;
+  signal reported    : std_logic;
+
+begin
+
+  assert SEARCH + LENGTH_WIDTH = 11
+    report "explorer_fast: signals are named for lengths of six bits"
+    severity failure;
+
+  ---------------------------------------------------------------------------------------------
+  -- Blocks to candidates
+  ---------------------------------------------------------------------------------------------
+
+  candidate_ready <= not queue_valid or block_end;
+  block_end       <= to_std_logic(block_valid = '0' or block_now.probe = '1'
+                                  or choice = NEXT_LAST(to_integer(band.previous(2))));
+
+  p_blocks : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      valid(0) <= block_valid;
+      probe(0) <= block_valid and block_now.probe;
+
+      if (block_valid = '1') then
+        position_0 <= block_now.position;
+        index_0    <= std_logic_vector(block_now.index(INDEX_WIDTH - 1 downto 2)) & std_logic_vector(choice);
+        effort_0   <= std_logic_vector(block_now.effort
+                                       + transition_weight(band.previous(2), band.negative(2), choice));
+
+        if (block_now.probe = '0') then
+          position_0(2) <= next_position(band.previous(2), choice);
+        end if;
+      end if;
+
+      if (block_end = '1') then
+        choice      <= (others => '0');
+        block_valid <= queue_valid;
+        block_now   <= queue;
+        queue_valid <= '0';
+      else
+        choice <= choice + 1;
+      end if;
+
+      if (candidate_valid = '1' and (queue_valid = '0' or block_end = '1')) then
+        queue       <= candidate;
+        queue_valid <= '1';
+      end if;
+
+      if (rst = '1') then
+        queue_valid <= '0';
+        block_valid <= '0';
+        valid(0)    <= '0';
+        probe(0)    <= '0';
+      end if;
+    end if;
+
+  end process p_blocks;
+
+  p_travel : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      valid(1 to STAGE_COUNT) <= valid(0 to STAGE_COUNT - 1);
+      probe(1 to SEARCH + 2)  <= probe(0 to SEARCH + 1);
+
+      -- a probe goes no further than its answer
+      valid(SEARCH + 3) <= valid(SEARCH + 2) and not probe(SEARCH + 2);
+
+      limit(SEARCH + 4 to SHORTEST - 1)   <= limit(SEARCH + 3 to SHORTEST - 2);
+      length(SHORTEST + 2 to STAGE_COUNT) <= length(SHORTEST + 1 to STAGE_COUNT - 1);
+
+      if (rst = '1') then
+        valid(1 to STAGE_COUNT) <= (others => '0');
+        probe(1 to SEARCH + 2)  <= (others => '0');
+      end if;
+    end if;
+
+  end process p_travel;
+
+  hangs_0 <= neutral_pattern(position_0) & std_logic_vector(charge_kind(position_0(2)))
+             & std_logic_vector(charge_kind(position_0(1))) & std_logic_vector(charge_kind(position_0(0)));
+
+  i_hangs : entity work.delay_line
+    generic map (
+      WIDTH  => 9,
+      CLOCKS => SEARCH
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => hangs_0,
+      delayed => hangs_5
+    );
+
+  i_pattern : entity work.delay_line
+    generic map (
+      WIDTH  => 3,
+      CLOCKS => SHORTEST - 1 - SEARCH
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => hangs_5(8 downto 6),
+      delayed => pattern_10
+    );
+
+  i_index_dead : entity work.delay_line
+    generic map (
+      WIDTH  => INDEX_WIDTH,
+      CLOCKS => SEARCH + 3
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => index_0,
+      delayed => index_dead
+    );
+
+  i_index_last : entity work.delay_line
+    generic map (
+      WIDTH  => INDEX_WIDTH,
+      CLOCKS => STAGE_COUNT - SEARCH - 3
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => index_dead,
+      delayed => index_last
+    );
+
+  i_effort : entity work.delay_line
+    generic map (
+      WIDTH  => EFFORT_WIDTH,
+      CLOCKS => SHORTEST + 3
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => effort_0,
+      delayed => effort_late
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- Stages 1 to 4: slopes, and which bound is left to test
+  ---------------------------------------------------------------------------------------------
+
+  p_slopes : process (clk) is
+
+    variable wide    : signed(TRAJECTORY_WIDTH + FORCED_FRACTION - 1 downto 0);
+    variable start   : signed(START_SLOPE_WIDTH - 1 downto 0);
+    variable steeper : signed(TURN_WIDTH downto 0);
+    variable exceeds : std_logic;
+    variable side_up : std_logic;
+
+  begin
+
+    if rising_edge(clk) then
+      for x in 0 to 2 loop
+        if (valid(0) = '1') then
+          voltage_1(x) <= phase_voltage(node, x, position_0(x));
+        end if;
+
+        if (valid(1) = '1') then
+          difference_2(x) <= resize(voltage_1(x), FORCED_WIDTH + 2) - voltage_1((x + 1) mod 3);
+        end if;
+
+        -- (u_x - u_y) - (u_z - u_x), rounded half up with the natural slope's empty fraction
+        if (valid(2) = '1') then
+          wide       := node.slope(x) & (FORCED_FRACTION - 2 downto 0 => '0') & '1';
+          wide       := wide - difference_2(x) + difference_2((x + 2) mod 3);
+          slope_3(x) <= wide(TRAJECTORY_WIDTH + FORCED_FRACTION - 1 downto FORCED_FRACTION);
+        end if;
+
+        if (valid(3) = '1') then
+          error_4(x) <= band.first(x) + slope_3(x);
+          -- a slope that does not fit leaves in one step: the candidate is dead whatever the search says
+          start      := slope_3(x)(START_SLOPE_WIDTH - 1 downto 0);
+
+          -- against the curvature and steeper than the threshold
+          steeper := resize(start, TURN_WIDTH + 1) + band.turn(x);
+          exceeds := steeper(TURN_WIDTH) xor node.curvature(x)(CURVATURE_WIDTH - 1);
+          side_up := node.curvature(x)(CURVATURE_WIDTH - 1) xnor exceeds;
+
+          lanes(SEARCH - 1)(x).exceeds <= exceeds;
+          lanes(SEARCH - 1)(x).side_up <= side_up;
+          lanes(SEARCH - 1)(x).secant  <= resize(start, SLOPE_WIDTH)
+                                          + shift_left(resize(node.curvature(x), SLOPE_WIDTH), LENGTH_WIDTH - 1);
+          lanes(SEARCH - 1)(x).length  <= (others => '0');
+
+          if (side_up = '1') then
+            lanes(SEARCH - 1)(x).margin <= band.margin_up(x);
+          else
+            lanes(SEARCH - 1)(x).margin <= band.margin_down(x);
+          end if;
+        end if;
+      end loop;
+    end if;
+
+  end process p_slopes;
+
+  ---------------------------------------------------------------------------------------------
+  -- Stages 5 to 10: one bit of the length each
+  ---------------------------------------------------------------------------------------------
+
+  g_triple : for x in 0 to 2 generate
+    triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+  end generate g_triple;
+
+  g_bits : for m in 0 to LENGTH_WIDTH - 1 generate
+
+    constant STAGE : natural := SHORTEST - 1 - m;
+
+  begin
+
+    p_bit : process (clk) is
+
+      variable secant  : slope_t;
+      variable curve   : slope_t; -- change of the slope over the steps tried
+      variable tail    : signed(SLOPE_WIDTH - TURN_SHIFT - 1 downto 0);
+      variable moved   : signed(SLOPE_WIDTH - m downto 0);
+      variable trial   : signed(SLOPE_WIDTH downto 0);
+      variable turned  : std_logic;
+      variable accept  : std_logic;
+      variable ahead   : unsigned(SLOPE_WIDTH - 1 downto 0);
+      variable back    : unsigned(SLOPE_WIDTH - 1 downto 0);
+      variable change  : unsigned(SLOPE_WIDTH downto 0);
+      variable changed : unsigned(SLOPE_WIDTH downto 0);
+
+    begin
+
+      if rising_edge(clk) then
+        if (valid(STAGE - 1) = '1') then
+          for x in 0 to 2 loop
+            secant := lanes(STAGE - 1)(x).secant;
+            curve  := shift_left(resize(node.curvature(x), SLOPE_WIDTH), m);
+            trial  := resize(lanes(STAGE - 1)(x).margin, SLOPE_WIDTH + 1);
+
+            -- what lies below the secant's LSB passes by
+            moved  := trial(SLOPE_WIDTH downto m) + secant(SLOPE_WIDTH - m - 1 downto 0);
+            trial  := moved & trial(m - 1 downto 0);
+
+            -- past the turn the slope has the sign of the curvature
+            tail   := secant(SLOPE_WIDTH - 1 downto TURN_SHIFT) + curve(SLOPE_WIDTH - 1 downto TURN_SHIFT);
+            turned := tail(tail'high) xnor node.curvature(x)(CURVATURE_WIDTH - 1);
+            accept := not overflows(secant, SLOPE_WIDTH - m)
+                      and (trial(SLOPE_WIDTH) xnor lanes(STAGE - 1)(x).side_up)
+                      and not (lanes(STAGE - 1)(x).exceeds and turned and to_std_logic(m > 0));
+
+            lanes(STAGE)(x)           <= lanes(STAGE - 1)(x);
+            lanes(STAGE)(x).length(m) <= accept;
+
+            if (accept = '1') then
+              lanes(STAGE)(x).margin <= trial(MARGIN_WIDTH - 1 downto 0);
+            end if;
+
+            -- half the steps next: 3/2 of the change on where these are taken, 1/2 back where not
+            ahead := unsigned(shift_right(shift_left(triple(x), m), 1));
+            back  := unsigned(shift_right(curve, 1));
+
+            for i in 0 to SLOPE_WIDTH - 1 loop
+              change(i + 1) := (ahead(i) and accept) or (not back(i) and not accept);
+            end loop;
+
+            change(0) := not accept;
+            changed   := (unsigned(secant) & '1') + change;
+
+            lanes(STAGE)(x).secant <= signed(changed(SLOPE_WIDTH downto 1));
+          end loop;
+        end if;
+      end if;
+
+    end process p_bit;
+
+  end generate g_bits;
+
+  ---------------------------------------------------------------------------------------------
+  -- Stages 5 to 8: step one; a candidate is dead if anything is outside now or then
+  ---------------------------------------------------------------------------------------------
+
+  p_step_one : process (clk) is
+
+    variable allowed : length_t;
+
+  begin
+
+    if rising_edge(clk) then
+      if (capacitor.write = '1') then
+        capacitors(to_integer(capacitor.row)) <= std_logic_vector(capacitor.length)
+                                                 & std_logic_vector(capacitor.excess);
+      end if;
+
+      if (valid(SEARCH - 1) = '1') then
+        for x in 0 to 2 loop
+          distance_5(x) <= signed(magnitude(error_4(x)));
+        end loop;
+      end if;
+
+      if (valid(SEARCH) = '1') then
+        distance_6 <= worst(distance_5(0), distance_5(1), distance_5(2));
+
+        for x in 0 to 2 loop
+          entry_6(x) <= capacitors(4 * x + to_integer(unsigned(hangs_5(2 * x + 1 downto 2 * x))));
+        end loop;
+
+        entry_6(3) <= capacitors(16 + to_integer(unsigned(hangs_5(8 downto 6))));
+      end if;
+
+      if (valid(SEARCH + 1) = '1') then
+        excess_7       <= distance_6 - signed(resize(limits.bound_current, TRAJECTORY_WIDTH));
+        excess_caps(0) <= worse(excess_of(entry_6(0)), excess_of(entry_6(1)));
+        excess_caps(1) <= worse(excess_of(entry_6(2)), excess_of(entry_6(3)));
+        length_caps(0) <= shorter(length_of(entry_6(0)), length_of(entry_6(1)));
+        length_caps(1) <= shorter(length_of(entry_6(2)), length_of(entry_6(3)));
+      end if;
+
+      if (valid(SEARCH + 2) = '1') then
+        excess_8 <= worst(excess_7, excess_caps(0), excess_caps(1));
+        allowed  := shorter(length_caps(0), length_caps(1));
+
+        if (excess_7 > 0 or band.outside /= "000") then
+          allowed := (others => '0');
+        end if;
+
+        limit(SEARCH + 3) <= allowed;
+      end if;
+    end if;
+
+  end process p_step_one;
+
+  dead_8     <= to_std_logic(limit(SEARCH + 3) = 0);
+  probe_done <= probe(SEARCH + 2);
+  probe_held <= to_std_logic(excess_7 <= 0);
+
+  ---------------------------------------------------------------------------------------------
+  -- Stages 11 and 12: shortest length
+  ---------------------------------------------------------------------------------------------
+
+  p_shortest : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (valid(SHORTEST - 1) = '1') then
+        short_11(0) <= shorter(lanes(SHORTEST - 1)(0).length, lanes(SHORTEST - 1)(1).length);
+        short_11(1) <= shorter(lanes(SHORTEST - 1)(2).length, limit(SHORTEST - 1));
+        slope_11    <= gated(node.weight_slope(0), pattern_10(0))
+                       + gated(node.weight_slope(1), pattern_10(1));
+        third_11    <= gated(node.weight_slope(2), pattern_10(2));
+      end if;
+
+      if (valid(SHORTEST) = '1') then
+        length(SHORTEST + 1) <= shorter(short_11(0), short_11(1));
+        slope_12             <= slope_11 + third_11;
+      end if;
+    end if;
+
+  end process p_shortest;
+
+  ---------------------------------------------------------------------------------------------
+  -- Stages 13 to 16: cost
+  ---------------------------------------------------------------------------------------------
+
+  p_cost : process (clk) is
+
+    variable factor : signed(LENGTH_WIDTH downto 0);
+    variable sum    : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
+    variable low    : unsigned(RECIPROCAL_FRACTION + 2 downto 0);
+    variable high   : unsigned(RECIPROCAL_FRACTION + 2 downto 0);
+    variable square : unsigned(COST_WIDTH - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      -- stage 13
+      if (valid(SHORTEST + 1) = '1') then
+        factor     := signed('0' & length(SHORTEST + 1));
+        product_13 <= slope_12 * factor;
+      end if;
+
+      feasible(SHORTEST + 2) <= to_std_logic(length(SHORTEST + 1) /= 0);
+
+      -- stage 14
+      if (valid(SHORTEST + 2) = '1') then
+        sum := shift_right(product_13, WEIGHT_SLOPE_FRACTION) + node.weight_start;
+
+        weight_14             <= clip(sum, WEIGHT_WIDTH);
+        clipped(SHORTEST + 3) <= overflows(sum, WEIGHT_WIDTH);
+
+        inverse_14 <= unsigned(RECIPROCALS(to_integer(length(SHORTEST + 2))));
+      end if;
+
+      -- stage 15
+      if (valid(SHORTEST + 3) = '1') then
+        square_15 <= weight_14 * weight_14;
+
+        -- four bits of effort are not worth a multiplier
+        low  := resize(gated_unsigned(inverse_14, effort_late(0)), low'length)
+                + shift_left(resize(gated_unsigned(inverse_14, effort_late(1)), low'length), 1);
+        high := resize(gated_unsigned(inverse_14, effort_late(2)), low'length)
+                + shift_left(resize(gated_unsigned(inverse_14, effort_late(3)), low'length), 1);
+
+        rate_15 <= resize(low, rate_15'length) + shift_left(resize(high, rate_15'length), 2);
+      end if;
+
+      -- stage 16
+      if (valid(SHORTEST + 4) = '1') then
+        square := (others => '0');
+
+        for i in WEIGHT_SHIFTS'range loop
+          if (limits.weight_scale = i) then
+            square := resize(unsigned(square_15(2 * WEIGHT_WIDTH - 2 downto WEIGHT_SHIFTS(i))), COST_WIDTH);
+          end if;
+        end loop;
+
+        cost_16 <= resize(rate_15, COST_WIDTH) + square;
+      end if;
+
+      feasible(SHORTEST + 3 to STAGE_COUNT) <= feasible(SHORTEST + 2 to STAGE_COUNT - 1);
+      clipped(SHORTEST + 4 to STAGE_COUNT)  <= clipped(SHORTEST + 3 to STAGE_COUNT - 1);
+    end if;
+
+  end process p_cost;
+
+  ---------------------------------------------------------------------------------------------
+  -- Best so far; candidates come in the contract's order, so the earliest wins a tie
+  ---------------------------------------------------------------------------------------------
+
+  p_best : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (valid(STAGE_COUNT) = '1' and feasible(STAGE_COUNT) = '1'
+          and (best.feasible = '0' or cost_16 < best.cost)) then
+        best.feasible  <= '1';
+        best.saturated <= clipped(STAGE_COUNT);
+        best.index     <= unsigned(index_last);
+        best.length    <= length(STAGE_COUNT);
+        best.cost      <= cost_16;
+      end if;
+
+      if (valid(SEARCH + 3) = '1') then
+        any <= '1';
+
+        if (dead_8 = '1' and (dead_any = '0' or excess_8 < dead_excess)) then
+          dead_any    <= '1';
+          dead_excess <= excess_8;
+          dead_index  <= unsigned(index_dead);
+        end if;
+      end if;
+
+      if (rst = '1' or (reported = '1' and result_ready = '1')) then
+        any           <= '0';
+        dead_any      <= '0';
+        best.feasible <= '0';
+      end if;
+    end if;
+
+  end process p_best;
+
+  idle     <= to_std_logic(valid = (valid'range => '0')) and not block_valid and not queue_valid;
+  reported <= any and idle and last;
+
+  result_valid <= reported;
+  busy         <= any or not idle;
+
+  p_result : process (best, dead_excess, dead_index) is
+  begin
+
+    result        <= best;
+    result.excess <= dead_excess;
+
+    if (best.feasible = '0') then
+      result.index     <= dead_index;
+      result.length    <= (others => '0');
+      result.saturated <= '0';
+    end if;
+
+  end process p_result;
+
+end architecture rtl;

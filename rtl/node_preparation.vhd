@@ -1,0 +1,106 @@
+-- What the fast explorers need of a node besides the common terms.
+--
+-- Per phase: the error at k+1 but for the slope, the margins from both bounds, whether the error is
+-- outside at k, and the slope from which it leaves before it turns; and the table of the capacitors'
+-- lengths, which every explorer keeps a copy of. See turn_threshold and capacitor_search.
+--
+-- Formats: see band_t and capacitor_t.
+-- Latency: band but for turn with terms_done, turn 8 clocks later; table and held as in
+-- capacitor_search after capacitors_done.
+-- Overflow: margins are void where the error is outside at k; nothing reads them there.
+-- Tried and dropped: thresholds computed by every explorer for itself, 90 slices each.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_types.all;
+
+entity node_preparation is
+  port (
+    clk             : in    std_logic;                    -- rising edge
+    rst             : in    std_logic;                    -- synchronous, active high
+    capacitors_done : in    std_logic;                    -- '1' for one clock: capacitor terms are complete with it
+    terms_done      : in    std_logic;                    -- '1' for one clock: node is complete
+    limits          : in    limits_t;                     -- bounds and horizon, stable
+    node            : in    node_t;                       -- common terms, stable
+    previous        : in    positions_t;                  -- s(k-1), stable
+    negative        : in    std_logic_vector(2 downto 0); -- '1': negative phase current, stable
+    band            : out   band_t;                       -- to the explorers
+    capacitor       : out   capacitor_t;                  -- to the explorers, row by row
+    ready           : out   std_logic;                    -- '1': the last row of the table is out 6 clocks later
+    held            : out   std_logic                     -- '1': s(k-1) keeps capacitors and v_n inside at k+1
+  );
+end entity node_preparation;
+
+architecture rtl of node_preparation is
+
+  subtype threshold_t is unsigned(TURN_WIDTH - 2 downto 0);
+
+  type thresholds_t is array (0 to 2) of threshold_t;
+
+  signal thresholds : thresholds_t;
+begin
+
+  g_thresholds : for x in 0 to 2 generate
+
+    i_threshold : entity work.turn_threshold
+      port map (
+        clk       => clk,
+        start     => terms_done,
+        error     => node.error(x),
+        curvature => node.curvature(x),
+        bound     => limits.bound_current,
+        threshold => thresholds(x)
+      );
+
+  end generate g_thresholds;
+
+  -- sums of what the node's registers hold; explorers register what they make of them
+  p_band : process (limits, node, thresholds, previous, negative) is
+
+    variable bound   : trajectory_t;
+    variable above   : trajectory_t;
+    variable below   : trajectory_t;
+    variable falling : unsigned(TURN_WIDTH - 1 downto 0);
+
+  begin
+
+    bound := signed(resize(limits.bound_current, TRAJECTORY_WIDTH));
+
+    for x in 0 to 2 loop
+      above   := node.error(x) - bound - 1;
+      below   := node.error(x) + bound;
+      falling := (others => node.curvature(x)(CURVATURE_WIDTH - 1));
+
+      band.first(x)       <= node.error(x) + node.curvature(x);
+      band.margin_up(x)   <= above(MARGIN_WIDTH - 1 downto 0);
+      band.margin_down(x) <= below(MARGIN_WIDTH - 1 downto 0);
+      band.outside(x)     <= not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
+      -- threshold, or -threshold - 1: the sign of slope + turn tells in either case
+      band.turn(x)        <= signed(('0' & thresholds(x)) xor falling);
+    end loop;
+
+    band.previous <= previous;
+    band.negative <= negative;
+
+  end process p_band;
+
+  i_capacitors : entity work.capacitor_search
+    port map (
+      clk      => clk,
+      rst      => rst,
+      start    => capacitors_done,
+      limits   => limits,
+      node     => node,
+      previous => previous,
+      held     => held,
+      ready    => ready,
+      entry    => capacitor
+    );
+
+end architecture rtl;

@@ -1,0 +1,218 @@
+"""The fast variant's bit-true model: parabolas, their first exit, and what that is worth.
+
+Sweep: both shipped drives, random drives over the contract's ranges; speeds of both signs up to
+1.0; current bounds 0.06, 0.10 and 0.16; bounds in trajectory units up to 29000.
+Stimulus: parabolas of closed loops and random ones; random and corner words; closed loops of the
+ideal controller with the fast one as its shadow.
+Checks: first exits against the documented rule and against a look at every step; widths of the
+search against intervals; decisions against a slow second writing of them in integers; residual of
+the second-order fit; agreement with the ideal controller; speed.
+Timing: 20,000 decisions a second.
+Does not prove: anything about the RTL; see tb/mpdcc.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from directmpc import bit_true, bit_true_fast, closed_loop, ideal
+from directmpc import coefficients as co
+from directmpc import formats as f
+from directmpc.closed_loop import OperatingPoint
+from directmpc.common_terms import COEFFICIENTS
+from directmpc.drive import Drive
+from directmpc.second_order import fit_parabola
+from tb.common import plain, states
+
+BOUND = f.BOUND_HIGH["fast"]
+Parabola = tuple[int, int, int, int]  # error, slope, curvature, bound
+
+
+def exit_of(error: int, slope: int, curvature: int, bound: int) -> int:
+    threshold = bit_true_fast.turn_threshold(error, curvature, bound)
+    return int(bit_true_fast.first_exit(error, slope, curvature, bound, threshold))
+
+
+def scanned(error: int, slope: int, curvature: int, bound: int) -> int:
+    """Last step before the first that is outside."""
+    n = np.arange(1, 64)
+    outside = np.abs(error + slope * n + curvature * n * n) > bound
+    return int(np.argmax(outside)) if outside.any() else 63
+
+
+def loop_parabolas(name: str, speed: float, keep: int) -> list[Parabola]:
+    """Parabolas of the candidates of a closed loop that are inside at k and k+1."""
+    drive = states.shipped(name)
+    array = co.registers(drive, "fast").array()
+    trace = states.recorded(drive, 600, speed)
+    bound = int(array[len(COEFFICIENTS)])
+    rng = np.random.default_rng(int(10 * speed) + 40)
+    slope = np.empty(7, dtype=np.int64)
+    found: list[Parabola] = []
+    for k in rng.permutation(len(trace)):
+        row = states.trace_words(trace.rows(slice(k, k + 1)))[0]
+        error, natural, forced, phase, midpoint, _, _, curvature, _ = bit_true.node(
+            bit_true.FAST_PROGRAM, row, array
+        )
+        for s, _ in plain.candidates([int(p) for p in trace.s_prev[k]]):
+            bit_true.slopes(np.array(s), natural, forced, phase, midpoint, slope)
+            for x in range(3):
+                if abs(error[x]) <= bound and abs(error[x] + slope[x] + curvature[x]) <= bound:
+                    found.append((int(error[x]), int(slope[x]), int(curvature[x]), bound))
+        if len(found) >= keep:
+            break
+    return found
+
+
+@pytest.mark.parametrize("name", states.SHIPPED)
+def test_the_first_exit_is_nearly_always_the_first_step_outside(name: str) -> None:
+    parabolas = [
+        p for speed in (-1.0, -0.4, 0.2, 0.7, 1.0) for p in loop_parabolas(name, speed, 6000)
+    ]
+    found = np.array([exit_of(*p) for p in parabolas])
+    expected = np.array([scanned(*p) for p in parabolas])
+    share = float((found != expected).mean())
+    print(f"{name}: {share:.4%} of {len(parabolas)} parabolas differ")
+    assert len(parabolas) >= 30_000
+    assert (expected < 63).mean() > 0.3
+    # missed: what is outside between the lengths of the threshold, by an eighth of the room at most
+    assert (found >= expected).all()
+    assert share < 0.003
+
+
+def random_parabola(rng: np.random.Generator) -> Parabola:
+    """Any parabola from inside its band, corners included."""
+    bound = int(rng.choice([0, 1, BOUND, rng.integers(0, BOUND + 1), rng.integers(0, 1000)]))
+    error = int(rng.choice([-bound, bound, 0, rng.integers(-bound, bound + 1)]))
+    high = 2 ** (f.CURVATURE_WIDTH - 1)
+    curvature = int(rng.choice([-high, high - 1, 0, rng.integers(-high, high)]))
+    curvature >>= int(rng.integers(0, f.CURVATURE_WIDTH))
+    steep = 2 ** (f.START_SLOPE_WIDTH - 1)
+    slope = int(rng.choice([-steep, steep - 1, rng.integers(-steep, steep)]))
+    slope >>= int(rng.integers(0, f.START_SLOPE_WIDTH))
+    if rng.random() < 0.2:  # at the threshold
+        threshold = int(bit_true_fast.turn_threshold(error, curvature, bound))
+        slope = int(rng.choice([-1, 1])) * min(threshold + int(rng.integers(-1, 2)), steep - 1)
+    return error, slope, curvature, bound
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_first_exit_follows_the_documented_rule(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    none = 0
+    for _ in range(20_000):
+        error, slope, curvature, bound = random_parabola(rng)
+        found = exit_of(error, slope, curvature, bound)
+        context = (error, slope, curvature, bound)
+        assert found == plain.first_exit(error, slope, curvature, bound), context
+        # a candidate alive at k and k+1 gets a step at least; the others are dropped elsewhere
+        if abs(error + slope + curvature) <= bound:
+            assert found > 0, context
+        none += found == 0
+    assert 2000 <= none <= 18_000
+
+
+def test_no_word_of_the_search_overflows() -> None:
+    room = 2 * BOUND
+    curvature = 2 ** (f.CURVATURE_WIDTH - 1)
+    margin_low, slope_high = -(2 ** (f.MARGIN_WIDTH - 1)), 2 ** (f.SLOPE_WIDTH - 1) - 1
+    start_high = 2 ** (f.START_SLOPE_WIDTH - 1)
+    # the components, and their sum over two phases, before it is clipped
+    assert 3 * 2 ** (f.CURVATURE_TERM_WIDTH - 1) // 2 + 1 <= 2**f.CURVATURE_TERM_WIDTH
+    # at the start
+    assert -room - 1 >= margin_low
+    assert room < -margin_low
+    # thresholds, all partial ones too, and a slope added to one
+    most = max((room >> k) + (curvature << k) for k in range(f.LENGTH_WIDTH + 1))
+    assert most < 2 ** (f.TURN_WIDTH - 1)
+    # a start slope that was clipped is outside after one step
+    assert start_high - curvature > room
+
+    lengths = np.arange(64)
+    deepest, steepest = 0, 0
+    rooms = np.unique(np.r_[np.arange(0, room + 1, 97), room - np.arange(70)])
+    for c in range(curvature + 1):
+        partial = [(rooms >> k) + (c << k) for k in range(f.LENGTH_WIDTH + 1)]
+        threshold = np.min(partial, axis=0)
+        # up to the threshold it dips below the far bound by at most this much
+        dip = threshold[:, None] * lengths - c * lengths**2 - rooms[:, None]
+        deepest = max(deepest, int(dip.max()))
+        # lengths that can be accepted, the largest slope there, and the next secant
+        for n in range(64):
+            if c * n * n - int(threshold.max()) * n > room:
+                continue
+            slope = start_high if n == 0 else min(start_high, (room - c * n * n) // n) + 2 * c * n
+            step = 32 if n == 0 else (n & -n) // 2
+            steepest = max(steepest, abs(slope), slope + c * step)
+    assert -room - 1 - deepest >= margin_low
+    assert steepest <= slope_high
+    print(
+        f"margin uses {(room + 1 + deepest) / -margin_low:.1%}, slope {steepest / slope_high:.1%}"
+    )
+
+
+@pytest.mark.parametrize("kind", ["near", "wide", "any words", "any registers"])
+def test_decisions_are_those_of_the_documentation(kind: str) -> None:
+    rng = np.random.default_rng(len(kind))
+    seen = np.zeros(3, dtype=int)
+    for k in range(60):
+        drive = states.shipped(states.SHIPPED[k % 2]) if k % 4 else states.random_drive(rng)
+        array = (
+            states.any_registers(rng, "fast")
+            if kind == "any registers"
+            else co.registers(drive, "fast").array()
+        )
+        trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
+        row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
+        s_prev = trace.s_prev[0]
+        node, limits = states.plain_node(array, row, "fast"), states.plain_limits(array)
+        expected = plain.decide(node, limits, [int(p) for p in s_prev], "fast")
+        found = bit_true_fast.decide_words(array, row, s_prev)
+        assert tuple(int(v) for v in found) == tuple(int(v) for v in expected), (k, row, s_prev)
+        seen += [found[3], found[4], found[6]]
+    if kind == "near":
+        assert seen[0] >= 3
+        assert seen[1] >= 3
+
+
+@pytest.mark.parametrize("name", states.SHIPPED)
+def test_the_parabola_fits_the_machine(name: str) -> None:
+    drive = states.shipped(name)
+    parabola = fit_parabola(drive.machine, drive.ts_pu)
+    print(f"{name}: residual {parabola.residual:.2e}")
+    assert parabola.residual < 2e-3
+
+
+def test_decisions_are_the_ideal_controllers() -> None:
+    speeds = (-1.0, -0.75, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 0.75, 1.0)
+    steps = differing = 0
+    worst = 0.0
+    for name, speed, bound in itertools.product(states.SHIPPED, speeds, (0.06, 0.10, 0.16)):
+        drive = states.changed(states.shipped(name), bound_current=bound)
+        count = closed_loop.simulate(
+            drive, ideal.decide, ideal.ideal_parameters(drive),
+            OperatingPoint(speed, current=1.0), 1800, settle=300,
+            shadow=bit_true_fast.decide,
+            shadow_parameters=co.registers(drive, "fast").array(),
+        ).shadow_count()  # fmt: skip
+        steps, differing = steps + count.steps, differing + count.differing
+        worst = max(worst, count.differing / count.steps)
+    print(f"{differing / steps:.3%} of {steps} steps, worst point {worst:.2%}")
+    assert steps >= 100_000
+    assert differing / steps <= 0.0025
+    assert worst <= 0.012
+
+
+def test_fast_enough(drive: Drive) -> None:
+    trace = states.recorded(drive, 20_000, 1.0)
+    bit_true_fast.run(drive, trace.rows(slice(0, 10)))
+    best = np.inf
+    for _ in range(3):
+        began = time.perf_counter()
+        bit_true_fast.run(drive, trace)
+        best = min(best, time.perf_counter() - began)
+    assert len(trace) / best > 20_000

@@ -1,0 +1,46 @@
+-- capacitor_search with its records as vectors, see mpdcc_flat.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+library work;
+  use work.mpdcc_types.all;
+  use work.mpdcc_flat.all;
+
+entity capacitor_search_flat is
+  port (
+    clk      : in    std_logic;                                    -- rising edge
+    rst      : in    std_logic;                                    -- synchronous, active high
+    start    : in    std_logic;                                    -- '1' for one clock: begin
+    limits   : in    std_logic_vector(LIMITS_BITS - 1 downto 0);   -- limits_t
+    node     : in    std_logic_vector(NODE_BITS - 1 downto 0);     -- node_t
+    previous : in    std_logic_vector(8 downto 0);                 -- s(k-1), phase a rightmost
+    held     : out   std_logic;                                    -- '1': the lines of s(k-1) are inside at k+1
+    ready    : out   std_logic;                                    -- '1': the last row is out 5 clocks later
+    entry    : out   std_logic_vector(CAPACITOR_BITS - 1 downto 0) -- capacitor_t
+  );
+end entity capacitor_search_flat;
+
+architecture bench of capacitor_search_flat is
+
+  signal entry_record : capacitor_t;
+
+begin
+
+  i_capacitors : entity work.capacitor_search
+    port map (
+      clk      => clk,
+      rst      => rst,
+      start    => start,
+      limits   => to_limits(limits),
+      node     => to_node(node),
+      previous => to_positions(previous),
+      held     => held,
+      ready    => ready,
+      entry    => entry_record
+    );
+
+  entry <= to_vector(entry_record);
+
+end architecture bench;

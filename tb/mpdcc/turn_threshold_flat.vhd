@@ -1,0 +1,40 @@
+-- turn_threshold with vectors for its signed and unsigned ports.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+
+entity turn_threshold_flat is
+  port (
+    clk       : in    std_logic;                                       -- rising edge
+    start     : in    std_logic;                                       -- '1' for one clock: take error and curvature
+    error     : in    std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0); -- trajectory_t
+    curvature : in    std_logic_vector(CURVATURE_WIDTH - 1 downto 0);  -- curvature_t
+    bound     : in    std_logic_vector(BOUND_WIDTH - 1 downto 0);      -- bound_t
+    threshold : out   std_logic_vector(TURN_WIDTH - 2 downto 0)        -- unsigned
+  );
+end entity turn_threshold_flat;
+
+architecture bench of turn_threshold_flat is
+
+  signal threshold_word : unsigned(TURN_WIDTH - 2 downto 0);
+
+begin
+
+  i_threshold : entity work.turn_threshold
+    port map (
+      clk       => clk,
+      start     => start,
+      error     => signed(error),
+      curvature => signed(curvature),
+      bound     => unsigned(bound),
+      threshold => threshold_word
+    );
+
+  threshold <= std_logic_vector(threshold_word);
+
+end architecture bench;
