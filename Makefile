@@ -103,6 +103,7 @@ sources: $(READY) ## VHDL files in compile order for TOP
 
 generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m directmpc.vhdl_package
+	@'$(PY)' -m directmpc.mptc.vhdl_package
 
 clean: ## remove what can be made again, but for .venv
 	@rm -rf '$(ROOT)/build' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'

@@ -80,14 +80,22 @@ _TRACE_COLUMNS = (
     _Column("v_dc", optional=True),
 )
 
+_CYCLES = _Column("cycles", 0, 2**31 - 1, may_be_empty=True)
+
 _DECISION_COLUMNS = (
     *_POSITIONS,
     _Column("held", 0, 1),
     _Column("deadlock", 0, 1),
     _Column("length", 0, 63),
-    _Column("cycles", 0, 2**31 - 1, may_be_empty=True),
+    _CYCLES,
     _Column("saturated", 0, 1),
 )
+
+_MPTC_REAL = (
+    *("is_alpha", "is_beta", "psis_alpha", "psis_beta", "omega_r", "torque_ref", "psi_ref"),
+)
+_MPTC_TRACE_COLUMNS = (*(_Column(name) for name in _MPTC_REAL), _Column("u", 0, 7))
+_MPTC_DECISION_COLUMNS = (_Column("u", 0, 7), _CYCLES, _Column("saturated", 0, 1))
 
 
 @dataclass(frozen=True)
@@ -159,6 +167,68 @@ class Decisions:
 
     def __len__(self) -> int:
         return len(self.held)
+
+
+@dataclass(frozen=True)
+class MptcTrace:
+    """Inputs of an MPTC controller, one row per control step, SI.
+
+    Attributes
+    ----------
+    i_s : (n, 2)
+        Stator current, alpha and beta, A.
+    psi_s : (n, 2)
+        Stator flux linkage, alpha and beta, Wb.
+    omega_r : (n,)
+        Electrical rotor speed, rad/s.
+    torque_ref, psi_ref : (n,)
+        References, N*m and Wb.
+    u : (n,)
+        Number of the voltage vector that is being applied, u(k).
+    """
+
+    i_s: FloatArray
+    psi_s: FloatArray
+    omega_r: FloatArray
+    torque_ref: FloatArray
+    psi_ref: FloatArray
+    u: IntArray
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MptcTrace:
+        """Pick rows as numpy indexing does."""
+        return MptcTrace(
+            self.i_s[selection],
+            self.psi_s[selection],
+            self.omega_r[selection],
+            self.torque_ref[selection],
+            self.psi_ref[selection],
+            self.u[selection],
+        )
+
+
+@dataclass(frozen=True)
+class MptcDecisions:
+    """Outputs of an MPTC controller, one row per control step.
+
+    Attributes
+    ----------
+    u : (n,)
+        Number of the voltage vector to apply next.
+    cycles : (n,) or None
+        Clock cycles of the decision; None where no clock is modelled.
+    saturated : (n,)
+        Flag, 0 or 1.
+    """
+
+    u: IntArray
+    cycles: IntArray | None
+    saturated: IntArray
+
+    def __len__(self) -> int:
+        return len(self.u)
 
 
 def _read_lines(path: PathLike) -> list[str]:
@@ -342,6 +412,19 @@ def write_trace(path: PathLike, trace: MpdccTrace) -> None:
     _write_table(path, [column.name for column in _TRACE_COLUMNS], rows)
 
 
+def _read_cycles(path: PathLike, table: dict[str, list[str]]) -> IntArray | None:
+    """Column `cycles`, None if it is empty throughout."""
+    if not any(table["cycles"]):
+        return None
+    if "" in table["cycles"]:
+        line = table["cycles"].index("") + 2
+        raise TraceError(
+            f"{path}, line {line}, column cycles: empty; it must be an integer in every row "
+            "or empty in every row"
+        )
+    return _integers(table, "cycles")
+
+
 def read_decisions(path: PathLike) -> Decisions:
     """Read the decisions of an MPDCC controller.
 
@@ -351,15 +434,7 @@ def read_decisions(path: PathLike) -> Decisions:
         As `read_trace`; also if `cycles` is empty in some rows and not in others.
     """
     table = _read_table(path, _DECISION_COLUMNS)
-    cycles: IntArray | None = None
-    if any(table["cycles"]):
-        if "" in table["cycles"]:
-            line = table["cycles"].index("") + 2
-            raise TraceError(
-                f"{path}, line {line}, column cycles: empty; it must be an integer in every row "
-                "or empty in every row"
-            )
-        cycles = _integers(table, "cycles")
+    cycles = _read_cycles(path, table)
     return Decisions(
         s=np.stack([_integers(table, c.name) for c in _POSITIONS], axis=1),
         held=_integers(table, "held"),
@@ -388,3 +463,67 @@ def write_decisions(path: PathLike, decisions: Decisions) -> None:
         for row, cycle in zip(numbers.tolist(), cycles, strict=True)
     )
     _write_table(path, [column.name for column in _DECISION_COLUMNS], rows)
+
+
+def read_mptc_trace(path: PathLike) -> MptcTrace:
+    """Read an MPTC trace; the columns of the contract in any order.
+
+    Raises
+    ------
+    TraceError
+        If anything is malformed: file, line (the header is line 1), column, what is allowed.
+    """
+    table = _read_table(path, _MPTC_TRACE_COLUMNS)
+    return MptcTrace(
+        i_s=_floats(table, ["is_alpha", "is_beta"]),
+        psi_s=_floats(table, ["psis_alpha", "psis_beta"]),
+        omega_r=_floats(table, ["omega_r"])[:, 0],
+        torque_ref=_floats(table, ["torque_ref"])[:, 0],
+        psi_ref=_floats(table, ["psi_ref"])[:, 0],
+        u=_integers(table, "u"),
+    )
+
+
+def write_mptc_trace(path: PathLike, trace: MptcTrace) -> None:
+    """Write an MPTC trace so that reading gives the same numbers bit by bit.
+
+    Raises
+    ------
+    TraceError
+        If the file cannot be written; nothing is left behind then.
+    """
+    real = np.column_stack(
+        [trace.i_s, trace.psi_s, trace.omega_r, trace.torque_ref, trace.psi_ref]
+    ).tolist()
+    rows = (
+        [*map(repr, values), str(int(u))]
+        for values, u in zip(real, np.asarray(trace.u).tolist(), strict=True)
+    )
+    _write_table(path, [column.name for column in _MPTC_TRACE_COLUMNS], rows)
+
+
+def read_mptc_decisions(path: PathLike) -> MptcDecisions:
+    """Read the decisions of an MPTC controller; raises `TraceError` as `read_decisions`."""
+    table = _read_table(path, _MPTC_DECISION_COLUMNS)
+    return MptcDecisions(
+        u=_integers(table, "u"),
+        cycles=_read_cycles(path, table),
+        saturated=_integers(table, "saturated"),
+    )
+
+
+def write_mptc_decisions(path: PathLike, decisions: MptcDecisions) -> None:
+    """Write the decisions of an MPTC controller; `cycles` stays empty if there are none.
+
+    Raises
+    ------
+    TraceError
+        If the file cannot be written; nothing is left behind then.
+    """
+    n = len(decisions)
+    cycles = [""] * n if decisions.cycles is None else [str(int(c)) for c in decisions.cycles]
+    rows = (
+        [str(int(u)), cycle, str(int(saturated))]
+        for u, cycle, saturated in zip(decisions.u, cycles, decisions.saturated, strict=True)
+    )
+    _write_table(path, [column.name for column in _MPTC_DECISION_COLUMNS], rows)

@@ -1,0 +1,1 @@
+"""Two-level induction drive: predictive torque and flux control (Paper B): models."""

@@ -1,0 +1,420 @@
+"""The bit-true twin of ``mptc_core``: integer arithmetic, word for word what the gates compute.
+
+Written from the formats and the equations of ``coefficients``, as straight-line code; it reads
+neither the RTL nor the program that drives the RTL's multipliers, so each checks the other.
+
+Where a product is subtracted the multiplicand is negated as one's complement (-x - 1, one LSB of
+2^-17 off), and so are negative numbers where their absolute value is wanted: no adder is spent on
+it and the error is below a quarter of the result's LSB, or one LSB of a torque term.
+
+All functions are compiled; everything is int64, whose range no intermediate result comes near.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc import formats as f
+from directmpc.mptc.coefficients import COEFFICIENTS, Registers, registers
+from directmpc.mptc.vectors import ZERO_FROM
+from directmpc.trace import IntArray, MptcDecisions, MptcTrace
+
+_HIGH = f.WORD_HIGH
+_FRACTION = f.FRACTION
+_HALF = 2 ** (f.FRACTION - 1)
+_SHIFT = f.MEASUREMENT_SHIFT
+_LINK_SHIFT = f.LINK_SHIFT
+_TORQUE_SHIFT = f.TORQUE_SHIFT
+_TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
+_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION
+_ITERATIONS = f.ITERATIONS
+_GAIN = f.GAIN
+_REFERENCE_SHIFT = 1 + f.MAGNITUDE_FRACTION - f.FRACTION
+_DIFFERENCE_SHIFT = f.MAGNITUDE_FRACTION - f.DIFFERENCE_FRACTION
+_COST_SHIFT = f.COST_SHIFT
+_COST_DROPPED = f.COST_DROPPED
+_SQRT3_2 = f.SQRT3_2
+_NORMALISE_STEPS = f.NORMALISE_STEPS
+_ROOT_WIDTH = f.ROOT_WIDTH
+_NORMAL = 2 ** (f.FRACTION - 2)
+_START = -(2 ** (f.FRACTION - 1))
+_N_COEFFICIENTS = len(COEFFICIENTS)
+#: Components of u_1 to u_6 and u_0: alpha in halves of voltage_alpha's step, beta in whole ones.
+_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
+_BETA = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
+_ZERO_FROM = ZERO_FROM
+
+
+@njit(cache=True)
+def to_word(total):  # type: ignore[no-untyped-def]
+    """Round a sum of products to a word and saturate; the word, and 1 where it saturated."""
+    value = (total + _HALF) >> _FRACTION
+    if value > _HIGH:
+        return _HIGH, 1
+    if value < -_HIGH - 1:
+        return -_HIGH - 1, 1
+    return value, 0
+
+
+@njit(cache=True)
+def magnitude(x, y):  # type: ignore[no-untyped-def]
+    """Length of a vector times the gain of the micro-rotations.
+
+    Parameters
+    ----------
+    x, y : int
+        Components, MAGNITUDE_FRACTION fractional bits.
+    """
+    if x < 0:
+        x = ~x
+    for i in range(_ITERATIONS):
+        if y >= 0:
+            x, y = x + (y >> i), y + ~(x >> i)
+        else:
+            x, y = x + ~(y >> i), y + (x >> i)
+    return x
+
+
+@njit(cache=True)
+def flux_difference(x, y, reference):  # type: ignore[no-untyped-def]
+    """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated."""
+    difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
+    if difference < 0:
+        difference = ~difference
+    value = difference >> _DIFFERENCE_SHIFT
+    if value > _HIGH:
+        return _HIGH, 1
+    return value, 0
+
+
+@njit(cache=True)
+def one_plus_half(coefficient):  # type: ignore[no-untyped-def]
+    """1 + x/2 of a negative x as a word: shifted, the sign turned over."""
+    half = coefficient >> 1
+    return half + _HIGH + 1 if coefficient < 0 else half - _HIGH - 1
+
+
+@njit(cache=True)
+def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):  # type: ignore[no-untyped-def]
+    """w(k+1) and psi_s(k+1) by Heun's method, words.
+
+    Parameters
+    ----------
+    c : ndarray of int64
+        ``Registers.array()``.
+    i_a, i_b, psi_a, psi_b : int
+        Current and flux, words.
+    q : int
+        T_s*omega_r, a word.
+    step_a, step_b : int
+        T_s*u(k) in a quarter (alpha) and in half (beta) of a word's LSB.
+    """
+    w_a, s0 = to_word(i_a * c[0] + psi_a * c[1])
+    w_b, s1 = to_word(i_b * c[0] + psi_b * c[1])
+    dw_a, s2 = to_word(w_a * c[2] + psi_a * c[3] + ~w_b * q)
+    dw_b, s3 = to_word(w_b * c[2] + psi_b * c[3] + w_a * q)
+    dp_a, s4 = to_word(i_a * c[4] + (step_a << (_FRACTION - 2)))
+    dp_b, s5 = to_word(i_b * c[4] + (step_b << (_FRACTION - 1)))
+    lead, half, turn = one_plus_half(c[2]), c[3] >> 1, q >> 1
+    w1_a, s6 = to_word((w_a << _FRACTION) + dw_a * lead + dp_a * half + ~dw_b * turn)
+    w1_b, s7 = to_word((w_b << _FRACTION) + dw_b * lead + dp_b * half + dw_a * turn)
+    lead, half = one_plus_half(c[6]), c[5] >> 1
+    p1_a, s8 = to_word((psi_a << _FRACTION) + dp_a * lead + dw_a * half)
+    p1_b, s9 = to_word((psi_b << _FRACTION) + dp_b * lead + dw_b * half)
+    return w1_a, w1_b, p1_a, p1_b, s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8 | s9
+
+
+@njit(cache=True)
+def square_root(radicand):  # type: ignore[no-untyped-def]
+    """Integer square root, _ROOT_WIDTH bits, digit by digit; the largest root where it is 1."""
+    root = 0
+    for bit in range(_ROOT_WIDTH - 1, -1, -1):
+        trial = root | (1 << bit)
+        if trial * trial <= radicand:
+            root = trial
+    return root
+
+
+@njit(cache=True)
+def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):  # type: ignore[no-untyped-def]
+    """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref), with N = gain*|w|^2.
+
+    Parameters
+    ----------
+    w_a, w_b : int
+        w(k+1), words.
+    base_a, base_b : int
+        psi_s(k+2) without voltage, words.
+    q : int
+        T_s*omega_r, a word.
+    reference : int
+        psi_ref, a word, times half of the magnitude's gain, as are the following products.
+    t : int
+        Torque reference over 1.5*N_p, a word.
+    d : int
+        Twice the length of the flux step of a voltage vector, a word.
+
+    Returns
+    -------
+    length, alpha, beta : int
+        Torque terms' format; beta times -sqrt(3)/2.
+    saturated, clamped : int
+    """
+    q2, s0 = to_word(q * ~(q >> 1))
+    square, s1 = to_word(reference * reference)
+    v_a, s2 = to_word((w_a << _FRACTION) + w_a * q2 + ~w_b * q)
+    v_b, s3 = to_word((w_b << _FRACTION) + w_b * q2 + w_a * q)
+    t, s6 = to_word(t * _GAIN)
+    saturated = s0 | s1 | s2 | s3 | s6
+    for _ in range(_NORMALISE_STEPS):
+        if -_NORMAL <= v_a < _NORMAL and -_NORMAL <= v_b < _NORMAL:
+            v_a <<= 2
+            v_b <<= 2
+            t <<= 2
+            if t > _HIGH:
+                t = _HIGH
+                saturated = 1
+            elif t < -_HIGH - 1:
+                t = -_HIGH - 1
+                saturated = 1
+    if v_a == 0 and v_b == 0:
+        v_a = _START
+    n, s4 = to_word(v_a * v_a + v_b * v_b)
+    total = square * n
+    radicand = total + ~t * t
+    clamped = 0
+    if radicand < 0:
+        radicand = total
+        clamped = 1
+    root = square_root(radicand)
+    n, s7 = to_word(n * _GAIN)
+    along, across = root, t
+    if clamped:
+        along = 0
+        across = root if t >= 0 else ~root
+    alpha = v_a * along + ~v_b * across + n * base_a
+    z_b, s5 = to_word(v_b * along + v_a * across + n * base_b)
+    beta = ~z_b * _SQRT3_2
+    length = n * d
+    return (
+        (length + _TORQUE_HALF) >> (_TORQUE_SHIFT + 3),
+        (alpha + _HALF) >> _TORQUE_SHIFT,
+        (beta + _TORQUE_HALF) >> _TORQUE_SHIFT,
+        saturated | s4 | s5 | s7,
+        clamped,
+    )
+
+
+@njit(cache=True)
+def decide_words(c, m, u):  # type: ignore[no-untyped-def]
+    """One decision.
+
+    Parameters
+    ----------
+    c : ndarray of int64
+        ``Registers.array()``.
+    m : ndarray of int64, shape (8,)
+        In the order of ``formats.MEASUREMENTS``.
+    u : int
+        Vector that is being applied, 0 to 7.
+
+    Returns
+    -------
+    tuple of int
+        u, saturated, clamped.
+    """
+    i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
+    psi_a, psi_b = m[2] << _SHIFT, m[3] << _SHIFT
+    q, s0 = to_word((m[4] << _SHIFT) * c[7])
+    d, s1 = to_word((m[5] << _LINK_SHIFT) * c[8])
+    s, s2 = to_word((m[5] << _LINK_SHIFT) * c[9])
+    torque = (m[6] << _SHIFT) * c[10]
+    reference = m[7] << _SHIFT
+    saturated = s0 | s1 | s2
+    w_a, w_b, p_a, p_b, s3 = prediction(c, i_a, i_b, psi_a, psi_b, q, _ALPHA[u] * d, _BETA[u] * s)
+    base_a, s4 = to_word((p_a << _FRACTION) + w_a * c[5] + p_a * c[6])
+    base_b, s5 = to_word((p_b << _FRACTION) + w_b * c[5] + p_b * c[6])
+    saturated |= s3 | s4 | s5
+    clamped = 0
+    length, gain, flux_control = 0, c[11], c[_N_COEFFICIENTS]
+    if flux_control:
+        t, s6 = to_word(torque)
+        length, along, across, s7, clamped = flux_terms(
+            w_a, w_b, base_a, base_b, q, reference, t, d
+        )
+        saturated |= s6 | s7
+        start = length
+    else:
+        tau_a, s6 = to_word((w_a << _FRACTION) + w_a * c[2] + p_a * c[3] + ~w_b * q)
+        tau_b, s7 = to_word((w_b << _FRACTION) + w_b * c[2] + p_b * c[3] + w_a * q)
+        start = (torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+        start -= (tau_b * base_a + tau_a * ~base_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+        along = (d * tau_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+        across = (s * tau_a + _TORQUE_HALF) >> _TORQUE_SHIFT
+        saturated |= s6 | s7
+    best = 0
+    best_cost = np.int64(0)
+    zero = _ZERO_FROM[u]
+    for n in range(1, 8):
+        j = n % 7
+        change = 0
+        if _ALPHA[j] == 2 or _ALPHA[j] == -2:
+            change = along >> 1
+        elif j != 0:
+            change = along >> 2
+        if _ALPHA[j] < 0:
+            change = -change
+        change -= _BETA[j] * (across >> 1)
+        if flux_control:
+            term = start + change if j != 0 else np.int64(0)
+            cost = term << _COST_SHIFT
+        else:
+            x = (abs(_ALPHA[j]) * d) >> (2 - _GUARD)
+            x = (base_a << _GUARD) + (-x if _ALPHA[j] < 0 else x)
+            y = (base_b << _GUARD) + ((_BETA[j] * s) << (_GUARD - 1))
+            difference, s8 = flux_difference(x, y, reference)
+            saturated |= s8
+            term = start - change
+            cost = (term if term >= 0 else ~term) << _COST_SHIFT
+            cost += difference * gain
+        cost >>= _COST_DROPPED
+        number = zero if j == 0 else j
+        if n == 1 or cost < best_cost or (cost == best_cost and number < best):
+            best, best_cost = number, cost
+    return best, saturated, clamped
+
+
+@njit(cache=True)
+def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):  # type: ignore[no-untyped-def]
+    """Quantise one set of measurements, SI, to the core's ports.
+
+    Returns
+    -------
+    measurement : ndarray of int64, shape (8,)
+        In the order of ``formats.MEASUREMENTS``.
+    clipped : int
+        1 where a value lay outside its word.
+    """
+    real = np.empty(8)
+    real[0], real[1] = i.real, i.imag
+    real[2], real[3] = psi.real, psi.imag
+    real[4], real[5], real[6], real[7] = omega_r, vdc, torque_ref, psi_ref
+    measurement = np.empty(8, dtype=np.int64)
+    clipped = 0
+    for n in range(8):
+        value = np.rint(real[n] * scales[n])
+        if value < lows[n]:
+            value = lows[n]
+            clipped = 1
+        elif value > highs[n]:
+            value = highs[n]
+            clipped = 1
+        measurement[n] = int(value)
+    return measurement, clipped
+
+
+def parameters(
+    drive: MptcDrive, values: Registers | None = None
+) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Registers and formats of a drive, as `decide` takes them."""
+    table = f.measurement_formats(drive).values()
+    return (
+        (values or registers(drive)).array(),
+        np.array([fmt.scale for fmt in table]),
+        np.array([float(fmt.low) for fmt in table]),
+        np.array([float(fmt.high) for fmt in table]),
+    )
+
+
+@njit(cache=True)
+def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):  # type: ignore[no-untyped-def]
+    """``decide_words`` on real numbers: the signature of ``ideal.decide``.
+
+    Parameters
+    ----------
+    p : tuple
+        As ``parameters`` returns it.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : int
+        Number of the vector that is being applied.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
+
+    Returns
+    -------
+    u, saturated, clamped : int
+        `saturated` covers the inputs.
+    """
+    measurement, clipped = encode_row(p[1], p[2], p[3], i, psi, omega_r, vdc, torque_ref, psi_ref)
+    best, saturated, clamped = decide_words(p[0], measurement, u)
+    return best, saturated | clipped, clamped
+
+
+def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Quantise a trace to the core's measurement ports.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales and dc-link voltage.
+    trace : MptcTrace
+        n rows.
+
+    Returns
+    -------
+    measurements : ndarray of int64, shape (n, 8)
+        In the order of ``formats.MEASUREMENTS``.
+    saturated : ndarray of bool, shape (n,)
+        True where a value of the row lay outside its word.
+    """
+    vdc = np.full(len(trace), drive.inverter.vdc)
+    columns = [*trace.i_s.T, *trace.psi_s.T, trace.omega_r, vdc, trace.torque_ref, trace.psi_ref]
+    formats = f.measurement_formats(drive).values()
+    with np.errstate(over="ignore"):
+        encoded = [fmt.encode(c) for fmt, c in zip(formats, columns, strict=True)]
+    return (
+        np.column_stack([integers for integers, _ in encoded]),
+        np.any(np.column_stack([clipped for _, clipped in encoded]), axis=1),
+    )
+
+
+@njit(cache=True)
+def run_words(register, measurements, u, out):  # type: ignore[no-untyped-def]
+    """``decide_words`` for every row."""
+    for k in range(measurements.shape[0]):
+        out[k, 0], out[k, 1], out[k, 2] = decide_words(register, measurements[k], u[k])
+
+
+def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> MptcDecisions:
+    """Decisions for every row of a trace.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Supplies the formats, and the registers unless ``values`` is given.
+    trace : MptcTrace
+        n independent rows.
+    values : Registers, optional
+        Registers to use instead of the drive's.
+
+    Returns
+    -------
+    MptcDecisions
+        ``cycles`` is None: the model has no clock.  ``saturated`` is set as well where the
+        arcsine's argument of MPFC was clamped: a decisions file has no other flag for it.
+    """
+    array = (values or registers(drive)).array()
+    measurements, clipped = encode(drive, trace)
+    out = np.empty((len(trace), 3), dtype=np.int64)
+    run_words(array, measurements, np.asarray(trace.u, dtype=np.int64), out)
+    return MptcDecisions(
+        u=out[:, 0],
+        cycles=None,
+        saturated=out[:, 1] | out[:, 2] | clipped.astype(np.int64),
+    )

@@ -1,0 +1,210 @@
+"""Closed loops around an MPTC or MPFC controller, with a plant of our own.
+
+The controller sees the state at k, the vector that is being applied, and its references; what it
+decides at k is applied from k+1 on, as the contract's one-step delay has it.  A speed PI makes the
+torque reference where one is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc import bit_true, ideal
+from directmpc.mptc.coefficients import Registers
+from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step, torque
+from directmpc.trace import FloatArray, IntArray, MptcTrace
+
+RPM = 2.0 * np.pi / 60.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What a run asks of the drive; arrays have one entry per control step.
+
+    Attributes
+    ----------
+    torque_ref : (n,)
+        N*m; added to the speed controller's output where there is one.
+    psi_ref : (n,)
+        Wb.
+    load : (n,)
+        Load torque, N*m.
+    speed_ref : (n,) or None
+        Mechanical speed, rad/s; None without a speed controller.
+    current, flux : complex
+        Plant state at the first step.
+    omega_r : float
+        Electrical speed at the first step, rad/s.
+    gains : tuple
+        Speed PI: proportional (N*m*s/rad), integral (N*m/rad), limit (N*m).
+    """
+
+    torque_ref: FloatArray
+    psi_ref: FloatArray
+    load: FloatArray
+    speed_ref: FloatArray | None = None
+    current: complex = 0j
+    flux: complex = 0j
+    omega_r: float = 0.0
+    gains: tuple[float, float, float] = (1.0, 10.0, 16.8)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded run.
+
+    Attributes
+    ----------
+    ts : float
+        Control period, s.
+    trace : MptcTrace
+        What the controller saw.
+    u : (n,)
+        What it decided, applied one step later.
+    saturated, clamped : (n,)
+        Its flags.
+    torque : (n,)
+        Electromagnetic torque at each step, N*m.
+    flux : (n,)
+        Stator flux magnitude at each step, Wb.
+    shadow : (n,)
+        What the ideal controller would have decided on the same inputs.
+    margin : (n,)
+        By how much its second best vector costs more than its best, N*m (Wb for MPFC).
+    """
+
+    ts: float
+    trace: MptcTrace
+    u: IntArray
+    saturated: IntArray
+    clamped: IntArray
+    torque: FloatArray
+    flux: FloatArray
+    shadow: IntArray
+    margin: FloatArray
+
+    @property
+    def mismatch(self) -> float:
+        """Share of decisions that differ from the ideal controller's."""
+        return float(np.mean(self.u != self.shadow))
+
+    @property
+    def worst_margin(self) -> float:
+        """Largest lead of the best vector in a step decided differently from ideal."""
+        differs = self.u != self.shadow
+        return float(self.margin[differs].max()) if differs.any() else 0.0
+
+
+@njit
+def _loop(
+    decide, parameters, reference, plant, vdc, torque_ref, psi_ref, load, speed_ref, use_speed,
+    gains, i, psi, omega_r, seen, seen_u, out, result,
+):  # fmt: skip
+    """Run the loop; compiled for the controller passed, and therefore not cached on disk."""
+    applied = 0
+    integral = 0.0
+    for k in range(len(torque_ref)):
+        wanted = torque_ref[k]
+        if use_speed:
+            error = speed_ref[k] - omega_r / plant.pole_pairs
+            free = gains[0] * error + integral
+            if abs(free) < gains[2]:
+                integral += gains[1] * error * plant.ts
+            wanted += min(max(gains[0] * error + integral, -gains[2]), gains[2])
+        seen[k, 0], seen[k, 1] = i.real, i.imag
+        seen[k, 2], seen[k, 3] = psi.real, psi.imag
+        seen[k, 4], seen[k, 5], seen[k, 6] = omega_r, wanted, psi_ref[k]
+        seen_u[k] = applied
+        u, saturated, clamped = decide(
+            parameters, i, psi, omega_r, applied, vdc, wanted, psi_ref[k]
+        )
+        out[k, 0], out[k, 1], out[k, 2] = u, saturated, clamped
+        out[k, 3], _, _ = ideal.decide(reference, i, psi, omega_r, applied, vdc, wanted, psi_ref[k])
+        result[k, 0] = torque(plant, i, psi)
+        result[k, 1] = abs(psi)
+        result[k, 2] = ideal.margin(reference, i, psi, omega_r, applied, vdc, wanted, psi_ref[k])
+        i, psi, omega_r = step(plant, i, psi, omega_r, applied, load[k])
+        applied = u
+
+
+def simulate(
+    drive: MptcDrive,
+    scenario: Scenario,
+    *,
+    engine: str = "model",
+    plant: PlantParameters | None = None,
+    values: Registers | None = None,
+) -> Run:
+    """Run a closed loop.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What the controller knows.
+    scenario : Scenario
+        References, load and first state.
+    engine : str
+        "model" for the bit-true twin, "ideal" for float64.
+    plant : PlantParameters, optional
+        The drive's own with imposed speed if not given.
+    values : Registers, optional
+        Registers of the twin instead of the drive's.
+
+    Returns
+    -------
+    Run
+    """
+    n = len(scenario.torque_ref)
+    reference = ideal.ideal_parameters(drive)
+    decide: Any
+    parameters: Any
+    if engine == "ideal":
+        decide, parameters = ideal.decide, reference
+    else:
+        decide, parameters = bit_true.decide, bit_true.parameters(drive, values)
+    seen = np.empty((n, 7))
+    seen_u = np.empty(n, dtype=np.int64)
+    out = np.empty((n, 4), dtype=np.int64)
+    result = np.empty((n, 3))
+    speed = scenario.speed_ref
+    _loop(
+        decide, parameters, reference, plant or plant_parameters(drive), drive.inverter.vdc,
+        scenario.torque_ref, scenario.psi_ref, scenario.load,
+        scenario.torque_ref if speed is None else speed, speed is not None, scenario.gains,
+        complex(scenario.current), complex(scenario.flux), float(scenario.omega_r), seen, seen_u,
+        out, result,
+    )  # fmt: skip
+    return Run(
+        ts=drive.control.ts,
+        trace=as_trace(seen, seen_u),
+        u=out[:, 0],
+        saturated=out[:, 1],
+        clamped=out[:, 2],
+        torque=result[:, 0],
+        flux=result[:, 1],
+        shadow=out[:, 3],
+        margin=result[:, 2],
+    )
+
+
+def as_trace(seen: FloatArray, u: IntArray) -> MptcTrace:
+    """Columns is, psis (alpha, beta each), omega_r, torque_ref, psi_ref as a trace."""
+    return MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], u)
+
+
+def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
+    """A constant operating point with imposed speed, begun in its fundamental steady state."""
+    current, flux = steady_state(drive, 0.0, load, psi_ref)
+    return Scenario(
+        torque_ref=np.full(steps, float(load)),
+        psi_ref=np.full(steps, float(psi_ref)),
+        load=np.full(steps, float(load)),
+        current=current,
+        flux=flux,
+        omega_r=rpm * RPM * drive.machine.pole_pairs,
+    )

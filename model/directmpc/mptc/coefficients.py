@@ -1,0 +1,168 @@
+"""From a two-level drive to register values: what a host computes and writes once per drive.
+
+Nothing here depends on the state, the speed or the dc-link voltage; those products are formed in
+fabric every step.  With the bases of ``formats`` the prediction reads, for one component
+(alpha; beta is the same with the sign of the speed's term turned)::
+
+    w        = current*i + flux*psi                        = i_s - lambda*L_r*psi_s
+    dw       = rotor*w + rotor_flux*psi - q*w_beta         = T_s*dw/dt
+    dpsi     = drop_current*i + step                       = T_s*(u - R_s*i_s)
+    w(k+1)   = w + (1 + rotor/2)*dw + rotor_flux/2*dpsi - q/2*dw_beta         Heun's method
+    psi(k+1) = psi + (1 + drop_flux/2)*dpsi + drop/2*dw
+    i_s0     = w(k+1) + rotor*w(k+1) + rotor_flux*psi(k+1) - q*w_beta(k+1)    eq. 14
+    base     = psi(k+1) + drop*w(k+1) + drop_flux*psi(k+1)                    psi_s(k+2), u = 0
+
+with q = speed*omega_r and step = voltage*v_dc times the unit vector of u
+(`voltage_alpha` and `voltage_beta` make twice the steps of u_1's alpha and u_2's beta component:
+what a vector takes of them is then 1/2 or 1/4, both of which are words).  Halves and 1 + x/2 of a
+negative x are the same bits shifted (the sign turned over), so they are no coefficients of their
+own; `rotor` and `drop_flux` are therefore at most -1 LSB.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc import formats as f
+
+#: Coefficient ports in port order; all 18 bits signed.
+COEFFICIENTS: tuple[str, ...] = (
+    "current",
+    "flux",
+    "rotor",
+    "rotor_flux",
+    "drop_current",
+    "drop",
+    "drop_flux",
+    "speed",
+    "voltage_alpha",
+    "voltage_beta",
+    "torque",
+    "weight",
+)
+
+_UNIT = 2**f.FRACTION
+_FULL = 2.0 ** (f.MEASUREMENT_WIDTH - 1) / (2.0 ** (f.MEASUREMENT_WIDTH - 1) - 1.0)
+
+#: Which keys of the drive file a coefficient that does not fit depends on.
+_KEYS = {
+    "rotor": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
+    "rotor_flux": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
+    "drop_current": "control.ts or control.current_max (T_s*R_s*current_max below psi_max)",
+    "drop": "control.ts (T_s*R_s/(sigma*L_s) must be below 1)",
+    "drop_flux": "control.ts (T_s*R_s/(sigma*L_s) must be below 1)",
+    "speed": "control.ts or control.speed_max (T_s*speed_max must be below 1)",
+    "voltage_alpha": "control.ts or control.psi_max (8/3*T_s*vdc must be below psi_max)",
+}
+
+
+@dataclass(frozen=True)
+class Registers:
+    """Run-time parameters of ``mptc_core`` as integers.
+
+    Attributes
+    ----------
+    coefficients : dict of int
+        One signed 18-bit value per name of ``COEFFICIENTS``.
+    flux_control : int
+        1: MPFC.
+    torque_unit : float
+        Base of the torque terms, N*m; for reports only.
+    rotor_unit : float
+        W, base of w, A; for reports only.
+    """
+
+    coefficients: dict[str, int]
+    flux_control: int
+    torque_unit: float
+    rotor_unit: float
+
+    def ports(self) -> dict[str, int]:
+        """Every parameter port of the core: name -> integer, in port order."""
+        return {
+            **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
+            "flux_control": self.flux_control,
+        }
+
+    def array(self) -> NDArray[np.int64]:
+        """``ports`` as an array, for compiled code."""
+        return np.array(list(self.ports().values()), dtype=np.int64)
+
+
+def _weight(drive: MptcDrive, ratio: float) -> int:
+    """k_psi's coefficient; ratio is flux base over torque base."""
+    value = drive.control.k_psi * ratio / f.MAGNITUDE_GAIN
+    value *= 2.0 ** (f.PRODUCT_FRACTION - f.DIFFERENCE_FRACTION - f.WEIGHT_SHIFT)
+    if round(value) > f.WORD_HIGH:
+        limit = f.WORD_HIGH / value * drive.control.k_psi
+        raise ValueError(
+            f"control.k_psi: got {drive.control.k_psi:g}; with this drive's full scales it must "
+            f"be a number from 0 to {limit:.4g} N*m/Wb"
+        )
+    return round(value)
+
+
+def registers(drive: MptcDrive) -> Registers:
+    """Register values of a drive.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Validated drive file.
+
+    Returns
+    -------
+    Registers
+
+    Raises
+    ------
+    ValueError
+        Where a value cannot be represented; the message names the drive file's key.
+    """
+    m, c = drive.machine, drive.control
+    lam = 1.0 / (m.ls * m.lr - m.lm * m.lm)
+    current, flux = c.current_max * _FULL, c.psi_max * _FULL
+    speed, torque = c.speed_max * _FULL, c.torque_max * _FULL
+    per_rotor = 1.5 * m.pole_pairs * flux
+    smallest = max(current + lam * m.lr * flux, torque / per_rotor * _UNIT / (_UNIT - 1))
+    exact = math.floor(torque / (per_rotor * smallest) * _UNIT)
+    if exact < 1:
+        raise ValueError(
+            f"control.torque_max: got {c.torque_max:g}; with this drive's psi_max and current_max "
+            f"it must be at least {per_rotor * smallest / _UNIT:.4g} N*m"
+        )
+    rotor = torque * _UNIT / (per_rotor * exact)
+    decay = c.ts * lam * m.rr * m.ls
+    values = {
+        "current": current / rotor,
+        "flux": -lam * m.lr * flux / rotor,
+        "rotor": -decay,
+        "rotor_flux": (c.ts * lam * m.rr - decay * lam * m.lr) * flux / rotor,
+        "drop_current": -c.ts * m.rs * current / flux,
+        "drop": -c.ts * m.rs * rotor / flux,
+        "drop_flux": -c.ts * m.rs * lam * m.lr,
+        "speed": c.ts * speed,
+        "voltage_alpha": 2.0 * c.ts * 2.0 / 3.0 * 2.0 * drive.inverter.vdc / flux,
+        "voltage_beta": 2.0 * c.ts / math.sqrt(3.0) * 2.0 * drive.inverter.vdc / flux,
+    }
+    words = {name: round(value * _UNIT) for name, value in values.items()}
+    for name, word in words.items():
+        if abs(word) > f.WORD_HIGH:
+            raise ValueError(
+                f"{_KEYS.get(name, 'control')}: the coefficient {name} is {values[name]:.4g} and "
+                "cannot be represented"
+            )
+    for name in ("rotor", "drop_flux"):
+        words[name] = min(words[name], -1)
+    words |= {"torque": exact, "weight": _weight(drive, flux / (per_rotor * rotor))}
+    return Registers(
+        coefficients={name: words[name] for name in COEFFICIENTS},
+        flux_control=int(c.method == "MPFC"),
+        torque_unit=per_rotor * rotor,
+        rotor_unit=rotor,
+    )

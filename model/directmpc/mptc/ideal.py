@@ -1,0 +1,217 @@
+"""The ideal MPTC and MPFC controller: the contract's decision (section 3) in float64.
+
+Heun's method takes the state to k+1 under the vector that is being applied (eqs. 4 and 5; eq. 12
+as printed misses lambda*L_r before u_s), i_s0(k+1) follows from eq. 14, one stator flux per vector
+from the second row of eq. 4, the torque from eq. 15 and the cost from eq. 11.  MPFC takes the
+rotor flux of eq. 6, turned on by omega_r*T_s, and the reference vector of eqs. 18 to 21.
+
+Ties go to the lowest number, the zero vector counting under the number it is given (u_0 or u_7).
+With no rotor flux at all the arcsine's argument is 0 where no torque is asked for, else clamped.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc.vectors import UNIT, ZERO_FROM
+from directmpc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
+
+
+class IdealParameters(NamedTuple):
+    """All that `decide` needs to know about a drive, SI; `unit` and `zero_from` as in `vectors`."""
+
+    ts: float
+    rs: float
+    rr: float
+    lm: float
+    ls: float
+    lr: float
+    pole_pairs: int
+    k_psi: float
+    flux_control: bool
+    unit: np.ndarray
+    zero_from: IntArray
+
+
+def ideal_parameters(drive: MptcDrive) -> IdealParameters:
+    """Collect the parameters of the ideal controller from a drive."""
+    m, c = drive.machine, drive.control
+    return IdealParameters(
+        ts=c.ts,
+        rs=m.rs,
+        rr=m.rr,
+        lm=m.lm,
+        ls=m.ls,
+        lr=m.lr,
+        pole_pairs=m.pole_pairs,
+        k_psi=c.k_psi,
+        flux_control=c.method == "MPFC",
+        unit=UNIT,
+        zero_from=ZERO_FROM,
+    )
+
+
+@njit(cache=True)
+def derivative(p, i, psi, omega_r, u):
+    """A x + B u of eq. 4: derivatives of stator current and stator flux."""
+    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    di = (
+        complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r) * i
+        + lam * complex(p.rr, -p.lr * omega_r) * psi
+        + lam * p.lr * u
+    )
+    return di, u - p.rs * i
+
+
+@njit(cache=True)
+def heun(p, i, psi, omega_r, u):
+    """x(k+1) by eq. 5."""
+    di, dpsi = derivative(p, i, psi, omega_r, u)
+    di, dpsi = p.ts * di, p.ts * dpsi
+    ci, cpsi = derivative(p, di, dpsi, omega_r, 0j)
+    return i + di + 0.5 * p.ts * ci, psi + dpsi + 0.5 * p.ts * cpsi
+
+
+@njit(cache=True)
+def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
+    """Reference vector of the stator flux at k+2 (eqs. 6, 18 to 21), and whether it was clamped."""
+    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    psi_r = p.lr / p.lm * psi - i / (lam * p.lm)
+    psi_r *= cmath.exp(1j * omega_r * p.ts)
+    denominator = 1.5 * p.pole_pairs * lam * p.lm * abs(psi_r) * psi_ref
+    if abs(torque_ref) > abs(denominator):
+        argument = 1.0 if torque_ref > 0.0 else -1.0
+        clamped = True
+    elif denominator == 0.0:
+        argument = 0.0
+        clamped = False
+    else:
+        argument = torque_ref / denominator
+        clamped = False
+    return psi_ref * cmath.exp(1j * (cmath.phase(psi_r) + math.asin(argument))), clamped
+
+
+@njit(cache=True)
+def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
+    """Cost of u_0 (or u_7) to u_6.
+
+    Parameters
+    ----------
+    p : IdealParameters
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : int
+        Number of the vector that is being applied.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
+
+    Returns
+    -------
+    cost : ndarray of float64, shape (7,)
+        N*m for MPTC, Wb for MPFC.
+    clamped : bool
+        True where the arcsine's argument was.
+    """
+    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    i1, psi1 = heun(p, i, psi, omega_r, p.unit[u] * vdc)
+    i0 = (
+        (1.0 - lam * p.rr * p.ls * p.ts) * i1
+        + lam * (p.rr * p.ts - p.lr) * psi1
+        + 1j * omega_r * p.ts * (i1 - lam * p.lr * psi1)
+    )
+    cost = np.empty(7)
+    reference = 0j
+    clamped = False
+    if p.flux_control:
+        reference, clamped = flux_reference(p, i1, psi1, omega_r, torque_ref, psi_ref)
+    for j in range(7):
+        psi2 = psi1 + p.ts * (p.unit[j] * vdc - p.rs * i1)
+        if p.flux_control:
+            cost[j] = abs(reference - psi2)
+        else:
+            torque = 1.5 * p.pole_pairs * (psi2.real * i0.imag - psi2.imag * i0.real)
+            cost[j] = abs(torque_ref - torque) + p.k_psi * abs(psi_ref - abs(psi2))
+    return cost, clamped
+
+
+@njit(cache=True)
+def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
+    """One decision; arguments as `costs`.
+
+    Returns
+    -------
+    u : int
+        0 to 7.
+    saturated : int
+        Always 0: the ideal controller has no number formats.
+    clamped : int
+        1 where the arcsine's argument was clamped.
+    """
+    cost, clamped = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
+    zero = p.zero_from[u]
+    best = 1
+    for j in range(2, 7):
+        if cost[j] < cost[best]:
+            best = j
+    if cost[0] < cost[best] or (cost[0] == cost[best] and zero == 0):
+        best = zero
+    return best, 0, int(clamped)
+
+
+@njit(cache=True)
+def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
+    """By how much the second best vector costs more than the best; arguments as `costs`."""
+    cost, _ = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
+    cost.sort()
+    return cost[1] - cost[0]
+
+
+@njit(cache=True)
+def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
+    for k in range(len(u)):
+        out[k, 0], out[k, 1], out[k, 2] = decide(
+            p, i[k], psi[k], omega_r[k], u[k], vdc, torque_ref[k], psi_ref[k]
+        )
+
+
+def as_complex(vectors: FloatArray) -> np.ndarray:
+    """Columns alpha and beta as complex numbers."""
+    return vectors[:, 0] + 1j * vectors[:, 1]
+
+
+def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
+    """Decisions for every row of a trace.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine, dc-link voltage and method.
+    trace : MptcTrace
+        n independent rows.
+
+    Returns
+    -------
+    MptcDecisions
+        `cycles` is None, `saturated` zero.
+    """
+    out = np.empty((len(trace), 3), dtype=np.int64)
+    _run(
+        ideal_parameters(drive),
+        drive.inverter.vdc,
+        as_complex(trace.i_s),
+        as_complex(trace.psi_s),
+        trace.omega_r,
+        trace.torque_ref,
+        trace.psi_ref,
+        trace.u,
+        out,
+    )
+    return MptcDecisions(u=out[:, 0], cycles=None, saturated=out[:, 1])

@@ -1,0 +1,154 @@
+"""Two-level inverter and induction machine in continuous time: the plant of the closed loops.
+
+The electrical equations are eq. 1 and 2 with constant speed over a control period, solved exactly
+by a complex 2x2 matrix exponential (the vector is constant over the period, the machine linear at
+constant speed); the mechanics follow by the trapezoidal torque.  It shares no code with the
+controllers' predictions; the motulator plant (`motulator_plant`) is the independent check.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc.vectors import UNIT
+
+
+class PlantParameters(NamedTuple):
+    """Machine, inverter and shaft, SI.
+
+    `inertia` in kg*m^2 (infinite: the speed is imposed), `friction` in N*m*s.
+    """
+
+    ts: float
+    rs: float
+    rr: float
+    lm: float
+    ls: float
+    lr: float
+    pole_pairs: int
+    vdc: float
+    inertia: float
+    friction: float
+    unit: np.ndarray
+
+
+def plant_parameters(
+    drive: MptcDrive,
+    inertia: float = float("inf"),
+    *,
+    rs: float = 1.0,
+    rr: float = 1.0,
+    friction: float = 0.0,
+) -> PlantParameters:
+    """Plant of a drive; `rs` and `rr` multiply the machine's resistances."""
+    m = drive.machine
+    return PlantParameters(
+        ts=drive.control.ts,
+        rs=m.rs * rs,
+        rr=m.rr * rr,
+        lm=m.lm,
+        ls=m.ls,
+        lr=m.lr,
+        pole_pairs=m.pole_pairs,
+        vdc=drive.inverter.vdc,
+        inertia=inertia,
+        friction=friction,
+        unit=UNIT,
+    )
+
+
+@njit(cache=True)
+def torque(p, i, psi):
+    """Electromagnetic torque, 1.5 * N_p * psi_s x i_s."""
+    return 1.5 * p.pole_pairs * (psi.real * i.imag - psi.imag * i.real)
+
+
+@njit(cache=True)
+def _flow(a11, a12, a21, a22, h):
+    """exp(A*h) and its integral over h, by scaling and squaring of a Taylor series."""
+    steps = 1
+    norm = max(abs(a11) + abs(a12), abs(a21) + abs(a22)) * h
+    while norm / steps > 0.25:
+        steps *= 2
+    s = h / steps
+    e = np.eye(2).astype(np.complex128)
+    g = e * s
+    a = np.array([[a11, a12], [a21, a22]])
+    term = e.copy()
+    for n in range(1, 12):
+        term = term @ a * (s / n)
+        e = e + term
+        g = g + term * (s / (n + 1))
+    while steps > 1:
+        g = g + e @ g
+        e = e @ e
+        steps //= 2
+    return e, g
+
+
+@njit(cache=True)
+def advance(p, i, psi, omega_r, u, duration):
+    """Stator current and stator flux after `duration` s under vector u at constant speed."""
+    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    e, g = _flow(
+        complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r),
+        lam * complex(p.rr, -p.lr * omega_r),
+        complex(-p.rs, 0.0),
+        0j,
+        duration,
+    )
+    v = p.unit[u] * p.vdc
+    b0, b1 = lam * p.lr * v, v
+    return (
+        e[0, 0] * i + e[0, 1] * psi + g[0, 0] * b0 + g[0, 1] * b1,
+        e[1, 0] * i + e[1, 1] * psi + g[1, 0] * b0 + g[1, 1] * b1,
+    )
+
+
+@njit(cache=True)
+def step(p, i, psi, omega_r, u, load):
+    """One control period: current, flux and electrical speed at its end."""
+    i1, psi1 = advance(p, i, psi, omega_r, u, p.ts)
+    mean = 0.5 * (torque(p, i, psi) + torque(p, i1, psi1))
+    mechanical = omega_r / p.pole_pairs
+    mechanical += p.ts / p.inertia * (mean - load - p.friction * mechanical)
+    return i1, psi1, mechanical * p.pole_pairs
+
+
+def steady_state(
+    drive: MptcDrive, omega_r: float, load: float, psi_ref: float
+) -> tuple[complex, complex]:
+    """Stator current and flux of the fundamental at a speed, torque and stator flux magnitude.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+    omega_r : float
+        Electrical speed, rad/s; it does not matter for the state itself, only the slip does.
+    load : float
+        Torque, N*m.
+    psi_ref : float
+        Stator flux magnitude, Wb.
+
+    Raises
+    ------
+    ValueError
+        If the torque is beyond breakdown at this flux.
+    """
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    tau = sigma * m.lr / m.rr
+    peak = 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
+    if abs(load) > peak:
+        raise ValueError(f"{load:g} N*m is beyond the breakdown torque of {peak:.4g} N*m")
+    # torque = peak * 2*x/(1+x^2) with x = slip frequency * tau, the stable root
+    x = 0.0 if load == 0.0 else (1.0 - np.sqrt(1.0 - (load / peak) ** 2)) / (load / peak)
+    slip = x / tau
+    psi = complex(psi_ref, 0.0)
+    psi_r = m.lm / m.ls * psi / (1.0 + 1j * slip * tau)
+    i = (psi - m.lm / m.lr * psi_r) / (sigma * m.ls)
+    return i, psi

@@ -1,0 +1,50 @@
+"""Pre-excitation by current chopping (Paper B, section 6.1): the bit-true twin and its levels."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from directmpc.drive import MptcDrive
+from directmpc.mptc import formats as f
+
+VECTOR = 1  # the fixed non-zero vector; zero voltage is u_0, one commutation away
+_HIGH = 2 ** (f.MEASUREMENT_WIDTH - 1) - 1
+
+
+def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
+    """Ports `limit` and `level` for a current limit (A) and the flux that ends it (Wb).
+
+    Raises
+    ------
+    ValueError
+        If one lies outside its full scale.
+    """
+    c = drive.control
+    found = []
+    for name, value, full in (("limit", limit, c.current_max), ("flux", flux, c.psi_max)):
+        if not 0.0 <= value <= full:
+            raise ValueError(f"{name}: got {value:g}; it must be a number from 0 to {full:g}")
+        found.append(round(value / full * _HIGH))
+    return found[0], found[1]
+
+
+@njit(cache=True)
+def decide_words(m, limit, level, done):  # type: ignore[no-untyped-def]
+    """One decision of ``mptc_preexcitation``.
+
+    Parameters
+    ----------
+    m : ndarray of int64
+        is_alpha, is_beta, psis_alpha, psis_beta as the ports take them.
+    limit, level : int
+        Of ``levels``.
+    done : int
+        Whether the flux had been reached before.
+
+    Returns
+    -------
+    u, limited, finished : int
+    """
+    limited = int(m[0] * m[0] + m[1] * m[1] > limit * limit)
+    reached = int(m[2] * m[2] + m[3] * m[3] >= level * level)
+    return (0 if limited else VECTOR), limited, done | reached

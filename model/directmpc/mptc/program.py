@@ -1,0 +1,276 @@
+"""What the three multiply-accumulate blocks of ``mptc_core`` do in which clock.
+
+The equations stand in ``coefficients``; here they are laid out over three blocks: ALPHA and BETA
+own one component of w each, FLUX owns both components of psi_s, the products of the inputs and,
+while the vectors stream past, the weighting of the flux error.  The generated package carries this
+program into the RTL; the bit-true twin does not read it.
+
+Clock n is the clock cycle n clock edges after the one that accepts ``start``.  MPTC and MPFC share
+the clocks before ``FORK``; after it MPFC's clocks have ``FORK_OFFSET`` added in the RTL's address.
+
+Operands are words; ``not_x`` is the one's complement of x; as second factor ``half_x`` is x/2 and
+``lead_x`` is 1 + x/2.  A seed is the first summand: ``half`` and ``torque_half`` round a word or a
+torque term, a word's name is the word with its rounding.  ``share_x`` is what u takes of
+``step_x``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.formats import ITERATIONS, MEASUREMENTS, NORMALISE_STEPS, ROOT_WIDTH
+
+ALPHA, BETA, FLUX = 0, 1, 2
+BLOCKS = 3
+
+#: Clocks from issuing a sum's last product until its word can be an operand.
+LATENCY = 4
+#: Clocks from issuing until the sum stands in the block's accumulator.
+SUM_LATENCY = 3
+FORK = 16
+FORK_OFFSET = 32
+
+#: Words written by the program, MPFC's own ones last.
+RESULTS: tuple[str, ...] = (
+    "start_alpha",  # w(k)
+    "start_beta",
+    "rotor_alpha",  # dw, w(k+1), then i_s0 (MPTC) or w turned on by omega_r*T_s (MPFC)
+    "rotor_beta",
+    "stator_alpha",  # dpsi, psi_s(k+1), then psi_s(k+2) without voltage
+    "stator_beta",
+    "angle",  # T_s*omega_r
+    "step_alpha",  # 2*T_s*2/3*v_dc
+    "step_beta",  # 2*T_s*v_dc/sqrt(3)
+    "turn",  # -angle**2/2
+    "moment",  # torque_ref/(1.5*N_p), then times the gain
+    "square",  # psi_ref**2
+    "modulus",  # |w|**2, then times the gain
+)
+FLUX_RESULTS = ("turn", "moment", "square", "modulus")
+
+#: Torque terms written by the program.
+TERMS: tuple[str, ...] = (
+    "demand",  # torque_ref, into level
+    "level",  # level less torque without voltage (MPTC), |w|**2*step/4 (MPFC)
+    "along",  # per step along alpha
+    "across",  # per step along beta
+)
+
+COMPLEMENTS = ("not_start_beta", "not_rotor_beta", "not_stator_beta")
+FLUX_COMPLEMENTS = ("not_half_angle", "not_moment")
+#: What else is an operand: the flux error, constants, u, and the parts of MPFC's reference.
+OTHERS = ("difference", "gain", "root3_2", "share_alpha", "share_beta")
+FLUX_OTHERS = ("root_along", "root_across")
+
+OPERANDS: tuple[str, ...] = (
+    *MEASUREMENTS,
+    *(f"c_{name}" for name in COEFFICIENTS),
+    *RESULTS,
+    *COMPLEMENTS,
+    *FLUX_COMPLEMENTS,
+    *OTHERS,
+    *FLUX_OTHERS,
+)
+FLUX_OPERANDS = {"gain", *FLUX_RESULTS, *FLUX_COMPLEMENTS, *FLUX_OTHERS, "root3_2"}
+
+SEEDS: tuple[str, ...] = (
+    "half",
+    "torque_half",
+    "psis_alpha",
+    "psis_beta",
+    "start_alpha",
+    "start_beta",
+    "rotor_alpha",
+    "rotor_beta",
+    "stator_alpha",
+    "stator_beta",
+    "cost",
+    "none",
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One product.
+
+    Attributes
+    ----------
+    clock, block : int
+        When and where it is issued.
+    a, b : str
+        Operands.
+    seed : str
+        One of SEEDS; empty: add to the sum so far.
+    result : str
+        One of RESULTS or TERMS where the sum is complete with this product.
+    """
+
+    clock: int
+    block: int
+    a: str
+    b: str
+    seed: str = ""
+    result: str = ""
+
+
+def _pass_flux(clock: int, seeds: str, lead: str = "", half: str = "") -> list[Step]:
+    """psi_s from itself and w, both components, four clocks."""
+    return [
+        Step(clock, FLUX, "stator_alpha", f"{lead}c_drop_flux", f"{seeds}_alpha"),
+        Step(clock + 1, FLUX, "rotor_alpha", f"{half}c_drop", "", "stator_alpha"),
+        Step(clock + 2, FLUX, "stator_beta", f"{lead}c_drop_flux", f"{seeds}_beta"),
+        Step(clock + 3, FLUX, "rotor_beta", f"{half}c_drop", "", "stator_beta"),
+    ]
+
+
+def _pass_rotor(clock: int, seeds: str, lead: str = "", half: str = "") -> list[Step]:
+    """w from itself, its other component and psi_s, three clocks."""
+    return [
+        Step(clock, ALPHA, "rotor_alpha", f"{lead}c_rotor", f"{seeds}_alpha"),
+        Step(clock + 1, ALPHA, "not_rotor_beta", f"{half}angle"),
+        Step(clock + 2, ALPHA, "stator_alpha", f"{half}c_rotor_flux", "", "rotor_alpha"),
+        Step(clock, BETA, "rotor_beta", f"{lead}c_rotor", f"{seeds}_beta"),
+        Step(clock + 1, BETA, "rotor_alpha", f"{half}angle"),
+        Step(clock + 2, BETA, "stator_beta", f"{half}c_rotor_flux", "", "rotor_beta"),
+    ]
+
+
+#: Both methods.
+COMMON: tuple[Step, ...] = (
+    Step(0, ALPHA, "is_alpha", "c_current", "half"),
+    Step(1, ALPHA, "psis_alpha", "c_flux", "", "start_alpha"),
+    Step(3, ALPHA, "psis_alpha", "c_rotor_flux", "half"),
+    Step(5, ALPHA, "start_alpha", "c_rotor"),
+    Step(6, ALPHA, "not_start_beta", "angle", "", "rotor_alpha"),
+    Step(0, BETA, "is_beta", "c_current", "half"),
+    Step(1, BETA, "psis_beta", "c_flux", "", "start_beta"),
+    Step(3, BETA, "psis_beta", "c_rotor_flux", "half"),
+    Step(5, BETA, "start_beta", "c_rotor"),
+    Step(6, BETA, "start_alpha", "angle", "", "rotor_beta"),
+    Step(0, FLUX, "omega_r", "c_speed", "half", "angle"),
+    Step(1, FLUX, "v_dc", "c_voltage_alpha", "half", "step_alpha"),
+    Step(2, FLUX, "v_dc", "c_voltage_beta", "half", "step_beta"),
+    Step(5, FLUX, "is_alpha", "c_drop_current", "half"),
+    Step(6, FLUX, "step_alpha", "share_alpha", "", "stator_alpha"),
+    Step(7, FLUX, "is_beta", "c_drop_current", "half"),
+    Step(8, FLUX, "step_beta", "share_beta", "", "stator_beta"),
+    *_pass_rotor(10, "start", "lead_", "half_"),
+    *_pass_flux(10, "psis", "lead_", "half_"),
+)
+
+_LAST_FLUX = _pass_flux(15, "stator")
+
+#: Clock in which the first torque term is formed; its cost is issued in the next.
+MPTC_FIRST_TERM = 27
+#: Clocks from a flux vector's way into the magnitude to the one in which its cost is issued.
+LENGTH_LATENCY = ITERATIONS // 2 + 1
+FIRST_LENGTH = MPTC_FIRST_TERM + 1 - LENGTH_LATENCY
+
+MPTC: tuple[Step, ...] = (
+    *_LAST_FLUX,
+    *_pass_rotor(16, "rotor"),
+    Step(19, FLUX, "torque_ref", "c_torque", "torque_half", "demand"),
+    Step(22, BETA, "rotor_beta", "stator_alpha", "torque_half"),
+    Step(23, BETA, "rotor_alpha", "not_stator_beta", "", "level"),
+    Step(22, FLUX, "rotor_beta", "step_alpha", "torque_half", "along"),
+    Step(22, ALPHA, "rotor_alpha", "step_beta", "torque_half", "across"),
+    *(Step(MPTC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost") for n in range(7)),
+)
+
+#: Clocks of MPFC: normalising w, its modulus, the radicand and the root.
+NORMALISE = 21
+MODULUS = NORMALISE + NORMALISE_STEPS + 1
+RADICAND = MODULUS + 1 + LATENCY
+ROOT = RADICAND + 1 + SUM_LATENCY + 1
+ALONG = ROOT + ROOT_WIDTH
+MPFC_FIRST_TERM = ALONG + 2 + LATENCY + LATENCY
+
+MPFC: tuple[Step, ...] = (
+    Step(4, FLUX, "angle", "not_half_angle", "half", "turn"),
+    Step(9, FLUX, "torque_ref", "c_torque", "half", "moment"),
+    Step(13, BETA, "moment", "gain", "half", "moment"),
+    Step(14, FLUX, "psi_ref", "psi_ref", "half", "square"),
+    *_LAST_FLUX,
+    Step(16, ALPHA, "rotor_alpha", "turn", "rotor_alpha"),
+    Step(17, ALPHA, "not_rotor_beta", "angle", "", "rotor_alpha"),
+    Step(16, BETA, "rotor_beta", "turn", "rotor_beta"),
+    Step(17, BETA, "rotor_alpha", "angle", "", "rotor_beta"),
+    Step(MODULUS, ALPHA, "rotor_alpha", "rotor_alpha", "half"),
+    Step(MODULUS + 1, ALPHA, "rotor_beta", "rotor_beta", "", "modulus"),
+    Step(RADICAND, FLUX, "square", "modulus", "none"),
+    Step(RADICAND + 1, FLUX, "not_moment", "moment"),
+    Step(RADICAND + 2, FLUX, "modulus", "gain", "half", "modulus"),
+    Step(RADICAND + 2 + LATENCY, FLUX, "modulus", "step_alpha", "torque_half", "level"),
+    Step(ALONG, ALPHA, "rotor_alpha", "root_along", "half"),
+    Step(ALONG + 1, ALPHA, "not_rotor_beta", "root_across"),
+    Step(ALONG + 2, ALPHA, "modulus", "stator_alpha", "", "along"),
+    Step(ALONG, BETA, "rotor_beta", "root_along", "half"),
+    Step(ALONG + 1, BETA, "rotor_alpha", "root_across"),
+    Step(ALONG + 2, BETA, "modulus", "stator_beta", "", "stator_beta"),
+    Step(ALONG + 2 + LATENCY, BETA, "not_stator_beta", "root3_2", "torque_half", "across"),
+    *(Step(MPFC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost") for n in range(7)),
+)
+
+
+def last_clock(first_term: int) -> int:
+    """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector."""
+    return first_term + 1 + 6 + SUM_LATENCY + 1
+
+
+MPTC_LAST = last_clock(MPTC_FIRST_TERM)
+MPFC_LAST = last_clock(MPFC_FIRST_TERM)
+#: From the edge that accepts ``start`` to the one that samples ``valid``.
+MPTC_CYCLES = MPTC_LAST + 1
+MPFC_CYCLES = MPFC_LAST + 1
+
+
+def base(name: str) -> str:
+    """Operand without ``half_`` or ``lead_``."""
+    return name.removeprefix("half_").removeprefix("lead_")
+
+
+def address(clock: int, flux_control: bool) -> int:
+    """Program address of a clock."""
+    return clock + FORK_OFFSET if flux_control and clock >= FORK else clock
+
+
+def check(steps: tuple[Step, ...]) -> None:
+    """Raise ValueError where a method's program contradicts itself.
+
+    Every operand must have been written in time and not be overwritten before, a block does one
+    thing at a time, and a sum is not interrupted.
+    """
+    written: dict[str, list[int]] = {}
+    occupied: set[tuple[int, int]] = set()
+    for step in steps:
+        if (step.clock, step.block) in occupied:
+            raise ValueError(f"block {step.block} does two things in clock {step.clock}")
+        occupied.add((step.clock, step.block))
+        for name in (step.a, base(step.b)):
+            if name not in OPERANDS:
+                raise ValueError(f"unknown operand {name}")
+        if step.seed and step.seed not in SEEDS:
+            raise ValueError(f"unknown seed {step.seed}")
+        if step.result:
+            written.setdefault(step.result, []).append(step.clock + LATENCY)
+    for step in steps:
+        for name in (step.a, step.b, step.seed):
+            plain = base(name).removeprefix("not_")
+            if plain in written and min(written[plain]) > step.clock:
+                raise ValueError(f"{name} is read in clock {step.clock}, before it is written")
+    for block in range(BLOCKS):
+        order = sorted((s for s in steps if s.block == block), key=lambda s: s.clock)
+        open_sum = False
+        for step in order:
+            if open_sum == bool(step.seed):
+                raise ValueError(f"block {block}: the sum at clock {step.clock} has no beginning")
+            open_sum = not step.result and step.seed not in ("cost",)
+            if step.a == "not_moment":  # watched by the root, no result of its own
+                open_sum = False
+
+
+if MPTC_LAST >= FORK + FORK_OFFSET:
+    raise ValueError("the addresses of MPFC overlap those of MPTC")
+check(COMMON + MPTC)
+check(COMMON + MPFC)

@@ -1,0 +1,145 @@
+-- Flat bench around mptc_core: presents one row of inputs on the start edge and random values on
+-- every other, counts clocks from the accepting edge to the one that samples valid, and hands the
+-- decision out. The clock is made here: a simulator toggles it much faster than a coroutine.
+--
+-- The bound on the clocks of a decision stands here: a slower one ends the simulation with a
+-- failure, and so does a bench that nobody attends to.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+entity mptc_core_bench is
+  generic (
+    FLUX_CONTROL : boolean := true -- of the core
+  );
+  port (
+    rst        : in    std_logic;                      -- synchronous, active high
+    request    : in    std_logic;                      -- a change asks for a decision on row
+    row        : in    std_logic_vector(129 downto 0); -- u, psi_ref, ... is_alpha rightmost
+    parameters : in    std_logic_vector(216 downto 0); -- method, ... c_current rightmost
+    finished   : out   std_logic := '0';               -- changes when response is new
+    response   : out   std_logic_vector(7 downto 0);   -- clamped, saturated, switches, u_next
+    cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
+  );
+end entity mptc_core_bench;
+
+architecture bench of mptc_core_bench is
+
+  constant PATIENCE         : natural := 100_000; -- clocks
+  constant MOST_CLOCKS_MPTC : natural := 40;
+  constant MOST_CLOCKS_MPFC : natural := 80;
+
+  signal idle     : natural := 0; -- clocks since the last request
+  signal clk      : std_logic := '0';
+  signal start    : std_logic := '0';
+  signal inputs   : std_logic_vector(129 downto 0) := (others => '0');
+  signal method   : std_logic := '0';
+  signal noise    : std_logic_vector(63 downto 0) := x"9E3779B97F4A7C15";
+  signal answered : std_logic := '0';
+  signal count    : unsigned(15 downto 0) := (others => '0');
+  signal valid    : std_logic;
+  signal busy     : std_logic;
+  signal decision : std_logic_vector(7 downto 0);
+
+begin
+
+  clk <= not clk after 5 ns;
+
+  p_inputs : process (clk) is
+
+    variable v : std_logic_vector(63 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      -- xorshift64
+      v      := noise xor (noise(50 downto 0) & "0000000000000");
+      v      := v xor ("0000000" & v(63 downto 7));
+      v      := v xor (v(46 downto 0) & "00000000000000000");
+      noise  <= v;
+      start  <= '0';
+      method <= v(3);
+      count  <= count + 1;
+
+      if (start = '1' and busy = '0') then
+        count <= x"0001";
+      end if;
+
+      if (request /= answered and start = '0' and busy = '0') then
+        inputs   <= row;
+        method   <= parameters(216);
+        start    <= '1';
+        answered <= request;
+        idle     <= 0;
+      else
+        idle   <= idle + 1;
+        inputs <= v(1 downto 0) & v & (v xor x"5555555555555555");
+        -- a start while busy has to be ignored
+        if (busy = '1' and count < 30) then
+          start <= v(5);
+        end if;
+      end if;
+
+      -- the clock never stops by itself: end a simulation that nobody attends to
+      assert idle < PATIENCE
+        report "no request for " & integer'image(PATIENCE) & " clocks"
+        severity failure;
+
+      assert busy = '0' or count <= MOST_CLOCKS_MPFC
+        report "a decision takes more than " & integer'image(MOST_CLOCKS_MPFC) & " clocks"
+        severity failure;
+
+      assert busy = '0' or count <= MOST_CLOCKS_MPTC or parameters(216) = '1'
+        report "a decision takes more than " & integer'image(MOST_CLOCKS_MPTC) & " clocks"
+        severity failure;
+
+      if (valid = '1') then
+        finished <= answered;
+        response <= decision;
+        cycles   <= std_logic_vector(count);
+      end if;
+    end if;
+
+  end process p_inputs;
+
+  i_core : entity work.mptc_core
+    generic map (
+      FLUX_CONTROL => FLUX_CONTROL
+    )
+    port map (
+      clk             => clk,
+      rst             => rst,
+      start           => start,
+      is_alpha        => inputs(15 downto 0),
+      is_beta         => inputs(31 downto 16),
+      psis_alpha      => inputs(47 downto 32),
+      psis_beta       => inputs(63 downto 48),
+      omega_r         => inputs(79 downto 64),
+      v_dc            => inputs(95 downto 80),
+      torque_ref      => inputs(111 downto 96),
+      psi_ref         => inputs(126 downto 112),
+      u               => inputs(129 downto 127),
+      c_current       => parameters(17 downto 0),
+      c_flux          => parameters(35 downto 18),
+      c_rotor         => parameters(53 downto 36),
+      c_rotor_flux    => parameters(71 downto 54),
+      c_drop_current  => parameters(89 downto 72),
+      c_drop          => parameters(107 downto 90),
+      c_drop_flux     => parameters(125 downto 108),
+      c_speed         => parameters(143 downto 126),
+      c_voltage_alpha => parameters(161 downto 144),
+      c_voltage_beta  => parameters(179 downto 162),
+      c_torque        => parameters(197 downto 180),
+      c_weight        => parameters(215 downto 198),
+      method_mpfc     => method,
+      valid           => valid,
+      busy            => busy,
+      u_next          => decision(2 downto 0),
+      switches        => decision(5 downto 3),
+      saturated       => decision(6),
+      clamped         => decision(7)
+    );
+
+end architecture bench;

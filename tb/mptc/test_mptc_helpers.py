@@ -1,0 +1,113 @@
+"""Observer and pre-excitation: the RTL against the twins, the twins against what they are for.
+
+Sweep: one configuration each; the verified machine.
+Stimulus: currents of a closed loop, measurements and coefficients of any content, current and flux
+at, below and above their levels; inputs random on every clock but the start's, `start` repeated
+while busy; resets and restarts.
+Checks: every output bit for bit; the estimate converges, stays with the flux and survives wrong
+resistances; the drive runs on the estimate alone; pre-excitation keeps the current at its limit and
+hands over with the flux at its level.
+Timing: 39 and 11 clocks from start to valid, always.
+Faults: a gain in the wrong place, a comparison turned round: each must turn the bench red.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc.mptc import closed_loop, observer, preexcitation, study
+from directmpc.mptc.plant import plant_parameters
+from tb.common.simulation import RTL, BenchError, Outcome, run
+from tb.mptc import core
+
+
+def bench(entity: str, steps: int, rtl: Path = RTL) -> Outcome:
+    return run(
+        entity,
+        "tb.mptc.bench_mptc_helpers",
+        units=[entity],
+        arguments={"seed": 7, "steps": steps, "entity": entity},
+        rtl=rtl,
+    )
+
+
+def test_observer_steps_as_its_twin() -> None:
+    found = bench("mptc_observer", 240)
+    assert found.checks["estimate"] == 240
+    assert found.covered["saturated"] >= 10
+
+
+def test_preexcitation_decides_as_its_twin() -> None:
+    assert bench("mptc_preexcitation", 300).checks["decision"] == 300
+
+
+FAULTS = {
+    "gain": ("mptc_observer", "(9, 10, -1), -- e_alpha", "(10, 10, -1), -- e_alpha"),
+    "comparison": ("mptc_preexcitation", "signed(total) > 0", "signed(total) >= 0"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
+    entity, old, new = FAULTS[name]
+    for path in RTL.glob("*.vhd"):
+        text = path.read_text(encoding="utf-8")
+        if path.stem == entity:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    with pytest.raises(BenchError, match=r"estimate|decision"):
+        bench(entity, 100, tmp_path)
+
+
+@pytest.mark.parametrize(("rpm", "bound"), [(0.0, 0.012), (150.0, 0.008), (1500.0, 0.001)])
+def test_estimate_converges_and_stays(rpm: float, bound: float) -> None:
+    drive = core.shipped("motulator_2kw2")
+    loop = closed_loop.constant(drive, rpm, 7.0, 0.9, 12_000)
+    found = study.observed(drive, loop, plant_parameters(drive))
+    error = np.hypot(*(found.estimate - found.run.trace.psi_s).T)
+    assert error[0] > 0.17  # begun 20 % too small
+    assert error[10_000:].max() < bound
+    assert abs(found.run.flux[10_000:].mean() - 0.9) < 0.02
+    assert abs(found.run.torque[10_000:].mean() - 7.0) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("rpm", "factor", "least"), [(1500.0, 1.5, 0.89), (1500.0, 2.0, 0.89), (150.0, 2.0, 0.5)]
+)
+def test_drive_survives_wrong_resistances(rpm: float, factor: float, least: float) -> None:
+    # at low speed the drop in the stator is most of the voltage: the flux itself comes out small
+    drive = core.shipped("induction_2kw2")
+    plant = plant_parameters(drive, rs=factor, rr=factor)
+    found = study.observed(drive, closed_loop.constant(drive, rpm, 0.0, 0.9, 16_000), plant)
+    assert least < found.run.flux[10_000:].mean() < 0.91
+    assert np.ptp(found.run.flux[10_000:]) < 0.06
+    assert np.abs(found.run.trace.i_s[10_000:]).max() < 7.0
+    assert abs(found.run.torque[10_000:].mean()) < (0.5 if rpm > 1000.0 else 3.0)
+
+
+def test_gain_outside_its_range_is_refused() -> None:
+    drive = core.shipped("induction_2kw2")
+    for gain in (1.0, -1e6):
+        with pytest.raises(ValueError, match="gain"):
+            observer.coefficients(drive, gain)
+
+
+def test_levels_outside_their_range_are_refused() -> None:
+    drive = core.shipped("induction_2kw2")
+    for limit, flux in ((100.0, 0.9), (8.0, 2.0), (-1.0, 0.9)):
+        with pytest.raises(ValueError, match="it must be a number"):
+            preexcitation.levels(drive, limit, flux)
+
+
+def test_preexcitation_spares_the_current() -> None:
+    drive = core.changed(core.shipped("induction_2kw2"), method="MPFC")
+    surge = study.start(drive, excited=False)
+    gentle = study.start(drive, excited=True, limit=8.0)
+    peak = [float(np.hypot(*r.trace.i_s.T).max()) for r in (surge, gentle)]
+    assert peak[0] > 30.0
+    assert peak[1] < 18.0
+    assert gentle.trace.omega_r[-1] > 0.9 * 2 * 1500.0 * closed_loop.RPM
