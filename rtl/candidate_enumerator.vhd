@@ -9,7 +9,7 @@
 -- Latency: the first candidate is valid two clocks after start; one per clock while ready is '1'.
 -- done rises with the clock in which the last candidate is taken and stays until the next start.
 -- Overflow: none; the tables' sums are checked against EFFORT_WIDTH where they are generated.
--- Tried and dropped: a table of all 512 x 64 candidates needs nine block RAMs.
+-- Weighed, not built (figures estimated): a table of all 512 x 64 candidates needs nine block RAMs.
 -- Licence: Apache-2.0
 
 library ieee;

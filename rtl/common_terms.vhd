@@ -9,7 +9,7 @@
 -- decision at a time.  Inputs must be stable from start to done.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
--- Tried and dropped: one product per clock on a single block takes 34 clocks instead of 9.
+-- Weighed, not built (figures estimated): one product per clock on a single block takes 34 clocks instead of 9.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -23,7 +23,7 @@
 -- its block is taken; initiation interval one clock per candidate.
 -- Overflow: a slope beyond START_SLOPE_WIDTH leaves in one step, so the search may run on what is
 -- left of it; sqrt(lambda_n)*v_n saturates and flags.
--- Tried and dropped: carrying e(l) and testing both bounds takes a comparison more in each of the
+-- Weighed, not built (figures estimated): carrying e(l) and testing both bounds takes a comparison more in each of the
 -- 18 search cells, 330 LUTs, and is wrong after the first exit; two clocks per search stage double
 -- the registers and bring no clock rate where the cell is margin, slope and two chained adders.
 -- Licence: Apache-2.0

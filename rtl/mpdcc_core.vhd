@@ -10,7 +10,7 @@
 -- more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a
 -- time, the next start may come one clock after valid.
 -- Overflow: saturates and sets saturated; nothing wraps.
--- Tried and dropped: registering the parameters here as well costs 430 flip-flops; whoever writes
+-- Weighed, not built (figures estimated): registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.
 -- Licence: Apache-2.0
 

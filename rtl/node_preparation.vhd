@@ -8,7 +8,7 @@
 -- Latency: band but for turn with terms_done, turn 8 clocks later; table and held as in
 -- capacitor_search after capacitors_done.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
--- Tried and dropped: thresholds computed by every explorer for itself, 90 slices each.
+-- Weighed, not built (figures estimated): thresholds computed by every explorer for itself, 90 slices each.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -85,7 +85,7 @@ _NEXT = np.array([list(p) + [p[-1]] * (4 - len(p)) for p in anpc.NEXT_POSITIONS]
 
 
 @njit(cache=True)
-def common_terms(program, measurement, register):  # type: ignore[no-untyped-def]
+def common_terms(program, measurement, register):
     """Run a program of ``common_terms``.
 
     Parameters
@@ -136,14 +136,14 @@ def common_terms(program, measurement, register):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def _phases(alpha, beta):  # type: ignore[no-untyped-def]
+def _phases(alpha, beta):
     """Inverse Clarke transformation; beta already carries sqrt(3)/2."""
     half = alpha >> 1
     return alpha, beta - half, -half - beta
 
 
 @njit(cache=True)
-def node(program, measurement, register):  # type: ignore[no-untyped-def]
+def node(program, measurement, register):
     """The node that explorers start from.
 
     Returns
@@ -183,7 +183,7 @@ def node(program, measurement, register):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def slopes(s, slope, forced, phase, midpoint, out):  # type: ignore[no-untyped-def]
+def slopes(s, slope, forced, phase, midpoint, out):
     """Slopes of the seven errors under the switch position s, into ``out`` (Paper A, eq. 17-18)."""
     u = np.empty(3, dtype=np.int64)
     neutral = 0
@@ -199,7 +199,7 @@ def slopes(s, slope, forced, phase, midpoint, out):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def search_length(offset, slope, bound, horizon):  # type: ignore[no-untyped-def]
+def search_length(offset, slope, bound, horizon):
     """Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound."""
     if abs(offset) > bound:
         return 0
@@ -211,7 +211,7 @@ def search_length(offset, slope, bound, horizon):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def cost(effort, length, weight_start, weight_slope, weight_scale):  # type: ignore[no-untyped-def]
+def cost(effort, length, weight_start, weight_slope, weight_scale):
     """J of Paper A's (11)-(12) with 24 fractional bits, and whether sqrt(lambda)*v_n saturated."""
     w = weight_start + ((length * weight_slope) >> _WEIGHT_SLOPE_FRACTION)
     saturated = False
@@ -225,7 +225,7 @@ def cost(effort, length, weight_start, weight_slope, weight_scale):  # type: ign
 
 
 @njit(cache=True)
-def decide_words(register, measurement, s_prev):  # type: ignore[no-untyped-def]
+def decide_words(register, measurement, s_prev):
     """One decision of the paper variant, horizon SE.
 
     Parameters
@@ -312,7 +312,7 @@ _MAXIMA = np.array([fmt.high for fmt in f.MEASUREMENTS.values()], dtype=np.float
 
 
 @njit(cache=True)
-def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):  # type: ignore[no-untyped-def]
+def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
     """Quantise one set of measurements, per unit, to the core's ports.
 
     Returns
@@ -344,7 +344,7 @@ def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):  # type: ignore[no-untyped-def]
+def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """``decide_words`` on real numbers: the signature of ``ideal.decide``.
 
     Parameters
@@ -402,7 +402,7 @@ def encode(trace: MpdccTrace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 @njit(cache=True)
-def _run(register, measurements, s_prev, out):  # type: ignore[no-untyped-def]
+def _run(register, measurements, s_prev, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])

@@ -38,7 +38,7 @@ _NEUTRAL_CURRENT = bit_true._NEUTRAL_CURRENT
 
 
 @njit(cache=True)
-def turn_threshold(error, curvature, bound):  # type: ignore[no-untyped-def]
+def turn_threshold(error, curvature, bound):
     """T: the slope against the curvature from which a trajectory leaves before it turns."""
     room = bound + error if curvature >= 0 else bound - error
     steep = abs(curvature)
@@ -49,7 +49,7 @@ def turn_threshold(error, curvature, bound):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def first_exit(error, slope, curvature, bound, threshold):  # type: ignore[no-untyped-def]
+def first_exit(error, slope, curvature, bound, threshold):
     """Largest l of 0..63 up to which the parabola stays in the band; |error| <= bound.
 
     One bit of l per stage of the explorer's pipeline.
@@ -78,7 +78,7 @@ def first_exit(error, slope, curvature, bound, threshold):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def decide_words(register, measurement, s_prev):  # type: ignore[no-untyped-def]
+def decide_words(register, measurement, s_prev):
     """One decision of the fast variant, horizon SE; arguments as ``bit_true.decide_words``."""
     bound = np.empty(7, dtype=np.int64)
     bound[0:3] = register[_N_COEFFICIENTS]
@@ -168,7 +168,7 @@ def decide_words(register, measurement, s_prev):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):  # type: ignore[no-untyped-def]
+def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """``decide_words`` on real numbers; arguments as ``bit_true.decide``."""
     measurement, clipped = bit_true.encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(parameters, measurement, s_prev)
@@ -176,7 +176,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):  # type
 
 
 @njit(cache=True)
-def _run(register, measurements, s_prev, out):  # type: ignore[no-untyped-def]
+def _run(register, measurements, s_prev, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
