@@ -89,6 +89,18 @@ architecture rtl of common_terms is
   signal overflow     : std_logic;
   signal last         : std_logic;
 
+  -- the fast variant takes the opposite of phase c, so that three errors add up to zero exactly
+  function current_of (alpha, beta : signed; phase : natural) return signed is
+  begin
+
+    if (phase = 2 and not FOLDED) then
+      return opposite_of_c(alpha, beta);
+    else
+      return phase_of(alpha, beta, phase);
+    end if;
+
+  end function current_of;
+
 begin
 
   operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
@@ -264,8 +276,8 @@ begin
     node.weight_slope(x)    <= phase_of(terms(RESULT_WEIGHT_ALPHA)(WEIGHT_SLOPE_WIDTH - 1 downto 0),
                                         terms(RESULT_WEIGHT_BETA)(WEIGHT_SLOPE_WIDTH - 1 downto 0), x);
     node.curvature(x)       <= bend(x);
-    curvature(x)            <= phase_of(terms(RESULT_CURVATURE_ALPHA)(CURVATURE_TERM_WIDTH - 1 downto 0),
-                                        terms(RESULT_CURVATURE_BETA)(CURVATURE_TERM_WIDTH - 1 downto 0), x);
+    curvature(x)            <= current_of(terms(RESULT_CURVATURE_ALPHA)(CURVATURE_TERM_WIDTH - 1 downto 0),
+                                          terms(RESULT_CURVATURE_BETA)(CURVATURE_TERM_WIDTH - 1 downto 0), x);
   end generate g_phases;
 
   node.error(3)        <= resize(terms(RESULT_ERROR_NEUTRAL), TRAJECTORY_WIDTH);
@@ -285,11 +297,11 @@ begin
     if rising_edge(clk) then
       if (last = '1') then
         for x in 0 to 2 loop
-          error(x) <= resize(phase_of(terms(RESULT_ERROR_ALPHA),
-                                           terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+          error(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA),
+                                        terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
           bend(x)  <= clip(curvature(x), CURVATURE_WIDTH);
-          slope(x) <= resize(phase_of(terms(RESULT_SLOPE_ALPHA),
-                                           terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
+          slope(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA),
+                                        terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
         end loop;
 
         saturated <= overflow;

@@ -31,7 +31,7 @@ package directmpc_constants is
   constant START_SLOPE_WIDTH : natural := 17; -- bits, slope at k in the fast search, signed
   constant SLOPE_WIDTH : natural := 18; -- bits, slope at any step of the fast search, signed
   constant MARGIN_WIDTH : natural := 17; -- bits, distance from the bound of exit, signed
-  constant TURN_SHIFT : natural := 6; -- bits of the slope that the test for a turn leaves out
+  constant TURN_SHIFT : natural := 8; -- bits of the slope that the test for a turn leaves out
   constant TURN_WIDTH : natural := 19; -- bits, slope beyond which a trajectory leaves first, signed
   constant COST_WIDTH : natural := 31; -- bits, unsigned
   constant WEIGHT_WIDTH : natural := 18; -- bits, sqrt(lambda_n)*v_n, signed

@@ -5,12 +5,16 @@
 --
 --   stage 0      one candidate of the block: next position of phase c
 --   stage 1      h*Xr/(3D) * v_x of each phase
---   stage 2-3    slope of each current error: natural - h*Xr/D * (v_x - (v_a + v_b + v_c)/3)
---   stage 4      error at k+1; which bound is left to test (see turn_threshold); margin from it
+--   stage 2-3    slopes of the errors of a and b: natural - h*Xr/D * (v_x - (v_a + v_b + v_c)/3)
+--   stage 4      errors at k+1; which bound is left to test (see turn_threshold); margin from it
 --   stage 5-10   one bit of the length per stage and phase: e(l + 2**m) = e(l) + 2**m * secant is
 --                tested, with secant = slope(l) + 2**m * c carried from stage to stage
 --   stage 5-8    beside: worst excess at k+1 and length that the capacitors allow
 --   stage 11-12  shortest length
+--
+-- Third phase: errors, slopes and curvatures of the three phases add up to zero, exactly. The third
+-- one searched is the opposite of c, the sum of a and b, a stage behind them; and the largest of the
+-- three errors at k+1 is the sum where a and b have one sign, else the one of them whose sign it has.
 --   stage 13-16  J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
 --   then         best so far; the best deadlock cost is kept apart, after stage 8
 --
@@ -70,24 +74,25 @@ architecture rtl of explorer_fast is
 
   subtype difference_t is signed(FORCED_WIDTH + 1 downto 0);
 
-  type differences_t is array (0 to 2) of difference_t;
+  type differences_t is array (0 to 1) of difference_t;
 
   subtype slope_t is signed(SLOPE_WIDTH - 1 downto 0);
+
+  subtype inside_t is unsigned(MARGIN_WIDTH - 2 downto 0);
 
   type slopes_t is array (0 to 2) of slope_t;
 
   -- one phase in the search
   type cell_t is record
-    exceeds : std_logic; -- '1': leaves before it turns
     side_up : std_logic; -- '1': the upper bound is left to test
-    margin  : margin_t;  -- error at the length so far, seen from that bound
+    margin  : inside_t;  -- error at the length so far, seen from that bound; what is inside has side_up for a sign
     secant  : slope_t;   -- mean slope of the steps that the next stage tries
     length  : length_t;  -- length so far
   end record cell_t;
 
   type cells_t is array (0 to 2) of cell_t;
 
-  type search_t is array (SEARCH - 1 to SHORTEST - 1) of cells_t;
+  type search_t is array (0 to LENGTH_WIDTH) of cells_t; -- by the bits that are decided
 
   subtype flags_t is std_logic_vector(2 downto 0);
 
@@ -95,7 +100,15 @@ architecture rtl of explorer_fast is
 
   type table_t is array (0 to 31) of entry_t;
 
-  type entries_t is array (0 to 3) of entry_t;
+  type neutral_lengths_t is array (0 to 7) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+
+  type neutral_excesses_t is array (0 to 7) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
+
+  subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 2 downto 0);
+
+  type multiples_t is array (natural range 0 to 4 * 2 ** LENGTH_WIDTH - 1) of multiple_t;
+
+  type entries_t is array (0 to 2) of entry_t;
 
   type excesses_t is array (0 to 1) of trajectory_t;
 
@@ -121,12 +134,22 @@ architecture rtl of explorer_fast is
 
   end function excess_of;
 
-  function gated_unsigned (value : unsigned; enable : std_logic) return unsigned is
+  -- 0 to 3 times 1/L
+  function multiples_of_reciprocals return multiples_t is
+
+    variable words : multiples_t;
+
   begin
 
-    return unsigned(gated(signed(value), enable));
+    for k in 0 to 3 loop
+      for l in RECIPROCALS'range loop
+        words(k * RECIPROCALS'length + l) := std_logic_vector(unsigned(RECIPROCALS(l)) * to_unsigned(k, 2));
+      end loop;
+    end loop;
 
-  end function gated_unsigned;
+    return words;
+
+  end function multiples_of_reciprocals;
 
   function shorter (a, b : length_t) return length_t is
   begin
@@ -138,6 +161,14 @@ architecture rtl of explorer_fast is
     end if;
 
   end function shorter;
+
+  -- stage that a lane of the search starts with: the third is one behind
+  function start_of (lane : natural) return natural is
+  begin
+
+    return SEARCH - 1 + lane / 2;
+
+  end function start_of;
 
   -- three comparisons side by side rather than two in turn
   function worst (a, b, c : trajectory_t) return trajectory_t is
@@ -181,38 +212,49 @@ architecture rtl of explorer_fast is
   signal clipped  : std_logic_vector(SHORTEST + 3 to STAGE_COUNT);
 
   signal index_0     : std_logic_vector(INDEX_WIDTH - 1 downto 0);
-  signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with dead_8
+  signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with excess_8
   signal index_last  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- of the last stage
   signal effort_0    : std_logic_vector(EFFORT_WIDTH - 1 downto 0);
-  signal effort_late : std_logic_vector(EFFORT_WIDTH - 1 downto 0); -- of the stage before the rate
+  signal effort_late : std_logic_vector(EFFORT_WIDTH - 1 downto 0); -- with the length of the stage before
   signal hangs_0     : std_logic_vector(8 downto 0);                -- pattern and kinds of the candidate
   signal hangs_5     : std_logic_vector(8 downto 0);
-  signal pattern_10  : flags_t;
+  signal pattern_11  : flags_t;
 
   signal position_0   : positions_t;
   signal voltage_1    : voltages_t;
-  signal difference_2 : differences_t;
-  signal slope_3      : trajectories_t;
-  signal error_4      : trajectories_t;
+  signal difference_2 : differences_t; -- of a and c, of b and c
+  signal slope_3      : pair_t;        -- of a and b
+  signal slope_4      : trajectory_t;  -- of their sum
+  signal error_4      : pair_t;
+  signal lane_slopes  : trajectories_t;
   signal triple       : slopes_t; -- three times the curvature
-  signal lanes        : search_t;
-  signal distance_5   : trajectories_t;
+  signal lanes        : search_t; -- of a and b, and of their sum
+  signal largest_5    : trajectory_t;
   signal distance_6   : trajectory_t;
   signal excess_7     : trajectory_t;
-  signal entry_6      : entries_t;
+  signal entry_6      : entries_t; -- of the phases
+
+  signal neutral_length_6 : length_t;
+  signal neutral_excess_6 : trajectory_t;
   signal excess_caps  : excesses_t;
   signal length_caps  : lengths_t;
   signal excess_8     : trajectory_t;
-  signal dead_8       : std_logic;
 
-  signal capacitors : table_t;
+  signal capacitors : table_t;         -- rows of the phases; one block RAM for each that reads it
+  -- never written: a constant would become one block RAM for each of the two places that read it
+  -- vsg_off signal_007
+  signal multiples : multiples_t := multiples_of_reciprocals;
+  -- vsg_on signal_007
+  -- rows of the neutral point: two memories, each small enough for Yosys to keep it in LUTs
+  signal neutral_lengths  : neutral_lengths_t;
+  signal neutral_excesses : neutral_excesses_t;
 
-  signal short_11   : lengths_t;
-  signal slope_11   : weight_t;
-  signal third_11   : weight_t;
+  signal short_11   : length_t;
+  signal two        : std_logic; -- '1': two phases hang on the neutral point
   signal slope_12   : weight_t;
   signal product_13 : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
-  signal inverse_14 : unsigned(RECIPROCAL_FRACTION downto 0);
+  signal low_14     : multiple_t; -- rate of the two low bits of the effort
+  signal high_14    : multiple_t;
   signal weight_14  : weight_t;
   signal square_15  : signed(2 * WEIGHT_WIDTH - 1 downto 0);
   signal rate_15    : rate_t;
@@ -221,10 +263,10 @@ architecture rtl of explorer_fast is
   -- the best of all candidates so far
   signal any         : std_logic;
   signal best        : result_t;
-  signal dead_any    : std_logic;
   signal dead_excess : trajectory_t;
   signal dead_index  : unsigned(INDEX_WIDTH - 1 downto 0);
   signal idle        : std_logic;
+  signal settled     : std_logic;
   signal reported    : std_logic;
 
 begin
@@ -249,14 +291,19 @@ begin
       probe(0) <= block_valid and block_now.probe;
 
       if (block_valid = '1') then
-        position_0 <= block_now.position;
+        for x in 0 to 1 loop
+          position_0(x) <= next_position(band.previous(x), block_now.index(5 - 2 * x downto 4 - 2 * x));
+        end loop;
+
+        position_0(2) <= next_position(band.previous(2), choice);
+
+        if (block_now.probe = '1') then
+          position_0 <= band.previous;
+        end if;
+
         index_0    <= std_logic_vector(block_now.index(INDEX_WIDTH - 1 downto 2)) & std_logic_vector(choice);
         effort_0   <= std_logic_vector(block_now.effort
                                        + transition_weight(band.previous(2), band.negative(2), choice));
-
-        if (block_now.probe = '0') then
-          position_0(2) <= next_position(band.previous(2), choice);
-        end if;
       end if;
 
       if (block_end = '1') then
@@ -322,13 +369,13 @@ begin
   i_pattern : entity work.delay_line
     generic map (
       WIDTH  => 3,
-      CLOCKS => SHORTEST - 1 - SEARCH
+      CLOCKS => SHORTEST - SEARCH
     )
     port map (
       clk     => clk,
       rst     => rst,
       word    => hangs_5(8 downto 6),
-      delayed => pattern_10
+      delayed => pattern_11
     );
 
   i_index_dead : entity work.delay_line
@@ -358,7 +405,7 @@ begin
   i_effort : entity work.delay_line
     generic map (
       WIDTH  => EFFORT_WIDTH,
-      CLOCKS => SHORTEST + 3
+      CLOCKS => SHORTEST + 2
     )
     port map (
       clk     => clk,
@@ -373,11 +420,8 @@ begin
 
   p_slopes : process (clk) is
 
-    variable wide    : signed(TRAJECTORY_WIDTH + FORCED_FRACTION - 1 downto 0);
-    variable start   : signed(START_SLOPE_WIDTH - 1 downto 0);
-    variable steeper : signed(TURN_WIDTH downto 0);
-    variable exceeds : std_logic;
-    variable side_up : std_logic;
+    variable wide  : signed(TRAJECTORY_WIDTH + FORCED_FRACTION - 1 downto 0);
+    variable twice : signed(TRAJECTORY_WIDTH + FORCED_FRACTION - 2 downto 0);
 
   begin
 
@@ -386,44 +430,75 @@ begin
         if (valid(0) = '1') then
           voltage_1(x) <= phase_voltage(node, x, position_0(x));
         end if;
+      end loop;
 
+      for x in 0 to 1 loop
         if (valid(1) = '1') then
-          difference_2(x) <= resize(voltage_1(x), FORCED_WIDTH + 2) - voltage_1((x + 1) mod 3);
+          difference_2(x) <= resize(voltage_1(x), FORCED_WIDTH + 2) - voltage_1(2);
         end if;
 
-        -- (u_x - u_y) - (u_z - u_x), rounded half up with the natural slope's empty fraction
+        -- 2*(u_x - u_c) - (u_y - u_c), rounded half up with the natural slope's empty fraction
         if (valid(2) = '1') then
-          wide       := node.slope(x) & (FORCED_FRACTION - 2 downto 0 => '0') & '1';
-          wide       := wide - difference_2(x) + difference_2((x + 2) mod 3);
+          wide  := node.slope(x) & (FORCED_FRACTION - 2 downto 0 => '0') & '1';
+          -- the LSB passes by
+          twice := wide(wide'high downto 1) - difference_2(x);
+          wide  := twice & wide(0);
+          wide  := wide + difference_2(1 - x);
+
           slope_3(x) <= wide(TRAJECTORY_WIDTH + FORCED_FRACTION - 1 downto FORCED_FRACTION);
         end if;
 
         if (valid(3) = '1') then
           error_4(x) <= band.first(x) + slope_3(x);
-          -- a slope that does not fit leaves in one step: the candidate is dead whatever the search says
-          start      := slope_3(x)(START_SLOPE_WIDTH - 1 downto 0);
+        end if;
+      end loop;
 
-          -- against the curvature and steeper than the threshold
+      if (valid(3) = '1') then
+        slope_4 <= slope_3(0) + slope_3(1);
+      end if;
+    end if;
+
+  end process p_slopes;
+
+  lane_slopes <= (slope_3(0), slope_3(1), slope_4);
+
+  g_lanes : for x in 0 to 2 generate
+
+    p_lane : process (clk) is
+
+      variable start   : signed(START_SLOPE_WIDTH - 1 downto 0);
+      variable steeper : signed(TURN_WIDTH downto 0);
+      variable exceeds : std_logic;
+      variable side_up : std_logic;
+
+    begin
+
+      if rising_edge(clk) then
+        if (valid(start_of(x) - 1) = '1') then
+          -- a slope that does not fit leaves in one step: the candidate is dead whatever the search says
+          start := lane_slopes(x)(START_SLOPE_WIDTH - 1 downto 0);
+
+          -- against the curvature and steeper than the threshold: it leaves on the curvature's other side
           steeper := resize(start, TURN_WIDTH + 1) + band.turn(x);
           exceeds := steeper(TURN_WIDTH) xor node.curvature(x)(CURVATURE_WIDTH - 1);
           side_up := node.curvature(x)(CURVATURE_WIDTH - 1) xnor exceeds;
 
-          lanes(SEARCH - 1)(x).exceeds <= exceeds;
-          lanes(SEARCH - 1)(x).side_up <= side_up;
-          lanes(SEARCH - 1)(x).secant  <= resize(start, SLOPE_WIDTH)
-                                          + shift_left(resize(node.curvature(x), SLOPE_WIDTH), LENGTH_WIDTH - 1);
-          lanes(SEARCH - 1)(x).length  <= (others => '0');
+          lanes(0)(x).side_up <= side_up;
+          lanes(0)(x).secant  <= resize(start, SLOPE_WIDTH)
+                                 + shift_left(resize(node.curvature(x), SLOPE_WIDTH), LENGTH_WIDTH - 1);
+          lanes(0)(x).length  <= (others => '0');
 
           if (side_up = '1') then
-            lanes(SEARCH - 1)(x).margin <= band.margin_up(x);
+            lanes(0)(x).margin <= unsigned(band.margin_up(x)(MARGIN_WIDTH - 2 downto 0));
           else
-            lanes(SEARCH - 1)(x).margin <= band.margin_down(x);
+            lanes(0)(x).margin <= unsigned(band.margin_down(x)(MARGIN_WIDTH - 2 downto 0));
           end if;
         end if;
-      end loop;
-    end if;
+      end if;
 
-  end process p_slopes;
+    end process p_lane;
+
+  end generate g_lanes;
 
   ---------------------------------------------------------------------------------------------
   -- Stages 5 to 10: one bit of the length each
@@ -435,7 +510,7 @@ begin
 
   g_bits : for m in 0 to LENGTH_WIDTH - 1 generate
 
-    constant STAGE : natural := SHORTEST - 1 - m;
+    constant DECIDED : natural := LENGTH_WIDTH - m; -- bits, with this one
 
   begin
 
@@ -446,6 +521,8 @@ begin
       variable tail    : signed(SLOPE_WIDTH - TURN_SHIFT - 1 downto 0);
       variable moved   : signed(SLOPE_WIDTH - m downto 0);
       variable trial   : signed(SLOPE_WIDTH downto 0);
+      variable side    : std_logic;
+      variable exceeds : std_logic;
       variable turned  : std_logic;
       variable accept  : std_logic;
       variable ahead   : unsigned(SLOPE_WIDTH - 1 downto 0);
@@ -456,11 +533,12 @@ begin
     begin
 
       if rising_edge(clk) then
-        if (valid(STAGE - 1) = '1') then
-          for x in 0 to 2 loop
-            secant := lanes(STAGE - 1)(x).secant;
+        for x in 0 to 2 loop
+          if (valid(start_of(x) + DECIDED - 1) = '1') then
+            secant := lanes(DECIDED - 1)(x).secant;
             curve  := shift_left(resize(node.curvature(x), SLOPE_WIDTH), m);
-            trial  := resize(lanes(STAGE - 1)(x).margin, SLOPE_WIDTH + 1);
+            side   := lanes(DECIDED - 1)(x).side_up;
+            trial  := resize(signed(side & std_logic_vector(lanes(DECIDED - 1)(x).margin)), SLOPE_WIDTH + 1);
 
             -- what lies below the secant's LSB passes by
             moved  := trial(SLOPE_WIDTH downto m) + secant(SLOPE_WIDTH - m - 1 downto 0);
@@ -469,15 +547,17 @@ begin
             -- past the turn the slope has the sign of the curvature
             tail   := secant(SLOPE_WIDTH - 1 downto TURN_SHIFT) + curve(SLOPE_WIDTH - 1 downto TURN_SHIFT);
             turned := tail(tail'high) xnor node.curvature(x)(CURVATURE_WIDTH - 1);
-            accept := not overflows(secant, SLOPE_WIDTH - m)
-                      and (trial(SLOPE_WIDTH) xnor lanes(STAGE - 1)(x).side_up)
-                      and not (lanes(STAGE - 1)(x).exceeds and turned and to_std_logic(m > 0));
 
-            lanes(STAGE)(x)           <= lanes(STAGE - 1)(x);
-            lanes(STAGE)(x).length(m) <= accept;
+            -- the bound on the curvature's side is left unless the error leaves before it turns
+            exceeds := side xnor node.curvature(x)(CURVATURE_WIDTH - 1);
+            accept  := not overflows(secant, SLOPE_WIDTH - m) and (trial(SLOPE_WIDTH) xnor side)
+                       and not (exceeds and turned and to_std_logic(m > 0));
+
+            lanes(DECIDED)(x)           <= lanes(DECIDED - 1)(x);
+            lanes(DECIDED)(x).length(m) <= accept;
 
             if (accept = '1') then
-              lanes(STAGE)(x).margin <= trial(MARGIN_WIDTH - 1 downto 0);
+              lanes(DECIDED)(x).margin <= unsigned(trial(MARGIN_WIDTH - 2 downto 0));
             end if;
 
             -- half the steps next: 3/2 of the change on where these are taken, 1/2 back where not
@@ -491,9 +571,9 @@ begin
             change(0) := not accept;
             changed   := (unsigned(secant) & '1') + change;
 
-            lanes(STAGE)(x).secant <= signed(changed(SLOPE_WIDTH downto 1));
-          end loop;
-        end if;
+            lanes(DECIDED)(x).secant <= signed(changed(SLOPE_WIDTH downto 1));
+          end if;
+        end loop;
       end if;
 
     end process p_bit;
@@ -506,6 +586,7 @@ begin
 
   p_step_one : process (clk) is
 
+    variable sum     : trajectory_t;
     variable allowed : length_t;
 
   begin
@@ -514,30 +595,42 @@ begin
       if (capacitor.write = '1') then
         capacitors(to_integer(capacitor.row)) <= std_logic_vector(capacitor.length)
                                                  & std_logic_vector(capacitor.excess);
+
+        if (capacitor.row(4) = '1') then
+          neutral_lengths(to_integer(capacitor.row(2 downto 0)))  <= std_logic_vector(capacitor.length);
+          neutral_excesses(to_integer(capacitor.row(2 downto 0))) <= std_logic_vector(capacitor.excess);
+        end if;
       end if;
 
       if (valid(SEARCH - 1) = '1') then
-        for x in 0 to 2 loop
-          distance_5(x) <= signed(magnitude(error_4(x)));
-        end loop;
+        sum := error_4(0) + error_4(1);
+
+        if (error_4(0)(TRAJECTORY_WIDTH - 1) = error_4(1)(TRAJECTORY_WIDTH - 1)) then
+          largest_5 <= sum;
+        elsif (error_4(0)(TRAJECTORY_WIDTH - 1) = sum(TRAJECTORY_WIDTH - 1)) then
+          largest_5 <= error_4(0);
+        else
+          largest_5 <= error_4(1);
+        end if;
       end if;
 
       if (valid(SEARCH) = '1') then
-        distance_6 <= worst(distance_5(0), distance_5(1), distance_5(2));
+        distance_6 <= signed(magnitude(largest_5));
 
         for x in 0 to 2 loop
           entry_6(x) <= capacitors(4 * x + to_integer(unsigned(hangs_5(2 * x + 1 downto 2 * x))));
         end loop;
 
-        entry_6(3) <= capacitors(16 + to_integer(unsigned(hangs_5(8 downto 6))));
+        neutral_length_6 <= unsigned(neutral_lengths(to_integer(unsigned(hangs_5(8 downto 6)))));
+        neutral_excess_6 <= signed(neutral_excesses(to_integer(unsigned(hangs_5(8 downto 6)))));
       end if;
 
       if (valid(SEARCH + 1) = '1') then
         excess_7       <= distance_6 - signed(resize(limits.bound_current, TRAJECTORY_WIDTH));
         excess_caps(0) <= worse(excess_of(entry_6(0)), excess_of(entry_6(1)));
-        excess_caps(1) <= worse(excess_of(entry_6(2)), excess_of(entry_6(3)));
+        excess_caps(1) <= worse(excess_of(entry_6(2)), neutral_excess_6);
         length_caps(0) <= shorter(length_of(entry_6(0)), length_of(entry_6(1)));
-        length_caps(1) <= shorter(length_of(entry_6(2)), length_of(entry_6(3)));
+        length_caps(1) <= shorter(length_of(entry_6(2)), neutral_length_6);
       end if;
 
       if (valid(SEARCH + 2) = '1') then
@@ -554,7 +647,6 @@ begin
 
   end process p_step_one;
 
-  dead_8     <= to_std_logic(limit(SEARCH + 3) = 0);
   probe_done <= probe(SEARCH + 2);
   probe_held <= to_std_logic(excess_7 <= 0);
 
@@ -562,21 +654,46 @@ begin
   -- Stages 11 and 12: shortest length
   ---------------------------------------------------------------------------------------------
 
+  two <= to_std_logic(pattern_11 = "110" or pattern_11 = "101" or pattern_11 = "011");
+
   p_shortest : process (clk) is
+
+    variable share : weight_t;
+
   begin
 
     if rising_edge(clk) then
       if (valid(SHORTEST - 1) = '1') then
-        short_11(0) <= shorter(lanes(SHORTEST - 1)(0).length, lanes(SHORTEST - 1)(1).length);
-        short_11(1) <= shorter(lanes(SHORTEST - 1)(2).length, limit(SHORTEST - 1));
-        slope_11    <= gated(node.weight_slope(0), pattern_10(0))
-                       + gated(node.weight_slope(1), pattern_10(1));
-        third_11    <= gated(node.weight_slope(2), pattern_10(2));
+        short_11 <= shorter(shorter(lanes(LENGTH_WIDTH)(0).length, lanes(LENGTH_WIDTH)(1).length), limit(SHORTEST - 1));
       end if;
 
       if (valid(SHORTEST) = '1') then
-        length(SHORTEST + 1) <= shorter(short_11(0), short_11(1));
-        slope_12             <= slope_11 + third_11;
+        length(SHORTEST + 1) <= shorter(short_11, lanes(LENGTH_WIDTH)(2).length);
+
+        -- the shares of the phases add up to zero
+        case pattern_11 is
+
+          when "001" | "110" =>
+
+            share := node.weight_slope(0);
+
+          when "010" | "101" =>
+
+            share := node.weight_slope(1);
+
+          when "100" | "011" =>
+
+            share := node.weight_slope(2);
+
+          when others =>
+
+            share := (others => '0');
+
+        end case;
+
+        for i in share'range loop
+          slope_12(i) <= share(i) xor two;
+        end loop;
       end if;
     end if;
 
@@ -590,8 +707,6 @@ begin
 
     variable factor : signed(LENGTH_WIDTH downto 0);
     variable sum    : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
-    variable low    : unsigned(RECIPROCAL_FRACTION + 2 downto 0);
-    variable high   : unsigned(RECIPROCAL_FRACTION + 2 downto 0);
     variable square : unsigned(COST_WIDTH - 1 downto 0);
 
   begin
@@ -612,20 +727,16 @@ begin
         weight_14             <= clip(sum, WEIGHT_WIDTH);
         clipped(SHORTEST + 3) <= overflows(sum, WEIGHT_WIDTH);
 
-        inverse_14 <= unsigned(RECIPROCALS(to_integer(length(SHORTEST + 2))));
+        low_14  <= multiples(to_integer(unsigned(effort_late(1 downto 0)) & length(SHORTEST + 2)));
+        high_14 <= multiples(to_integer(unsigned(effort_late(3 downto 2)) & length(SHORTEST + 2)));
       end if;
 
       -- stage 15
       if (valid(SHORTEST + 3) = '1') then
         square_15 <= weight_14 * weight_14;
 
-        -- four bits of effort are not worth a multiplier
-        low  := resize(gated_unsigned(inverse_14, effort_late(0)), low'length)
-                + shift_left(resize(gated_unsigned(inverse_14, effort_late(1)), low'length), 1);
-        high := resize(gated_unsigned(inverse_14, effort_late(2)), low'length)
-                + shift_left(resize(gated_unsigned(inverse_14, effort_late(3)), low'length), 1);
-
-        rate_15 <= resize(low, rate_15'length) + shift_left(resize(high, rate_15'length), 2);
+        -- two bits of effort each, from one block RAM, are cheaper than 1/L and a product
+        rate_15 <= resize(unsigned(low_14), rate_15'length) + shift_left(resize(unsigned(high_14), rate_15'length), 2);
       end if;
 
       -- stage 16
@@ -667,8 +778,8 @@ begin
       if (valid(SEARCH + 3) = '1') then
         any <= '1';
 
-        if (dead_8 = '1' and (dead_any = '0' or excess_8 < dead_excess)) then
-          dead_any    <= '1';
+        -- of use where nothing is feasible
+        if (any = '0' or excess_8 < dead_excess) then
           dead_excess <= excess_8;
           dead_index  <= unsigned(index_dead);
         end if;
@@ -676,18 +787,31 @@ begin
 
       if (rst = '1' or (reported = '1' and result_ready = '1')) then
         any           <= '0';
-        dead_any      <= '0';
         best.feasible <= '0';
       end if;
     end if;
 
   end process p_best;
 
-  idle     <= to_std_logic(valid = (valid'range => '0')) and not block_valid and not queue_valid;
-  reported <= any and idle and last;
+  idle <= to_std_logic(valid = (valid'range => '0')) and not block_valid and not queue_valid;
 
+  -- a register between seventeen flags and the scheduler
+  p_report : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      settled <= idle and not candidate_valid;
+
+      if (rst = '1') then
+        settled <= '1';
+      end if;
+    end if;
+
+  end process p_report;
+
+  reported     <= any and settled and last;
   result_valid <= reported;
-  busy         <= any or not idle;
+  busy         <= any or not settled;
 
   p_result : process (best, dead_excess, dead_index) is
   begin

@@ -6,7 +6,7 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.coefficients computes
 -- them from a drive file, in units of that drive.
--- Latency: fast 21 clocks when held, at most 109, 81, 72 with one to three explorers and 69 with
+-- Latency: fast 21 clocks when held, at most 110, 83, 74 with one to three explorers and 71 with
 -- more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a
 -- time, the next start may come one clock after valid.
 -- Overflow: saturates and sets saturated; nothing wraps.

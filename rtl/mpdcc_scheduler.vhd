@@ -7,7 +7,7 @@
 --
 -- Formats: see mpdcc_types.
 -- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
--- search at most 109, 81, 72, 69 with one, two, three, more explorers, whatever they find; with the
+-- search at most 110, 83, 74, 71 with one, two, three, more explorers, whatever they find; with the
 -- paper's 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a time.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
@@ -64,7 +64,7 @@ architecture rtl of mpdcc_scheduler is
 
   type state_t is record
     phase     : phase_t;
-    started   : std_logic; -- first clock of a phase is over
+    started   : std_logic; -- first clock of the search is over
     any       : std_logic; -- best holds a result
     best      : result_t;
     valid     : std_logic;
@@ -152,6 +152,9 @@ architecture rtl of mpdcc_scheduler is
   signal take     : std_logic_vector(EXPLORERS - 1 downto 0);
   signal taken    : std_logic;
   signal incoming : result_t;
+  signal arrived  : std_logic; -- '1': a result waits in the register
+  signal arrival  : result_t;  -- the result to compare
+  signal compare  : std_logic; -- '1': compare it
 
 begin
 
@@ -324,12 +327,42 @@ begin
 
   taken <= to_std_logic(take /= (take'range => '0'));
 
+  -- a register between the explorers' results and the comparison: the fast variant's clock needs it
+  g_registered : if not FOLDED and not SINGLE generate
+
+    p_arrived : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        arrived <= taken;
+
+        if (taken = '1') then
+          arrival <= incoming;
+        end if;
+
+        if (rst = '1') then
+          arrived <= '0';
+        end if;
+      end if;
+
+    end process p_arrived;
+
+    compare <= arrived;
+
+  end generate g_registered;
+
+  g_direct : if FOLDED or SINGLE generate
+    arrived <= '0';
+    arrival <= incoming;
+    compare <= taken;
+  end generate g_direct;
+
   ---------------------------------------------------------------------------------------------
   -- Algorithm 1
   ---------------------------------------------------------------------------------------------
 
   p_next : process (r, start, ask, lines_held, lines_ready, terms_saturated, candidate_ready, probe_done, probe_held,
-                    s_before, enumerate_valid, enumerate_done, enumerated, taken, incoming, take,
+                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrived, arrival, compare, incoming,
                     explorer_busy) is
 
     variable v : state_t;
@@ -338,15 +371,15 @@ begin
 
     v               := r;
     v.valid         := '0';
-    v.started       := '1';
+    v.started       := to_std_logic(r.phase = SEARCH);
     terms_start     <= '0';
     enumerate_start <= '0';
     enumerate_ready <= '0';
     candidate_valid <= (others => '0');
     candidate       <= enumerated;
 
-    if (not SINGLE and taken = '1' and (r.any = '0' or better(incoming, r.best) = '1')) then
-      v.best := incoming;
+    if (not SINGLE and compare = '1' and (r.any = '0' or better(arrival, r.best) = '1')) then
+      v.best := arrival;
       v.any  := '1';
     end if;
 
@@ -407,7 +440,7 @@ begin
         end if;
 
         -- the enumerator still shows the last search's end in the first clock
-        if (not SINGLE and r.started = '1' and enumerate_done = '1' and taken = '0'
+        if (not SINGLE and r.started = '1' and enumerate_done = '1' and taken = '0' and arrived = '0'
             and explorer_busy = (explorer_busy'range => '0')) then
           v.phase := FINISH;
         end if;
@@ -419,10 +452,6 @@ begin
         v.decision := decided(r.best, s_before, terms_saturated);
 
     end case;
-
-    if (v.phase /= r.phase) then
-      v.started := '0';
-    end if;
 
     r_next <= v;
 

@@ -43,6 +43,8 @@ package mpdcc_types is
 
   type trajectories_t is array (0 to 2) of trajectory_t;
 
+  type pair_t is array (0 to 1) of trajectory_t;
+
   type forced_terms_t is array (0 to 2) of forced_t;
 
   type current_terms_t is array (0 to 2) of current_term_t;
@@ -58,8 +60,8 @@ package mpdcc_types is
   type positions_t is array (0 to 2) of position_t;
 
   type node_t is record
-    error           : errors_t;        -- y* - y at k, trajectory units
-    slope           : trajectories_t;  -- natural part of the current errors' slopes, per step
+    error           : errors_t;        -- y* - y at k, trajectory units; i_c: the fast variant has y - y*
+    slope           : trajectories_t;  -- natural part of the current errors' slopes, per step; likewise
     forced_link     : forced_t;        -- term of v_dc/2 in the slopes, FORCED_FRACTION extra bits
     forced_neutral  : forced_t;        -- term of v_n
     forced_phase    : forced_terms_t;  -- term of v_ph, per phase
@@ -67,12 +69,13 @@ package mpdcc_types is
     neutral_current : current_terms_t; -- share of each phase in the slope of v_n
     weight_start    : weight_t;        -- sqrt(lambda_n) * v_n at k
     weight_slope    : weights_t;       -- share of each phase in its slope, WEIGHT_SLOPE_FRACTION extra bits
-    curvature       : curvatures_t;    -- of the current errors, per square step; fast variant alone
+    curvature       : curvatures_t;    -- of the current errors, per square step; fast variant alone, likewise
   end record node_t;
 
-  -- what the fast explorer needs besides: the band as seen from k, per phase
+  -- what the fast explorer needs besides: the band as seen from k, per phase; where the node holds
+  -- the opposite of phase c, so does the band
   type band_t is record
-    first       : trajectories_t;               -- error + curvature: the error at k+1 but for the slope
+    first       : pair_t;                       -- error + curvature: the error at k+1 but for the slope; a and b
     margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound
     margin_down : margins_t;                    -- error + bound: not negative inside the lower bound
     outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k
@@ -162,6 +165,9 @@ package mpdcc_types is
   -- inverse Clarke transformation; beta already carries sqrt(3)/2; one bit wider than alpha
   function phase_of (alpha, beta : signed; phase : natural) return signed;
 
+  -- the sum of phases a and b, exactly: the opposite of phase c but for the rounding of that one
+  function opposite_of_c (alpha, beta : signed) return signed;
+
   function is_in (position : position_t; mask : positions_mask_t) return std_logic;
 
   -- h*Xr/(3D) * v_x of one phase, FORCED_FRACTION extra fractional bits, one bit of headroom
@@ -224,6 +230,21 @@ package body mpdcc_types is
 
   end function phase_of;
 
+  function opposite_of_c (alpha, beta : signed) return signed is
+
+    variable left  : signed(alpha'length + 1 downto 0);
+    variable right : signed(alpha'length + 1 downto 0);
+
+  begin
+
+    -- alpha + beta - alpha/2, where alpha/2 is rounded down: half of alpha, its odd bit once more, beta
+    left  := resize(alpha, left'length);
+    right := resize(beta, alpha'length + 1) & alpha(alpha'low);
+    left  := left + right;
+    return left(left'high downto 1);
+
+  end function opposite_of_c;
+
   function is_in (position : position_t; mask : positions_mask_t) return std_logic is
   begin
 
@@ -233,28 +254,35 @@ package body mpdcc_types is
 
   function phase_voltage (node : node_t; phase : natural; position : position_t) return signed is
 
-    variable result : signed(FORCED_WIDTH downto 0);
+    variable low     : std_logic;
+    variable minus   : std_logic;
+    variable charged : std_logic;
+    variable left    : signed(FORCED_WIDTH + 1 downto 0);
+    variable right   : signed(FORCED_WIDTH + 1 downto 0);
 
   begin
 
-    -- a position connects the phase to one end of the dc-link or to the neutral point, never to both
-    result := (others => '0');
+    -- A position connects the phase to one end of the dc-link or to the neutral point, and no position
+    -- subtracts both v_dc/2 and v_ph (asserted where the table is written): one carry serves both signs.
+    low     := is_in(position, LINK_NEGATIVE);
+    minus   := is_in(position, CAPACITOR_NEGATIVE);
+    charged := is_in(position, CAPACITOR_POSITIVE) or minus;
+    left    := resize(node.forced_link, FORCED_WIDTH + 1) & '0';
+    right   := resize(node.forced_phase(phase), FORCED_WIDTH + 1) & '0';
 
-    if (is_in(position, LINK_POSITIVE) = '1') then
-      result := resize(node.forced_link, FORCED_WIDTH + 1);
-    end if;
-
-    if (is_in(position, LINK_NEGATIVE) = '1') then
-      result := -resize(node.forced_link, FORCED_WIDTH + 1);
-    end if;
+    for i in left'range loop
+      left(i)  := (left(i) xor low) and not is_in(position, NEUTRAL_VOLTAGE);
+      right(i) := (right(i) xor minus) and charged;
+    end loop;
 
     if (is_in(position, NEUTRAL_VOLTAGE) = '1') then
-      result := resize(node.forced_neutral, FORCED_WIDTH + 1);
+      left := resize(node.forced_neutral, FORCED_WIDTH + 1) & '0';
     end if;
 
-    result := adjusted(result, node.forced_phase(phase), is_in(position, CAPACITOR_POSITIVE),
-                       is_in(position, CAPACITOR_NEGATIVE));
-    return result;
+    left(0)  := low or minus;
+    right(0) := low or minus;
+    left     := left + right;
+    return left(FORCED_WIDTH + 1 downto 1);
 
   end function phase_voltage;
 

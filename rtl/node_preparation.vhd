@@ -1,11 +1,12 @@
 -- What the fast explorers need of a node besides the common terms.
 --
--- Per phase: the error at k+1 but for the slope, the margins from both bounds, whether the error is
--- outside at k, and the slope from which it leaves before it turns; and the table of the capacitors'
--- lengths, which every explorer keeps a copy of. See turn_threshold and capacitor_search.
+-- Per phase: the error at k+1 but for the slope (a and b, which tell that of c), the margins from
+-- both bounds, whether the error is outside at k, and the slope from which it leaves before it turns;
+-- and the table of the capacitors' lengths, which every explorer keeps a copy of. See turn_threshold
+-- and capacitor_search.
 --
 -- Formats: see band_t and capacitor_t.
--- Latency: band but for turn with terms_done, turn 8 clocks later; table and held as in
+-- Latency: band but for turn with terms_done, turn 7 clocks later; table and held as in
 -- capacitor_search after capacitors_done.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
 -- Weighed, not built (figures estimated): thresholds computed by every explorer for itself, 90 slices each.
@@ -43,19 +44,22 @@ architecture rtl of node_preparation is
 
   type thresholds_t is array (0 to 2) of threshold_t;
 
-  signal thresholds : thresholds_t;
+  signal thresholds  : thresholds_t;
+  signal margin_up   : margins_t;
+  signal margin_down : margins_t;
+
 begin
 
   g_thresholds : for x in 0 to 2 generate
 
     i_threshold : entity work.turn_threshold
       port map (
-        clk       => clk,
-        start     => terms_done,
-        error     => node.error(x),
-        curvature => node.curvature(x),
-        bound     => limits.bound_current,
-        threshold => thresholds(x)
+        clk         => clk,
+        start       => terms_done,
+        margin_up   => margin_up(x),
+        margin_down => margin_down(x),
+        curvature   => node.curvature(x),
+        threshold   => thresholds(x)
       );
 
   end generate g_thresholds;
@@ -77,18 +81,24 @@ begin
       below   := node.error(x) + bound;
       falling := (others => node.curvature(x)(CURVATURE_WIDTH - 1));
 
-      band.first(x)       <= node.error(x) + node.curvature(x);
-      band.margin_up(x)   <= above(MARGIN_WIDTH - 1 downto 0);
-      band.margin_down(x) <= below(MARGIN_WIDTH - 1 downto 0);
-      band.outside(x)     <= not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
+      margin_up(x)    <= above(MARGIN_WIDTH - 1 downto 0);
+      margin_down(x)  <= below(MARGIN_WIDTH - 1 downto 0);
+      band.outside(x) <= not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
       -- threshold, or -threshold - 1: the sign of slope + turn tells in either case
-      band.turn(x)        <= signed(('0' & thresholds(x)) xor falling);
+      band.turn(x)    <= signed(('0' & thresholds(x)) xor falling);
+    end loop;
+
+    for x in 0 to 1 loop
+      band.first(x) <= node.error(x) + node.curvature(x);
     end loop;
 
     band.previous <= previous;
     band.negative <= negative;
 
   end process p_band;
+
+  band.margin_up   <= margin_up;
+  band.margin_down <= margin_down;
 
   i_capacitors : entity work.capacitor_search
     port map (

@@ -3,15 +3,17 @@
 -- The error of a phase is e(l) = e + b*l + c*l**2 with the same c for every candidate. With
 -- M the room at k on the side opposite to sgn(c),
 --
---   threshold = min over l = 1, 2, 4 .. 64 of M / l + abs(c) * l
+--   threshold = min over l = 2, 4, 8 .. 64 of M / l + abs(c) * l
 --
 -- A slope against the curvature that is larger makes the error leave on that side, at one of these l
 -- at the latest; otherwise it goes at most an eighth of M beyond it (where no l of the list is near
--- the turn) before it comes back, and can leave on the side of sgn(c) alone.
+-- the turn) before it comes back, and can leave on the side of sgn(c) alone. What is outside at l = 1
+-- is dead whatever the threshold, so that l is left out.
 --
 -- Formats: trajectory units; threshold unsigned, 0 to 2**18 - 1.
--- Latency: done LENGTH_WIDTH + 1 clocks after start, and threshold is stable until the next start.
--- Overflow: none as long as error is inside its band, elsewhere the threshold is void (and unused).
+-- Latency: done LENGTH_WIDTH clocks after start, and threshold is stable until the next start.
+-- Overflow: none as long as the margins are those of an error inside its band, elsewhere the threshold
+-- is void (and unused).
 -- Tried and dropped: 2 * sqrt(M * abs(c)) changes no more decisions but needs a product and a root;
 -- adding l = 3 * 2**k changes 0.005 % of decisions.
 -- Licence: Apache-2.0
@@ -27,30 +29,28 @@ library work;
 
 entity turn_threshold is
   port (
-    clk       : in    std_logic;                         -- rising edge
-    start     : in    std_logic;                         -- '1' for one clock: take error and curvature
-    error     : in    trajectory_t;                      -- trajectory units, inside the band
-    curvature : in    curvature_t;                       -- trajectory units per square step
-    bound     : in    bound_t;                           -- trajectory units
-    threshold : out   unsigned(TURN_WIDTH - 2 downto 0)  -- trajectory units per step
+    clk         : in    std_logic;                         -- rising edge
+    start       : in    std_logic;                         -- '1' for one clock: take margin and curvature
+    margin_up   : in    margin_t;                          -- error - bound - 1, trajectory units, negative
+    margin_down : in    margin_t;                          -- error + bound, trajectory units, not negative
+    curvature   : in    curvature_t;                       -- trajectory units per square step
+    threshold   : out   unsigned(TURN_WIDTH - 2 downto 0)  -- trajectory units per step
   );
 end entity turn_threshold;
 
 architecture rtl of turn_threshold is
 
-  constant ROOM_WIDTH  : natural := BOUND_WIDTH + 1;
   constant STEEP_WIDTH : natural := CURVATURE_WIDTH + LENGTH_WIDTH;
 
-  signal room     : unsigned(ROOM_WIDTH - 1 downto 0);     -- M / l
+  signal room     : unsigned(MARGIN_WIDTH - 3 downto 0);   -- M / l
   signal steep    : unsigned(STEEP_WIDTH - 1 downto 0);    -- abs(c) * l
   signal smallest : unsigned(TURN_WIDTH - 2 downto 0);
-  signal left     : natural range 0 to LENGTH_WIDTH + 1;   -- lengths still to look at
+  signal left     : natural range 0 to LENGTH_WIDTH;       -- lengths still to look at
 
 begin
 
   p_threshold : process (clk) is
 
-    variable up   : signed(ROOM_WIDTH downto 0);
     variable wide : unsigned(TURN_WIDTH - 2 downto 0);
 
   begin
@@ -68,16 +68,16 @@ begin
       end if;
 
       if (start = '1') then
+        -- bound - error is the complement of error - bound - 1
         if (curvature >= 0) then
-          up := signed('0' & resize(bound, ROOM_WIDTH)) + error(ROOM_WIDTH downto 0);
+          room <= unsigned(margin_down(MARGIN_WIDTH - 2 downto 1));
         else
-          up := signed('0' & resize(bound, ROOM_WIDTH)) - error(ROOM_WIDTH downto 0);
+          room <= unsigned(not margin_up(MARGIN_WIDTH - 2 downto 1));
         end if;
 
-        room     <= unsigned(up(ROOM_WIDTH - 1 downto 0));
-        steep    <= resize(magnitude(curvature), STEEP_WIDTH);
+        steep    <= shift_left(resize(magnitude(curvature), STEEP_WIDTH), 1);
         smallest <= (others => '1');
-        left     <= LENGTH_WIDTH + 1;
+        left     <= LENGTH_WIDTH;
       end if;
     end if;
 

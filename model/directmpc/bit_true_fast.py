@@ -4,11 +4,16 @@ The current error of a phase is e(l) = e + b*l + c*l^2 with a curvature c that a
 Where it turns (b and c of opposite signs) it may leave the band and come back, so a plain binary
 search is not enough.  Per node and phase a threshold T on |b| tells the cases apart::
 
-    T = min over l = 1, 2, 4 .. 64 of M/l + |c|*l,   M: room at k on the side opposite to sgn(c)
+    T = min over l = 2, 4, 8 .. 64 of M/l + |c|*l,   M: room at k on the side opposite to sgn(c)
 
 |b| > T in that direction means that the parabola is outside at one of these l: it leaves on the far
-side, before it turns, and only steps before the turn count.  Otherwise it can leave on the side of
+side, before it turns, and only steps before the turn count (one that is outside after step one is
+dead anyway, so l = 1 needs no look).  Otherwise it can leave on the side of
 sgn(c) alone.  Either way one bound is left to test, and the test is monotone in l.
+
+The three current errors add up to zero, and here they do so exactly: whatever belongs to phase c
+is the *opposite* of c, the sum of a's and b's.  The bounds are symmetrical, so nothing else
+changes, and the largest of the three magnitudes after step one needs no comparison of all three.
 
 Capacitor voltages and v_n are straight lines; their lengths depend on the phase's position or on
 which phases hang on the neutral point, not on the whole candidate.
@@ -43,7 +48,7 @@ def turn_threshold(error, curvature, bound):
     room = bound + error if curvature >= 0 else bound - error
     steep = abs(curvature)
     threshold = 1 << 40
-    for k in range(_BITS + 1):
+    for k in range(1, _BITS + 1):
         threshold = min(threshold, (room >> k) + (steep << k))
     return threshold
 
@@ -78,6 +83,58 @@ def first_exit(error, slope, curvature, bound, threshold):
 
 
 @njit(cache=True)
+def node(measurement, register):
+    """``bit_true.node`` with the opposite of phase c in place of c, and curvatures clipped.
+
+    Returns
+    -------
+    As ``bit_true.node`` but for the current errors and curvatures: a, b and a + b.
+    """
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, saturated = (
+        bit_true.node(bit_true.FAST_PROGRAM, measurement, register)
+    )
+    error[2] = error[0] + error[1]
+    curvature[2] = curvature[0] + curvature[1]
+    for x in range(3):
+        if curvature[x] > _CURVATURE_HIGH:
+            curvature[x] = _CURVATURE_HIGH
+            saturated = True
+        elif curvature[x] < -_CURVATURE_HIGH - 1:
+            curvature[x] = -_CURVATURE_HIGH - 1
+            saturated = True
+    return error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, saturated
+
+
+@njit(cache=True)
+def slopes(s, natural, forced, phase, midpoint, out):
+    """``bit_true.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
+    bit_true.slopes(s, natural, forced, phase, midpoint, out)
+    out[2] = out[0] + out[1]
+
+
+@njit(cache=True)
+def weight_slope_of(s, weight_slope):
+    """Slope of sqrt(lambda_n)*v_n: the shares of the phases at the neutral point.
+
+    The shares add up to zero, so that two phases make the complement of the third's and all three
+    nothing at all.
+    """
+    hanging = 0
+    total = 0
+    for x in range(3):
+        hanging += _NEUTRAL_CURRENT[s[x]]
+    if hanging == 1:
+        for x in range(3):
+            if _NEUTRAL_CURRENT[s[x]] == 1:
+                total = weight_slope[x]
+    elif hanging == 2:
+        for x in range(3):
+            if _NEUTRAL_CURRENT[s[x]] == 0:
+                total = -weight_slope[x] - 1
+    return total
+
+
+@njit(cache=True)
 def decide_words(register, measurement, s_prev):
     """One decision of the fast variant, horizon SE; arguments as ``bit_true.decide_words``."""
     bound = np.empty(7, dtype=np.int64)
@@ -87,21 +144,17 @@ def decide_words(register, measurement, s_prev):
     horizon = register[_N_COEFFICIENTS + 3]
     scale = register[_N_COEFFICIENTS + 4]
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, saturated = (
-        bit_true.node(bit_true.FAST_PROGRAM, measurement, register)
+        node(measurement, register)
     )
     first = error.copy()
     threshold = np.empty(3, dtype=np.int64)
     for x in range(3):
-        if curvature[x] > _CURVATURE_HIGH:
-            curvature[x] = _CURVATURE_HIGH
-            saturated = True
-        elif curvature[x] < -_CURVATURE_HIGH - 1:
-            curvature[x] = -_CURVATURE_HIGH - 1
-            saturated = True
-        first[x] += curvature[x]
         threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
+    first[0] += curvature[0]
+    first[1] += curvature[1]
+    first[2] = first[0] + first[1]
     slope = np.empty(7, dtype=np.int64)
-    bit_true.slopes(s_prev, natural, forced, phase, midpoint, slope)
+    slopes(s_prev, natural, forced, phase, midpoint, slope)
     held = True
     for j in range(7):
         if abs(first[j] + slope[j]) > bound[j]:
@@ -120,13 +173,14 @@ def decide_words(register, measurement, s_prev):
     none_yet = True
     s = np.empty(3, dtype=np.int64)
     best = np.empty(3, dtype=np.int64)
+    dead = np.empty(3, dtype=np.int64)
     for ia in range(_COUNT[s_prev[0]]):
         s[0] = _NEXT[s_prev[0], ia]
         for ib in range(_COUNT[s_prev[1]]):
             s[1] = _NEXT[s_prev[1], ib]
             for ic in range(_COUNT[s_prev[2]]):
                 s[2] = _NEXT[s_prev[2], ic]
-                bit_true.slopes(s, natural, forced, phase, midpoint, slope)
+                slopes(s, natural, forced, phase, midpoint, slope)
                 length = horizon
                 excess = -(1 << 40)
                 for j in range(7):
@@ -147,10 +201,9 @@ def decide_words(register, measurement, s_prev):
                         )
                 if length > 0:
                     effort = 0
-                    weights = 0
                     for x in range(3):
                         effort += _WEIGHT[sign[x], s_prev[x], s[x]]
-                        weights += _NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+                    weights = weight_slope_of(s, weight_slope)
                     value, clipped = bit_true.cost(effort, length, weight_start, weights, scale)
                     if not feasible or value < best_cost:
                         feasible = True
@@ -158,13 +211,14 @@ def decide_words(register, measurement, s_prev):
                         best_length = length
                         best_saturated = clipped
                         best[:] = s
-                elif not feasible and (none_yet or excess < best_excess):
+                # of use where nothing is feasible
+                if none_yet or excess < best_excess:
                     best_excess = excess
-                    best[:] = s
+                    dead[:] = s
                 none_yet = False
     if feasible:
         return best[0], best[1], best[2], 0, 0, best_length, int(saturated or best_saturated)
-    return best[0], best[1], best[2], 0, 1, 0, int(saturated)
+    return dead[0], dead[1], dead[2], 0, 1, 0, int(saturated)
 
 
 @njit(cache=True)

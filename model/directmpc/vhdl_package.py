@@ -131,6 +131,10 @@ def _leg() -> list[str]:
         f"  constant NEXT_LAST : next_last_t := ({counts});",
         "",
     ]
+    if np.any((anpc.HALF_DC < 0) & (anpc.CAPACITOR < 0)):
+        raise ValueError(
+            "a position subtracts v_dc/2 and v_ph: phase_voltage has one carry for both"
+        )
     heaviest = 3 * int(anpc.TRANSITION_WEIGHT.max())
     if heaviest >= 2**f.EFFORT_WIDTH:
         raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")

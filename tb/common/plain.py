@@ -32,6 +32,7 @@ class Node:
     weight_slope: list[int]
     curvature: list[int] = field(default_factory=lambda: [0, 0, 0])
     saturated: bool = False
+    opposite: bool = False  # what belongs to i_c is the sum of a's and b's, the fast variant's way
 
 
 #: Fields of the node as a vector: name, words, bits.
@@ -134,7 +135,13 @@ def common_terms(
                 * plain,
                 f.CURVATURE_TERM_WIDTH,
             )
-    curvature = [word(Fraction(value), f.CURVATURE_WIDTH) for value in phases(*bent.values())]
+    opposite = variant == "fast"
+
+    def currents(alpha: int, beta: int) -> list[int]:
+        a, b, c = phases(alpha, beta)
+        return [a, b, a + b if opposite else c]
+
+    curvature = [word(Fraction(value), f.CURVATURE_WIDTH) for value in currents(*bent.values())]
 
     error, slope, phase, midpoint, weight = {}, {}, {}, {}, {}
     for x, y in (("alpha", "beta"), ("beta", "alpha")):
@@ -154,11 +161,11 @@ def common_terms(
         weight[x] = word(s[f"is_{x}"] * c[f"weight_{x}"] * middle, f.WEIGHT_SLOPE_WIDTH)
     return Node(
         error=[
-            *phases(error["alpha"], error["beta"]),
+            *currents(error["alpha"], error["beta"]),
             word(s["v_n"] * c["error_neutral"] * fine, f.TERM_WIDTH),
             *(word(s[f"difference_{x}"] * c["error_phase"] * fine, f.TERM_WIDTH) for x in "abc"),
         ],
-        slope=phases(slope["alpha"], slope["beta"]),
+        slope=currents(slope["alpha"], slope["beta"]),
         forced_link=word(s["v_dc"] * c["forced_voltage"] * middle, f.FORCED_WIDTH),
         forced_neutral=word(s["v_n"] * c["forced_neutral"] * middle, f.FORCED_WIDTH),
         forced_phase=[
@@ -170,6 +177,7 @@ def common_terms(
         weight_slope=phases(weight["alpha"], weight["beta"]),
         curvature=curvature,
         saturated=word.saturated,
+        opposite=opposite,
     )
 
 
@@ -222,11 +230,14 @@ def slopes(node: Node, s: Sequence[int]) -> list[int]:
         + int(anpc.CAPACITOR[p]) * node.forced_phase[x]
         for x, p in enumerate(s)
     ]
+    a, b, c = (
+        node.slope[x] - round_half_up(Fraction(3 * u[x] - sum(u), 2**f.FORCED_FRACTION))
+        for x in range(3)
+    )
     return [
-        *(
-            node.slope[x] - round_half_up(Fraction(3 * u[x] - sum(u), 2**f.FORCED_FRACTION))
-            for x in range(3)
-        ),
+        a,
+        b,
+        a + b if node.opposite else c,
         sum(int(anpc.NEUTRAL_CURRENT[p]) * node.neutral_current[x] for x, p in enumerate(s)),
         *(-int(anpc.CAPACITOR_CURRENT[p]) * node.phase_current[x] for x, p in enumerate(s)),
     ]
@@ -235,7 +246,10 @@ def slopes(node: Node, s: Sequence[int]) -> list[int]:
 def after_one(node: Node, s: Sequence[int]) -> list[int]:
     """The errors at k+1."""
     curvature = [*node.curvature, 0, 0, 0, 0]
-    return [e + b + c for e, b, c in zip(node.error, slopes(node, s), curvature, strict=True)]
+    end = [e + b + c for e, b, c in zip(node.error, slopes(node, s), curvature, strict=True)]
+    if node.opposite:
+        end[2] = end[0] + end[1]
+    return end
 
 
 def inside_after_one(node: Node, limits: Limits, s: Sequence[int]) -> bool:
@@ -246,7 +260,7 @@ def inside_after_one(node: Node, limits: Limits, s: Sequence[int]) -> bool:
 def turn_threshold(error: int, curvature: int, bound: int) -> int:
     """Slope against the curvature from which a trajectory leaves before it turns."""
     room = bound + error if curvature >= 0 else bound - error
-    return min(floor(Fraction(room, n)) + abs(curvature) * n for n in (1, 2, 4, 8, 16, 32, 64))
+    return min(floor(Fraction(room, n)) + abs(curvature) * n for n in (2, 4, 8, 16, 32, 64))
 
 
 def first_exit(error: int, slope: int, curvature: int, bound: int) -> int:
@@ -301,7 +315,13 @@ def evaluate(
     length = min(*lengths, limits.horizon)
     if length == 0:
         return Evaluation(0, 0, False, excess)
-    share = sum(int(anpc.NEUTRAL_CURRENT[p]) * node.weight_slope[x] for x, p in enumerate(s))
+    hangs = [int(anpc.NEUTRAL_CURRENT[p]) for p in s]
+    share = sum(h * w for h, w in zip(hangs, node.weight_slope, strict=True))
+    if variant == "fast":
+        # the shares add up to zero: two of them are the complement of the third
+        alone = {1: hangs.index(1) if 1 in hangs else 0, 2: hangs.index(0) if 0 in hangs else 0}
+        share = 0 if sum(hangs) in (0, 3) else node.weight_slope[alone[sum(hangs)]]
+        share = ~share if sum(hangs) == 2 else share
     end = node.weight_start + floor(Fraction(length * share, 2**f.WEIGHT_SLOPE_FRACTION))
     high = 2 ** (f.WEIGHT_WIDTH - 1) - 1
     clipped = max(-high - 1, min(high, end))
@@ -312,7 +332,7 @@ def evaluate(
 
 #: Fields of the band as a vector, see ``mpdcc_types.band_t``: name, words, bits.
 BAND_FIELDS = (
-    ("first", 3, f.TRAJECTORY_WIDTH),
+    ("first", 2, f.TRAJECTORY_WIDTH),
     ("margin_up", 3, f.MARGIN_WIDTH),
     ("margin_down", 3, f.MARGIN_WIDTH),
     ("outside", 1, 3),
@@ -345,7 +365,7 @@ def band(node: Node, limits: Limits, s_prev: Sequence[int]) -> Band:
         for e, c in zip(errors, node.curvature, strict=True)
     ]
     return Band(
-        first=[node.error[x] + node.curvature[x] for x in range(3)],
+        first=[node.error[x] + node.curvature[x] for x in range(2)],
         margin_up=[e - bound - 1 for e in errors],
         margin_down=[e + bound for e in errors],
         outside=sum((not ok) << x for x, ok in enumerate(inside)),

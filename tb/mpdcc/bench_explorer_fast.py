@@ -14,7 +14,7 @@ from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 from tb.mpdcc.bench_mpdcc_explorer import example, pack_candidate, unpack_result
 
 #: Clocks after the clock in which something is taken, as the header declares.
-PROBE, COMPARED = 10, 19
+PROBE, COMPARED = 10, 20
 CAPACITOR_BITS = 6 + f.LENGTH_WIDTH + f.TRAJECTORY_WIDTH
 
 Candidate = tuple[int, tuple[int, ...], plain.Evaluation]
@@ -89,7 +89,7 @@ class Bench:
             board.check("no result of a probe", number(dut.result_valid), 0)
             if k == PROBE:
                 board.check("held", number(dut.probe_held), int(want), f"{s}")
-            board.check("busy with a probe", number(dut.busy), int(k <= PROBE))
+            board.check("busy with a probe", number(dut.busy), int(k <= PROBE + 1))
             await self.clock.edge()
         board.cover("held" if want else "not held")
         dut.last.value = 0

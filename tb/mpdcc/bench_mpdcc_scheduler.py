@@ -307,7 +307,7 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
             )
             if last_taken_at > last_drop_at:
                 # the only fast explorer's result is the decision
-                after = 1 if fast and explorers == 1 else FROM_LAST
+                after = 1 if fast and explorers == 1 else FROM_LAST + fast
                 board.check("clocks after the last result", k - last_taken_at, after)
             board.cover("ties", int(sum(a.key[:2] == best.key[:2] for a in taken) > 1))
             board.cover(

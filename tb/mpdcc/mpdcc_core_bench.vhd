@@ -53,19 +53,19 @@ architecture bench of mpdcc_core_bench is
 
       when 1 =>
 
-        return 109;
+        return 110;
 
       when 2 =>
 
-        return 81;
+        return 83;
 
       when 3 =>
 
-        return 72;
+        return 74;
 
       when others =>
 
-        return 69;
+        return 71;
 
     end case;
 

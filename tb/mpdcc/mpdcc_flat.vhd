@@ -15,7 +15,7 @@ package mpdcc_flat is
 
   constant NODE_BITS      : natural := (OUTPUTS + 3) * TRAJECTORY_WIDTH + 5 * FORCED_WIDTH
                                        + 6 * CURRENT_TERM_WIDTH + 4 * WEIGHT_WIDTH + 3 * CURVATURE_WIDTH;
-  constant BAND_BITS      : natural := 3 * TRAJECTORY_WIDTH + 6 * MARGIN_WIDTH + 3 * TURN_WIDTH + 15;
+  constant BAND_BITS      : natural := 2 * TRAJECTORY_WIDTH + 6 * MARGIN_WIDTH + 3 * TURN_WIDTH + 15;
   constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
   constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 2;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
@@ -100,15 +100,18 @@ package body mpdcc_flat is
 
   function to_vector (value : band_t) return std_logic_vector is
 
-    variable firsts : std_logic_vector(3 * TRAJECTORY_WIDTH - 1 downto 0);
+    variable firsts : std_logic_vector(2 * TRAJECTORY_WIDTH - 1 downto 0);
     variable ups    : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
     variable downs  : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
     variable turns  : std_logic_vector(3 * TURN_WIDTH - 1 downto 0);
 
   begin
 
-    for i in 0 to 2 loop
+    for i in 0 to 1 loop
       firsts((i + 1) * TRAJECTORY_WIDTH - 1 downto i * TRAJECTORY_WIDTH) := std_logic_vector(value.first(i));
+    end loop;
+
+    for i in 0 to 2 loop
       ups((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)            := std_logic_vector(value.margin_up(i));
       downs((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)          := std_logic_vector(value.margin_down(i));
       turns((i + 1) * TURN_WIDTH - 1 downto i * TURN_WIDTH)              := std_logic_vector(value.turn(i));
@@ -239,7 +242,7 @@ package body mpdcc_flat is
     bits := value;
     used := 0;
 
-    for i in 0 to 2 loop
+    for i in 0 to 1 loop
       take(result.first(i));
     end loop;
 

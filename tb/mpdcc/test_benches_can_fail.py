@@ -140,9 +140,10 @@ FAULTS = [
     Fault(
         "explorer_fast",
         "explorer_fast.vhd",
-        "and not (lanes(STAGE - 1)(x).exceeds and turned and to_std_logic(m > 0))",
+        "and not (exceeds and turned and to_std_logic(m > 0))",
         "",
     ),
+    Fault("explorer_fast", "explorer_fast.vhd", "largest_5 <= sum;", "largest_5 <= error_4(0);"),
     Fault("explorer_fast", "explorer_fast.vhd", "cost_16 < best.cost", "cost_16 <= best.cost"),
     Fault(
         "explorer_fast", "explorer_fast.vhd", 'or band.outside /= "000"', "or limits.horizon = 0"
@@ -159,7 +160,7 @@ FAULTS = [
         "probe_held = '1' and lines_held = '1'",
         "probe_held = '1'",
     ),
-    Fault("explorer_fast", "explorer_fast.vhd", "any and idle and last", "any and last"),
+    Fault("explorer_fast", "explorer_fast.vhd", "any and settled and last", "any and last"),
     Fault("core_fast", "mpdcc_core.vhd", "unsigned(v_ph_b)", "unsigned(v_ph_c)"),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]

@@ -10,12 +10,12 @@ library work;
 
 entity turn_threshold_flat is
   port (
-    clk       : in    std_logic;                                       -- rising edge
-    start     : in    std_logic;                                       -- '1' for one clock: take error and curvature
-    error     : in    std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0); -- trajectory_t
-    curvature : in    std_logic_vector(CURVATURE_WIDTH - 1 downto 0);  -- curvature_t
-    bound     : in    std_logic_vector(BOUND_WIDTH - 1 downto 0);      -- bound_t
-    threshold : out   std_logic_vector(TURN_WIDTH - 2 downto 0)        -- unsigned
+    clk         : in    std_logic;                                      -- rising edge
+    start       : in    std_logic;                                      -- '1' for one clock: take margin and curvature
+    margin_up   : in    std_logic_vector(MARGIN_WIDTH - 1 downto 0);    -- margin_t
+    margin_down : in    std_logic_vector(MARGIN_WIDTH - 1 downto 0);    -- margin_t
+    curvature   : in    std_logic_vector(CURVATURE_WIDTH - 1 downto 0); -- curvature_t
+    threshold   : out   std_logic_vector(TURN_WIDTH - 2 downto 0)       -- unsigned
   );
 end entity turn_threshold_flat;
 
@@ -27,12 +27,12 @@ begin
 
   i_threshold : entity work.turn_threshold
     port map (
-      clk       => clk,
-      start     => start,
-      error     => signed(error),
-      curvature => signed(curvature),
-      bound     => unsigned(bound),
-      threshold => threshold_word
+      clk         => clk,
+      start       => start,
+      margin_up   => signed(margin_up),
+      margin_down => signed(margin_down),
+      curvature   => signed(curvature),
+      threshold   => threshold_word
     );
 
   threshold <= std_logic_vector(threshold_word);
