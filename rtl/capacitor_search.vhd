@@ -82,7 +82,7 @@ begin
   p_lines : process (clk) is
 
     variable kind    : unsigned(1 downto 0);
-    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0); -- of a phase capacitor
     variable current : signed(CURRENT_TERM_WIDTH + 1 downto 0);
     variable room_up : signed(TRAJECTORY_WIDTH downto 0);
     variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
@@ -139,13 +139,7 @@ begin
 
       if (valid(0) = '1') then
         if (phase_0 = 3) then
-          slope := (others => '0');
-
-          for x in 0 to 2 loop
-            slope := slope + gated(node.neutral_current(x), pattern_0(x));
-          end loop;
-
-          slope_1 <= resize(slope, TRAJECTORY_WIDTH);
+          slope_1 <= resize(share_of(node.neutral_current, pattern_0), TRAJECTORY_WIDTH);
           error_1 <= node.error(3);
           bound_1 <= limits.bound_neutral;
           row(1)  <= unsigned'("10") & unsigned(pattern_0);

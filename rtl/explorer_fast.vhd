@@ -250,7 +250,6 @@ architecture rtl of explorer_fast is
   signal neutral_excesses : neutral_excesses_t;
 
   signal short_11   : length_t;
-  signal two        : std_logic; -- '1': two phases hang on the neutral point
   signal slope_12   : weight_t;
   signal product_13 : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
   signal low_14     : multiple_t; -- rate of the two low bits of the effort
@@ -654,12 +653,7 @@ begin
   -- Stages 11 and 12: shortest length
   ---------------------------------------------------------------------------------------------
 
-  two <= to_std_logic(pattern_11 = "110" or pattern_11 = "101" or pattern_11 = "011");
-
   p_shortest : process (clk) is
-
-    variable share : weight_t;
-
   begin
 
     if rising_edge(clk) then
@@ -669,31 +663,7 @@ begin
 
       if (valid(SHORTEST) = '1') then
         length(SHORTEST + 1) <= shorter(short_11, lanes(LENGTH_WIDTH)(2).length);
-
-        -- the shares of the phases add up to zero
-        case pattern_11 is
-
-          when "001" | "110" =>
-
-            share := node.weight_slope(0);
-
-          when "010" | "101" =>
-
-            share := node.weight_slope(1);
-
-          when "100" | "011" =>
-
-            share := node.weight_slope(2);
-
-          when others =>
-
-            share := (others => '0');
-
-        end case;
-
-        for i in share'range loop
-          slope_12(i) <= share(i) xor two;
-        end loop;
+        slope_12             <= share_of(node.weight_slope, pattern_11);
       end if;
     end if;
 

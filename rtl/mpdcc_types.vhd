@@ -184,6 +184,12 @@ package mpdcc_types is
   -- which phases are connected to the neutral point, phase a in bit 0
   function neutral_pattern (position : positions_t) return std_logic_vector;
 
+  -- sum of the shares of the phases in a pattern; shares add up to zero, so that two of them are the
+  -- complement of the third and all three nothing
+  function share_of (shares : current_terms_t; pattern : std_logic_vector(2 downto 0)) return current_term_t;
+
+  function share_of (shares : weights_t; pattern : std_logic_vector(2 downto 0)) return weight_t;
+
   -- next position that a choice stands for
   function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t;
 
@@ -344,6 +350,57 @@ package body mpdcc_types is
     return result;
 
   end function neutral_pattern;
+
+  function picked (a, b, c : signed; pattern : std_logic_vector(2 downto 0)) return signed is
+
+    variable chosen : signed(a'length - 1 downto 0);
+    variable two    : std_logic;
+
+  begin
+
+    case pattern is
+
+      when "001" | "110" =>
+
+        chosen := a;
+
+      when "010" | "101" =>
+
+        chosen := b;
+
+      when "100" | "011" =>
+
+        chosen := c;
+
+      when others =>
+
+        chosen := (others => '0');
+
+    end case;
+
+    two := to_std_logic(pattern = "110" or pattern = "101" or pattern = "011");
+
+    for i in chosen'range loop
+      chosen(i) := chosen(i) xor two;
+    end loop;
+
+    return chosen;
+
+  end function picked;
+
+  function share_of (shares : current_terms_t; pattern : std_logic_vector(2 downto 0)) return current_term_t is
+  begin
+
+    return picked(shares(0), shares(1), shares(2), pattern);
+
+  end function share_of;
+
+  function share_of (shares : weights_t; pattern : std_logic_vector(2 downto 0)) return weight_t is
+  begin
+
+    return picked(shares(0), shares(1), shares(2), pattern);
+
+  end function share_of;
 
   function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t is
   begin

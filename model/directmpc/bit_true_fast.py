@@ -106,15 +106,8 @@ def node(measurement, register):
 
 
 @njit(cache=True)
-def slopes(s, natural, forced, phase, midpoint, out):
-    """``bit_true.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
-    bit_true.slopes(s, natural, forced, phase, midpoint, out)
-    out[2] = out[0] + out[1]
-
-
-@njit(cache=True)
-def weight_slope_of(s, weight_slope):
-    """Slope of sqrt(lambda_n)*v_n: the shares of the phases at the neutral point.
+def share_of(s, shares):
+    """Slope of v_n, or of sqrt(lambda_n)*v_n: the shares of the phases at the neutral point.
 
     The shares add up to zero, so that two phases make the complement of the third's and all three
     nothing at all.
@@ -126,12 +119,20 @@ def weight_slope_of(s, weight_slope):
     if hanging == 1:
         for x in range(3):
             if _NEUTRAL_CURRENT[s[x]] == 1:
-                total = weight_slope[x]
+                total = shares[x]
     elif hanging == 2:
         for x in range(3):
             if _NEUTRAL_CURRENT[s[x]] == 0:
-                total = -weight_slope[x] - 1
+                total = -shares[x] - 1
     return total
+
+
+@njit(cache=True)
+def slopes(s, natural, forced, phase, midpoint, out):
+    """``bit_true.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
+    bit_true.slopes(s, natural, forced, phase, midpoint, out)
+    out[2] = out[0] + out[1]
+    out[3] = share_of(s, midpoint)
 
 
 @njit(cache=True)
@@ -203,7 +204,7 @@ def decide_words(register, measurement, s_prev):
                     effort = 0
                     for x in range(3):
                         effort += _WEIGHT[sign[x], s_prev[x], s[x]]
-                    weights = weight_slope_of(s, weight_slope)
+                    weights = share_of(s, weight_slope)
                     value, clipped = bit_true.cost(effort, length, weight_start, weights, scale)
                     if not feasible or value < best_cost:
                         feasible = True

@@ -222,6 +222,19 @@ class Evaluation:
         return self.length > 0
 
 
+def share(node: Node, shares: Sequence[int], s: Sequence[int]) -> int:
+    """Sum over the phases that hang on the neutral point.
+
+    Where the currents add up to zero, two phases make the complement of the third's share.
+    """
+    hanging = [x for x, p in enumerate(s) if anpc.NEUTRAL_CURRENT[p]]
+    if node.opposite and len(hanging) == 2:
+        return ~shares[3 - sum(hanging)]
+    if node.opposite and len(hanging) == 3:
+        return 0
+    return sum(shares[x] for x in hanging)
+
+
 def slopes(node: Node, s: Sequence[int]) -> list[int]:
     """Slopes of the seven errors under a switch position."""
     u = [
@@ -238,7 +251,7 @@ def slopes(node: Node, s: Sequence[int]) -> list[int]:
         a,
         b,
         a + b if node.opposite else c,
-        sum(int(anpc.NEUTRAL_CURRENT[p]) * node.neutral_current[x] for x, p in enumerate(s)),
+        share(node, node.neutral_current, s),
         *(-int(anpc.CAPACITOR_CURRENT[p]) * node.phase_current[x] for x, p in enumerate(s)),
     ]
 
@@ -315,14 +328,8 @@ def evaluate(
     length = min(*lengths, limits.horizon)
     if length == 0:
         return Evaluation(0, 0, False, excess)
-    hangs = [int(anpc.NEUTRAL_CURRENT[p]) for p in s]
-    share = sum(h * w for h, w in zip(hangs, node.weight_slope, strict=True))
-    if variant == "fast":
-        # the shares add up to zero: two of them are the complement of the third
-        alone = {1: hangs.index(1) if 1 in hangs else 0, 2: hangs.index(0) if 0 in hangs else 0}
-        share = 0 if sum(hangs) in (0, 3) else node.weight_slope[alone[sum(hangs)]]
-        share = ~share if sum(hangs) == 2 else share
-    end = node.weight_start + floor(Fraction(length * share, 2**f.WEIGHT_SLOPE_FRACTION))
+    slope_n = share(node, node.weight_slope, s)
+    end = node.weight_start + floor(Fraction(length * slope_n, 2**f.WEIGHT_SLOPE_FRACTION))
     high = 2 ** (f.WEIGHT_WIDTH - 1) - 1
     clipped = max(-high - 1, min(high, end))
     inverse = round(Fraction(2**f.RECIPROCAL_FRACTION, length))
@@ -387,7 +394,10 @@ def capacitor_rows(node: Node, limits: Limits) -> dict[int, tuple[int, int]]:
             slope = sign * node.phase_current[x]
             lines[4 * x + kind] = (node.error[4 + x], slope, limits.bound_phase)
     for pattern in range(8):
-        slope = sum(node.neutral_current[x] for x in range(3) if pattern >> x & 1)
+        hung = [
+            2 if pattern >> x & 1 else 0 for x in range(3)
+        ]  # a position that hangs there, or not
+        slope = share(node, node.neutral_current, hung)
         lines[16 + pattern] = (node.error[3], slope, limits.bound_neutral)
     return {
         row: (straight_exit(e, b, bound, limits.horizon), abs(e + b) - bound)

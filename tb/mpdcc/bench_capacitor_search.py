@@ -53,6 +53,7 @@ def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:
         neutral_current=currents(),
         weight_start=0,
         weight_slope=[0, 0, 0],
+        opposite=True,
     )
     return node, limits
 
