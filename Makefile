@@ -42,7 +42,7 @@ TOP ?=
 SEEDS ?= 5
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP
 
-.PHONY: help setup run test lint format replay synth pnr report sources generate clean
+.PHONY: help setup run test lint format replay synth budgets pnr sweep report sources generate clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -62,8 +62,9 @@ setup: ## install what is missing: system tools (apt) and .venv
 run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draws the result
 	@'$(PY)' -m directmpc.run $(ARGS)
 
+# worksteal: some of the syntheses take minutes, the others seconds
 test: $(READY) ## every test
-	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' $(ARGS)
+	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
 lint: $(READY) ## VHDL and Python style, analysis as VHDL-93 and VHDL-2008, generated files
 	@'$(PY)' -m scripts.lint
@@ -92,8 +93,14 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 synth: $(READY) ## resources of every entity and configuration (Yosys)
 	@'$(PY)' -m scripts.synth --jobs '$(JOBS)' $(ARGS)
 
+budgets: $(READY) ## measure resources and cycles anew, rewrite what tests hold them to
+	@'$(PY)' -m scripts.budgets --jobs '$(JOBS)' $(ARGS)
+
 pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
 	@'$(PY)' -m scripts.pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)
+
+sweep: $(READY) ## cycles, area, clock and accuracy over variants, explorers and word lengths
+	@'$(PY)' -m scripts.sweep --jobs '$(JOBS)' $(ARGS)
 
 report: $(READY) ## every published number, table and plot into reports/
 	@'$(PY)' -m directmpc.report $(ARGS)

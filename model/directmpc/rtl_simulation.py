@@ -186,6 +186,7 @@ def build_and_run(job_path: Path, folder: Path, explorers: int, variant: str) ->
     # Needed here alone: who only uses the models needs no simulator packages.
     from cocotb_tools.runner import get_results, get_runner
 
+    from scripts import budgets
     from scripts.sources import compile_order, rtl_files
 
     # the runner hands this process's search path to the simulator's Python
@@ -203,7 +204,11 @@ def build_and_run(job_path: Path, folder: Path, explorers: int, variant: str) ->
         test_args=["--std=08"],
         # datapath registers hold no value until they are loaded; what reaches an output is compared
         plusargs=["--ieee-asserts=disable"],
-        parameters={"EXPLORERS": explorers, "FOLDED": str(variant == "paper").lower()},
+        parameters={
+            "EXPLORERS": explorers,
+            "FOLDED": str(variant == "paper").lower(),
+            "MOST_CLOCKS": budgets.worst(explorers, variant),
+        },
         build_dir=folder,
         test_dir=folder,
         results_xml=str(folder / "results.xml"),

@@ -6,7 +6,15 @@ import random
 
 import cocotb
 
+from directmpc import formats as f
+from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number, word
+
+#: Clocks from start to done: with exit 1, with exit 2 after the first bit, with all bits of a
+#: length as wide as the cores'.
+EXIT_1 = budgets.clocks("binary_search", "exit_1")
+EXIT_2 = budgets.clocks("binary_search", "exit_2")
+FULL = budgets.clocks("binary_search", "latency")
 
 
 def expectation(
@@ -18,15 +26,15 @@ def expectation(
     """
     most = (1 << length_width) - 1
     if x << length_width <= y:
-        return 2, False, upper, "exit 1"
+        return EXIT_1, False, upper, "exit 1"
     length = min(y // x, most)
     for step in range(length_width):
         undecided = (1 << (length_width - 1 - step)) - 1
         # after this step the bits above are known, those below may still all be ones
         possible = length | undecided
         if possible < lowers[step + 1]:
-            return 3 + step, True, 0, "exit 2"
-    return length_width + 2, False, min(length, upper), "full"
+            return EXIT_2 + step, True, 0, "exit 2"
+    return FULL + length_width - f.LENGTH_WIDTH, False, min(length, upper), "full"
 
 
 @cocotb.test()

@@ -7,10 +7,12 @@ import random
 
 import cocotb
 
+from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 
-LATENCY = 2  # clocks from start to the first candidate, as the entity's header declares
+#: Clocks from start to the first candidate, as the entity's header declares.
+LATENCY = budgets.clocks("candidate_enumerator", "latency")
 
 
 def expected_after(s_prev: tuple[int, ...], blocks: bool) -> list[tuple[int, tuple[int, ...], int]]:

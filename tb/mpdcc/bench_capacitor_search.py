@@ -8,11 +8,13 @@ import cocotb
 
 from directmpc import anpc
 from directmpc import formats as f
+from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, signed, word
 
 #: Clocks after start, as the entity's header declares.
-HELD, LAST_ROW = 8, 23
+HELD = budgets.clocks("capacitor_search", "held")
+LAST_ROW = budgets.clocks("capacitor_search", "last_row")
 ROWS = 17
 READY_BEFORE = 6
 

@@ -8,13 +8,15 @@ import cocotb
 
 from directmpc import formats as f
 from directmpc.common_terms import COEFFICIENTS, PROGRAM_LENGTHS, SIGNALS
+from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, join, number, word
 
 #: Clocks from start to done, as the entity's header declares; issued comes five clocks before.
-LATENCIES = {variant: length + 5 for variant, length in PROGRAM_LENGTHS.items()}
+LATENCIES = {v: budgets.clocks("common_terms", "done", v) for v in PROGRAM_LENGTHS}
 ISSUED_BEFORE = 5
-CAPACITORS = 7  # clocks from start to the pulse after which the capacitors' terms are there
+#: Clocks from start to the pulse after which the capacitors' terms are there.
+CAPACITORS = {v: budgets.clocks("common_terms", "capacitors", v) for v in PROGRAM_LENGTHS}
 
 
 def operands(rng: random.Random, kind: str) -> dict[str, int]:
@@ -48,7 +50,7 @@ async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
     board, clock = Scoreboard(), Clock(dut)
     width = f.COEFFICIENT_WIDTH
     variant = given["variant"]
-    latency = LATENCIES[variant]
+    latency, capacitors = LATENCIES[variant], CAPACITORS[variant]
 
     def apply(signal: dict[str, int], speed: list[int], coefficient: dict[str, int]) -> None:
         dut.signals.value = join([signal[name] for name in SIGNALS], f.OPERAND_WIDTH)
@@ -83,8 +85,8 @@ async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
         for k in range(1, latency):
             board.check("not done yet", number(dut.done), 0, f"clock {k}")
             board.check("issued", number(dut.issued), int(k == latency - ISSUED_BEFORE), f"{k}")
-            board.check("capacitors", number(dut.capacitors), int(k == CAPACITORS), f"{k}")
-            if k == CAPACITORS + 1:
+            board.check("capacitors", number(dut.capacitors), int(k == capacitors), f"{k}")
+            if k == capacitors + 1:
                 got = str(dut.node.value)[::-1]
                 want = f"{plain.pack_node(node):0{len(got)}b}"[::-1]
                 board.check("capacitor terms", capacitor_terms(got), capacitor_terms(want))

@@ -9,12 +9,14 @@ import numpy as np
 
 from directmpc import anpc
 from directmpc import formats as f
+from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 from tb.mpdcc.bench_mpdcc_explorer import example, pack_candidate, unpack_result
 
 #: Clocks after the clock in which something is taken, as the header declares.
-PROBE, COMPARED = 10, 20
+PROBE = budgets.clocks("mpdcc_explorer", "probe", "fast")
+COMPARED = budgets.clocks("mpdcc_explorer", "latency", "fast")
 CAPACITOR_BITS = 6 + f.LENGTH_WIDTH + f.TRAJECTORY_WIDTH
 
 Candidate = tuple[int, tuple[int, ...], plain.Evaluation]

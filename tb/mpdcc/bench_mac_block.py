@@ -6,9 +6,11 @@ import random
 
 import cocotb
 
+from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, bits, join, number, signed, word
 
-LATENCY = 3  # clocks from the controls to the accumulator, as the entity's header declares
+#: Clocks from the controls to the accumulator, as the entity's header declares.
+LATENCY = budgets.clocks("mac_block", "latency")
 
 
 @cocotb.test()

@@ -10,14 +10,15 @@ import numpy as np
 
 from directmpc import formats as f
 from directmpc.coefficients import registers
+from scripts import budgets
 from tb.common import plain, states
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number, signed
 
 #: Clocks the variants declare in their headers.
-LATENCY = {"paper": 30}
-INTERVAL = {"paper": 22}
-INTERVAL_DEAD = {"paper": 14}
-PROBE = {"paper": 13}
+LATENCY = {"paper": budgets.clocks("mpdcc_explorer", "latency", "paper")}
+INTERVAL = {"paper": budgets.clocks("mpdcc_explorer", "interval", "paper")}
+INTERVAL_DEAD = {"paper": budgets.clocks("mpdcc_explorer", "interval_dead", "paper")}
+PROBE = {"paper": budgets.clocks("mpdcc_explorer", "probe", "paper")}
 
 
 @dataclass

@@ -11,6 +11,7 @@ import numpy as np
 from directmpc import formats as f
 from directmpc.coefficients import registers
 from directmpc.common_terms import COEFFICIENTS
+from scripts import budgets
 from tb.common import plain, states
 from tb.common.scoreboard import Clock, Scoreboard, arguments, join, lowest_bit, number, signed
 from tb.mpdcc.bench_capacitor_search import unpack_row
@@ -24,7 +25,11 @@ TABLE_AFTER = 7
 
 #: Clocks from start to candidate_valid of the probe, from the probe's answer to valid, and from
 #: the taking of the last result to valid.
-TO_PROBE, FROM_PROBE, FROM_LAST = {"paper": 14, "fast": 10}, 1, 3
+TO_PROBE = {v: budgets.clocks("mpdcc_scheduler", "to_probe", v) for v in ("paper", "fast")}
+FROM_PROBE = {v: budgets.clocks("mpdcc_scheduler", "from_probe", v) for v in ("paper", "fast")}
+FROM_LAST = {v: budgets.clocks("mpdcc_scheduler", "from_last", v) for v in ("paper", "fast")}
+# the only fast explorer's result is the decision
+FROM_ONLY = budgets.clocks("mpdcc_scheduler", "from_only", "fast")
 
 RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.COST_WIDTH + f.TRAJECTORY_WIDTH
 
@@ -298,7 +303,7 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
         got = number(dut.decision)
         if held:
             want = plain_decision(s_prev, 1, 0, 0, node.saturated)
-            board.check("clocks from the probe", k - answered_at, FROM_PROBE)
+            board.check("clocks from the probe", k - answered_at, FROM_PROBE[variant])
         else:
             board.check("every candidate was given out", given_out, len(handed))
             best = min(taken, key=lambda a: a.key)
@@ -306,8 +311,7 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
                 best.s, 0, not best.feasible, best.length, node.saturated or best.saturated
             )
             if last_taken_at > last_drop_at:
-                # the only fast explorer's result is the decision
-                after = 1 if fast and explorers == 1 else FROM_LAST + fast
+                after = FROM_ONLY if fast and explorers == 1 else FROM_LAST[variant]
                 board.check("clocks after the last result", k - last_taken_at, after)
             board.cover("ties", int(sum(a.key[:2] == best.key[:2] for a in taken) > 1))
             board.cover(

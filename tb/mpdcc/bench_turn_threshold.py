@@ -7,10 +7,11 @@ import random
 import cocotb
 
 from directmpc import formats as f
+from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, bits, number, word
 
-LATENCY = f.LENGTH_WIDTH + 1  # clocks from start until threshold is valid
+LATENCY = budgets.clocks("turn_threshold", "latency")  # clocks from start until threshold is valid
 
 
 @cocotb.test()

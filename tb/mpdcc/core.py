@@ -14,6 +14,7 @@ from directmpc import formats as f
 from directmpc.coefficients import registers
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.rtl_simulation import Job
+from scripts import budgets
 from tb.common import states
 from tb.common.simulation import BENCH, RTL, VARIANTS, execute
 from tb.common.states import IntArray
@@ -186,9 +187,16 @@ class Answers:
 
 
 def simulate(
-    rows: Rows, explorers: int, variant: str, *, throttle: int = 0, rtl: Path = RTL
+    rows: Rows,
+    explorers: int,
+    variant: str,
+    *,
+    throttle: int = 0,
+    rtl: Path = RTL,
+    bound: int | None = None,
 ) -> Answers:
-    """Decisions of the RTL."""
+    """Decisions of the RTL; `bound` takes the place of the budget of clocks."""
+    bound = bound or budgets.worst(explorers, variant)
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
         folder = Path(name)
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
@@ -200,7 +208,7 @@ def simulate(
             folder,
             units=["mpdcc_core"],
             files=[BENCH / "mpdcc_core_bench.vhd"],
-            generics={"EXPLORERS": explorers, **VARIANTS[variant]},
+            generics={"EXPLORERS": explorers, "MOST_CLOCKS": bound, **VARIANTS[variant]},
             environment={"DIRECTMPC_JOB": str(path)},
             rtl=rtl,
             timeout=240,

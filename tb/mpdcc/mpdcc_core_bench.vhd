@@ -7,7 +7,8 @@
 -- Paper variant: with P clocks between two candidates of one explorer and one candidate
 -- handed out a clock, candidate k goes out at d(k) <= max(d(k-1) + 1, d(k-EXPLORERS) + P), since
 -- fewer than EXPLORERS explorers can be occupied by candidates younger than k-EXPLORERS. The last
--- of 64 goes out P * (63 / EXPLORERS) + 63 mod EXPLORERS clocks after the first.
+-- of 64 goes out P * (63 / EXPLORERS) + 63 mod EXPLORERS clocks after the first. From start to the
+-- first candidate pass at most 29 clocks, from the last candidate to valid 33.
 --
 -- Fast variant: the clocks of a search depend on s(k-1) alone. 16 blocks of four candidates are the
 -- most; one a clock is handed out, an explorer takes one every fourth clock and holds two. With one
@@ -21,8 +22,9 @@ library ieee;
 
 entity mpdcc_core_bench is
   generic (
-    EXPLORERS : positive := 2;   -- explorers of the core
-    FOLDED    : boolean  := true -- variant of the explorers
+    EXPLORERS   : positive := 2;    -- explorers of the core
+    FOLDED      : boolean  := true; -- variant of the explorers
+    MOST_CLOCKS : positive          -- most clocks a decision may take, from scripts/budgets.toml
   );
   port (
     rst        : in    std_logic;                      -- synchronous, active high
@@ -39,39 +41,6 @@ end entity mpdcc_core_bench;
 architecture bench of mpdcc_core_bench is
 
   constant PATIENCE : natural := 100_000; -- clocks
-
-  -- directmpc.replay holds the same numbers for the commands; a test compares them
-  function most_clocks_of (count : positive; paper : boolean) return positive is
-  begin
-
-    -- start to first candidate at most 29, last candidate to valid 33; 22 an interval
-    if (paper) then
-      return 62 + 22 * (63 / count) + 63 mod count;
-    end if;
-
-    case count is
-
-      when 1 =>
-
-        return 110;
-
-      when 2 =>
-
-        return 83;
-
-      when 3 =>
-
-        return 74;
-
-      when others =>
-
-        return 71;
-
-    end case;
-
-  end function most_clocks_of;
-
-  constant MOST_CLOCKS : positive := most_clocks_of(EXPLORERS, FOLDED);
 
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';

@@ -8,8 +8,8 @@ Other parameters in every row; back to back or with idle clocks; the bench shows
 start edge alone and random values at all others.
 Checks: all fields of all decisions; that holds, searches, deadlocks, saturation, the full horizon
 and 64 candidates occurred; a decision slower than the bound ends the simulation.
-Timing: 28 clocks when held, 21 in the fast variant; searches within the bound that replay
-publishes, which is below Paper A's cycles; the fast variant's is reached, and the time of its
+Timing: the clocks of scripts/budgets.toml when held; searches within its bound, which replay
+publishes and which is below Paper A's cycles; the fast variant's is reached, and the time of its
 searches depends on s(k-1) alone.
 Does not prove: that the worst case found is the worst there is; the bound itself is derived where
 it stands, in mpdcc_core_bench.
@@ -21,12 +21,13 @@ import numpy as np
 import pytest
 
 from directmpc import anpc, replay
+from scripts import budgets
 from tb.common.simulation import VARIANTS
 from tb.mpdcc import core
 
 #: Cycles in the worst case, Paper A, Table IV, by number of explorers.
 PAPER_CYCLES = {1: 2223, 2: 1135, 3: 772, 4: 591, 5: 482, 6: 410}
-HELD = {"paper": 28, "fast": 21}
+HELD = {variant: budgets.clocks("mpdcc_core", "hold", variant) for variant in VARIANTS}
 #: Most cycles that the fast variant may take by number of explorers.
 LIMITS = {1: 120, 2: 90, 3: 80, 4: 72, 5: 72, 6: 72}
 
@@ -82,6 +83,8 @@ def test_every_decision_is_the_models(
     assert set(found.cycles[held]) == {HELD[variant]}
     assert found.bound == replay.VARIANTS[variant].worst_cycles(explorers)
     assert found.cycles.max() <= found.bound
+    if variant == "paper":
+        assert found.bound == budgets.paper_bound(explorers)
     if explorers in PAPER_CYCLES:
         assert found.bound < PAPER_CYCLES[explorers]
     # the bound is of the right size: the slowest decisions known come near it, or reach it

@@ -6,7 +6,7 @@ content, the slowest decisions known; measurements random but at the start edge,
 registers that begin with random contents.
 Checks: every field of every decision against the bit-true model; deadlocks, holds and searches
 occurred; a part of the cycle counts against the VHDL simulation, clock for clock.
-Timing: held 28 clocks, 21 in the fast variant, none above the bound.
+Timing: held as scripts/budgets.toml says, none above the bound.
 Does not prove: anything about a vendor's tools; see the synthesis reports.
 """
 

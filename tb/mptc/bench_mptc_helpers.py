@@ -9,10 +9,14 @@ import numpy as np
 
 from directmpc.mptc import formats as f
 from directmpc.mptc import observer, preexcitation
+from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
 from tb.mptc import core
 
-LATENCY = {"mptc_observer": 39, "mptc_preexcitation": 11}
+LATENCY = {
+    "mptc_observer": budgets.clocks("mptc_observer", "latency"),
+    "mptc_preexcitation": budgets.clocks("mptc_preexcitation", "latency"),
+}
 
 
 async def transaction(

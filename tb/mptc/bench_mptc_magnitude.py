@@ -9,9 +9,10 @@ import cocotb
 
 from directmpc.mptc import bit_true
 from directmpc.mptc import formats as f
+from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, bits, number
 
-LATENCY = f.ITERATIONS // 2 + 1
+LATENCY = budgets.clocks("mptc_magnitude", "latency")
 LIMIT = 3 * 2 ** (f.MAGNITUDE_FRACTION - 1)  # components of 1.5
 GAIN = math.prod(math.sqrt(1.0 + 4.0**-i) for i in range(f.ITERATIONS))
 

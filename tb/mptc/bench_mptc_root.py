@@ -8,8 +8,10 @@ import random
 import cocotb
 
 from directmpc.mptc import formats as f
+from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 
+LATENCY = budgets.clocks("mptc_root", "latency")
 HIGH = 2 ** (2 * f.ROOT_WIDTH) - 1
 
 
@@ -39,7 +41,7 @@ async def random_roots(dut) -> None:  # type: ignore[no-untyped-def]
         await clock.tick()
         dut.load.value = 0
         stop = rng.randrange(1, f.ROOT_WIDTH) if rng.random() < 0.1 else 0
-        for k in range(f.ROOT_WIDTH):
+        for k in range(LATENCY):
             if stop and k == stop:
                 break
             dut.radicand.value = rng.getrandbits(2 * f.ROOT_WIDTH)

@@ -22,7 +22,7 @@ from directmpc.mptc.closed_loop import RPM, Run, Scenario
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
-from scripts import netlist_check
+from scripts import budgets, netlist_check
 from tb.mptc import core
 
 INERTIA = 0.015  # kg*m^2
@@ -51,7 +51,7 @@ def controller(method: str) -> Iterator[Any]:
             out, cycles = rtl.step(row | fixed | {"u": u})
             wanted = bit_true.decide_words(parameters[0], words, u)
             assert (out["u_next"], out["saturated"], out["clamped"]) == wanted
-            assert cycles == (78 if method == "MPFC" else 39)
+            assert cycles == budgets.clocks("mptc_core", method.lower())
             return out["u_next"], out["saturated"] | clipped, out["clamped"]
 
         yield drive, decide

@@ -26,7 +26,7 @@ from directmpc.mptc.rtl_simulation import Job
 from directmpc.mptc.vectors import STATES
 from directmpc.rtl_simulation import SimulationError
 from directmpc.trace import write_mptc_trace
-from scripts import netlist, netlist_check
+from scripts import budgets, netlist, netlist_check
 from tb.common.simulation import RTL
 from tb.mptc import core
 
@@ -154,7 +154,7 @@ def test_engines_of_replay_agree(method: str, tmp_path: Path) -> None:
     by_ideal = replay.replay(drive, path, "ideal")
     assert by_model.cycles is None
     assert by_ideal.cycles is None
-    assert set(by_rtl.cycles.tolist()) == {78 if method == "MPFC" else 39}
+    assert set(by_rtl.cycles.tolist()) == {budgets.clocks("mptc_core", method.lower())}
     np.testing.assert_array_equal(by_rtl.u, by_model.u)
     np.testing.assert_array_equal(by_rtl.saturated, by_model.saturated)
     assert np.mean(by_ideal.u == by_rtl.u) >= 0.95

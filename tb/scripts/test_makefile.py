@@ -46,7 +46,8 @@ REPLAY = ("replay", "DRIVE=drive.toml", "IN=work dir/trace 1.csv", "OUT=work dir
 def test_help_is_the_default_and_lists_every_target(project):
     done = make(project)
     assert done.returncode == 0
-    targets = "run test lint replay synth pnr report sources clean setup generate format help"
+    targets = "run test lint replay synth budgets pnr sweep report sources clean setup generate"
+    targets += " format help"
     for target in targets.split():
         assert f"make {target} " in done.stdout
     assert not (project / ".venv").exists(), "help needs no environment"
@@ -112,7 +113,7 @@ def test_exit_code_is_the_program_s(project):
     make(project, "setup")
     python = project / ".venv" / "bin" / "python"
     python.write_text("#!/bin/sh\nexit 3\n")
-    for target in ("run", "test", "lint", "synth", "pnr", "report", "generate"):
+    for target in ("run", "test", "lint", "synth", "budgets", "pnr", "sweep", "report", "generate"):
         assert make(project, target).returncode != 0, target
     assert make(project, *REPLAY).returncode != 0
     assert make(project, "sources", "TOP=x").returncode != 0

@@ -139,6 +139,7 @@ VERILOG = """module leaf
   /* leaf.vhd:12:3 */
   always @(posedge clk)
     n1_q <= n0_o;
+  assign count = n1_q; // (signal)
 endmodule
 module top
   /* top.vhd:7:5 */
@@ -156,7 +157,16 @@ def test_evaluation_names_the_path():
     assert got["from"] == "u_core.u_a.n1_q_TRELLIS_FF_Q"
     assert got["from_vhdl"] == "leaf.vhd:12"
     assert got["to_vhdl"] == "", "the last register is the wrapper's"
+    assert got["words"] == ("from leaf.count (leaf.vhd:12) through 1 LUT to the wrapper's register")
     assert pnr.Origins(VERILOG, "top").of("u_core.n2_o_LUT4_Z_1") == "top.vhd:7"
+
+
+def test_what_a_path_goes_through_is_counted():
+    cells = ("n1_CCU2C_S0$CCU2_COMB0", "n1_MULT18X18D_P0", "n1_MULT18X18D_P0_LUT4_Z", "n2_PFUMX_Z")
+    path = [step("logic", 0.1, "a", f"u_core.{name}") for name in cells]
+    path.append(step("routing", 0.1, "a", "u_core.n1_q_LUT4_Z"))
+    assert pnr._between(path) == "1 multiplier and 1 carry step and 2 LUTs"
+    assert pnr._between(path[-1:]) == "wires alone"
 
 
 def changed(**changes) -> dict:
