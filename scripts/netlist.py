@@ -167,7 +167,7 @@ _DIVISION = re.compile(r"^ *assign (\S+) = (\S+) ([%/]) (\S+); // (smod|srem|sdi
 _ABS = re.compile(r"^ *(\S+) <= std_logic_vector\(abs \$signed\((\w+)\)\);$", re.M)
 _EXTREME = re.compile(r"^ *(\S+) <= (\S+) when (.+) else (\S+);$", re.M)
 _COMBINATIONAL = re.compile(
-    r"^ *always @\*(?: begin)?[^\n]*\n(?:.*?^ *endcase$|.*?;[^\n]*$)", re.M | re.S
+    r"^ *always @\*(?: begin)?[^\n]*\n(?: *case\b.*?^ *endcase$|[^\n]*;[^\n]*$)", re.M | re.S
 )
 _LITERAL = re.compile(r"(\d+)'b([01xXzZ]+)$")
 _TEXT = re.compile(r'"([01xXzZ]+)"')

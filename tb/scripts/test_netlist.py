@@ -318,3 +318,16 @@ def test_generics_from_the_command_line():
     for wrong in ("N", "=3", "N=x"):
         with pytest.raises(tools.ToolError):
             tools.parse_generics([wrong])
+
+
+def test_a_signal_that_only_has_a_first_value_leaves_registers_alone() -> None:
+    # GHDL writes such a signal as a process of one statement; what follows it is clocked
+    text = (
+        "  always @*\n    words = 4'b0011; // (isignal)\n"
+        "  always @(posedge clk)\n    q <= d;\n"
+        "  always @*\n    case (s)\n      1'b0: v <= a;\n      default: v <= b;\n    endcase\n"
+    )
+    changed = netlist._blocking(text)
+    assert "    q <= d;\n" in changed
+    assert "1'b0: v = a;" in changed
+    assert "default: v = b;" in changed
