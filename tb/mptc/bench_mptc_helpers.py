@@ -1,4 +1,4 @@
-"""Cocotb side of ``test_mptc_helpers``: the observer and the pre-excitation, step by step."""
+"""Cocotb side of ``test_mptc_helpers``: observer, pre-excitation and the joined drive, by steps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import cocotb
 import numpy as np
 
 from directmpc.mptc import formats as f
-from directmpc.mptc import observer, preexcitation
+from directmpc.mptc import joined, observer, preexcitation
+from directmpc.mptc.coefficients import COEFFICIENTS
 from scripts import budgets
 from tb.common.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
 from tb.mptc import core
@@ -16,6 +17,10 @@ from tb.mptc import core
 LATENCY = {
     "mptc_observer": budgets.clocks("mptc_observer", "latency"),
     "mptc_preexcitation": budgets.clocks("mptc_preexcitation", "latency"),
+}
+DRIVE_LATENCY = {
+    "mptc": budgets.clocks("mptc_drive", "mptc"),
+    "mpfc": budgets.clocks("mptc_drive", "mpfc"),
 }
 
 
@@ -49,7 +54,10 @@ async def steps(dut) -> None:  # type: ignore[no-untyped-def]
     """Random and recorded inputs; resets in between."""
     given = arguments()
     name = given["entity"]
-    await (observe if name == "mptc_observer" else excite)(dut, given, LATENCY[name])
+    if name == "mptc_drive":
+        await drive(dut, given)
+    else:
+        await (observe if name == "mptc_observer" else excite)(dut, given, LATENCY[name])
 
 
 async def observe(dut, given, latency: int) -> None:  # type: ignore[no-untyped-def]
@@ -135,4 +143,54 @@ async def excite(dut, given, latency: int) -> None:  # type: ignore[no-untyped-d
     board.finish(
         {"decision": given["steps"]},
         {"limited": 5, "free": 5, "finished": 5, "not yet": 5, "restart": 5},
+    )
+
+
+async def drive(dut, given) -> None:  # type: ignore[no-untyped-def]
+    """The joined drive: stretches of periods, each from a reset, with and without magnetising."""
+    rng = random.Random(given["seed"])
+    board, clock = Scoreboard(), Clock(dut)
+    dut.start.value = 0
+    dut.restart.value = 0
+    for stretch in core.stretches(given["seed"], given["steps"]):
+        await clock.reset(2)
+        state = joined.initial()
+        for words in (
+            zip(COEFFICIENTS, stretch.parameters.core, strict=False),
+            zip(observer.COEFFICIENTS, stretch.parameters.observer, strict=True),
+        ):
+            for key, value in words:
+                getattr(dut, f"c_{key}").value = bits(int(value), f.WORD_WIDTH)
+        dut.limit.value = stretch.parameters.limit
+        dut.level.value = stretch.parameters.level
+        for n, m in enumerate(stretch.measurements):
+            if n == stretch.restart_at:
+                dut.restart.value = 1
+                await clock.tick()
+                dut.restart.value = 0
+                state[-1] = 0
+                board.cover("restart")
+            rows = {key: (int(m[i]), width) for i, (key, width) in enumerate(core.DRIVE_INPUTS)}
+            rows["excite"] = (stretch.parameters.excite, 1)
+            rows["method_mpfc"] = (int(stretch.parameters.core[-1]), 1)
+            u, saturated, clamped, exciting = joined.step_words(stretch.parameters, state, m)
+            clocks = await transaction(dut, clock, rng, rows)
+            got = (
+                number(dut.u_next),
+                number(dut.switches),
+                number(dut.saturated),
+                number(dut.clamped),
+                number(dut.exciting),
+                signed(number(dut.psis_alpha), 16),
+                signed(number(dut.psis_beta), 16),
+            )
+            wanted = (u, int(core.SWITCHES[u]), saturated, clamped, exciting, *state[4:6])
+            board.check("decision", got, tuple(int(v) for v in wanted), f"step {n}")
+            method = "mpfc" if stretch.parameters.core[-1] else "mptc"
+            board.check("clocks", clocks, DRIVE_LATENCY[method], f"step {n}")
+            board.cover("exciting" if exciting else "controlling")
+            board.cover("saturated", int(saturated))
+    board.finish(
+        {"decision": 6 * given["steps"]},
+        {"exciting": 20, "controlling": 50, "saturated": 5, "restart": 1},
     )

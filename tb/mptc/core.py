@@ -9,15 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.drive import MptcDrive, load_mptc_drive
-from directmpc.mptc import bit_true, closed_loop
+from directmpc.mptc import bit_true, closed_loop, joined
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
+from directmpc.mptc.vectors import STATES
 from directmpc.trace import IntArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
 SHIPPED = ("induction_2kw2", "motulator_2kw2")
 METHODS = ("MPTC", "MPFC")
+SWITCHES = STATES @ np.array([4, 2, 1])
+#: Measurement and reference ports of ``mptc_drive`` with their widths.
+DRIVE_INPUTS = tuple(
+    (name, f.REFERENCE_WIDTH if name == "psi_ref" else f.MEASUREMENT_WIDTH)
+    for name in f.MEASUREMENTS
+    if not name.startswith("psis")
+)
 
 
 @cache
@@ -67,7 +75,7 @@ class Rows:
         return np.where(self.registers[:, -1] == 1, MPFC_CYCLES, MPTC_CYCLES)
 
 
-def joined(*parts: Rows) -> Rows:
+def together(*parts: Rows) -> Rows:
     """Rows one after the other."""
     return Rows(
         np.concatenate([p.registers for p in parts]),
@@ -123,6 +131,47 @@ def mixed(seed: int, n: int) -> Rows:
         for name, rpm, load in zip(SHIPPED, (1500.0, -150.0), (0.0, 10.0), strict=True):
             parts += [recorded(name, method, rpm, load, n), any_state(name, method, rng, n)]
         parts.append(any_words(method, rng, n))
-    rows = joined(*parts)
+    rows = together(*parts)
     order = rng.permutation(len(rows))
     return Rows(rows.registers[order], rows.measurements[order], rows.u[order])
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Successive periods of ``mptc_drive`` from a reset on.
+
+    Attributes
+    ----------
+    parameters : joined.Parameters
+    measurements : (n, 6)
+        In the order of ``DRIVE_INPUTS``.
+    restart_at : int
+        Period before which `restart` is given; -1: never.
+    """
+
+    parameters: joined.Parameters
+    measurements: IntArray
+    restart_at: int = -1
+
+
+def stretches(seed: int, steps: int) -> list[Stretch]:
+    """Six stretches of `steps` periods: recorded currents and measurements of any content.
+
+    The recorded ones begin with a pre-excitation that a flux of a few periods ends.
+    """
+    rng = np.random.default_rng(seed)
+    columns = [f.MEASUREMENTS.index(name) for name, _ in DRIVE_INPUTS]
+    found = []
+    for method in METHODS:
+        drive = changed(shipped("motulator_2kw2"), method=method)
+        rows = recorded("motulator_2kw2", method, 900.0, 7.0, steps).measurements[:, columns]
+        flux = 0.02 * drive.control.psi_max
+        found += [
+            Stretch(joined.parameters(drive, limit=8.0, flux=flux), rows, steps // 2),
+            Stretch(joined.parameters(drive), rows),
+            Stretch(
+                joined.parameters(drive, limit=8.0, flux=flux),
+                any_measurements(rng, steps)[:, columns],
+            ),
+        ]
+    return found

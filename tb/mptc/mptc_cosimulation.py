@@ -17,7 +17,8 @@ from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, WORD_WIDTH
 from directmpc.mptc.plant import step
-from directmpc.mptc.rtl_simulation import CLOCK_NS, FIELDS, Job, load_job
+from directmpc.mptc.rtl_simulation import FIELDS, Job
+from directmpc.simulator import CLOCK_NS, load_job
 
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
 
@@ -88,7 +89,9 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
     """Feed recorded rows, each with its own parameters where the job has them."""
     out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
     for k in range(len(out)):
-        if job.each_registers is not None:
+        if job.each_registers is not None and (
+            k == 0 or not np.array_equal(job.each_registers[k], job.each_registers[k - 1])
+        ):
             bench.load(job.each_registers[k])
         out[k] = await bench.decide(job.measurements[k], job.u[k])
         progress(k + 1)

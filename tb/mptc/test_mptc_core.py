@@ -21,16 +21,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.mptc import closed_loop, replay, rtl_simulation
+from directmpc.mptc import rtl_simulation
 from directmpc.mptc.rtl_simulation import Job
-from directmpc.mptc.vectors import STATES
-from directmpc.rtl_simulation import SimulationError
-from directmpc.trace import write_mptc_trace
-from scripts import budgets, netlist, netlist_check
+from directmpc.simulator import SimulationError
+from scripts import netlist, netlist_check
 from tb.common.simulation import RTL
 from tb.mptc import core
-
-SWITCHES = STATES @ np.array([4, 2, 1])
 
 
 def ghdl(rows: core.Rows, *, flux_control: bool = True, rtl: Path | None = None) -> np.ndarray:
@@ -49,7 +45,7 @@ def wrong(rows: core.Rows, got: np.ndarray) -> int:
     """Decisions that differ from the twin's in anything."""
     wanted = rows.expected()
     table = np.column_stack(
-        [wanted[:, 0], rows.cycles(), wanted[:, 1], wanted[:, 2], SWITCHES[wanted[:, 0]]]
+        [wanted[:, 0], rows.cycles(), wanted[:, 1], wanted[:, 2], core.SWITCHES[wanted[:, 0]]]
     )
     return int(np.any(table != got, axis=1).sum())
 
@@ -86,7 +82,7 @@ def _netlist(rows: core.Rows, flux_control: bool) -> netlist_check.Result:
             "u_next": wanted[:, 0],
             "saturated": wanted[:, 1],
             "clamped": wanted[:, 2],
-            "switches": SWITCHES[wanted[:, 0]],
+            "switches": core.SWITCHES[wanted[:, 0]],
         },
         rows.cycles().tolist(),
         ports=netlist_check.Ports(found.inputs, found.outputs, held),
@@ -141,23 +137,6 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         nothing = np.zeros_like(rows.measurements)
         rows = core.Rows(rows.registers, nothing, rows.u)
     assert wrong(rows, ghdl(rows, rtl=tmp_path)) > 0
-
-
-@pytest.mark.parametrize("method", core.METHODS)
-def test_engines_of_replay_agree(method: str, tmp_path: Path) -> None:
-    drive = core.changed(core.shipped("motulator_2kw2"), method=method)
-    run = closed_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.95, 150))
-    path = tmp_path / "trace.csv"
-    write_mptc_trace(path, run.trace)
-    by_rtl = replay.replay(drive, path, "rtl")
-    by_model = replay.replay(drive, path, "model")
-    by_ideal = replay.replay(drive, path, "ideal")
-    assert by_model.cycles is None
-    assert by_ideal.cycles is None
-    assert set(by_rtl.cycles.tolist()) == {budgets.clocks("mptc_core", method.lower())}
-    np.testing.assert_array_equal(by_rtl.u, by_model.u)
-    np.testing.assert_array_equal(by_rtl.saturated, by_model.saturated)
-    assert np.mean(by_ideal.u == by_rtl.u) >= 0.95
 
 
 def test_a_simulation_that_fails_says_so(tmp_path: Path) -> None:

@@ -37,7 +37,8 @@ from directmpc.trace import (
 )
 from tb.mptc import core
 
-POINTS = [(rpm, load) for rpm in (150.0, 900.0, 1500.0, -150.0, -1500.0) for load in (0.0, 14.0)]
+POINTS = [(rpm, load) for rpm in (150.0, 900.0, 1500.0) for load in (0.0, 14.0)]
+POINTS += [(-rpm, load) for rpm, load in POINTS]
 
 
 def random_inputs(rng: np.random.Generator) -> tuple[complex, complex, float, int, float, float]:

@@ -139,6 +139,7 @@ def simulate(
     engine: str = "model",
     plant: PlantParameters | None = None,
     values: Registers | None = None,
+    controller: tuple[Any, Any] | None = None,
 ) -> Run:
     """Run a closed loop.
 
@@ -154,6 +155,9 @@ def simulate(
         The drive's own with imposed speed if not given.
     values : Registers, optional
         Registers of the twin instead of the drive's.
+    controller : tuple, optional
+        A compiled function with the signature of ``ideal.decide`` and its parameters, instead of
+        the engine's.
 
     Returns
     -------
@@ -163,7 +167,9 @@ def simulate(
     reference = ideal.ideal_parameters(drive)
     decide: Any
     parameters: Any
-    if engine == "ideal":
+    if controller is not None:
+        decide, parameters = controller
+    elif engine == "ideal":
         decide, parameters = ideal.decide, reference
     else:
         decide, parameters = bit_true.decide, bit_true.parameters(drive, values)

@@ -51,13 +51,17 @@ _FULL = 2.0 ** (f.MEASUREMENT_WIDTH - 1) / (2.0 ** (f.MEASUREMENT_WIDTH - 1) - 1
 
 #: Which keys of the drive file a coefficient that does not fit depends on.
 _KEYS = {
+    "current": "control.psi_max (psi_max/(sigma*L_s) must not be negligible beside current_max)",
+    "flux": "control.current_max (it must not be negligible beside psi_max/(sigma*L_s))",
     "rotor": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
     "rotor_flux": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
-    "drop_current": "control.ts or control.current_max (T_s*R_s*current_max below psi_max)",
-    "drop": "control.ts (T_s*R_s/(sigma*L_s) must be below 1)",
+    "drop_current": "control.ts or control.psi_max (T_s*R_s*current_max must be below psi_max)",
+    "drop": "control.ts or control.psi_max (T_s*R_s times current_max + psi_max/(sigma*L_s) "
+    "must be below psi_max)",
     "drop_flux": "control.ts (T_s*R_s/(sigma*L_s) must be below 1)",
     "speed": "control.ts or control.speed_max (T_s*speed_max must be below 1)",
     "voltage_alpha": "control.ts or control.psi_max (8/3*T_s*vdc must be below psi_max)",
+    "voltage_beta": "control.ts or control.psi_max (8/3*T_s*vdc must be below psi_max)",
 }
 
 
@@ -154,7 +158,7 @@ def registers(drive: MptcDrive) -> Registers:
     for name, word in words.items():
         if abs(word) > f.WORD_HIGH:
             raise ValueError(
-                f"{_KEYS.get(name, 'control')}: the coefficient {name} is {values[name]:.4g} and "
+                f"{_KEYS[name]}: the coefficient {name} is {values[name]:.4g} and "
                 "cannot be represented"
             )
     for name in ("rotor", "drop_flux"):

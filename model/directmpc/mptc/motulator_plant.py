@@ -12,9 +12,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import matplotlib
 import numpy as np
-from motulator.drive import model
-from motulator.drive.utils import InductionMachineInvGammaPars, InductionMachinePars
+
+with matplotlib.rc_context():  # motulator sets a style for every plot there is
+    from motulator.drive import model
+    from motulator.drive.utils import InductionMachineInvGammaPars, InductionMachinePars
 
 from directmpc.drive import MptcDrive
 from directmpc.mptc import bit_true, ideal

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 
 import numpy as np
@@ -11,9 +10,8 @@ from directmpc.drive import MptcDrive
 from directmpc.mptc import bit_true, ideal, rtl_simulation
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.rtl_simulation import Job
-from directmpc.trace import MptcDecisions, MptcTrace, read_mptc_trace
-
-ENGINES = ("rtl", "model", "ideal")
+from directmpc.simulator import in_parallel
+from directmpc.trace import IntArray, MptcDecisions, MptcTrace
 
 
 def decide(
@@ -31,7 +29,7 @@ def decide(
     trace : MptcTrace
         n independent rows.
     engine : str
-        One of ``ENGINES``.
+        "rtl", "model" or "ideal".
     progress : callable, optional
         Called now and then with the number of decisions made; RTL only.
 
@@ -50,21 +48,14 @@ def decide(
         return ideal.run(drive, trace)
     if engine == "model":
         return bit_true.run(drive, trace)
-    if engine != "rtl":
-        raise ValueError(f'engine: got "{engine}"; it must be one of {", ".join(ENGINES)}')
     measurements, clipped = bit_true.encode(drive, trace)
-    job = Job(registers(drive).array(), measurements, np.asarray(trace.u, dtype=np.int64))
-    out = np.asarray(rtl_simulation.simulate(job, progress)["decisions"], dtype=np.int64)
+    values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
+
+    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        job = Job(values, measurements[rows], u[rows])
+        return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
+
+    out = in_parallel(len(trace), run, progress)
     return MptcDecisions(
         u=out[:, 0], cycles=out[:, 1], saturated=out[:, 2] | out[:, 3] | clipped.astype(np.int64)
     )
-
-
-def replay(
-    drive: MptcDrive,
-    trace_path: str | os.PathLike[str],
-    engine: str = "rtl",
-    progress: Callable[[int], None] | None = None,
-) -> MptcDecisions:
-    """Read a trace and decide on it; arguments, result and errors as `decide`, and `TraceError`."""
-    return decide(drive, read_mptc_trace(trace_path), engine, progress)
