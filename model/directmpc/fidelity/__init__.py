@@ -1,0 +1,1 @@
+"""How close the bit-true controllers come to the ideal one, and what keeps them from it."""
