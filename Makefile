@@ -40,18 +40,22 @@ EXPLORERS ?= 2
 VARIANT ?= fast
 TOP ?=
 SEEDS ?= 5
-export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP
+BOARD ?=
+CONTROLLER ?= mpdcc
+export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test lint format replay synth budgets pnr sweep report sources generate clean
+.PHONY: help setup run test lint format replay registers synth budgets pnr sweep report fidelity sources generate \
+  virtual-board bitstream netlist clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
 	@echo
-	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-20s %s\n", $$1, $$2 }'
 	@echo
 	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=fast|paper]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
+	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc]'
 
 $(READY): $(ROOT)/requirements.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2
@@ -73,8 +77,8 @@ format: $(READY) ## rewrite VHDL and Python in house style
 	@'$(PY)' -m scripts.lint --fix
 
 # $(call need,NAME,what): stop with one line when a variable is empty
-need = @if [ -z "$${$(1)}" ]; then echo 'replay: $(1) is not set ($(2)); make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv' >&2; exit 2; fi
-readable = @if [ ! -f "$${$(1)}" ] || [ ! -r "$${$(1)}" ]; then echo "replay: $(1): no readable file '$${$(1)}' in $$(pwd)" >&2; exit 2; fi
+need = @if [ -z "$${$(1)}" ]; then echo '$@: $(1) is not set ($(2))$(if $(filter replay,$@),; make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv)' >&2; exit 2; fi
+readable = @if [ ! -f "$${$(1)}" ] || [ ! -r "$${$(1)}" ]; then echo "$@: $(1): no readable file '$${$(1)}' in $$(pwd)" >&2; exit 2; fi
 empty :=
 oneof = @case "$${$(1)}" in $(subst $(empty) ,|,$(2))) ;; *) echo "replay: $(1) is '$${$(1)}', but has to be one of: $(2)" >&2; exit 2;; esac
 
@@ -89,6 +93,11 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 	$(call readable,IN)
 	@if [ -d "$$OUT" ] || [ ! -d "$$(dirname -- "$$OUT")" ]; then echo "replay: OUT: cannot write '$$OUT': a directory, or in none" >&2; exit 2; fi
 	@'$(PY)' -m directmpc.replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
+
+registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
+	$(call need,DRIVE,the drive file)
+	$(call readable,DRIVE)
+	@'$(PY)' -m directmpc.registers "$$DRIVE" $(or $(ARGS),--csv)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)
 	@'$(PY)' -m scripts.synth --jobs '$(JOBS)' $(ARGS)
@@ -105,12 +114,30 @@ sweep: $(READY) ## cycles, area, clock and accuracy over variants, explorers and
 report: $(READY) ## every published number, table and plot into reports/
 	@'$(PY)' -m directmpc.report $(ARGS)
 
+fidelity: $(READY) ## decisions and closed loops beside the ideal controller, and the error budget
+	@'$(PY)' -m directmpc.fidelity --jobs '$(JOBS)' $(ARGS)
+
 sources: $(READY) ## VHDL files in compile order for TOP
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts.sources '' >&2; exit 2; fi; '$(PY)' -m scripts.sources "$$TOP"
+
+virtual-board: $(READY) ## the board top in simulation, its UART on a pseudo-terminal; ARGS=--help
+	@'$(PY)' -m scripts.virtual_board $(ARGS)
+
+bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
+	$(call need,BOARD,the board)
+	@'$(PY)' -m scripts.bitstream --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+
+netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
+	$(call need,BOARD,the board)
+	@'$(PY)' -m scripts.bitstream --netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m directmpc.vhdl_package
 	@'$(PY)' -m directmpc.mptc.vhdl_package
+	@'$(PY)' -m directmpc.register_files
+	@'$(PY)' -m directmpc.host.vhdl_package
+	@'$(PY)' -m directmpc.host.examples
+	@'$(PY)' -m scripts.boards
 
 clean: ## remove what can be made again, but for .venv
 	@rm -rf '$(ROOT)/build' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'

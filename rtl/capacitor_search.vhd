@@ -13,6 +13,8 @@
 -- Formats: trajectory units; rows of the table as capacitor_t says.
 -- Latency: held is valid 8 clocks after start, the last of the 17 rows is out 23 clocks after
 -- start; initiation interval of a node 18 clocks.
+-- Successors: the phases' lines without current and the neutral point without a phase do not move,
+-- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
 -- Overflow: none; abs(slope) is clipped at twice the largest bound, which is outside at once.
 -- Tried and dropped: one bit a stage takes 200 flip-flops more; using the explorers' own pipelines
 -- saves 250 slices and makes every explorer
@@ -36,6 +38,8 @@ entity capacitor_search is
     limits   : in    limits_t;    -- bounds and horizon, stable
     node     : in    node_t;      -- errors of the capacitor voltages and current terms, stable
     previous : in    positions_t; -- s(k-1), stable
+    successor : in   std_logic; -- with start: only lines with a current; the others are the root's
+    bank     : in    std_logic; -- with start: which table
     held     : out   std_logic;   -- '1': the lines of s(k-1) are inside at k+1; see latency
     ready    : out   std_logic;   -- '1': the last row is out 6 clocks later
     entry    : out   capacitor_t  -- rows of the table as they come
@@ -44,7 +48,8 @@ end entity capacitor_search;
 
 architecture rtl of capacitor_search is
 
-  constant LINES       : natural := 17;
+  constant LINES       : natural := 30; -- idle
+  constant ROOT_LINES  : natural := 17; -- of s(k-1) and all others
   constant STAGE_COUNT : natural := 2 + LENGTH_WIDTH / 2;
 
   subtype room_t is unsigned(BOUND_WIDTH - 1 downto 0);
@@ -64,6 +69,8 @@ architecture rtl of capacitor_search is
   signal kind_0    : unsigned(1 downto 0);
   signal pattern_0 : std_logic_vector(2 downto 0);
   signal flips     : unsigned(2 downto 0);         -- how the next pattern differs from that of s(k-1)
+  signal bank_now  : std_logic;
+  signal bank_row  : std_logic_vector(1 to STAGE_COUNT);
   signal row   : rows_t;
 
   signal slope_1 : trajectory_t;
@@ -96,19 +103,27 @@ begin
     if rising_edge(clk) then
       valid <= to_std_logic(line /= LINES) & valid(0 to STAGE_COUNT - 1);
 
-      if (line /= LINES) then
+      if (line = ROOT_LINES - 1) then
+        line <= LINES;
+      elsif (line /= LINES) then
         line <= line + 1;
       end if;
 
       -- stage 0
       -- lines 0 to 2: phases as at s(k-1); 3: neutral point as at s(k-1); 4 to 9: the phases' other
       -- kinds; 10 to 16: the other patterns of the neutral point
+      -- 17 to 22: both kinds with a current of each phase; 23 to 29: all patterns but none
       pattern_0 <= neutral_pattern(previous) xor std_logic_vector(flips);
+
+      if (line >= ROOT_LINES) then
+        pattern_0 <= std_logic_vector(flips);
+      end if;
+
       phase_0   <= 3;
       kind      := "00";
       first(0)  <= to_std_logic(line < 4);
 
-      if (line >= 10) then
+      if ((line >= 10 and line < ROOT_LINES) or line >= 23) then
         flips <= flips + 1;
       else
         flips <= "001";
@@ -119,7 +134,7 @@ begin
       end if;
 
       for x in 0 to 2 loop
-        if (line = x or line = 4 + x or line = 7 + x) then
+        if (line = x or line = 4 + x or line = 7 + x or line = 17 + x or line = 20 + x) then
           phase_0 <= x;
           kind    := charge_kind(previous(x));
         end if;
@@ -132,10 +147,17 @@ begin
         kind := (kind(0) nor kind(1)) & kind(1);
       end if;
 
+      if (line >= 17 and line < 20) then
+        kind := "01";
+      elsif (line >= 20 and line < 23) then
+        kind := "10";
+      end if;
+
       kind_0 <= kind;
 
       -- stage 1
       first(1) <= first(0);
+      bank_row <= bank_now & bank_row(1 to STAGE_COUNT - 1);
 
       if (valid(0) = '1') then
         if (phase_0 = 3) then
@@ -217,8 +239,13 @@ begin
       end loop;
 
       if (start = '1') then
-        line   <= 0;
-        passed <= '1';
+        line     <= 0;
+        passed   <= '1';
+        bank_now <= bank;
+
+        if (successor = '1') then
+          line <= ROOT_LINES;
+        end if;
       end if;
 
       if (rst = '1') then
@@ -229,11 +256,12 @@ begin
 
   end process p_lines;
 
-  p_entry : process (valid, row, length, inside, excess, limits) is
+  p_entry : process (valid, row, bank_row, length, inside, excess, limits) is
   begin
 
     entry.write  <= valid(STAGE_COUNT);
     entry.row    <= row(STAGE_COUNT);
+    entry.bank   <= bank_row(STAGE_COUNT);
     entry.length <= length(STAGE_COUNT);
     entry.excess <= excess(STAGE_COUNT);
 

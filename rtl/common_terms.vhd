@@ -7,6 +7,10 @@
 -- PROGRAM_SHIFT and saturated to RESULT_WIDTHS.
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
+-- Successors: after a node, advance runs a second program on the same blocks that takes it on to
+-- k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks, advanced 20
+-- clocks later.  Its results replace the words as they come; node.error of the currents and
+-- node.slope, which explorers read, only when they are told to.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
 -- Weighed, not built (figures estimated): one product per clock on a single block takes 34 clocks instead of 9.
@@ -36,7 +40,18 @@ entity common_terms is
     capacitors   : out   std_logic; -- '1' for one clock: capacitor terms of node are new with the next
     done         : out   std_logic; -- '1' for one clock: node is new
     node         : out   node_t;                                                          -- stable until the next done
-    saturated    : out   std_logic -- '1': a result of this node saturated
+    saturated    : out   std_logic; -- '1': a result of this node saturated
+    -- successors of the node, fast variant alone
+    advance      : in    std_logic; -- '1' for one clock: begin with a successor
+    steps        : in    length_t; -- L1, stable until advanced
+    base         : in    base_words_t; -- operands A of the successor, signed, BASE order
+    slope_ahead  : in    plane_t; -- its natural slope, alpha and beta
+    show_slope   : in    std_logic; -- '1': node.slope becomes the successor's
+    show_error   : in    std_logic; -- '1': node.error of i_a, i_b becomes the successor's, i_c's a clock later
+    advanced     : out   std_logic; -- '1' for one clock: every word of the successor is new
+    overflowed   : out   std_logic; -- '1': one of them saturated, valid from the clock after advanced on
+    error_ahead  : out   trajectories_t; -- current errors by the words as they are
+    words        : out   words_t -- results, alpha and beta
   );
 end entity common_terms;
 
@@ -49,7 +64,24 @@ architecture rtl of common_terms is
 
   constant LENGTH_OF_PROGRAM : natural := PROGRAM_LENGTHS(VARIANT);
 
-  type clocks_t is array (0 to STAGES) of natural range 0 to LENGTH_OF_PROGRAM;
+  -- steps of all programs that this variant runs
+  function step_count_of (paper : boolean) return natural is
+  begin
+
+    if (paper) then
+      return LENGTH_OF_PROGRAM;
+    else
+      return PROGRAM_STEPS;
+    end if;
+
+  end function step_count_of;
+
+  constant LAST_STEP : natural := step_count_of(FOLDED); -- also: idle
+
+  -- step whose result comes with the natural slope of the successor: between its own and the next
+  constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
+
+  type clocks_t is array (0 to STAGES) of natural range 0 to LAST_STEP;
 
   subtype accumulator_t is std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0);
 
@@ -66,7 +98,7 @@ architecture rtl of common_terms is
   begin
 
     for b in 0 to BLOCK_COUNT - 1 loop
-      for i in 0 to LENGTH_OF_PROGRAM - 1 loop
+      for i in 0 to LAST_STEP - 1 loop
         if (PROGRAM_RESULT(VARIANT, b, i) = result) then
           return true;
         end if;
@@ -77,9 +109,21 @@ architecture rtl of common_terms is
 
   end function computed;
 
+  -- word of a result in the program that a step belongs to
+  function width_of (step, result : natural) return natural is
+  begin
+
+    if (step >= SUCCESSOR_FIRST) then
+      return SUCCESSOR_WIDTHS(result);
+    else
+      return RESULT_WIDTHS(result);
+    end if;
+
+  end function width_of;
+
   signal operands     : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
-  signal clock_count  : clocks_t; -- LENGTH_OF_PROGRAM: idle
+  signal clock_count  : clocks_t; -- LAST_STEP: idle
   signal accumulators : accumulators_t;
   signal terms        : terms_t;
   signal curvature    : wide_curvatures_t;
@@ -88,6 +132,8 @@ architecture rtl of common_terms is
   signal slope        : trajectories_t;
   signal overflow     : std_logic;
   signal last         : std_logic;
+  signal ended        : std_logic;
+  signal show_third   : std_logic;
 
   -- the fast variant takes the opposite of phase c, so that three errors add up to zero exactly
   function current_of (alpha, beta : signed; phase : natural) return signed is
@@ -104,7 +150,11 @@ architecture rtl of common_terms is
 begin
 
   operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
-  factors                                        <= speeds & coefficients;
+  operands(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= base;
+
+  -- 128 * L1 and the powers of two that put a word where the products of its sum are
+  factors <= x"4000" & x"2000" & x"0400" & x"0080" & "000" & std_logic_vector(steps) & "0000000" & speeds
+             & coefficients;
 
   g_products : for i in 0 to PRODUCT_COUNT - 1 generate
     operands((SIGNAL_COUNT + i + 1) * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + i) * OPERAND_WIDTH) <=
@@ -113,10 +163,10 @@ begin
 
   g_blocks : for block_number in 0 to BLOCK_COUNT - 1 generate
 
-    signal a_inputs   : std_logic_vector(LENGTH_OF_PROGRAM * OPERAND_WIDTH - 1 downto 0);
-    signal b_inputs   : std_logic_vector(LENGTH_OF_PROGRAM * COEFFICIENT_WIDTH - 1 downto 0);
-    signal a_select   : std_logic_vector(selector_width(LENGTH_OF_PROGRAM) - 1 downto 0);
-    signal b_select   : std_logic_vector(selector_width(LENGTH_OF_PROGRAM) - 1 downto 0);
+    signal a_inputs   : std_logic_vector(LAST_STEP * OPERAND_WIDTH - 1 downto 0);
+    signal b_inputs   : std_logic_vector(LAST_STEP * COEFFICIENT_WIDTH - 1 downto 0);
+    signal a_select   : std_logic_vector(selector_width(LAST_STEP) - 1 downto 0);
+    signal b_select   : std_logic_vector(selector_width(LAST_STEP) - 1 downto 0);
     signal alignment  : std_logic_vector(1 downto 0);
     signal accumulate : std_logic;
     signal rounding   : accumulator_t; -- half an LSB of the result
@@ -124,7 +174,7 @@ begin
 
   begin
 
-    g_words : for i in 0 to LENGTH_OF_PROGRAM - 1 generate
+    g_words : for i in 0 to LAST_STEP - 1 generate
 
       g_a : if PROGRAM_WORDS_A(VARIANT, block_number, i) >= 0 generate
         a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH) <=
@@ -146,7 +196,7 @@ begin
 
     end generate g_words;
 
-    enable <= to_std_logic(clock_count(0) /= LENGTH_OF_PROGRAM);
+    enable <= to_std_logic(clock_count(0) /= LAST_STEP);
 
     p_controls : process (clock_count(0)) is
     begin
@@ -157,7 +207,7 @@ begin
       accumulate <= '0';
       rounding   <= (others => '0');
 
-      for i in 0 to LENGTH_OF_PROGRAM - 1 loop
+      for i in 0 to LAST_STEP - 1 loop
         if (clock_count(0) = i) then
           a_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_A(VARIANT, block_number, i), a_select'length));
           b_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_B(VARIANT, block_number, i), b_select'length));
@@ -175,8 +225,8 @@ begin
       generic map (
         A_WIDTH           => OPERAND_WIDTH,
         B_WIDTH           => COEFFICIENT_WIDTH,
-        A_WORDS           => LENGTH_OF_PROGRAM,
-        B_WORDS           => LENGTH_OF_PROGRAM,
+        A_WORDS           => LAST_STEP,
+        B_WORDS           => LAST_STEP,
         ALIGNMENT_STEP    => ALIGNMENT_STEP,
         ACCUMULATOR_WIDTH => ACCUMULATOR_WIDTH
       )
@@ -202,7 +252,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (start = '1') then
+      if (start = '1' or clock_count(STAGES) = SUCCESSOR_FIRST) then
         overflow <= '0';
       end if;
 
@@ -213,19 +263,19 @@ begin
       end loop;
 
       for b in 0 to BLOCK_COUNT - 1 loop
-        for i in 0 to LENGTH_OF_PROGRAM - 1 loop
+        for i in 0 to LAST_STEP - 1 loop
           if (PROGRAM_RESULT(VARIANT, b, i) >= 0 and clock_count(STAGES) = i) then
             value := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
 
             terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-              resize(value(RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
+              resize(value(width_of(i, PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
 
             -- most results cannot exceed their words and need no logic for it
             if (RESULT_SATURATES(VARIANT, PROGRAM_RESULT(VARIANT, b, i)) = 1) then
               terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-                resize(clip(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
+                resize(clip(value, width_of(i, PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
 
-              if (overflows(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))) = '1') then
+              if (overflows(value, width_of(i, PROGRAM_RESULT(VARIANT, b, i))) = '1') then
                 overflow <= '1';
               end if;
             end if;
@@ -233,10 +283,24 @@ begin
         end loop;
 
       end loop;
+
+      if (not FOLDED and clock_count(STAGES) = SLOPE_STEP) then
+        terms(RESULT_SLOPE_ALPHA) <= slope_ahead(0);
+        terms(RESULT_SLOPE_BETA)  <= slope_ahead(1);
+      end if;
     end if;
 
   end process p_results;
 
+  g_results : for i in 0 to RESULT_COUNT - 1 generate
+    words((i + 1) * TERM_WIDTH - 1 downto i * TERM_WIDTH) <= std_logic_vector(terms(i));
+  end generate g_results;
+
+  g_ahead : for x in 0 to 2 generate
+    error_ahead(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+  end generate g_ahead;
+
+  advanced   <= ended;
   issued     <= to_std_logic(clock_count(0) = LENGTH_OF_PROGRAM - 1);
   capacitors <= to_std_logic(clock_count(STAGES) = CAPACITOR_STEP);
 
@@ -248,15 +312,26 @@ begin
       last                     <= to_std_logic(clock_count(STAGES) = LENGTH_OF_PROGRAM - 1);
       done                     <= last;
 
+      ended                    <= to_std_logic(clock_count(STAGES) = LAST_STEP - 1);
+
       if (start = '1') then
         clock_count(0) <= 0;
-      elsif (clock_count(0) /= LENGTH_OF_PROGRAM) then
+      elsif (advance = '1') then
+        clock_count(0) <= SUCCESSOR_FIRST;
+      elsif (clock_count(0) = LENGTH_OF_PROGRAM - 1) then
+        clock_count(0) <= LAST_STEP;
+      elsif (clock_count(0) /= LAST_STEP) then
         clock_count(0) <= clock_count(0) + 1;
       end if;
 
+      if (ended = '1') then
+        overflowed <= overflow;
+      end if;
+
       if (rst = '1') then
-        clock_count <= (others => LENGTH_OF_PROGRAM);
+        clock_count <= (others => LAST_STEP);
         last        <= '0';
+        ended       <= '0';
         done        <= '0';
       end if;
     end if;
@@ -295,13 +370,24 @@ begin
   begin
 
     if rising_edge(clk) then
+      show_third <= show_error;
+
+      -- explorers look at the third one a clock later
+      for x in 0 to 2 loop
+        if (last = '1' or (x < 2 and show_error = '1') or (x = 2 and show_third = '1')) then
+          error(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+        end if;
+      end loop;
+
+      if (last = '1' or show_slope = '1') then
+        for x in 0 to 2 loop
+          slope(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA), terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
+        end loop;
+      end if;
+
       if (last = '1') then
         for x in 0 to 2 loop
-          error(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA),
-                                        terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
-          bend(x)  <= clip(curvature(x), CURVATURE_WIDTH);
-          slope(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA),
-                                        terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
+          bend(x) <= clip(curvature(x), CURVATURE_WIDTH);
         end loop;
 
         saturated <= overflow;

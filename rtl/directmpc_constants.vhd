@@ -25,6 +25,9 @@ package directmpc_constants is
   constant LENGTH_WIDTH : natural := 6; -- bits, steps
   constant INDEX_WIDTH : natural := 6; -- bits, place of a candidate in the order of enumeration
   constant EFFORT_WIDTH : natural := 4; -- bits, weighted transitions of a candidate
+  constant TOTAL_EFFORT_WIDTH : natural := 5; -- bits, of two candidates in turn
+  constant BASE_WIDTH : natural := 17; -- bits, errors and slopes that successors start from, signed
+  constant BUDGET_WIDTH : natural := 12; -- bits, candidates of the second level, unsigned
   constant RECIPROCAL_FRACTION : natural := 24; -- fractional bits of 1/L and of the cost
   constant CURVATURE_TERM_WIDTH : natural := 12; -- bits, curvature components, signed
   constant CURVATURE_WIDTH : natural := 11; -- bits, curvature of a phase, signed
@@ -45,32 +48,53 @@ package directmpc_constants is
 
   subtype reciprocal_t is std_logic_vector(24 downto 0);
 
-  type reciprocals_t is array (0 to 63) of reciprocal_t;
+  type reciprocals_t is array (0 to 127) of reciprocal_t;
 
   -- round(2**24/L), entry 0 unused
   constant RECIPROCALS : reciprocals_t := (
-    "0000000000000000000000000", "1000000000000000000000000", "0100000000000000000000000",
-    "0010101010101010101010101", "0010000000000000000000000", "0001100110011001100110011",
-    "0001010101010101010101011", "0001001001001001001001001", "0001000000000000000000000",
-    "0000111000111000111000111", "0000110011001100110011010", "0000101110100010111010001",
-    "0000101010101010101010101", "0000100111011000100111011", "0000100100100100100100101",
-    "0000100010001000100010001", "0000100000000000000000000", "0000011110000111100001111",
-    "0000011100011100011100100", "0000011010111100101000011", "0000011001100110011001101",
-    "0000011000011000011000011", "0000010111010001011101001", "0000010110010000101100100",
-    "0000010101010101010101011", "0000010100011110101110001", "0000010011101100010011110",
-    "0000010010111101101000010", "0000010010010010010010010", "0000010001101001111011101",
-    "0000010001000100010001001", "0000010000100001000010001", "0000010000000000000000000",
-    "0000001111100000111110000", "0000001111000011110001000", "0000001110101000001110101",
-    "0000001110001110001110010", "0000001101110101100111110", "0000001101011110010100010",
-    "0000001101001000001101001", "0000001100110011001100110", "0000001100011111001110000",
-    "0000001100001100001100010", "0000001011111010000011000", "0000001011101000101110100",
-    "0000001011011000001011011", "0000001011001000010110010", "0000001010111001001100010",
-    "0000001010101010101010101", "0000001010011100101111000", "0000001010001111010111000",
-    "0000001010000010100000101", "0000001001110110001001111", "0000001001101010010000111",
-    "0000001001011110110100001", "0000001001010011110010000", "0000001001001001001001001",
-    "0000001000111110111000001", "0000001000110100111101110", "0000001000101011011001000",
-    "0000001000100010001000100", "0000001000011001001011100", "0000001000010000100001000",
-    "0000001000001000001000001"
+    "0000000000000000000000000", "1000000100110011000000000", "0100000010011001100000000",
+    "0010101100010001000000000", "0010000001001100110000000", "0001100111010111000000000",
+    "0001010110001000100000000", "0001001001110101000000000", "0001000000100110011000000",
+    "0000111001011011000000000", "0000110011101011100000000", "0000101110111110110011000",
+    "0000101011000100010000000", "0000100111110000001111000", "0000100100111010100000000",
+    "0000100010011101000000000", "0000100000010011001100000", "0000011110011001100110000",
+    "0000011100101101100000000", "0000011011001100110010010", "0000011001110101110000000",
+    "0000011000100111000000000", "0000010111011111011001100", "0000010110011110000010110",
+    "0000010101100010001000000", "0000010100101011000000000", "0000010011111000000111100",
+    "0000010011001001000000000", "0000010010011101010000000", "0000010001110100100001000",
+    "0000010001001110100000000", "0000010000101010111011110", "0000010000001001100110000",
+    "0000001111101010010001000", "0000001111001100110011000", "0000001110110001000000000",
+    "0000001110010110110000000", "0000001101111101111010110", "0000001101100110011001001",
+    "0000001101010000000101000", "0000001100111010111000000", "0000001100100110101101010",
+    "0000001100010011100000000", "0000001100000001001011111", "0000001011101111101100110",
+    "0000001011011111000000000", "0000001011001111000001011", "0000001010111111101110010",
+    "0000001010110001000100000", "0000001010100011000000000", "0000001010010101100000000",
+    "0000001010001000100010000", "0000001001111100000011110", "0000001001110000000011101",
+    "0000001001100100100000000", "0000001001011001010111000", "0000001001001110101000000",
+    "0000001001000100010000110", "0000001000111010010000100", "0000001000110000100110000",
+    "0000001000100111010000000", "0000001000011110001101101", "0000001000010101011101111",
+    "0000001000001101000000000", "0000001000000100110011000", "0000000111111100110110001",
+    "0000000111110101001000110", "0000000111101101101010000", "0000000111100110011001011",
+    "0000000111011111010110010", "0000000111011000100000000", "0000000111010001110110001",
+    "0000000111001011011000000", "0000000111000101000101010", "0000000110111110111101011",
+    "0000000110111001000000000", "0000000110110011001100101", "0000000110101101100010111",
+    "0000000110101000000010100", "0000000110100010101010111", "0000000110011101011100000",
+    "0000000110011000010101011", "0000000110010011010110101", "0000000110001110011111101",
+    "0000000110001001110000000", "0000000110000101000111100", "0000000110000000100110000",
+    "0000000101111100001011000", "0000000101110111110110100", "0000000101110011101000010",
+    "0000000101101111100000000", "0000000101101011011101100", "0000000101100111100000110",
+    "0000000101100011101001010", "0000000101011111110111001", "0000000101011100001010001",
+    "0000000101011000100010000", "0000000101010100111110101", "0000000101010001100000000",
+    "0000000101001110000101111", "0000000101001010110000000", "0000000101000111011110011",
+    "0000000101000100010001000", "0000000101000001000111100", "0000000100111110000001111",
+    "0000000100111011000000000", "0000000100111000000001110", "0000000100110101000111001",
+    "0000000100110010010000000", "0000000100101111011100001", "0000000100101100101011101",
+    "0000000100101001111110010", "0000000100100111010100000", "0000000100100100101100110",
+    "0000000100100010001000011", "0000000100011111100111000", "0000000100011101001000010",
+    "0000000100011010101100010", "0000000100011000010011000", "0000000100010101111100010",
+    "0000000100010011101000000", "0000000100010001010110010", "0000000100001111000110111",
+    "0000000100001100111001110", "0000000100001010101111000", "0000000100001000100110011",
+    "0000000100000110100000000", "0000000100000100011011110"
   );
 
   subtype positions_mask_t is std_logic_vector(7 downto 0);
@@ -147,6 +171,41 @@ package directmpc_constants is
   constant OPERAND_FLUX_SPEED2_BETA : natural := 21;
   constant OPERAND_REFERENCE_SPEED2_ALPHA : natural := 22;
   constant OPERAND_REFERENCE_SPEED2_BETA : natural := 23;
+  constant OPERAND_REFERENCE_SLOPE_ALPHA : natural := 24;
+  constant OPERAND_REFERENCE_SLOPE_BETA : natural := 25;
+  constant OPERAND_BEND_STEP_ALPHA : natural := 26;
+  constant OPERAND_BEND_STEP_BETA : natural := 27;
+  constant OPERAND_CHANGE_ALPHA : natural := 28;
+  constant OPERAND_CHANGE_BETA : natural := 29;
+  constant OPERAND_NEUTRAL_AHEAD : natural := 30;
+  constant OPERAND_BEND_ALPHA : natural := 31;
+  constant OPERAND_BEND_BETA : natural := 32;
+  constant OPERAND_SECANT_ALPHA : natural := 33;
+  constant OPERAND_SECANT_BETA : natural := 34;
+  constant OPERAND_DRIFT_ALPHA : natural := 35;
+  constant OPERAND_DRIFT_BETA : natural := 36;
+  constant OPERAND_BASE_ERROR_ALPHA : natural := 37;
+  constant OPERAND_BASE_ERROR_BETA : natural := 38;
+  constant OPERAND_BASE_PHASE_ALPHA : natural := 39;
+  constant OPERAND_BASE_PHASE_BETA : natural := 40;
+  constant OPERAND_BASE_MIDPOINT_ALPHA : natural := 41;
+  constant OPERAND_BASE_MIDPOINT_BETA : natural := 42;
+  constant OPERAND_BASE_WEIGHT_ALPHA : natural := 43;
+  constant OPERAND_BASE_WEIGHT_BETA : natural := 44;
+  constant OPERAND_BASE_ERROR_NEUTRAL : natural := 45;
+  constant OPERAND_BASE_ERROR_A : natural := 46;
+  constant OPERAND_BASE_ERROR_B : natural := 47;
+  constant OPERAND_BASE_ERROR_C : natural := 48;
+  constant OPERAND_BASE_WEIGHT_START : natural := 49;
+  constant OPERAND_CHARGE_A : natural := 50;
+  constant OPERAND_CHARGE_B : natural := 51;
+  constant OPERAND_CHARGE_C : natural := 52;
+  constant OPERAND_NEUTRAL_SLOPE : natural := 53;
+  constant OPERAND_WEIGHT_SLOPE : natural := 54;
+  constant OPERAND_QUARTER_LINK : natural := 55;
+  constant OPERAND_AHEAD_A : natural := 56;
+  constant OPERAND_AHEAD_B : natural := 57;
+  constant OPERAND_AHEAD_C : natural := 58;
 
   constant FACTOR_ERROR_ALPHA : natural := 0;
   constant FACTOR_ERROR_BETA : natural := 1;
@@ -177,8 +236,17 @@ package directmpc_constants is
   constant FACTOR_CURVATURE_FLUX_BETA : natural := 26;
   constant FACTOR_CURVATURE_REFERENCE_ALPHA : natural := 27;
   constant FACTOR_CURVATURE_REFERENCE_BETA : natural := 28;
-  constant FACTOR_OMEGA_S : natural := 29;
-  constant FACTOR_OMEGA_R : natural := 30;
+  constant FACTOR_CHANGE_PHASE : natural := 29;
+  constant FACTOR_CHANGE_MIDPOINT : natural := 30;
+  constant FACTOR_CHANGE_WEIGHT : natural := 31;
+  constant FACTOR_ERROR_FORCED : natural := 32;
+  constant FACTOR_OMEGA_S : natural := 33;
+  constant FACTOR_OMEGA_R : natural := 34;
+  constant FACTOR_LENGTH : natural := 35;
+  constant FACTOR_POWER_7 : natural := 36;
+  constant FACTOR_POWER_10 : natural := 37;
+  constant FACTOR_POWER_13 : natural := 38;
+  constant FACTOR_POWER_14 : natural := 39;
 
   constant RESULT_REFERENCE_SPEED_ALPHA : natural := 0;
   constant RESULT_REFERENCE_SPEED_BETA : natural := 1;
@@ -188,38 +256,77 @@ package directmpc_constants is
   constant RESULT_FLUX_SPEED2_BETA : natural := 5;
   constant RESULT_REFERENCE_SPEED2_ALPHA : natural := 6;
   constant RESULT_REFERENCE_SPEED2_BETA : natural := 7;
-  constant RESULT_ERROR_ALPHA : natural := 8;
-  constant RESULT_ERROR_BETA : natural := 9;
-  constant RESULT_ERROR_NEUTRAL : natural := 10;
-  constant RESULT_ERROR_A : natural := 11;
-  constant RESULT_ERROR_B : natural := 12;
-  constant RESULT_ERROR_C : natural := 13;
-  constant RESULT_SLOPE_ALPHA : natural := 14;
-  constant RESULT_SLOPE_BETA : natural := 15;
-  constant RESULT_FORCED_LINK : natural := 16;
-  constant RESULT_FORCED_NEUTRAL : natural := 17;
-  constant RESULT_FORCED_A : natural := 18;
-  constant RESULT_FORCED_B : natural := 19;
-  constant RESULT_FORCED_C : natural := 20;
-  constant RESULT_PHASE_ALPHA : natural := 21;
-  constant RESULT_PHASE_BETA : natural := 22;
-  constant RESULT_MIDPOINT_ALPHA : natural := 23;
-  constant RESULT_MIDPOINT_BETA : natural := 24;
-  constant RESULT_WEIGHT_START : natural := 25;
-  constant RESULT_WEIGHT_ALPHA : natural := 26;
-  constant RESULT_WEIGHT_BETA : natural := 27;
-  constant RESULT_CURVATURE_ALPHA : natural := 28;
-  constant RESULT_CURVATURE_BETA : natural := 29;
+  constant RESULT_REFERENCE_SLOPE_ALPHA : natural := 8;
+  constant RESULT_REFERENCE_SLOPE_BETA : natural := 9;
+  constant RESULT_BEND_STEP_ALPHA : natural := 10;
+  constant RESULT_BEND_STEP_BETA : natural := 11;
+  constant RESULT_CHANGE_ALPHA : natural := 12;
+  constant RESULT_CHANGE_BETA : natural := 13;
+  constant RESULT_NEUTRAL_AHEAD : natural := 14;
+  constant RESULT_ERROR_ALPHA : natural := 15;
+  constant RESULT_ERROR_BETA : natural := 16;
+  constant RESULT_ERROR_NEUTRAL : natural := 17;
+  constant RESULT_ERROR_A : natural := 18;
+  constant RESULT_ERROR_B : natural := 19;
+  constant RESULT_ERROR_C : natural := 20;
+  constant RESULT_SLOPE_ALPHA : natural := 21;
+  constant RESULT_SLOPE_BETA : natural := 22;
+  constant RESULT_FORCED_LINK : natural := 23;
+  constant RESULT_FORCED_NEUTRAL : natural := 24;
+  constant RESULT_FORCED_A : natural := 25;
+  constant RESULT_FORCED_B : natural := 26;
+  constant RESULT_FORCED_C : natural := 27;
+  constant RESULT_PHASE_ALPHA : natural := 28;
+  constant RESULT_PHASE_BETA : natural := 29;
+  constant RESULT_MIDPOINT_ALPHA : natural := 30;
+  constant RESULT_MIDPOINT_BETA : natural := 31;
+  constant RESULT_WEIGHT_START : natural := 32;
+  constant RESULT_WEIGHT_ALPHA : natural := 33;
+  constant RESULT_WEIGHT_BETA : natural := 34;
+  constant RESULT_CURVATURE_ALPHA : natural := 35;
+  constant RESULT_CURVATURE_BETA : natural := 36;
 
-  constant OPERAND_COUNT : natural := 24; -- signals, then products
+  constant BASE_BEND_ALPHA : natural := 0;
+  constant BASE_BEND_BETA : natural := 1;
+  constant BASE_SECANT_ALPHA : natural := 2;
+  constant BASE_SECANT_BETA : natural := 3;
+  constant BASE_DRIFT_ALPHA : natural := 4;
+  constant BASE_DRIFT_BETA : natural := 5;
+  constant BASE_BASE_ERROR_ALPHA : natural := 6;
+  constant BASE_BASE_ERROR_BETA : natural := 7;
+  constant BASE_BASE_PHASE_ALPHA : natural := 8;
+  constant BASE_BASE_PHASE_BETA : natural := 9;
+  constant BASE_BASE_MIDPOINT_ALPHA : natural := 10;
+  constant BASE_BASE_MIDPOINT_BETA : natural := 11;
+  constant BASE_BASE_WEIGHT_ALPHA : natural := 12;
+  constant BASE_BASE_WEIGHT_BETA : natural := 13;
+  constant BASE_BASE_ERROR_NEUTRAL : natural := 14;
+  constant BASE_BASE_ERROR_A : natural := 15;
+  constant BASE_BASE_ERROR_B : natural := 16;
+  constant BASE_BASE_ERROR_C : natural := 17;
+  constant BASE_BASE_WEIGHT_START : natural := 18;
+  constant BASE_CHARGE_A : natural := 19;
+  constant BASE_CHARGE_B : natural := 20;
+  constant BASE_CHARGE_C : natural := 21;
+  constant BASE_NEUTRAL_SLOPE : natural := 22;
+  constant BASE_WEIGHT_SLOPE : natural := 23;
+  constant BASE_QUARTER_LINK : natural := 24;
+  constant BASE_AHEAD_A : natural := 25;
+  constant BASE_AHEAD_B : natural := 26;
+  constant BASE_AHEAD_C : natural := 27;
+
+  constant OPERAND_COUNT : natural := 59; -- signals, products, base
+  constant BASE_COUNT : natural := 28;
   constant SIGNAL_COUNT : natural := 16;
-  constant PRODUCT_COUNT : natural := 8;
-  constant FACTOR_COUNT : natural := 31;
-  constant COEFFICIENT_COUNT : natural := 29;
-  constant RESULT_COUNT : natural := 30;
+  constant PRODUCT_COUNT : natural := 15;
+  constant FACTOR_COUNT : natural := 40;
+  constant COEFFICIENT_COUNT : natural := 33;
+  constant RESULT_COUNT : natural := 37;
   constant CAPACITOR_STEP : natural := 3; -- last for capacitors
   constant BLOCK_COUNT : natural := 4; -- mac_blocks
-  constant PROGRAM_STEPS : natural := 10; -- clocks of the longest program
+  constant STEP_COUNT : natural := 5; -- factors of the successor alone
+  constant PROGRAM_STEPS : natural := 26; -- clocks of the root's and successor's
+  constant SUCCESSOR_FIRST : natural := 10; -- where the successor's program begins
 
   type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;
   type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;
@@ -228,15 +335,22 @@ package directmpc_constants is
 
   -- bits, results saturate to these
   constant RESULT_WIDTHS : result_widths_t := (
-    18, 18, 18, 18, 18, 18, 18, 18, 23, 23, 23, 23, 23,
-    23, 23, 23, 20, 20, 20, 20, 20, 16, 16, 16, 16, 18,
-    17, 17, 12, 12
+    18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18,
+    18, 18, 23, 23, 23, 23, 23, 23, 23, 23, 20, 20, 20,
+    20, 20, 16, 16, 16, 16, 18, 17, 17, 12, 12
+  );
+
+  -- the same in the successor's program
+  constant SUCCESSOR_WIDTHS : result_widths_t := (
+    18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18,
+    18, 18, 23, 23, 23, 23, 23, 23, 23, 23, 20, 20, 20,
+    20, 20, 15, 15, 15, 15, 18, 17, 17, 12, 12
   );
 
   -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper
   constant RESULT_SATURATES : result_flags_t := (
-    (1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1),
-    (1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0)
+    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1),
+    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0)
   );
 
   -- clocks of issue
@@ -245,128 +359,128 @@ package directmpc_constants is
   -- operands A of each block, -1: unused
   constant PROGRAM_WORDS_A : program_t := (
     (
-      (2, 0, 11, 17, 19, 5, -1, -1, -1, -1),
-      (3, 1, 12, 16, 18, 6, -1, -1, -1, -1),
-      (9, 4, 14, 8, 18, 16, 7, 19, 20, 22),
-      (10, 13, 15, 4, 19, 17, 18, 21, 23, -1)
+      (2, 0, 11, 5, 17, 19, 31, 35, 39, 28, 41, 33, 37, 43, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (3, 1, 12, 6, 16, 18, 32, 36, 40, 29, 42, 34, 38, 44, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (9, 4, 14, 8, 18, 16, 7, 19, 20, 22, 50, 46, 51, 47, 55, 56, 57, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (10, 13, 15, 4, 19, 17, 18, 21, 23, 53, 45, 52, 48, 55, 58, 30, 54, 49, -1, -1, -1, -1, -1, -1, -1, -1)
     ),
     (
-      (2, 0, 11, 17, 19, 20, -1, -1, -1, -1),
-      (3, 1, 12, 16, 18, 21, -1, -1, -1, -1),
-      (9, 4, 14, 8, 18, 5, 7, 0, -1, -1),
-      (10, 13, 15, 4, 19, 6, 1, -1, -1, -1)
+      (2, 0, 11, 17, 19, 20, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (3, 1, 12, 16, 18, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (9, 4, 14, 8, 18, 5, 7, 0, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (10, 13, 15, 4, 19, 6, 1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 
   -- operands B of each block, -1: unused
   constant PROGRAM_WORDS_B : program_t := (
     (
-      (30, 16, 18, 0, 4, 6, 8, 10, 14, 21),
-      (30, 17, 19, 1, 5, 7, 9, 11, 14, 22),
-      (29, 2, 3, 14, 30, 23, 25, 27, -1, -1),
-      (29, 3, 15, 30, 20, 24, 26, 28, -1, -1)
+      (34, 16, 18, 0, 14, 4, 6, 8, 10, 21, 35, 38, 29, 30, 36, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (34, 17, 19, 1, 14, 5, 7, 9, 11, 22, 35, 38, 29, 30, 36, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 2, 3, 14, 34, 23, 25, 27, 35, 36, 39, 32, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 3, 15, 34, 20, 24, 26, 28, 35, 36, 39, 32, 37, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     ),
     (
-      (30, 16, 18, 0, 4, 6, 8, 10, 12, -1),
-      (30, 17, 19, 1, 5, 7, 9, 11, 13, -1),
-      (29, 2, 3, 14, 30, 21, -1, -1, -1, -1),
-      (29, 3, 15, 30, 14, 20, 22, -1, -1, -1)
+      (34, 16, 18, 0, 4, 6, 8, 10, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (34, 17, 19, 1, 5, 7, 9, 11, 13, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 2, 3, 14, 34, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 3, 15, 34, 14, 20, 22, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 
   -- which of WORDS_A a step takes
   constant PROGRAM_SELECT_A : program_t := (
     (
-      (0, 1, 1, 2, 1, 0, 3, 4, 5, 1),
-      (0, 1, 1, 2, 1, 0, 3, 4, 5, 1),
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
-      (0, 1, 2, 3, 4, 5, 3, 6, 7, 8)
+      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 13, 9),
+      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 13, 9),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 0, 0, 0, 10, 11, 12, 13, 14, 15, 14, 16, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 3, 6, 7, 8, 9, 10, 0, 0, 11, 12, 0, 0, 13, 14, 9, 10, 15, 16, 16, 17)
     ),
     (
-      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0),
-      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0),
-      (0, 1, 2, 3, 4, 5, 6, 7, 0, 0),
-      (0, 1, 2, 3, 4, 5, 3, 6, 0, 0)
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 1, 2, 1, 0, 3, 4, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 3, 6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
   -- which of WORDS_B a step takes
   constant PROGRAM_SELECT_B : program_t := (
     (
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9),
-      (0, 1, 2, 3, 4, 0, 3, 5, 6, 7),
-      (0, 1, 1, 2, 3, 0, 4, 5, 6, 7)
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 11, 15),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 11, 15),
+      (0, 1, 2, 3, 4, 0, 3, 5, 6, 7, 0, 0, 0, 0, 8, 9, 8, 9, 10, 11, 10, 11, 0, 0, 0, 0),
+      (0, 1, 1, 2, 3, 0, 4, 5, 6, 7, 8, 9, 0, 0, 8, 9, 0, 0, 10, 11, 8, 9, 11, 8, 8, 12)
     ),
     (
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0),
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0),
-      (0, 1, 2, 3, 4, 3, 3, 5, 0, 0),
-      (0, 1, 1, 2, 3, 4, 5, 6, 0, 0)
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 3, 3, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 1, 2, 3, 4, 5, 6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
   -- left shift against the rest of the sum, ALIGNMENT_STEP
   constant PROGRAM_ALIGNMENT : program_t := (
     (
-      (0, 0, 0, 0, 0, 0, 0, 1, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 1, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1)
     ),
     (
-      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0),
-      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
   -- accumulator bit that is the result's LSB
   constant PROGRAM_SHIFT : program_t := (
     (
-      (13, 16, 16, 10, 16, 16, 16, 16, 13, 13),
-      (13, 16, 16, 10, 16, 16, 16, 16, 13, 13),
-      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16),
-      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16)
+      (13, 16, 16, 10, 13, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 13, 13),
+      (13, 16, 16, 10, 13, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 13, 13),
+      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16, 16, 16, 16, 16, 10, 10, 10, 10, 13, 13, 13, 13, 16, 16, 16, 16),
+      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16, 7, 7, 16, 16, 10, 10, 16, 16, 13, 13, 10, 10, 13, 13, 13, 13)
     ),
     (
-      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16),
-      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16),
-      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16),
-      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16)
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16),
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16),
+      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16),
+      (13, 10, 10, 13, 16, 13, 13, 13, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16)
     )
   );
 
   -- 1: add to the sum so far
   constant PROGRAM_ACCUMULATE : program_t := (
     (
-      (0, 0, 0, 0, 0, 1, 1, 1, 0, 0),
-      (0, 0, 0, 0, 0, 1, 1, 1, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1),
-      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1)
+      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1),
+      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1),
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0, 0, 1, 1)
     ),
     (
-      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0),
-      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
   -- result complete with this step, or -1
   constant PROGRAM_RESULT : program_t := (
     (
-      (2, 21, 23, 8, -1, -1, -1, 14, 18, 26),
-      (3, 22, 24, 9, -1, -1, -1, 15, 19, 27),
-      (0, 10, 12, 16, 4, 6, 20, -1, -1, 28),
-      (1, 11, 13, 17, 5, 7, 25, -1, -1, 29)
+      (2, 28, 30, 15, 25, -1, -1, -1, 21, 33, 8, 10, -1, -1, -1, 12, -1, -1, -1, 28, -1, 30, -1, 15, -1, 33),
+      (3, 29, 31, 16, 26, -1, -1, -1, 22, 34, 9, 11, -1, -1, -1, 13, -1, -1, -1, 29, -1, 31, -1, 16, -1, 34),
+      (0, 17, 19, 23, 4, 6, 27, -1, -1, 35, -1, -1, -1, -1, -1, 18, -1, 19, -1, 25, -1, 26, -1, -1, -1, -1),
+      (1, 18, 20, 24, 5, 7, 32, -1, -1, 36, -1, 14, -1, -1, -1, 20, -1, -1, -1, 27, -1, 17, 24, -1, -1, 32)
     ),
     (
-      (2, 21, 23, 8, -1, -1, -1, -1, 14, -1),
-      (3, 22, 24, 9, -1, -1, -1, -1, 15, -1),
-      (0, 10, 12, 16, 4, 18, 20, 26, -1, -1),
-      (1, 11, 13, 17, 5, 19, 25, 27, -1, -1)
+      (2, 28, 30, 15, -1, -1, -1, -1, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (3, 29, 31, 16, -1, -1, -1, -1, 22, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (0, 17, 19, 23, 4, 25, 27, 33, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (1, 18, 20, 24, 5, 26, 32, 34, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 

@@ -21,6 +21,8 @@
 -- First exit: the parabola may leave the band and come back. If the slope exceeds its threshold
 -- it leaves before it turns, and steps beyond the turn do not count; otherwise it can leave on the
 -- side of the curvature alone. One margin is tested, and the test is monotone.
+-- Leaves: candidates of the second level come one a clock past the blocks, as leaf; node and band
+-- change under way in time with the stages, their steps and efforts add to those of reached.
 -- Formats: trajectory units; MARGIN_WIDTH and SLOPE_WIDTH hold whatever stays inside a bound of
 -- 29000 units; a step of the search that does not fit is outside. See directmpc/bit_true_fast.py.
 -- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
@@ -58,7 +60,11 @@ entity explorer_fast is
     result_valid    : out   std_logic;   -- '1': result is new
     result_ready    : in    std_logic;   -- '1': result is taken in this clock
     result          : out   result_t;    -- the best of all candidates since the last result
-    busy            : out   std_logic    -- '1': candidates are under way or a result waits
+    busy            : out   std_logic;   -- '1': candidates are under way or a result waits
+    leaf_valid      : in    std_logic;          -- '1': leaf is evaluated, no block is under way
+    leaf            : in    leaf_t;       -- a candidate of the second level
+    reached         : in    reached_t; -- how the node of the leaves was reached
+    evaluated       : out   evaluated_t                -- every candidate, for the second level
   );
 end entity explorer_fast;
 
@@ -98,15 +104,15 @@ architecture rtl of explorer_fast is
 
   subtype entry_t is std_logic_vector(LENGTH_WIDTH + TRAJECTORY_WIDTH - 1 downto 0);
 
-  type table_t is array (0 to 31) of entry_t;
+  type table_t is array (0 to 63) of entry_t;
 
-  type neutral_lengths_t is array (0 to 7) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  type neutral_lengths_t is array (0 to 15) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
 
-  type neutral_excesses_t is array (0 to 7) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
+  type neutral_excesses_t is array (0 to 15) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
 
-  subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 2 downto 0);
+  subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 3 downto 0);
 
-  type multiples_t is array (natural range 0 to 4 * 2 ** LENGTH_WIDTH - 1) of multiple_t;
+  type multiples_t is array (natural range 0 to 8 * 2 ** (LENGTH_WIDTH + 1) - 1) of multiple_t;
 
   type entries_t is array (0 to 2) of entry_t;
 
@@ -118,7 +124,13 @@ architecture rtl of explorer_fast is
 
   type length_stages_t is array (SHORTEST + 1 to STAGE_COUNT) of length_t;
 
-  subtype rate_t is unsigned(RECIPROCAL_FRACTION + EFFORT_WIDTH downto 0);
+  subtype rate_t is unsigned(RECIPROCAL_FRACTION + TOTAL_EFFORT_WIDTH - 1 downto 0);
+
+  subtype effort_t is unsigned(TOTAL_EFFORT_WIDTH - 1 downto 0);
+
+  type effort_stages_t is array (SHORTEST + 3 to STAGE_COUNT) of effort_t;
+
+  subtype key_t is unsigned(COST_WIDTH + INDEX_WIDTH downto 0);
 
   function length_of (entry : entry_t) return length_t is
   begin
@@ -134,16 +146,16 @@ architecture rtl of explorer_fast is
 
   end function excess_of;
 
-  -- 0 to 3 times 1/L
+  -- 0 to 7 times 1/L
   function multiples_of_reciprocals return multiples_t is
 
     variable words : multiples_t;
 
   begin
 
-    for k in 0 to 3 loop
+    for k in 0 to 7 loop
       for l in RECIPROCALS'range loop
-        words(k * RECIPROCALS'length + l) := std_logic_vector(unsigned(RECIPROCALS(l)) * to_unsigned(k, 2));
+        words(k * RECIPROCALS'length + l) := std_logic_vector(unsigned(RECIPROCALS(l)) * to_unsigned(k, 3));
       end loop;
     end loop;
 
@@ -214,10 +226,14 @@ architecture rtl of explorer_fast is
   signal index_0     : std_logic_vector(INDEX_WIDTH - 1 downto 0);
   signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with excess_8
   signal index_last  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- of the last stage
-  signal effort_0    : std_logic_vector(EFFORT_WIDTH - 1 downto 0);
-  signal effort_late : std_logic_vector(EFFORT_WIDTH - 1 downto 0); -- with the length of the stage before
-  signal hangs_0     : std_logic_vector(8 downto 0);                -- pattern and kinds of the candidate
-  signal hangs_5     : std_logic_vector(8 downto 0);
+  signal index_3     : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with slope_3
+  signal effort_0    : std_logic_vector(TOTAL_EFFORT_WIDTH - 1 downto 0);
+  signal effort_late : std_logic_vector(TOTAL_EFFORT_WIDTH - 1 downto 0); -- with the length of the stage before
+  signal effort_end  : effort_stages_t;
+  signal bank_0      : std_logic;
+  signal hangs_0     : std_logic_vector(9 downto 0);                -- bank, pattern and kinds of the candidate
+  signal hangs_5     : std_logic_vector(9 downto 0);
+  signal outside     : std_logic_vector(SEARCH - 1 to SEARCH + 2);  -- '1': a current error is outside at k
   signal pattern_11  : flags_t;
 
   signal position_0   : positions_t;
@@ -252,12 +268,16 @@ architecture rtl of explorer_fast is
   signal short_11   : length_t;
   signal slope_12   : weight_t;
   signal product_13 : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
+  signal reach_13   : unsigned(LENGTH_WIDTH downto 0); -- steps of both levels
   signal low_14     : multiple_t; -- rate of the two low bits of the effort
   signal high_14    : multiple_t;
   signal weight_14  : weight_t;
   signal square_15  : signed(2 * WEIGHT_WIDTH - 1 downto 0);
   signal rate_15    : rate_t;
   signal cost_16    : cost_t;
+
+  signal key_now  : key_t; -- of the last stage; leaves of one node tell each other apart by their flags alone
+  signal key_best : key_t;
 
   -- the best of all candidates so far
   signal any         : std_logic;
@@ -301,8 +321,17 @@ begin
         end if;
 
         index_0    <= std_logic_vector(block_now.index(INDEX_WIDTH - 1 downto 2)) & std_logic_vector(choice);
-        effort_0   <= std_logic_vector(block_now.effort
-                                       + transition_weight(band.previous(2), band.negative(2), choice));
+        effort_0   <= std_logic_vector(resize(block_now.effort
+                                              + transition_weight(band.previous(2), band.negative(2), choice),
+                                              TOTAL_EFFORT_WIDTH));
+        bank_0     <= '0';
+      end if;
+
+      if (leaf_valid = '1') then
+        valid(0)   <= '1';
+        position_0 <= leaf.position;
+        effort_0   <= std_logic_vector(leaf.effort);
+        bank_0     <= leaf.bank;
       end if;
 
       if (block_end = '1') then
@@ -350,12 +379,12 @@ begin
 
   end process p_travel;
 
-  hangs_0 <= neutral_pattern(position_0) & std_logic_vector(charge_kind(position_0(2)))
+  hangs_0 <= bank_0 & neutral_pattern(position_0) & std_logic_vector(charge_kind(position_0(2)))
              & std_logic_vector(charge_kind(position_0(1))) & std_logic_vector(charge_kind(position_0(0)));
 
   i_hangs : entity work.delay_line
     generic map (
-      WIDTH  => 9,
+      WIDTH  => 10,
       CLOCKS => SEARCH
     )
     port map (
@@ -375,6 +404,18 @@ begin
       rst     => rst,
       word    => hangs_5(8 downto 6),
       delayed => pattern_11
+    );
+
+  i_index_slope : entity work.delay_line
+    generic map (
+      WIDTH  => INDEX_WIDTH,
+      CLOCKS => 3
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => index_0,
+      delayed => index_3
     );
 
   i_index_dead : entity work.delay_line
@@ -403,7 +444,7 @@ begin
 
   i_effort : entity work.delay_line
     generic map (
-      WIDTH  => EFFORT_WIDTH,
+      WIDTH  => TOTAL_EFFORT_WIDTH,
       CLOCKS => SHORTEST + 2
     )
     port map (
@@ -585,21 +626,30 @@ begin
 
   p_step_one : process (clk) is
 
-    variable sum     : trajectory_t;
-    variable allowed : length_t;
+    variable sum         : trajectory_t;
+    variable allowed     : length_t;
+    variable place       : std_logic;
+    variable row         : unsigned(5 downto 0);
+    variable neutral_row : unsigned(3 downto 0);
 
   begin
 
     if rising_edge(clk) then
       if (capacitor.write = '1') then
-        capacitors(to_integer(capacitor.row)) <= std_logic_vector(capacitor.length)
+        capacitors(to_integer(capacitor.bank & capacitor.row)) <= std_logic_vector(capacitor.length)
                                                  & std_logic_vector(capacitor.excess);
 
         if (capacitor.row(4) = '1') then
-          neutral_lengths(to_integer(capacitor.row(2 downto 0)))  <= std_logic_vector(capacitor.length);
-          neutral_excesses(to_integer(capacitor.row(2 downto 0))) <= std_logic_vector(capacitor.excess);
+          neutral_row                               := capacitor.bank & capacitor.row(2 downto 0);
+          neutral_lengths(to_integer(neutral_row))  <= std_logic_vector(capacitor.length);
+          neutral_excesses(to_integer(neutral_row)) <= std_logic_vector(capacitor.excess);
         end if;
       end if;
+
+      -- the third one is known a stage later
+      outside(SEARCH - 1)           <= band.outside(0) or band.outside(1);
+      outside(SEARCH)               <= outside(SEARCH - 1) or band.outside(2);
+      outside(SEARCH + 1 to SEARCH + 2) <= outside(SEARCH to SEARCH + 1);
 
       if (valid(SEARCH - 1) = '1') then
         sum := error_4(0) + error_4(1);
@@ -616,12 +666,17 @@ begin
       if (valid(SEARCH) = '1') then
         distance_6 <= signed(magnitude(largest_5));
 
+        -- what does not move is the root's, in the first table
         for x in 0 to 2 loop
-          entry_6(x) <= capacitors(4 * x + to_integer(unsigned(hangs_5(2 * x + 1 downto 2 * x))));
+          place      := hangs_5(9) and (hangs_5(2 * x + 1) or hangs_5(2 * x));
+          row        := place & to_unsigned(x, 3) & unsigned(hangs_5(2 * x + 1 downto 2 * x));
+          entry_6(x) <= capacitors(to_integer(row));
         end loop;
 
-        neutral_length_6 <= unsigned(neutral_lengths(to_integer(unsigned(hangs_5(8 downto 6)))));
-        neutral_excess_6 <= signed(neutral_excesses(to_integer(unsigned(hangs_5(8 downto 6)))));
+        place            := hangs_5(9) and to_std_logic(hangs_5(8 downto 6) /= "000");
+        neutral_row      := place & unsigned(hangs_5(8 downto 6));
+        neutral_length_6 <= unsigned(neutral_lengths(to_integer(neutral_row)));
+        neutral_excess_6 <= signed(neutral_excesses(to_integer(neutral_row)));
       end if;
 
       if (valid(SEARCH + 1) = '1') then
@@ -636,7 +691,7 @@ begin
         excess_8 <= worst(excess_7, excess_caps(0), excess_caps(1));
         allowed  := shorter(length_caps(0), length_caps(1));
 
-        if (excess_7 > 0 or band.outside /= "000") then
+        if (excess_7 > 0 or outside(SEARCH + 2) = '1') then
           allowed := (others => '0');
         end if;
 
@@ -689,6 +744,7 @@ begin
       end if;
 
       feasible(SHORTEST + 2) <= to_std_logic(length(SHORTEST + 1) /= 0);
+      reach_13               <= resize(length(SHORTEST + 1), LENGTH_WIDTH + 1) + reached.lead;
 
       -- stage 14
       if (valid(SHORTEST + 2) = '1') then
@@ -697,15 +753,15 @@ begin
         weight_14             <= clip(sum, WEIGHT_WIDTH);
         clipped(SHORTEST + 3) <= overflows(sum, WEIGHT_WIDTH);
 
-        low_14  <= multiples(to_integer(unsigned(effort_late(1 downto 0)) & length(SHORTEST + 2)));
-        high_14 <= multiples(to_integer(unsigned(effort_late(3 downto 2)) & length(SHORTEST + 2)));
+        low_14  <= multiples(to_integer('0' & unsigned(effort_late(1 downto 0)) & reach_13));
+        high_14 <= multiples(to_integer(unsigned(effort_late(4 downto 2)) & reach_13));
       end if;
 
       -- stage 15
       if (valid(SHORTEST + 3) = '1') then
         square_15 <= weight_14 * weight_14;
 
-        -- two bits of effort each, from one block RAM, are cheaper than 1/L and a product
+        -- two and three bits of effort, from one memory, are cheaper than 1/L and a product
         rate_15 <= resize(unsigned(low_14), rate_15'length) + shift_left(resize(unsigned(high_14), rate_15'length), 2);
       end if;
 
@@ -724,6 +780,7 @@ begin
 
       feasible(SHORTEST + 3 to STAGE_COUNT) <= feasible(SHORTEST + 2 to STAGE_COUNT - 1);
       clipped(SHORTEST + 4 to STAGE_COUNT)  <= clipped(SHORTEST + 3 to STAGE_COUNT - 1);
+      effort_end <= unsigned(effort_late) & effort_end(SHORTEST + 3 to STAGE_COUNT - 1);
     end if;
 
   end process p_cost;
@@ -732,17 +789,40 @@ begin
   -- Best so far; candidates come in the contract's order, so the earliest wins a tie
   ---------------------------------------------------------------------------------------------
 
+  p_key : process (reached, best, cost_16, clipped) is
+
+    variable flagged : std_logic;
+
+  begin
+
+    flagged  := clipped(STAGE_COUNT) or reached.saturated;
+    key_now  <= cost_16 & (INDEX_WIDTH downto 0 => '0');
+    key_best <= best.cost & (INDEX_WIDTH downto 0 => '0');
+
+    if (reached.second = '1') then
+      key_now  <= cost_16 & reached.index & flagged;
+      key_best <= best.cost & best.index & best.saturated;
+    end if;
+
+  end process p_key;
+
   p_best : process (clk) is
   begin
 
     if rising_edge(clk) then
       if (valid(STAGE_COUNT) = '1' and feasible(STAGE_COUNT) = '1'
-          and (best.feasible = '0' or cost_16 < best.cost)) then
+          and (best.feasible = '0' or key_now < key_best)) then
         best.feasible  <= '1';
         best.saturated <= clipped(STAGE_COUNT);
         best.index     <= unsigned(index_last);
         best.length    <= length(STAGE_COUNT);
         best.cost      <= cost_16;
+
+        if (reached.second = '1') then
+          best.saturated <= clipped(STAGE_COUNT) or reached.saturated;
+          best.index     <= reached.index;
+          best.length    <= reached.length;
+        end if;
       end if;
 
       if (valid(SEARCH + 3) = '1') then
@@ -763,6 +843,30 @@ begin
 
   end process p_best;
 
+  p_evaluated : process (valid, index_3, slope_3, feasible, index_last, effort_end, length, cost_16, clipped) is
+  begin
+
+    evaluated.slope_valid <= valid(3);
+    evaluated.slope_index <= unsigned(index_3);
+    evaluated.clipped     <= '0';
+
+    for x in 0 to 1 loop
+      evaluated.slope(x) <= clip(slope_3(x), BASE_WIDTH);
+
+      if (overflows(slope_3(x), BASE_WIDTH) = '1') then
+        evaluated.clipped <= '1';
+      end if;
+    end loop;
+
+    evaluated.valid     <= valid(STAGE_COUNT) and feasible(STAGE_COUNT);
+    evaluated.index     <= unsigned(index_last);
+    evaluated.effort    <= effort_end(STAGE_COUNT)(EFFORT_WIDTH - 1 downto 0);
+    evaluated.length    <= length(STAGE_COUNT);
+    evaluated.cost      <= cost_16;
+    evaluated.saturated <= clipped(STAGE_COUNT);
+
+  end process p_evaluated;
+
   idle <= to_std_logic(valid = (valid'range => '0')) and not block_valid and not queue_valid;
 
   -- a register between seventeen flags and the scheduler
@@ -770,7 +874,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      settled <= idle and not candidate_valid;
+      settled <= idle and not candidate_valid and not leaf_valid;
 
       if (rst = '1') then
         settled <= '1';

@@ -9,6 +9,8 @@
 -- Latency: fast 21 clocks when held, at most 110, 83, 74 with one to three explorers and 71 with
 -- more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a
 -- time, the next start may come one clock after valid.
+-- With two_switchings (SESE, fast variant) a search takes at most 3470, 1929, 1756 with one to three
+-- explorers and 1192 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Weighed, not built (figures estimated): registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.
@@ -36,11 +38,11 @@ entity mpdcc_core is
     is_beta              : in    std_logic_vector(15 downto 0);           -- signed, 1/16000 pu
     psir_alpha           : in    std_logic_vector(15 downto 0);           -- rotor flux, signed, 1/9000 pu
     psir_beta            : in    std_logic_vector(15 downto 0);           -- signed, 1/9000 pu
-    v_n                  : in    std_logic_vector(15 downto 0); -- neutral point potential, signed, 1/64000 pu
-    v_ph_a               : in    std_logic_vector(15 downto 0); -- phase capacitor voltage, unsigned, 1/32000 pu
-    v_ph_b               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32000 pu
-    v_ph_c               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32000 pu
-    v_dc                 : in    std_logic_vector(15 downto 0);           -- dc-link voltage, unsigned, 1/16000 pu
+    v_n                  : in    std_logic_vector(15 downto 0); -- neutral point potential, signed, 1/64012.5 pu
+    v_ph_a               : in    std_logic_vector(15 downto 0); -- phase capacitor voltage, unsigned, 1/32006.25 pu
+    v_ph_b               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32006.25 pu
+    v_ph_c               : in    std_logic_vector(15 downto 0);           -- unsigned, 1/32006.25 pu
+    v_dc                 : in    std_logic_vector(15 downto 0);           -- dc-link voltage, unsigned, 1/16003.125 pu
     iref_alpha           : in    std_logic_vector(15 downto 0);           -- current reference, signed, 1/16000 pu
     iref_beta            : in    std_logic_vector(15 downto 0);           -- signed, 1/16000 pu
     omega_s              : in    std_logic_vector(15 downto 0);           -- stator frequency, signed, 1/16000 pu
@@ -78,11 +80,18 @@ entity mpdcc_core is
     c_curvature_flux_beta : in std_logic_vector(15 downto 0); -- c: the same, beta; fast variant only
     c_curvature_reference_alpha : in std_logic_vector(15 downto 0); -- c: omega_s**2*iref; fast variant only
     c_curvature_reference_beta : in std_logic_vector(15 downto 0); -- c: the same, beta; fast variant only
+    c_change_phase       : in    std_logic_vector(15 downto 0); -- h/X_ph * 16, scaled; SESE and prediction only
+    c_change_midpoint    : in    std_logic_vector(15 downto 0); -- h/(2*X_dc) * 16, scaled; likewise
+    c_change_weight      : in    std_logic_vector(15 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc), scaled; likewise
+    c_error_forced       : in    std_logic_vector(15 downto 0); -- -h*Xr/(3*D), scaled; likewise
     bound_current        : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     bound_neutral        : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     bound_phase          : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     horizon              : in    std_logic_vector(5 downto 0);            -- N, unsigned, steps, 1 to 63
     weight_scale         : in    std_logic_vector(1 downto 0); -- fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20
+    two_switchings       : in    std_logic; -- switching horizon: '1': SESE, fast variant only, '0': SE
+    budget               : in    std_logic_vector(11 downto 0); -- candidates of SESE's second level, 0: no limit
+    compensate           : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1), fast only
     -- decision, stable until the next valid
     valid                : out   std_logic;                               -- '1' for one clock: decision is new
     busy                 : out   std_logic;                               -- '1': a decision is under way
@@ -92,7 +101,8 @@ entity mpdcc_core is
     held                 : out   std_logic;                               -- '1': s(k-1) was kept
     deadlock             : out   std_logic;                               -- '1': no candidate stays inside its bounds
     length               : out   std_logic_vector(5 downto 0); -- L* of the choice, steps; 0 when held or deadlocked
-    saturated            : out   std_logic                                -- '1': a value did not fit its word
+    saturated            : out   std_logic;                               -- '1': a value did not fit its word
+    exhausted            : out   std_logic -- '1': the budget ended the search, the decision is the best so far
   );
 end entity mpdcc_core;
 
@@ -119,6 +129,10 @@ architecture rtl of mpdcc_core is
   signal result_ready    : std_logic_vector(EXPLORERS - 1 downto 0);
   signal results         : results_t(0 to EXPLORERS - 1);
   signal explorer_busy   : std_logic_vector(EXPLORERS - 1 downto 0);
+  signal evaluated       : evaluated_array_t(0 to EXPLORERS - 1);
+  signal leaf_valid      : std_logic_vector(EXPLORERS - 1 downto 0);
+  signal leaf            : leaves_t(0 to EXPLORERS - 1);
+  signal reached         : reached_t;
 
 begin
 
@@ -152,7 +166,8 @@ begin
                             c_forced_neutral, c_phase_alpha, c_phase_beta, c_midpoint_alpha, c_midpoint_beta,
                             c_weight, c_weight_alpha, c_weight_beta,
                             c_curvature_emf_alpha, c_curvature_emf_beta, c_curvature_flux_alpha,
-                            c_curvature_flux_beta, c_curvature_reference_alpha, c_curvature_reference_beta) is
+                            c_curvature_flux_beta, c_curvature_reference_alpha, c_curvature_reference_beta,
+                            c_change_phase, c_change_midpoint, c_change_weight, c_error_forced) is
 
     procedure put (index : natural; value : std_logic_vector) is
     begin
@@ -192,6 +207,10 @@ begin
     put(FACTOR_CURVATURE_FLUX_BETA, c_curvature_flux_beta);
     put(FACTOR_CURVATURE_REFERENCE_ALPHA, c_curvature_reference_alpha);
     put(FACTOR_CURVATURE_REFERENCE_BETA, c_curvature_reference_beta);
+    put(FACTOR_CHANGE_PHASE, c_change_phase);
+    put(FACTOR_CHANGE_MIDPOINT, c_change_midpoint);
+    put(FACTOR_CHANGE_WEIGHT, c_change_weight);
+    put(FACTOR_ERROR_FORCED, c_error_forced);
 
   end process p_coefficients;
 
@@ -225,7 +244,14 @@ begin
       result_valid    => result_valid,
       result_ready    => result_ready,
       results         => results,
-      explorer_busy   => explorer_busy
+      explorer_busy   => explorer_busy,
+      two_switchings  => two_switchings,
+      budget          => unsigned(budget),
+      compensate      => compensate,
+      evaluated       => evaluated(0),
+      leaf_valid      => leaf_valid,
+      leaf            => leaf,
+      reached         => reached
     );
 
   g_explorers : for i in 0 to EXPLORERS - 1 generate
@@ -252,7 +278,11 @@ begin
         result_valid    => result_valid(i),
         result_ready    => result_ready(i),
         result          => results(i),
-        busy            => explorer_busy(i)
+        busy            => explorer_busy(i),
+        leaf_valid      => leaf_valid(i),
+        leaf            => leaf(i),
+        reached         => reached,
+        evaluated       => evaluated(i)
       );
 
   end generate g_explorers;
@@ -264,5 +294,6 @@ begin
   deadlock  <= decision.deadlock;
   length    <= std_logic_vector(decision.length);
   saturated <= decision.saturated;
+  exhausted <= decision.exhausted;
 
 end architecture rtl;

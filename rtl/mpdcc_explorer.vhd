@@ -35,7 +35,11 @@ entity mpdcc_explorer is
     result_valid : out   std_logic; -- '1': result is new
     result_ready : in    std_logic; -- '1': result is taken in this clock
     result       : out   result_t;  -- evaluation of a candidate
-    busy         : out   std_logic  -- '1': tasks or results are under way
+    busy         : out   std_logic; -- '1': tasks or results are under way
+    leaf_valid   : in    std_logic;          -- fast variant: '1': leaf is evaluated
+    leaf         : in    leaf_t;       -- fast variant: a candidate of the second level
+    reached      : in    reached_t; -- fast variant: how its node was reached
+    evaluated    : out   evaluated_t                -- fast variant: every candidate, for the second level
   );
 end entity mpdcc_explorer;
 
@@ -64,6 +68,8 @@ begin
         busy            => busy
       );
 
+    evaluated <= EVALUATED_INIT;
+
   end generate g_paper;
 
   g_fast : if not FOLDED generate
@@ -85,7 +91,11 @@ begin
         result_valid    => result_valid,
         result_ready    => result_ready,
         result          => result,
-        busy            => busy
+        busy            => busy,
+        leaf_valid      => leaf_valid,
+        leaf            => leaf,
+        reached         => reached,
+        evaluated       => evaluated
       );
 
   end generate g_fast;

@@ -9,6 +9,8 @@
 -- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
 -- search at most 110, 83, 74, 71 with one, two, three, more explorers, whatever they find; with the
 -- paper's 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a time.
+-- With two_switchings (SESE, fast variant) a search takes at most 3470, 1929, 1756 with one to three
+-- explorers and 1192 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
 -- Weighed, not built (figures estimated): starting the enumeration before the probe is answered saves 12 clocks of a
@@ -54,19 +56,36 @@ entity mpdcc_scheduler is
     result_valid    : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer has a result
     result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: whose result is taken
     results         : in    results_t(0 to EXPLORERS - 1);                                      -- of every explorer
-    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0) -- '1': work is under way
+    explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': work is under way
+    -- the second level, fast variant alone
+    two_switchings  : in    std_logic; -- '1': SESE, '0': SE; stable, as the next two
+    budget          : in    unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates, 0: no limit
+    compensate      : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1)
+    evaluated       : in    evaluated_t; -- by explorer 0
+    leaf_valid      : out   std_logic_vector(EXPLORERS - 1 downto 0); -- '1': leaf of this explorer is valid
+    leaf            : out   leaves_t(0 to EXPLORERS - 1); -- one to each explorer
+    reached         : out   reached_t -- to every explorer: how the node of the leaves was reached
   );
 end entity mpdcc_scheduler;
 
 architecture rtl of mpdcc_scheduler is
 
-  type phase_t is (IDLE, PREPARE, AWAIT, SEARCH, FINISH);
+  type phase_t is (IDLE, PREPARE, AWAIT, PREDICT, SEARCH, LEAVES, FINISH);
 
   type state_t is record
     phase     : phase_t;
     started   : std_logic; -- first clock of the search is over
     any       : std_logic; -- best holds a result
     best      : result_t;
+    flat      : result_t;  -- the first level's decision, for want of a leaf
+    second    : std_logic; -- leaves have been looked for
+    predicted : std_logic; -- the node is that of k+1
+    cut       : std_logic; -- the budget has run out
+    left      : unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates of the second level
+    pending   : natural range 0 to 2; -- nodes begun but not handed out
+    cool      : std_logic; -- the next node may begin
+    ripe      : std_logic; -- the first of them may be handed out
+    bank      : std_logic; -- table of the capacitors for the next node
     valid     : std_logic;
     decision  : decision_t;
   end record state_t;
@@ -76,6 +95,15 @@ architecture rtl of mpdcc_scheduler is
     started  => '0',
     any      => '0',
     best     => RESULT_INIT,
+    flat      => RESULT_INIT,
+    second    => '0',
+    predicted => '0',
+    cut       => '0',
+    left      => (others => '0'),
+    pending   => 0,
+    cool      => '1',
+    ripe      => '0',
+    bank      => '0',
     valid    => '0',
     decision => DECISION_INIT
   );
@@ -117,12 +145,66 @@ architecture rtl of mpdcc_scheduler is
     result.deadlock  := not best.feasible;
     result.length    := best.length;
     result.saturated := saturated or best.saturated;
+    result.exhausted := '0';
     return result;
 
   end function decided;
 
   -- a single fast explorer reports once, so its result is the decision
   constant SINGLE : boolean := EXPLORERS = 1 and not FOLDED;
+
+  -- clocks from the begin of a successor's program: its capacitor terms are complete two clocks
+  -- later, its errors are, the first leaf may be loaded, the next program may begin one clock later
+  constant CAPACITORS_AT : natural := 12;
+  constant TURN_AT       : natural := 18;
+  constant RIPE_AT       : natural := 24;
+  constant COOL_AT       : natural := 15;
+
+  -- a node from its begin to its leaves
+  type visit_t is record
+    index    : unsigned(INDEX_WIDTH - 1 downto 0);
+    position : positions_t;
+    effort   : unsigned(EFFORT_WIDTH - 1 downto 0);
+    length   : length_t;
+    bank     : std_logic;
+  end record visit_t;
+
+  -- candidates that follow a position: 27, 36, 48 or 64
+  function candidates_of (position : positions_t) return unsigned is
+
+    variable fours : unsigned(1 downto 0);
+
+  begin
+
+    fours := "00";
+
+    for x in 0 to 2 loop
+      if (NEXT_LAST(to_integer(position(x))) = 3) then
+        fours := fours + 1;
+      end if;
+    end loop;
+
+    case fours is
+
+      when "00" =>
+
+        return to_unsigned(27, BUDGET_WIDTH);
+
+      when "01" =>
+
+        return to_unsigned(36, BUDGET_WIDTH);
+
+      when "10" =>
+
+        return to_unsigned(48, BUDGET_WIDTH);
+
+      when others =>
+
+        return to_unsigned(64, BUDGET_WIDTH);
+
+    end case;
+
+  end function candidates_of;
 
   signal r      : state_t;
   signal r_next : state_t;
@@ -148,6 +230,52 @@ architecture rtl of mpdcc_scheduler is
   signal enumerate_ready : std_logic;
   signal enumerate_done  : std_logic;
   signal enumerated      : candidate_t;
+
+  -- the second level
+  signal advance         : std_logic;
+  signal advanced        : std_logic;
+  signal overflowed      : std_logic;
+  signal error_ahead     : trajectories_t;
+  signal words           : words_t;
+  signal base            : base_words_t;
+  signal base_clipped    : std_logic;
+  signal slope_ahead     : plane_t;
+  signal keep            : std_logic;
+  signal settle          : std_logic; -- the node of k+1 is complete
+  signal show_slope      : std_logic;
+  signal show_error      : std_logic;
+  signal slope_now       : std_logic;
+  signal error_now       : std_logic;
+  signal follow          : std_logic;
+  signal capacitors_go   : std_logic;
+  signal turn_go         : std_logic;
+  signal turn_now        : std_logic;
+  signal visit_bank      : std_logic;
+  signal since           : std_logic_vector(1 to RIPE_AT); -- clocks since the begin
+  signal visit           : visit_t;                        -- begun last
+  signal visit_slope     : start_slopes_t;
+  signal waiting         : visit_t;                        -- handed out next
+  signal lead            : length_t;                       -- of the node handed out last
+  signal place           : unsigned(INDEX_WIDTH - 1 downto 0);
+  signal flagged         : std_logic;
+  signal start_clipped   : std_logic;
+  signal advanced_late   : std_logic;
+  signal clipped_late    : std_logic;
+  signal predicted_flag  : std_logic;
+  signal decision_flag   : std_logic;
+  signal queue_clear     : std_logic;
+  signal queue_open      : std_logic;
+  signal queue_whole     : result_t;
+  signal queue_valid     : std_logic;
+  signal queue_entry     : entry_t;
+  signal queue_taken     : std_logic;
+  signal queue_empty     : std_logic;
+  signal load            : std_logic;
+  signal launch          : std_logic;
+  signal leaves_ready    : std_logic;
+  signal leaves_ending   : std_logic;
+  signal leaves_active   : std_logic;
+  signal over            : std_logic; -- no more leaves will come
 
   signal take     : std_logic_vector(EXPLORERS - 1 downto 0);
   signal taken    : std_logic;
@@ -234,12 +362,39 @@ begin
       capacitors   => terms_charged,
       done         => terms_done,
       node         => terms_node,
-      saturated    => terms_saturated
+      saturated    => terms_saturated,
+      advance      => advance,
+      steps        => visit.length,
+      base         => base,
+      slope_ahead  => slope_ahead,
+      show_slope   => slope_now,
+      show_error   => error_now,
+      advanced     => advanced,
+      overflowed   => overflowed,
+      error_ahead  => error_ahead,
+      words        => words
     );
 
-  node <= terms_node;
-
   g_paper : if FOLDED generate
+    node <= terms_node;
+
+    leaf_valid     <= (others => '0');
+    leaf           <= (others => LEAF_INIT);
+    reached        <= REACHED_INIT;
+    base           <= (others => '0');
+    slope_ahead    <= (others => (others => '0'));
+    slope_now      <= '0';
+    error_now      <= '0';
+    queue_whole    <= RESULT_INIT;
+    queue_valid    <= '0';
+    queue_empty    <= '1';
+    leaves_ready   <= '1';
+    leaves_ending  <= '1';
+    leaves_active  <= '0';
+    predicted_flag <= '0';
+    since          <= (others => '0');
+    visit.length   <= (others => '0');
+
     ask        <= terms_done;
     lines_held  <= '1';
     lines_ready <= '1';
@@ -266,19 +421,157 @@ begin
       port map (
         clk             => clk,
         rst             => rst,
-        capacitors_done => terms_charged,
-        terms_done      => terms_done,
+        capacitors_done => capacitors_go,
         limits          => limits,
         node            => terms_node,
         previous        => s_before,
         negative        => negative,
+        error_ahead     => error_ahead,
+        turn_start      => turn_go,
+        show_turn       => turn_now,
+        successor       => since(CAPACITORS_AT),
+        bank            => visit_bank,
         band            => band,
         capacitor       => capacitor,
         ready           => lines_ready,
         held            => lines_held
       );
 
+    -------------------------------------------------------------------------------------------
+    -- Second level: the node that common_terms holds is kept, and taken on to each successor
+    -------------------------------------------------------------------------------------------
+
+    follow        <= to_std_logic(r.phase /= LEAVES);
+    settle        <= advanced and to_std_logic(r.phase = PREDICT);
+    keep          <= terms_done or settle;
+    slope_now     <= show_slope or settle;
+    error_now     <= show_error or settle;
+    turn_now      <= show_error or follow;
+    capacitors_go <= terms_charged or settle or (since(CAPACITORS_AT) and not follow);
+    turn_go       <= terms_done or settle or (since(TURN_AT) and not follow);
+    visit_bank    <= visit.bank and not follow;
+
+    i_base : entity work.node_base
+      port map (
+        clk         => clk,
+        keep        => keep,
+        words       => words,
+        position    => visit.position,
+        slope       => visit_slope,
+        base        => base,
+        slope_ahead => slope_ahead,
+        clipped     => base_clipped
+      );
+
+    i_queue : entity work.node_queue
+      port map (
+        clk       => clk,
+        rst       => rst,
+        clear     => queue_clear,
+        open_root => follow,
+        evaluated => evaluated,
+        horizon   => limits.horizon,
+        previous  => s_before,
+        whole     => queue_whole,
+        valid     => queue_valid,
+        entry     => queue_entry,
+        taken     => queue_taken,
+        empty     => queue_empty
+      );
+
+    p_visits : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        since <= advance & since(1 to RIPE_AT - 1);
+
+        if (advance = '1') then
+          visit_slope    <= queue_entry.slope;
+          visit.index    <= queue_entry.index;
+          visit.position <= queue_entry.position;
+          visit.effort   <= queue_entry.effort;
+          visit.length   <= queue_entry.length;
+          visit.bank     <= r.bank;
+
+          if (follow = '1') then
+            visit.position <= s_before;
+            visit.length   <= to_unsigned(1, LENGTH_WIDTH);
+          end if;
+        end if;
+
+        if (since(CAPACITORS_AT) = '1') then
+          waiting <= visit;
+        end if;
+
+        if (load = '1') then
+          lead    <= waiting.length;
+          place   <= waiting.index;
+          flagged <= overflowed;
+        end if;
+
+        -- whether the state of k+1 fits its words
+        if (evaluated.slope_valid = '1' and r.phase = AWAIT and r.predicted = '0') then
+          start_clipped <= evaluated.clipped;
+        end if;
+
+        advanced_late <= settle;
+        clipped_late  <= base_clipped or start_clipped;
+
+        if (advanced_late = '1') then
+          predicted_flag <= overflowed or clipped_late;
+        end if;
+
+        if (r.phase = IDLE) then
+          predicted_flag <= '0';
+        end if;
+
+        if (rst = '1') then
+          since         <= (others => '0');
+          advanced_late <= '0';
+        end if;
+      end if;
+
+    end process p_visits;
+
+    i_leaves : entity work.leaf_dispatcher
+      generic map (
+        EXPLORERS => EXPLORERS
+      )
+      port map (
+        clk        => clk,
+        rst        => rst,
+        load       => load,
+        position   => waiting.position,
+        effort     => waiting.effort,
+        negative   => negative,
+        bank       => waiting.bank,
+        ready      => leaves_ready,
+        ending     => leaves_ending,
+        active     => leaves_active,
+        launch     => launch,
+        leaf_valid => leaf_valid,
+        leaf       => leaf
+      );
+
+    i_shown : entity work.node_shown
+      port map (
+        clk        => clk,
+        rst        => rst,
+        follow     => follow,
+        launch     => launch,
+        node       => terms_node,
+        lead       => lead,
+        index      => place,
+        saturated  => flagged,
+        shown      => node,
+        reached    => reached,
+        show_slope => show_slope,
+        show_error => show_error
+      );
+
   end generate g_fast;
+
+  decision_flag <= terms_saturated or predicted_flag;
 
   ---------------------------------------------------------------------------------------------
   -- Enumeration
@@ -361,24 +654,34 @@ begin
   -- Algorithm 1
   ---------------------------------------------------------------------------------------------
 
-  p_next : process (r, start, ask, lines_held, lines_ready, terms_saturated, candidate_ready, probe_done, probe_held,
-                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrived, arrival, compare, incoming,
-                    explorer_busy) is
+  over <= to_std_logic(r.pending = 0) and not leaves_active and (r.cut or queue_empty);
 
-    variable v : state_t;
+  p_next : process (r, start, ask, lines_held, lines_ready, decision_flag, candidate_ready, probe_done, probe_held,
+                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrived, arrival, compare, incoming,
+                    explorer_busy, two_switchings, compensate, budget, settle, since, queue_whole, queue_valid,
+                    queue_entry, leaves_ready, leaves_ending, over) is
+
+    variable v     : state_t;
+    variable wants : unsigned(BUDGET_WIDTH - 1 downto 0);
 
   begin
 
     v               := r;
     v.valid         := '0';
-    v.started       := to_std_logic(r.phase = SEARCH);
+    v.started       := to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
     terms_start     <= '0';
     enumerate_start <= '0';
     enumerate_ready <= '0';
     candidate_valid <= (others => '0');
     candidate       <= enumerated;
+    advance         <= '0';
+    queue_clear     <= '0';
+    queue_taken     <= '0';
+    load            <= '0';
 
-    if (not SINGLE and compare = '1' and (r.any = '0' or better(arrival, r.best) = '1')) then
+    -- the first level's result is compared with nothing
+    if ((not SINGLE or r.phase = LEAVES) and compare = '1' and (r.phase /= LEAVES or r.started = '1')
+        and (r.any = '0' or better(arrival, r.best) = '1')) then
       v.best := arrival;
       v.any  := '1';
     end if;
@@ -389,6 +692,12 @@ begin
 
         v.any           := '0';
         v.best.feasible := '0';
+        v.second        := '0';
+        v.predicted     := '0';
+        v.cut           := '0';
+        v.cool          := '1';
+        v.bank          := '0';
+        queue_clear     <= '1';
 
         if (start = '1') then
           v.phase     := PREPARE;
@@ -396,13 +705,6 @@ begin
         end if;
 
       when PREPARE =>
-
-        candidate <= (
-          probe    => '1',
-          index    => (others => '0'),
-          position => s_before,
-          effort   => (others => '0')
-        );
 
         if (ask = '1') then
           candidate_valid(0) <= '1';
@@ -412,18 +714,30 @@ begin
       when AWAIT =>
 
         if (probe_done = '1') then
-          if (probe_held = '1' and lines_held = '1') then
+          if (not FOLDED and compensate = '1' and r.predicted = '0') then
+            advance     <= '1';
+            v.predicted := '1';
+            v.phase     := PREDICT;
+          elsif (probe_held = '1' and lines_held = '1') then
             v.phase              := IDLE;
             v.valid              := '1';
             v.decision.position  := s_before;
             v.decision.held      := '1';
             v.decision.deadlock  := '0';
             v.decision.length    := (others => '0');
-            v.decision.saturated := terms_saturated;
+            v.decision.saturated := decision_flag;
+            v.decision.exhausted := '0';
           else
             v.phase         := SEARCH;
             enumerate_start <= '1';
           end if;
+        end if;
+
+      when PREDICT =>
+
+        if (settle = '1') then
+          candidate_valid(0) <= '1';
+          v.phase            := AWAIT;
         end if;
 
       when SEARCH =>
@@ -431,27 +745,103 @@ begin
         if (enumerate_valid = '1' and lines_ready = '1') then
           candidate_valid <= first_of(candidate_ready);
           enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
+
+          -- one explorer alone, so that the queue takes one candidate a clock
+          if (not FOLDED and two_switchings = '1') then
+            candidate_valid    <= (others => '0');
+            candidate_valid(0) <= candidate_ready(0);
+            enumerate_ready    <= candidate_ready(0);
+          end if;
         end if;
 
-        if (SINGLE and taken = '1') then
-          v.phase    := IDLE;
-          v.valid    := '1';
-          v.decision := decided(incoming, s_before, terms_saturated);
+        if (not FOLDED and two_switchings = '1') then
+          if (taken = '1' and incoming.feasible = '1') then
+            v.phase   := LEAVES;
+            v.started := '0';
+            v.second := '1';
+            v.flat   := incoming;
+            v.any    := queue_whole.feasible;
+            v.best   := queue_whole;
+            v.left   := budget;
+          elsif (taken = '1') then
+            v.phase    := IDLE;
+            v.valid    := '1';
+            v.decision := decided(incoming, s_before, decision_flag);
+          end if;
+        elsif (SINGLE) then
+          if (taken = '1') then
+            v.phase    := IDLE;
+            v.valid    := '1';
+            v.decision := decided(incoming, s_before, decision_flag);
+          end if;
+        elsif (r.started = '1' and enumerate_done = '1' and taken = '0' and arrived = '0'
+               and explorer_busy = (explorer_busy'range => '0')) then
+          -- the enumerator still shows the last search's end in the first clock
+          v.phase := FINISH;
         end if;
 
-        -- the enumerator still shows the last search's end in the first clock
-        if (not SINGLE and r.started = '1' and enumerate_done = '1' and taken = '0' and arrived = '0'
+      when LEAVES =>
+
+        wants := candidates_of(queue_entry.position);
+
+        if (since(COOL_AT) = '1') then
+          v.cool := '1';
+        end if;
+
+        if (since(RIPE_AT) = '1') then
+          v.ripe := '1';
+        end if;
+
+        -- hand out the first node that is complete
+        if ((r.ripe = '1' or since(RIPE_AT) = '1') and leaves_ready = '1') then
+          load      <= '1';
+          v.ripe    := '0';
+          v.pending := v.pending - 1;
+        end if;
+
+        -- begin with the next while its predecessor's words are still needed for eight clocks at most
+        if (queue_valid = '1' and r.cut = '0' and r.cool = '1'
+            and (r.pending = 0 or (r.pending = 1 and leaves_ending = '1'))) then
+          if (budget /= 0 and wants > r.left) then
+            v.cut := '1';
+          else
+            advance     <= '1';
+            queue_taken <= '1';
+            v.left      := r.left - wants;
+            v.pending   := v.pending + 1;
+            v.cool      := '0';
+            v.bank      := not r.bank;
+          end if;
+        end if;
+
+        if (r.started = '1' and over = '1' and taken = '0' and arrived = '0'
             and explorer_busy = (explorer_busy'range => '0')) then
           v.phase := FINISH;
         end if;
 
       when FINISH =>
 
-        v.phase              := IDLE;
-        v.valid              := '1';
-        v.decision := decided(r.best, s_before, terms_saturated);
+        v.phase := IDLE;
+        v.valid := '1';
+
+        if (r.second = '1' and r.best.feasible = '0') then
+          v.decision := decided(r.flat, s_before, decision_flag);
+        else
+          v.decision := decided(r.best, s_before, decision_flag);
+        end if;
+
+        v.decision.exhausted := r.cut;
 
     end case;
+
+    if (r.phase = PREPARE or r.phase = AWAIT or r.phase = PREDICT) then
+      candidate <= (
+        probe    => '1',
+        index    => (others => '0'),
+        position => s_before,
+        effort   => (others => '0')
+      );
+    end if;
 
     r_next <= v;
 
@@ -464,14 +854,17 @@ begin
       r <= r_next;
 
       if (rst = '1') then
-        r.phase <= STATE_INIT.phase;
+        r.phase   <= STATE_INIT.phase;
+        r.pending <= STATE_INIT.pending;
+        r.ripe    <= STATE_INIT.ripe;
         r.valid <= STATE_INIT.valid;
       end if;
     end if;
 
   end process p_state;
 
-  last       <= to_std_logic(r.phase = SEARCH) and r.started and enumerate_done;
+  last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerate_done)
+                or (to_std_logic(r.phase = LEAVES) and r.started and over);
   best_valid <= r.best.feasible;
   best_cost  <= r.best.cost;
   valid      <= r.valid;

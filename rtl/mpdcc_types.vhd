@@ -93,6 +93,7 @@ package mpdcc_types is
     row    : capacitor_row_t;
     length : length_t;        -- steps, at most the horizon
     excess : trajectory_t;    -- |error at k+1| - bound
+    bank   : std_logic;       -- which of two tables; successors of the root take turns
   end record capacitor_t;
 
   type limits_t is record
@@ -108,11 +109,11 @@ package mpdcc_types is
     is_beta    : signed(15 downto 0);   -- 1/16000 pu
     psir_alpha : signed(15 downto 0);   -- rotor flux, 1/9000 pu
     psir_beta  : signed(15 downto 0);   -- 1/9000 pu
-    v_n        : signed(15 downto 0);   -- neutral point potential, 1/64000 pu
-    v_ph_a     : unsigned(15 downto 0); -- phase capacitor voltages, 1/32000 pu
-    v_ph_b     : unsigned(15 downto 0); -- 1/32000 pu
-    v_ph_c     : unsigned(15 downto 0); -- 1/32000 pu
-    v_dc       : unsigned(15 downto 0); -- dc-link voltage, 1/16000 pu
+    v_n        : signed(15 downto 0);   -- neutral point potential, 1/64012.5 pu
+    v_ph_a     : unsigned(15 downto 0); -- phase capacitor voltages, 1/32006.25 pu
+    v_ph_b     : unsigned(15 downto 0); -- 1/32006.25 pu
+    v_ph_c     : unsigned(15 downto 0); -- 1/32006.25 pu
+    v_dc       : unsigned(15 downto 0); -- dc-link voltage, 1/16003.125 pu
     iref_alpha : signed(15 downto 0);   -- current reference, 1/16000 pu
     iref_beta  : signed(15 downto 0);   -- 1/16000 pu
     omega_s    : signed(15 downto 0);   -- stator frequency, 1/16000 pu
@@ -125,6 +126,7 @@ package mpdcc_types is
     deadlock  : std_logic;   -- '1': no candidate stays inside its bounds
     length    : length_t;    -- L* of the choice, 0 when held or deadlocked, steps
     saturated : std_logic;   -- '1': a value did not fit its word
+    exhausted : std_logic;   -- '1': the budget ended the search
   end record decision_t;
 
   constant DECISION_INIT : decision_t := (
@@ -132,7 +134,8 @@ package mpdcc_types is
     held      => '0',
     deadlock  => '0',
     length    => (others => '0'),
-    saturated => '0'
+    saturated => '0',
+    exhausted => '0'
   );
 
   type candidate_t is record
@@ -152,6 +155,94 @@ package mpdcc_types is
   end record result_t;
 
   type results_t is array (natural range <>) of result_t;
+
+  -- a candidate of the second level, handed to an explorer past its blocks
+
+  type leaf_t is record
+    position : positions_t;                               -- candidate
+    effort   : unsigned(TOTAL_EFFORT_WIDTH - 1 downto 0); -- f_s of both levels
+    bank     : std_logic;                                 -- table of the capacitors' lengths
+  end record leaf_t;
+
+  type leaves_t is array (natural range <>) of leaf_t;
+
+  constant LEAF_INIT : leaf_t := (
+    position => (others => (others => '0')),
+    effort   => (others => '0'),
+    bank     => '0'
+  );
+
+  -- how the node that leaves start from was reached, in time with the explorers' last stages
+
+  type reached_t is record
+    second    : std_logic;                          -- '1': leaves of the second level
+    lead      : length_t;                           -- L1, with stage 13
+    length    : length_t;                           -- L1, with the comparison
+    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- place of s1, with the comparison
+    saturated : std_logic;                          -- '1': a value of the node saturated, with the comparison
+  end record reached_t;
+
+  constant REACHED_INIT : reached_t := (
+    second    => '0',
+    lead      => (others => '0'),
+    length    => (others => '0'),
+    index     => (others => '0'),
+    saturated => '0'
+  );
+
+  subtype base_t is signed(BASE_WIDTH - 1 downto 0);
+
+  type start_slopes_t is array (0 to 1) of base_t; -- of a and b
+
+  -- what the second level needs of a candidate of the first
+
+  type evaluated_t is record
+    slope_valid : std_logic;                              -- '1': slope is new
+    slope_index : unsigned(INDEX_WIDTH - 1 downto 0);     -- place of the candidate that it belongs to
+    slope       : start_slopes_t;                         -- of the current errors, clipped
+    clipped     : std_logic;                              -- '1': one of them had to be
+    valid       : std_logic;                              -- '1': a candidate with length > 0
+    index       : unsigned(INDEX_WIDTH - 1 downto 0);     -- its place
+    effort      : unsigned(EFFORT_WIDTH - 1 downto 0);    -- f_s
+    length      : length_t;                               -- L*, steps
+    cost        : cost_t;                                 -- J
+    saturated   : std_logic;                              -- '1': its weight on v_n saturated
+  end record evaluated_t;
+
+  constant EVALUATED_INIT : evaluated_t := (
+    slope_valid => '0',
+    slope_index => (others => '0'),
+    slope       => (others => (others => '0')),
+    clipped     => '0',
+    valid       => '0',
+    index       => (others => '0'),
+    effort      => (others => '0'),
+    length      => (others => '0'),
+    cost        => (others => '0'),
+    saturated   => '0'
+  );
+
+  type evaluated_array_t is array (natural range <>) of evaluated_t;
+
+  -- a node of the second level before its state is computed
+
+  type entry_t is record
+    index    : unsigned(INDEX_WIDTH - 1 downto 0);  -- place of s1
+    position : positions_t;                         -- s1
+    effort   : unsigned(EFFORT_WIDTH - 1 downto 0); -- f_s
+    length   : length_t;                            -- L1
+    slope    : start_slopes_t;                      -- of the current errors at the root under s1
+  end record entry_t;
+
+  -- words of the common terms before they are turned into phases, RESULT_* order
+
+  subtype words_t is std_logic_vector(RESULT_COUNT * TERM_WIDTH - 1 downto 0);
+
+  subtype base_words_t is std_logic_vector(BASE_COUNT * OPERAND_WIDTH - 1 downto 0);
+
+  subtype term_t is signed(TERM_WIDTH - 1 downto 0);
+
+  type plane_t is array (0 to 1) of term_t;
 
   constant RESULT_INIT : result_t := (
     feasible  => '0',
@@ -200,7 +291,7 @@ package mpdcc_types is
     choice   : unsigned(1 downto 0)
   ) return unsigned;
 
-  -- '1' where a is better than b: feasible first, then cost or excess, then place
+  -- '1' where a is better than b: feasible first, then cost or excess, then place, then not saturated
   function better (a, b : result_t) return std_logic;
 
 end package mpdcc_types;
@@ -448,7 +539,7 @@ package body mpdcc_types is
       key_b(COST_WIDTH) := not key_b(COST_WIDTH);
     end if;
 
-    return to_std_logic((key_a & a.index) < (key_b & b.index));
+    return to_std_logic((key_a & a.index & a.saturated) < (key_b & b.index & b.saturated));
 
   end function better;
 

@@ -6,7 +6,7 @@
 -- and capacitor_search.
 --
 -- Formats: see band_t and capacitor_t.
--- Latency: band but for turn with terms_done, turn 7 clocks later; table and held as in
+-- Latency: band but for turn with the node, turn 9 clocks after turn_start; table and held as in
 -- capacitor_search after capacitors_done.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
 -- Weighed, not built (figures estimated): thresholds computed by every explorer for itself, 90 slices each.
@@ -26,11 +26,16 @@ entity node_preparation is
     clk             : in    std_logic;                    -- rising edge
     rst             : in    std_logic;                    -- synchronous, active high
     capacitors_done : in    std_logic;                    -- '1' for one clock: capacitor terms are complete with it
-    terms_done      : in    std_logic;                    -- '1' for one clock: node is complete
     limits          : in    limits_t;                     -- bounds and horizon, stable
     node            : in    node_t;                       -- common terms, stable
     previous        : in    positions_t;                  -- s(k-1), stable
     negative        : in    std_logic_vector(2 downto 0); -- '1': negative phase current, stable
+    -- successors
+    error_ahead     : in    trajectories_t;               -- current errors that the thresholds are for
+    turn_start      : in    std_logic;                    -- '1' for one clock: begin with the thresholds
+    show_turn       : in    std_logic;                    -- '1': band.turn becomes theirs, c's a clock later
+    successor       : in    std_logic;                    -- with capacitors_done: see capacitor_search
+    bank            : in    std_logic;                    -- with capacitors_done: which table
     band            : out   band_t;                       -- to the explorers
     capacitor       : out   capacitor_t;                  -- to the explorers, row by row
     ready           : out   std_logic;                    -- '1': the last row of the table is out 6 clocks later
@@ -45,6 +50,8 @@ architecture rtl of node_preparation is
   type thresholds_t is array (0 to 2) of threshold_t;
 
   signal thresholds  : thresholds_t;
+  signal shown       : thresholds_t;
+  signal show_third  : std_logic;
   signal margin_up   : margins_t;
   signal margin_down : margins_t;
 
@@ -52,20 +59,47 @@ begin
 
   g_thresholds : for x in 0 to 2 generate
 
+    signal room     : trajectory_t;
+    signal room_up  : margin_t;
+    signal room_low : margin_t;
+
+  begin
+
+    -- bound + error or bound - error, whichever the threshold needs
+    room     <= adjusted(signed(resize(limits.bound_current, TRAJECTORY_WIDTH)), error_ahead(x),
+                         not node.curvature(x)(CURVATURE_WIDTH - 1), node.curvature(x)(CURVATURE_WIDTH - 1));
+    room_low <= room(MARGIN_WIDTH - 1 downto 0);
+    room_up  <= not room_low;
+
     i_threshold : entity work.turn_threshold
       port map (
         clk         => clk,
-        start       => terms_done,
-        margin_up   => margin_up(x),
-        margin_down => margin_down(x),
+        start       => turn_start,
+        margin_up   => room_up,
+        margin_down => room_low,
         curvature   => node.curvature(x),
         threshold   => thresholds(x)
       );
 
   end generate g_thresholds;
 
+  p_shown : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      show_third <= show_turn;
+
+      for x in 0 to 2 loop
+        if ((x < 2 and show_turn = '1') or (x = 2 and show_third = '1')) then
+          shown(x) <= thresholds(x);
+        end if;
+      end loop;
+    end if;
+
+  end process p_shown;
+
   -- sums of what the node's registers hold; explorers register what they make of them
-  p_band : process (limits, node, thresholds, previous, negative) is
+  p_band : process (limits, node, shown, previous, negative) is
 
     variable bound   : trajectory_t;
     variable above   : trajectory_t;
@@ -85,7 +119,7 @@ begin
       margin_down(x)  <= below(MARGIN_WIDTH - 1 downto 0);
       band.outside(x) <= not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
       -- threshold, or -threshold - 1: the sign of slope + turn tells in either case
-      band.turn(x)    <= signed(('0' & thresholds(x)) xor falling);
+      band.turn(x)    <= signed(('0' & shown(x)) xor falling);
     end loop;
 
     for x in 0 to 1 loop
@@ -108,6 +142,8 @@ begin
       limits   => limits,
       node     => node,
       previous => previous,
+      successor => successor,
+      bank     => bank,
       held     => held,
       ready    => ready,
       entry    => capacitor

@@ -22,7 +22,20 @@ from scripts.tools import ROOT, ToolError
 CONFIGURATION = ROOT / ".vsg.yaml"
 PYTHON_DIRECTORIES = ("model", "scripts", "tb", "examples", "tools")
 # Directories `make generate` may write to.
-GENERATED_DIRECTORIES = ("rtl", "docs", "model", "tb", "drives", "examples")
+GENERATED_DIRECTORIES = (
+    "rtl",
+    "docs",
+    "model",
+    "tb",
+    "drives",
+    "examples",
+    "registers",
+    "constraints",
+)
+# Register blocks as PeakRDL writes them.
+GENERATED_VHDL = ROOT / "rtl" / "system" / "generated"
+# Wrappers above the cores, which may use VHDL-2008.
+SYSTEM_VHDL = ROOT / "rtl" / "system"
 
 _REGION = re.compile(r"\b(generic|port)\s*\(", re.I)
 _ENTITY_START = re.compile(r"^\s*entity\s+(\w+)\s+is\b", re.I)
@@ -40,11 +53,16 @@ def _run(command: list[str]) -> list[str]:
     return (done.stdout + done.stderr).strip().splitlines() or [f"status {done.returncode}"]
 
 
+def written_files() -> list[Path]:
+    """VHDL of the design but for what another project's generator wrote, whose style is its own."""
+    return [path for path in sources.rtl_files() if GENERATED_VHDL not in path.parents]
+
+
 def vhdl_files() -> list[tuple[list[Path], list[Path]]]:
     """VSG's configurations with the files they are for: the design, and its test benches."""
     benches = sorted([*(ROOT / "tb").rglob("*.vhd"), *(ROOT / "tb").rglob("*.vhdl")])
     on_top = [CONFIGURATION, ROOT / "tb" / ".vsg.yaml"]
-    pairs = [([CONFIGURATION], sources.rtl_files()), (on_top, benches)]
+    pairs = [([CONFIGURATION], written_files()), (on_top, benches)]
     return [(configuration, files) for configuration, files in pairs if files]
 
 
@@ -89,9 +107,15 @@ def python_format() -> list[str]:
 
 
 def analysis(std: str) -> list[str]:
-    """GHDL accepts all of `rtl/` without a word in one version of the language."""
+    """GHDL accepts all of `rtl/` without a word in one version of the language.
+
+    VHDL-93 is asked of the cores, not of what is below `rtl/system/`.
+    """
+    files = sources.rtl_files()
+    if std == "93":
+        files = [path for path in files if SYSTEM_VHDL not in path.parents]
     try:
-        order = sources.order_all(sources.rtl_files())
+        order = sources.order_all(files)
     except sources.SourcesError as error:
         return [str(error)]
     if not order:
@@ -136,7 +160,7 @@ def documented_ports() -> list[str]:
     """Every port and generic in `rtl/` says its unit, format or polarity in its own line."""
     return [
         line
-        for path in sources.rtl_files()
+        for path in written_files()
         for line in undocumented(path.read_text(encoding="utf-8"), str(path.relative_to(ROOT)))
     ]
 
@@ -153,7 +177,14 @@ def _snapshot() -> dict[Path, bytes]:
 def fresh_files() -> list[str]:
     """Generating the generated files again changes none of them (compared without git)."""
     before = _snapshot()
-    for generator in ("directmpc.vhdl_package", "directmpc.mptc.vhdl_package"):
+    for generator in (
+        "directmpc.vhdl_package",
+        "directmpc.mptc.vhdl_package",
+        "directmpc.register_files",
+        "directmpc.host.vhdl_package",
+        "directmpc.host.examples",
+        "scripts.boards",
+    ):
         lines = _run([sys.executable, "-m", generator])
         if lines:
             return lines

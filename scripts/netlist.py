@@ -323,6 +323,7 @@ def needs_vhdl(verilog: str) -> bool:
 def repair(verilog: str, vhdl: str, top: str) -> tuple[str, Repairs]:
     """Restore in GHDL's Verilog what its VHDL of the netlist has; refuse what does not match."""
     architectures = _read_vhdl(vhdl)
+    modules = {name.lower() for name in re.findall(r"^module (\w+)", verilog, re.M)}
     log = Repairs()
 
     def constant(match: re.Match[str]) -> str:
@@ -340,8 +341,11 @@ def repair(verilog: str, vhdl: str, top: str) -> tuple[str, Repairs]:
         twin = architectures.get(name.lower())
         body = _restore_cases(body, names, twin, log)
         body = _restore_arithmetic(body, names, twin, log)
-        if found := _LEFTOVER.search(body):
-            raise NetlistError(f"{name}: GHDL left '{found.group(0).strip()}' in the Verilog")
+        # an entity of the design may be called gate_..., as GHDL's own leftovers are
+        code = re.sub(r"/\*.*?\*/", "", body)
+        left = (found.group(0).strip() for found in _LEFTOVER.finditer(code))
+        if word := next((word for word in left if word.lower() not in modules), None):
+            raise NetlistError(f"{name}: GHDL left '{word}' in the Verilog")
         if found := _UNCERTAIN.search(body):
             raise NetlistError(f"{name}: comparison with a don't-care, '{found.group(0)}'")
         return f"module {name}\n{_blocking(body)}endmodule"
@@ -389,13 +393,14 @@ def convert(
     out: Path | None = None,
     *,
     files: Sequence[Path] | None = None,
-    std: str = "93",
+    std: str | None = None,
     check: bool = True,
 ) -> tuple[Path, Repairs]:
     """Write the Verilog of `top` with `generics` to `out` and return its path and the repairs."""
     generics = generics or {}
     if files is None:
         files = sources.compile_order(top, sources.rtl_files())
+    std = std or sources.standard(files)
     target = out or tools.BUILD / "netlist" / f"{tools.configuration_name(top, generics)}.v"
     with tempfile.TemporaryDirectory(prefix="netlist-") as name:
         workdir = Path(name)
@@ -416,10 +421,11 @@ def convert(
     return target, log
 
 
-def cached(top: str, generics: Generics | None = None, *, std: str = "93") -> Path:
+def cached(top: str, generics: Generics | None = None, *, std: str | None = None) -> Path:
     """The Verilog of a configuration, converted only when its sources or tools have changed."""
     generics = generics or {}
     files = sources.compile_order(top, sources.rtl_files())
+    std = std or sources.standard(files)
     key = tools.digest(
         top,
         repr(sorted(generics.items())),
@@ -447,7 +453,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("top", help="entity")
     parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
     parser.add_argument("--out", type=Path, help="Verilog file; below build/netlist without it")
-    parser.add_argument("--std", default="93", choices=["93", "08"])
+    parser.add_argument("--std", choices=["93", "08"], help="what the files need without it")
     given = parser.parse_args(arguments)
     try:
         out, log = convert(given.top, tools.parse_generics(given.g), given.out, std=given.std)

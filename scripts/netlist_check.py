@@ -210,7 +210,7 @@ def build(
     ports: Ports | None = None,
     *,
     verilog: Path | None = None,
-    std: str = "93",
+    std: str | None = None,
 ) -> tuple[Path, Ports]:
     """Compile the simulation of a configuration, or find it compiled; returns program and ports."""
     source = verilog or netlist.cached(top, generics, std=std)
@@ -290,7 +290,7 @@ def simulate(
     seed: int = 1,
     limit: int = 100_000,
     gap: int = 3,
-    std: str = "93",
+    std: str | None = None,
 ) -> Result:
     """Run all transactions; the outputs are unsigned integers of their ports' widths."""
     program, ports = build(top, generics, ports, verilog=verilog, std=std)
@@ -328,7 +328,7 @@ def check(
         generics,
         options.get("ports"),  # type: ignore[arg-type]
         verilog=options.get("verilog"),  # type: ignore[arg-type]
-        std=str(options.get("std", "93")),
+        std=options.get("std"),  # type: ignore[arg-type]
     )
     if not expected or result.checked == 0:
         raise ToolError(f"{top}: nothing to check")

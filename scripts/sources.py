@@ -65,6 +65,19 @@ def rtl_files(rtl: Path = RTL) -> list[Path]:
     return sorted([*rtl.rglob("*.vhd"), *rtl.rglob("*.vhdl")])
 
 
+def standard(files: Iterable[Path]) -> str:
+    """Version of the language that some files need: wrappers below `system/` may use VHDL-2008."""
+    return (
+        "08"
+        if any(
+            "system" in path.relative_to(RTL.parent).parts
+            for path in files
+            if RTL.parent in path.parents
+        )
+        else "93"
+    )
+
+
 def entities(rtl: Path = RTL) -> dict[str, Path]:
     """Name and file of every entity of the design."""
     return {name: unit.path for unit in scan(rtl_files(rtl)) for name in sorted(unit.entities)}

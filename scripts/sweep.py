@@ -180,6 +180,16 @@ def edits(point: Point) -> list[Edit]:
         "model/directmpc/formats.py",
         [(rf"^{name} = \d+", f"{name} = {value}") for name, value in constants.items()],
     )
+    if point.cost_fraction is not None:
+        # a unit this short has no room for equal f_s/L as equal words
+        table = "[0] + [round(COST_UNIT / n) for n in range(1, 2 ** (LENGTH_WIDTH + 1))]"
+        formats.pairs += [
+            (r"^COST_UNIT = 16_934_400", f"COST_UNIT = {2**point.cost_fraction}"),
+            (
+                r"^RECIPROCALS = _reciprocals\(\)",
+                f"RECIPROCALS = np.array({table}, dtype=np.int64)",
+            ),
+        ]
     found = [formats]
     if point.trajectory:
         if point.trajectory > 0:

@@ -163,7 +163,12 @@ def node(program, measurement, register):
     saturated : bool
     """
     t, saturated = common_terms(program, measurement, register)
-    t = t[_N_PRODUCTS:]
+    return (*node_of(t[_N_PRODUCTS:]), saturated)
+
+
+@njit(cache=True)
+def node_of(t):
+    """Phase quantities of a node from its ``TERMS``; results as ``node``, but for the flag."""
     error = np.empty(7, dtype=np.int64)
     error[0], error[1], error[2] = _phases(t[0], t[1])
     error[3] = t[2]
@@ -179,7 +184,7 @@ def node(program, measurement, register):
     weight_slope[0], weight_slope[1], weight_slope[2] = _phases(t[18], t[19])
     curvature = np.empty(3, dtype=np.int64)
     curvature[0], curvature[1], curvature[2] = _phases(t[20], t[21])
-    return error, slope, forced, phase, midpoint, weight_slope, t[17], curvature, saturated
+    return error, slope, forced, phase, midpoint, weight_slope, t[17], curvature
 
 
 @njit(cache=True)
@@ -211,8 +216,11 @@ def search_length(offset, slope, bound, horizon):
 
 
 @njit(cache=True)
-def cost(effort, length, weight_start, weight_slope, weight_scale):
-    """J of Paper A's (11)-(12) with 24 fractional bits, and whether sqrt(lambda)*v_n saturated."""
+def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
+    """J of Paper A's (11)-(12) in 1/COST_UNIT, and whether sqrt(lambda)*v_n saturated.
+
+    `before` are steps spent on the way to the node that the candidate starts from.
+    """
     w = weight_start + ((length * weight_slope) >> _WEIGHT_SLOPE_FRACTION)
     saturated = False
     if w > _WEIGHT_HIGH:
@@ -221,7 +229,9 @@ def cost(effort, length, weight_start, weight_slope, weight_scale):
     elif w < -_WEIGHT_HIGH - 1:
         w = -_WEIGHT_HIGH - 1
         saturated = True
-    return effort * _RECIPROCALS[length] + ((w * w) >> _WEIGHT_SHIFTS[weight_scale]), saturated
+    return effort * _RECIPROCALS[before + length] + (
+        (w * w) >> _WEIGHT_SHIFTS[weight_scale]
+    ), saturated
 
 
 @njit(cache=True)
@@ -454,4 +464,4 @@ def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Dec
     -------
     Decisions
     """
-    return run_rows(_run, (values or registers(drive)).array(), trace)
+    return run_rows(_run, (values or registers(drive, "paper")).array(), trace)

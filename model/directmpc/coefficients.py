@@ -54,6 +54,12 @@ class Registers:
         N in steps, 1..63.
     weight_scale : int
         Index into ``formats.WEIGHT_FRACTIONS``.
+    two_switchings : int
+        1 for the switching horizon SESE, fast variant alone.
+    budget : int
+        Candidates of the second level that may be looked at, 0 without limit.
+    compensate : int
+        1 to decide for k+1, fast variant alone.
     unit : float
         U, trajectory units per unit; for reports only, no register.
     extrapolation : int
@@ -68,6 +74,9 @@ class Registers:
     bound_phase: int
     horizon: int
     weight_scale: int
+    two_switchings: int
+    budget: int
+    compensate: int
     unit: float
     extrapolation: int
     correction: float
@@ -81,6 +90,9 @@ class Registers:
             "bound_phase": self.bound_phase,
             "horizon": self.horizon,
             "weight_scale": self.weight_scale,
+            "two_switchings": self.two_switchings,
+            "budget": self.budget,
+            "compensate": self.compensate,
         }
 
     def array(self) -> NDArray[np.int64]:
@@ -141,7 +153,7 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
 
 def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     """Finest scale of sqrt(lambda_n)*v_n that fits, and its three coefficients."""
-    root = math.sqrt(drive.control.lambda_n)
+    root = math.sqrt(drive.control.lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION)
     slope = -root * drive.ts_pu / (2.0 * drive.inverter.xdc)
     for scale in reversed(range(len(f.WEIGHT_FRACTIONS))):
         unit = 2.0 ** f.WEIGHT_FRACTIONS[scale]
@@ -159,7 +171,91 @@ def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     )
 
 
-def registers(drive: Drive, variant: str = "paper") -> Registers:
+def _rounded_bounds(
+    bounds: tuple[float, float, float], real: dict[str, float], unit: float
+) -> list[int]:
+    """Bounds as integers, each with the gain that rounding leaves the error it is compared with.
+
+    `bounds` and the error coefficients of `real` are per 1/`unit`.
+    """
+    errors = (real[name] * unit for name in ("error_alpha", "error_neutral", "error_phase"))
+    pairs = zip(bounds, errors, strict=True)
+    return [round(bound * unit * round(error) / error) for bound, error in pairs]
+
+
+def _successor(
+    drive: Drive, real: dict[str, float], weight: dict[str, float], unit: float, variant: str
+) -> dict[str, float]:
+    """Coefficients of the successor's program: ratios, so they do not scale with U.
+
+    A change of the current is counted in 2**-CHANGE_FRACTION trajectory units.  ``change_weight``
+    is clipped where lambda_n is at its largest and the unit coarse: it only bends the weight on v_n
+    at the second level.
+    """
+    if variant != "fast":
+        return dict.fromkeys(
+            ("change_phase", "change_midpoint", "change_weight", "error_forced"), 0
+        )
+    change = 2.0**-f.CHANGE_FRACTION
+    h = drive.ts_pu
+    per_unit = change / unit * f.CURRENT.scale  # 1/16000 pu in one LSB of the change
+    slope = weight["weight_alpha"] * per_unit
+    return {
+        "change_phase": h / drive.inverter.xph * change * _COARSE,
+        "change_midpoint": h / (2.0 * drive.inverter.xdc) * change * _COARSE,
+        "change_weight": max(-_HIGH, min(_HIGH, slope)),
+        "error_forced": -real["forced_voltage"] * f.CAPACITOR_VOLTAGE.scale,
+    }
+
+
+@dataclass(frozen=True)
+class Unrounded:
+    """Register values before they are rounded; names as in ``Registers``.
+
+    Attributes
+    ----------
+    coefficients : dict of float
+        One value per name of ``common_terms.COEFFICIENTS``.
+    bounds : tuple of float
+        Half widths of currents, v_n and v_ph, trajectory units.
+    weight_scale, unit, extrapolation, correction
+        As in ``Registers``.
+    """
+
+    coefficients: dict[str, float]
+    bounds: tuple[float, float, float]
+    weight_scale: int
+    unit: float
+    extrapolation: int
+    correction: float
+
+
+def unrounded(drive: Drive, variant: str) -> Unrounded:
+    """Register values of a drive in full precision; arguments and errors as ``registers``."""
+    prediction, length, correction = _prediction(drive, variant)
+    real = _per_unit(drive, prediction)
+    bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
+    unit = min(
+        min(_HIGH / abs(value) for value in real.values() if value != 0.0),
+        f.BOUND_HIGH[variant] / max(bounds),
+    )
+    # a bound in the rounded gain of its error may come out a little above the word
+    while max(_rounded_bounds(bounds, real, unit)) > f.BOUND_HIGH[variant]:
+        unit *= 1.0 - 2.0**-16
+    scale, weight = _weight(drive)
+    return Unrounded(
+        coefficients={name: value * unit for name, value in real.items()}
+        | weight
+        | _successor(drive, real, weight, unit, variant),
+        bounds=(bounds[0] * unit, bounds[1] * unit, bounds[2] * unit),
+        weight_scale=scale,
+        unit=unit,
+        extrapolation=length,
+        correction=correction,
+    )
+
+
+def registers(drive: Drive, variant: str) -> Registers:
     """Register values of a drive.
 
     Parameters
@@ -178,25 +274,23 @@ def registers(drive: Drive, variant: str = "paper") -> Registers:
     ValueError
         Where a value cannot be represented; the message names the drive file's key.
     """
-    prediction, length, correction = _prediction(drive, variant)
-    real = _per_unit(drive, prediction)
-    bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
-    unit = min(
-        min(_HIGH / abs(value) for value in real.values() if value != 0.0),
-        f.BOUND_HIGH[variant] / max(bounds),
-    )
-    scale, weight = _weight(drive)
-    values = {name: value * unit for name, value in real.items()} | weight
+    exact = unrounded(drive, variant)
+    coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
+    bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
+    fast = variant == "fast"
     return Registers(
-        coefficients={name: round(values[name]) for name in COEFFICIENTS},
-        bound_current=round(bounds[0] * unit),
-        bound_neutral=round(bounds[1] * unit),
-        bound_phase=round(bounds[2] * unit),
+        coefficients=coefficients,
+        bound_current=bounds[0],
+        bound_neutral=bounds[1],
+        bound_phase=bounds[2],
         horizon=drive.control.horizon,
-        weight_scale=scale,
-        unit=unit,
-        extrapolation=length,
-        correction=correction,
+        weight_scale=exact.weight_scale,
+        two_switchings=int(fast and drive.control.switching_horizon == "SESE"),
+        budget=drive.control.budget if fast else 0,
+        compensate=int(fast and drive.control.delay_compensation),
+        unit=exact.unit,
+        extrapolation=exact.extrapolation,
+        correction=exact.correction,
     )
 
 

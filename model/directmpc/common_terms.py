@@ -54,6 +54,10 @@ COEFFICIENTS: tuple[str, ...] = (
     "curvature_flux_beta",
     "curvature_reference_alpha",
     "curvature_reference_beta",
+    "change_phase",
+    "change_midpoint",
+    "change_weight",
+    "error_forced",
 )
 
 #: Operands A (18 bits): measurements, their differences, and products fed back.
@@ -86,6 +90,45 @@ PRODUCTS: tuple[str, ...] = (
     "flux_speed2_beta",
     "reference_speed2_alpha",  # w_s^2 * iref_alpha
     "reference_speed2_beta",
+    "reference_slope_alpha",  # of iref, trajectory units per step; from here on: successor
+    "reference_slope_beta",
+    "bend_step_alpha",  # curvature * length
+    "bend_step_beta",
+    "change_alpha",  # of the current, 16 trajectory units
+    "change_beta",
+    "neutral_ahead",  # error of v_n at the successor, once more
+)
+
+#: Operands A (18 bits) of the successor's program: the node it starts from, see `successor`.
+BASE: tuple[str, ...] = (
+    "bend_alpha",  # curvature
+    "bend_beta",
+    "secant_alpha",  # mean slope of the current error on the way
+    "secant_beta",
+    "drift_alpha",  # half of what the current moves by per step
+    "drift_beta",
+    "base_error_alpha",
+    "base_error_beta",
+    "base_phase_alpha",
+    "base_phase_beta",
+    "base_midpoint_alpha",
+    "base_midpoint_beta",
+    "base_weight_alpha",
+    "base_weight_beta",
+    "base_error_neutral",
+    "base_error_a",
+    "base_error_b",
+    "base_error_c",
+    "base_weight_start",
+    "charge_a",  # slopes of the errors of v_ph and v_n under s1
+    "charge_b",
+    "charge_c",
+    "neutral_slope",
+    "weight_slope",
+    "quarter_link",  # a quarter of forced_link
+    "ahead_a",  # errors of v_ph at the successor
+    "ahead_b",
+    "ahead_c",
 )
 
 #: Terms of the node (23 bits), as the sequencer delivers them.
@@ -115,6 +158,9 @@ TERMS: tuple[str, ...] = (
 )
 
 SPEEDS: tuple[str, ...] = ("omega_s", "omega_r")
+
+#: Factors B of the successor's program: 128 * L1 and powers of two.
+STEPS: tuple[str, ...] = ("length", "power_7", "power_10", "power_13", "power_14")
 
 
 @dataclass(frozen=True)
@@ -149,13 +195,16 @@ def _slope(name: str, other: str) -> list[Step]:
     ]
 
 
-def _current(name: str, other: str, end: list[Step]) -> tuple[Step, ...]:
-    """Program of the block that owns one current component."""
+def _current(
+    name: str, other: str, end: list[Step], before: tuple[Step, ...] = ()
+) -> tuple[Step, ...]:
+    """Program of the block that owns one current component; `before` comes before the slope."""
     return (
         Step(f"psir_{name}", "omega_r", 1, f"flux_speed_{name}"),
         Step(f"is_{name}", f"phase_{name}", 0, f"phase_{name}"),
         Step(f"is_{name}", f"midpoint_{name}", 0, f"midpoint_{name}"),
         Step(f"difference_{name}", f"error_{name}", 2, f"error_{name}"),
+        *before,
         *_slope(name, other),
         *end,
     )
@@ -172,6 +221,53 @@ def _curvature(name: str, other: str) -> tuple[Step, ...]:
         Step(f"flux_speed_{other}", f"curvature_emf_{name}", 0, f"curvature_{name}"),
         Step(f"flux_speed2_{name}", f"curvature_flux_{name}", 0, f"curvature_{name}"),
         Step(f"reference_speed2_{name}", f"curvature_reference_{name}", 0, f"curvature_{name}"),
+    )
+
+
+def _advance(name: str, other: str) -> tuple[Step | None, ...]:
+    """Successor: the block that owns one current component."""
+    change = f"change_{name}"
+    return (
+        Step(f"reference_speed_{other}", f"reference_{name}", 0, f"reference_slope_{name}"),
+        Step(f"bend_{name}", "length", 3, f"bend_step_{name}"),
+        None,
+        None,
+        None,
+        Step(f"drift_{name}", "length", 2, change),
+        None,
+        None,
+        Step(f"base_phase_{name}", "power_13", 1, f"phase_{name}"),
+        Step(change, "change_phase", 1, f"phase_{name}"),
+        Step(f"base_midpoint_{name}", "power_13", 1, f"midpoint_{name}"),
+        Step(change, "change_midpoint", 1, f"midpoint_{name}"),
+        Step(f"secant_{name}", "length", 3, f"error_{name}"),
+        Step(f"base_error_{name}", "power_7", 3, f"error_{name}"),
+        Step(f"base_weight_{name}", "power_13", 1, f"weight_{name}"),
+        Step(change, "change_weight", 1, f"weight_{name}"),
+    )
+
+
+def _charged(phase: str) -> tuple[Step, ...]:
+    """Successor: error of a phase capacitor's voltage."""
+    return (
+        Step(f"charge_{phase}", "length", 3, f"error_{phase}"),
+        Step(f"base_error_{phase}", "power_7", 3, f"error_{phase}"),
+    )
+
+
+def _voltage(phase: str) -> tuple[Step, ...]:
+    """Successor: voltage term of a phase capacitor."""
+    return (
+        Step("quarter_link", "power_14", 1, f"forced_{phase}"),
+        Step(f"ahead_{phase}", "error_forced", 1, f"forced_{phase}"),
+    )
+
+
+def _neutral(result: str) -> tuple[Step, ...]:
+    """Successor: error of v_n."""
+    return (
+        Step("neutral_slope", "length", 3, result),
+        Step("base_error_neutral", "power_7", 3, result),
     )
 
 
@@ -212,8 +308,8 @@ PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
         (*_HEAD_3, _FORCED["forced_b"], _WEIGHT_START, _WEIGHT_BETA),
     ),
     "fast": (
-        _current("alpha", "beta", [_FORCED["forced_a"], _WEIGHT_ALPHA]),
-        _current("beta", "alpha", [_FORCED["forced_b"], _WEIGHT_BETA]),
+        _current("alpha", "beta", [_WEIGHT_ALPHA], (_FORCED["forced_a"],)),
+        _current("beta", "alpha", [_WEIGHT_BETA], (_FORCED["forced_b"],)),
         (
             *_HEAD_2,
             Step("reference_speed_alpha", "omega_s", 0, "reference_speed2_alpha"),
@@ -229,6 +325,37 @@ PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
     ),
 }
 PROGRAM = PROGRAMS["paper"]
+
+#: The successor's program, run after the fast variant's on the same blocks; None: no product.
+SUCCESSOR: tuple[tuple[Step | None, ...], ...] = (
+    _advance("alpha", "beta"),
+    _advance("beta", "alpha"),
+    (*[None] * 4, *_charged("a"), *_charged("b"), *_voltage("a"), *_voltage("b"), *[None] * 4),
+    (
+        *_neutral("neutral_ahead"),
+        None,
+        None,
+        *_charged("c"),
+        None,
+        None,
+        *_voltage("c"),
+        *_neutral("error_neutral"),
+        Step("neutral_ahead", "error_forced", 1, "forced_neutral"),
+        # twice: the slope's extra fractional bits are two, alignment goes by three
+        Step("weight_slope", "length", 2, "weight_start"),
+        Step("weight_slope", "length", 2, "weight_start"),
+        Step("base_weight_start", "power_10", 2, "weight_start"),
+    ),
+)
+SUCCESSOR_LENGTH = len(SUCCESSOR[0])
+
+#: Results of the successor's program that are saturated; the others cannot exceed their words, as
+#: long as the successor's errors are within their bounds or one step away from clipped ones.
+SUCCESSOR_SATURATES: tuple[str, ...] = (
+    "change_alpha", "change_beta", "neutral_ahead", "phase_alpha", "phase_beta", "midpoint_alpha",
+    "midpoint_beta", "weight_alpha", "weight_beta", "forced_a", "forced_b", "forced_c",
+    "forced_neutral", "weight_start",
+)  # fmt: skip
 
 #: Clocks from issuing a product until its rounded result can be an operand.
 RESULT_LATENCY = 4
@@ -250,6 +377,12 @@ def result_width(name: str) -> int:
     if name.startswith("curvature_"):
         return f.CURVATURE_TERM_WIDTH
     return f.TERM_WIDTH
+
+
+def successor_width(name: str) -> int:
+    """Width of a result of the successor's program; the sum of two current terms has to fit."""
+    narrower = name.removesuffix("_alpha").removesuffix("_beta") in ("phase", "midpoint")
+    return result_width(name) - narrower
 
 
 def _largest_signal(name: str) -> int:
@@ -284,12 +417,16 @@ def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
 def saturates(variant: str, name: str) -> bool:
     """Whether a result can exceed its word at all: only then is there logic to saturate it."""
     sums = largest_sums(PROGRAMS[variant])
+    if variant == "fast" and name in SUCCESSOR_SATURATES:
+        return True
     return name in sums and sums[name] >> f.RESULT_SHIFT >= 2 ** (result_width(name) - 1)
 
 
-def base_alignment(program: tuple[tuple[Step, ...], ...], result: str) -> int:
+def base_alignment(program: tuple[tuple[Step | None, ...], ...], result: str) -> int:
     """Smallest alignment among the products of a result: it costs no logic, only wiring."""
-    return min(step.alignment for block in program for step in block if step.result == result)
+    return min(
+        step.alignment for block in program for step in block if step and step.result == result
+    )
 
 
 def check_program(variant: str) -> None:
@@ -312,13 +449,45 @@ def check_program(variant: str) -> None:
                 raise ValueError(f"the sum {step.result} is interrupted at clock {clock}")
             seen.add(step.result)
             last = step.result
-    spared = () if variant == "fast" else ("curvature_", "reference_speed2_")
+    spared = ("reference_slope_", "bend_step_", "change_", "neutral_ahead")  # the successor's
+    if variant == "paper":
+        spared += ("curvature_", "reference_speed2_")
     if max(largest_sums(program).values()) >= 2 ** (f.ACCUMULATOR_WIDTH - 1):
         raise ValueError("a sum does not fit the accumulator")
-    missing = {n for n in (*TERMS, *PRODUCTS) if not n.startswith(spared or ("-",))} - seen
+    missing = {n for n in (*TERMS, *PRODUCTS) if not n.startswith(spared)} - seen
     if missing:
         raise ValueError(f"no step computes {sorted(missing)}")
 
 
+def check_successor() -> None:
+    """Raise ValueError where the successor's program reads a product before it exists."""
+    ready = {
+        step.result: clock + RESULT_LATENCY
+        for block in SUCCESSOR
+        for clock, step in enumerate(block)
+        if step
+    }
+    # operands that adders outside make of products of this program
+    sources = {"secant": "bend_step", "drift": "reference_slope"}
+    for block in SUCCESSOR:
+        for clock, step in enumerate(block):
+            if step is None:
+                continue
+            name, _, component = step.a.rpartition("_")
+            needed = [f"{sources[name]}_{component}"] if name in sources else []
+            if name == "ahead":
+                needed = [f"error_{component}"]
+            elif step.a in PRODUCTS and not step.a.startswith("reference_speed"):
+                needed = [step.a]
+            if name == "drift":
+                needed.append(f"bend_step_{component}")
+            for source in needed:
+                if clock < ready[source]:
+                    raise ValueError(f"{step.a} is read at {clock}, ready at {ready[source]}")
+    if len({len(block) for block in SUCCESSOR}) != 1:
+        raise ValueError("the successor's blocks differ in length")
+
+
 for _variant in PROGRAMS:
     check_program(_variant)
+check_successor()

@@ -20,9 +20,11 @@ control.bound_*        0.02 to 0.5 pu              contract
 control.lambda_n       0 to 100                    contract
 control.horizon        1 to 63, an integer         contract
 switching_horizon      "SE" (default) or "SESE"    contract
+control.budget         0 (default) to 4095         chosen; candidates of SESE's second level
+delay_compensation     false (default) or true     chosen
 ---------------------  --------------------------  ---------------------------------------------
 MPTC: machine.rs, rr   1e-6 to 1e3 ohm             chosen
-machine.lm, ls, lr     1e-6 to 1e3 H               chosen; ls and lr above lm
+machine.lm, ls, lr     1e-6 to 1e3 H               chosen; ls and lr above lm, leakage factor 1e-4
 machine.pole_pairs     1 to 64, an integer         chosen
 inverter.topology      "two_level"                 contract
 inverter.vdc           1 to 1e5 V                  chosen
@@ -54,6 +56,7 @@ from directmpc.machine import InductionMachine
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
+LEAKAGE_MIN = 1e-4
 
 
 class DriveFileError(ValueError):
@@ -109,7 +112,11 @@ class Inverter(_Section):
 
 
 class Control(_Section):
-    """Settings of the MPDCC controller: ts in s, bounds as half widths in pu."""
+    """Settings of the MPDCC controller: ts in s, bounds as half widths in pu.
+
+    `budget` limits the second level of SESE to so many candidates (0: no limit), in the cores and
+    their model; `delay_compensation` decides for k + 1 from the state predicted under s(k-1).
+    """
 
     ts: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
     bound_current: _number(0.02, 0.5, "pu")
@@ -118,6 +125,8 @@ class Control(_Section):
     lambda_n: _number(0.0, 100.0, "")
     horizon: _integer(1, 63)
     switching_horizon: Literal["SE", "SESE"] = "SE"
+    budget: _integer(0, 4095) = 0
+    delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
 
 
 class Drive(_Section):
@@ -269,6 +278,13 @@ def _check(path: str | os.PathLike[str], model: type[_DriveModel], data: Any) ->
                     f"{path}: machine.{key}: got {getattr(drive.machine, key):g}; it must be "
                     f"above machine.lm = {drive.machine.lm:g} H (self above mutual inductance)"
                 )
+        leakage = 1.0 - drive.machine.lm**2 / (drive.machine.ls * drive.machine.lr)
+        if leakage < LEAKAGE_MIN:
+            raise DriveFileError(
+                f"{path}: machine.lm: got {drive.machine.lm!r}; it must be at most "
+                f"{math.sqrt((1.0 - LEAKAGE_MIN) * drive.machine.ls * drive.machine.lr):.7g} H "
+                f"with these ls and lr (a leakage factor 1 - lm**2/(ls*lr) of {LEAKAGE_MIN:g})"
+            )
     return drive
 
 

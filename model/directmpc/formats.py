@@ -4,8 +4,14 @@ Everything that model and RTL share about numbers lives here; ``vhdl_package`` t
 checked-in VHDL package, ``coefficients`` uses it to turn a drive file into register values.
 
 Measurements have a fixed scale in LSB per unit, chosen so that the range a drive may use fills
-the 16 bits as far as alignment allows.  The three voltage scales differ by powers of two, so that
-differences between them are exact (v_dc/4 - v_ph needs no rounding at all).
+the 16 bits as far as alignment allows.  The scale of v_ph is twice that of v_dc, so that
+v_dc/4 - v_ph needs no rounding at all.
+
+A capacitor voltage may rest where it is for hundreds of steps, on either side of its bound.  Were
+a bound a multiple of the LSB, a voltage up to half an LSB beyond it would read as inside all that
+time.  The scale of v_ph is therefore such that the usual bound of 0.08 lies midway between two
+words, so that rounding carries no voltage across it.  v_n's is twice that, for exact sums of both,
+and the usual 0.05 lies an eighth of an LSB from midway.
 
 ============ ======== ====== ============= ============================
 signal       width    signed LSB per unit  range (pu)
@@ -13,9 +19,9 @@ signal       width    signed LSB per unit  range (pu)
 current      16       yes    16000         +-2.0479
 rotor flux   16       yes    9000          +-3.6408
 speed        16       yes    16000         +-2.0479
-v_n          16       yes    64000         +-0.5120
-v_ph         16       no     32000         0 .. 2.0480
-v_dc         16       no     16000         0 .. 4.0959
+v_n          16       yes    64012.5       +-0.5119
+v_ph         16       no     32006.25      0 .. 2.0476
+v_dc         16       no     16003.125     0 .. 4.0951
 ============ ======== ====== ============= ============================
 
 Trajectories (errors, slopes, bounds) share one *trajectory unit* of ``1/U`` per unit.  ``U`` is a
@@ -26,6 +32,7 @@ the deadlock cost of Paper A's (15) compares all seven outputs without further s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,9 +89,9 @@ class Format:
 CURRENT = Format(16, True, 16000.0)
 FLUX = Format(16, True, 9000.0)
 SPEED = Format(16, True, 16000.0)
-NEUTRAL_VOLTAGE = Format(16, True, 64000.0)
-CAPACITOR_VOLTAGE = Format(16, False, 32000.0)
-LINK_VOLTAGE = Format(16, False, 16000.0)
+NEUTRAL_VOLTAGE = Format(16, True, 64012.5)
+CAPACITOR_VOLTAGE = Format(16, False, 32006.25)
+LINK_VOLTAGE = Format(16, False, 16003.125)
 
 #: Words inside the cores (bits).
 OPERAND_WIDTH = 18  # multiplier operand A: 16-bit signals, their differences, products of signals
@@ -97,8 +104,9 @@ SEARCH_WIDTH = 17  # operands of the binary search, unsigned: bound + |error| ne
 LENGTH_WIDTH = 6  # steps, horizon at most 63
 INDEX_WIDTH = 6  # place of a candidate in the contract's order
 EFFORT_WIDTH = 4  # weighted switching transitions of one candidate, 0..15
-RECIPROCAL_FRACTION = 24  # fractional bits of 1/L and of the cost J
-COST_WIDTH = 31  # f_s/L + lambda_n * v_n^2, unsigned, 24 fractional bits
+TOTAL_EFFORT_WIDTH = 5  # of two candidates in turn
+RECIPROCAL_FRACTION = 24  # bits of COST_UNIT/L and of the cost J below one
+COST_WIDTH = 31  # f_s/L + lambda_n * v_n^2, unsigned, COST_UNIT LSB per unit
 CURVATURE_TERM_WIDTH = 12  # alpha and beta component of the curvature, signed
 CURVATURE_WIDTH = 11  # curvature of one phase, trajectory units per square step, signed
 START_SLOPE_WIDTH = 17  # slope at k as the fast search takes it, clipped, signed
@@ -111,6 +119,9 @@ WEIGHT_SLOPE_WIDTH = 17  # its slope per step, signed: the sum over the phases f
 FORCED_WIDTH = 20  # voltage terms of the slopes, signed
 FORCED_FRACTION = 2  # extra fractional bits of the forced terms: their sum is four of them
 WEIGHT_SLOPE_FRACTION = 2  # extra fractional bits of the slope of sqrt(lambda_n) * v_n
+BASE_WIDTH = 17  # errors and slopes that a successor starts from, signed, clipped
+CHANGE_FRACTION = -4  # change of a current on the way to a successor: 16 trajectory units an LSB
+BUDGET_WIDTH = 12  # candidates of the second level, 0: no limit
 
 #: Largest bound (trajectory units) by variant.  The fast search keeps 17-bit margins: a trajectory
 #: that does not leave before it turns goes at most 1.125 * (bound + |error|) beyond the error.
@@ -119,7 +130,7 @@ BOUND_HIGH = {"paper": 2**BOUND_WIDTH - 1, "fast": 29000}
 #: Products are aligned so that bit RESULT_SHIFT of the accumulator is the LSB of the result; a
 #: program step may shift its product left by ``ALIGNMENT[k]`` first.
 RESULT_SHIFT = 16
-ALIGNMENT = (0, 3, 6)
+ALIGNMENT = (0, 3, 6, 9)
 #: the largest sum any program can form fits (asserted where the package is written)
 ACCUMULATOR_WIDTH = 41
 
@@ -128,10 +139,38 @@ ACCUMULATOR_WIDTH = 41
 WEIGHT_FRACTIONS = (14, 16, 18, 20)
 WEIGHT_SHIFTS = tuple(2 * f - RECIPROCAL_FRACTION for f in WEIGHT_FRACTIONS)
 
-#: Reciprocals of the lengths 1..63; entry 0 is never used.
-RECIPROCALS = np.array(
-    [0] + [round(2**RECIPROCAL_FRACTION / n) for n in range(1, 2**LENGTH_WIDTH)], dtype=np.int64
-)
+#: LSB of the cost J per unit: with 2^8 * 3^3 * 5^2 * 7^2, f_s/L of equal value is an equal word (1
+#: transition in 10 steps as 3 in 30), so that ties stay ties.  Not below 2^RECIPROCAL_FRACTION: the
+#: paper variant's shortest length of use takes that for a lower bound of L/L.
+COST_UNIT = 16_934_400
+
+
+def _reciprocals() -> NDArray[np.int64]:
+    """COST_UNIT/L for the lengths 1..127, up to 63 rounded so that ties between f_s/L stay ties.
+
+    An effort is at most 9, so two lengths of equal f_s/L differ in primes up to 7 alone; those
+    of one remaining factor are multiples of one rounded number.
+    """
+    lengths = range(1, 2**LENGTH_WIDTH)
+    groups: dict[int, list[int]] = {}
+    for length in lengths:
+        rest = length
+        for prime in (2, 3, 5, 7):
+            while rest % prime == 0:
+                rest //= prime
+        groups.setdefault(rest, []).append(length)
+    table = [0] * (len(lengths) + 1)
+    for group in groups.values():
+        multiple = math.lcm(*group)
+        for length in group:
+            table[length] = round(COST_UNIT / multiple) * (multiple // length)
+    # beyond are sums of two lengths; most of them divide COST_UNIT
+    table += [round(COST_UNIT / length) for length in range(len(table), 2 ** (LENGTH_WIDTH + 1))]
+    return np.array(table, dtype=np.int64)
+
+
+#: Reciprocals of the lengths 1..127 (two of at most 63 add up to 126); entry 0 is never used.
+RECIPROCALS = _reciprocals()
 
 #: Measurement ports of ``mpdcc_core`` in port order: name -> format.
 MEASUREMENTS: dict[str, Format] = {

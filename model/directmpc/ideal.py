@@ -12,6 +12,7 @@ passed as arguments, so a change there takes effect at once.
 from __future__ import annotations
 
 import cmath
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -417,6 +418,28 @@ def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
         out[k, 3], out[k, 4], out[k, 5] = row[3], row[4], row[5]
 
 
+def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
+    """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it."""
+    x_m, x_inv, iref = trace.x_m.copy(), trace.x_inv.copy(), trace.iref.copy()
+    p = parameters
+    for k in range(len(trace)):
+        a11, a12, a21, a22, b1, b2 = discretise(
+            p.tau_s, p.tau_r, p.xm, p.xr, p.d, trace.omega_r[k], p.ts
+        )
+        current, flux = complex(*trace.x_m[k, :2]), complex(*trace.x_m[k, 2:])
+        s = trace.s_prev[k]
+        voltage, *slopes = _inputs(
+            p, trace.vdc[k], *trace.x_inv[k], *_phases(current), s[0], s[1], s[2]
+        )
+        following = a11 * current + a12 * flux + b1 * voltage
+        flux = a21 * current + a22 * flux + b2 * voltage
+        x_m[k] = following.real, following.imag, flux.real, flux.imag
+        x_inv[k] += slopes
+        turned = complex(*iref[k]) * cmath.exp(1j * trace.omega_s[k] * p.ts)
+        iref[k] = turned.real, turned.imag
+    return dataclasses.replace(trace, x_m=x_m, x_inv=x_inv, iref=iref)
+
+
 def run(drive: Drive, trace: MpdccTrace) -> Decisions:
     """Decide on every row of a trace.
 
@@ -434,6 +457,8 @@ def run(drive: Drive, trace: MpdccTrace) -> Decisions:
     """
     n = len(trace)
     out = np.zeros((n, 6), np.int64)
+    if drive.control.delay_compensation:
+        trace = one_step_on(ideal_parameters(drive), trace)
     _run(
         ideal_parameters(drive), trace.x_m, trace.x_inv, trace.vdc, trace.iref,
         trace.omega_s, trace.omega_r, trace.s_prev, out,

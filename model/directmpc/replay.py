@@ -8,11 +8,9 @@ of ``CONTROLLERS`` each.
 from __future__ import annotations
 
 import argparse
-import concurrent.futures
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,10 +22,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from directmpc import bit_true, bit_true_fast, ideal, rtl_simulation, trace
+from directmpc import bit_true, bit_true_fast, ideal, rtl_simulation, sese_cycles, trace
 from directmpc.coefficients import Registers, registers
-from directmpc.drive import Drive, DriveFileError, load_any_drive
-from directmpc.rtl_simulation import Job, SimulationError
+from directmpc.drive import Drive, MptcDrive, load_any_drive
+from directmpc.mptc import replay as mptc_replay
+from directmpc.rtl_simulation import Job
+from directmpc.simulator import SimulationError, in_parallel, terminable
 from directmpc.trace import Decisions, MpdccTrace
 from scripts import budgets
 
@@ -35,8 +35,7 @@ IntArray = NDArray[np.int64]
 
 ENGINES = ("rtl", "model", "ideal")
 EXPLORERS = range(1, 9)
-PARALLEL_ROWS = 2000
-"""A trace of more rows than this is worth a second simulator."""
+DEFAULT_EXPLORERS = 2
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,8 @@ class Variant:
         Values of ``control.switching_horizon`` it decides with.
     worst_cycles
         Most clock cycles of a decision for a number of explorers, any input: the published bound
-        of scripts/budgets.toml, counted as `cycles` of the decisions file.
+        of scripts/budgets.toml, counted as `cycles` of the decisions file; the fast variant's with
+        `two_switchings` for SESE without a budget and `compensate` for the prediction of k + 1.
     """
 
     registers: Callable[[Drive], Registers]
@@ -65,7 +65,15 @@ class Variant:
     decide: Any
     decide_words: Any
     switching_horizons: tuple[str, ...]
-    worst_cycles: Callable[[int], int]
+    worst_cycles: Callable[..., int]
+
+
+def _fast_worst(explorers: int, two_switchings: bool = False, compensate: bool = False) -> int:
+    """Of scripts/budgets.toml, with a second level that of `sese_cycles`."""
+    most = budgets.worst(explorers, "fast")
+    if two_switchings:
+        most = (3470, 1929, 1756, 1192)[min(explorers, 4) - 1]
+    return most + (sese_cycles.PREDICTION if compensate else 0)
 
 
 VARIANTS = {
@@ -74,11 +82,11 @@ VARIANTS = {
         bit_true_fast.run,
         bit_true_fast.decide,
         bit_true_fast.decide_words,
-        ("SE",),
-        lambda explorers: budgets.worst(explorers, "fast"),
+        ("SE", "SESE"),
+        _fast_worst,
     ),
     "paper": Variant(
-        registers,
+        lambda drive: registers(drive, "paper"),
         bit_true.run,
         bit_true.decide,
         bit_true.decide_words,
@@ -91,10 +99,6 @@ DEFAULT_VARIANT = "fast"
 
 class ReplayError(ValueError):
     """What was asked for cannot be done; the message is for a user."""
-
-
-class CancelledError(Exception):
-    """Stops a simulator from its progress callback."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,7 @@ def simulate_rows(
     progress
         Called now and then with the number of decisions made.
     processes
-        Simulators to split the rows over; two for more than ``PARALLEL_ROWS`` if not given.
+        Simulators to split the rows over, see `simulator.in_parallel`.
 
     Returns
     -------
@@ -182,40 +186,13 @@ def simulate_rows(
     SimulationError
         If a simulator is missing or fails.
     """
-    n = len(measurements)
-    count = processes or (2 if n > PARALLEL_ROWS and (os.cpu_count() or 1) > 1 else 1)
-    blocks = np.array_split(np.arange(n), min(count, n))
-    done = [0] * len(blocks)
-    stop = threading.Event()
 
-    def one(index: int) -> IntArray:
-        def advance(rows: int) -> None:
-            if stop.is_set():
-                raise CancelledError
-            done[index] = rows
-
-        rows = blocks[index]
+    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         job = Job(values, measurements[rows], s_prev[rows])
         answer = rtl_simulation.simulate(job, explorers, variant, advance)
-        done[index] = len(rows)
         return np.asarray(answer["decisions"], dtype=np.int64)
 
-    with concurrent.futures.ThreadPoolExecutor(len(blocks)) as pool:
-        futures = [pool.submit(one, index) for index in range(len(blocks))]
-        try:
-            waiting = set(futures)
-            while waiting:
-                finished, waiting = concurrent.futures.wait(
-                    waiting, timeout=0.2, return_when=concurrent.futures.FIRST_EXCEPTION
-                )
-                for future in finished:
-                    future.result()
-                if progress is not None:
-                    progress(sum(done))
-        except BaseException:
-            stop.set()
-            raise
-    return np.concatenate([future.result() for future in futures])
+    return in_parallel(len(measurements), run, progress, processes)
 
 
 def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:
@@ -272,6 +249,10 @@ def decide_mpdcc(
             f'control.switching_horizon: got "{wanted}"; the variant {variant} serves '
             f"{' and '.join(chosen.switching_horizons)} alone, the engine ideal all"
         )
+    if drive.control.delay_compensation and variant != "fast":
+        raise ReplayError(
+            f"control.delay_compensation: got true; the variant {variant} serves false alone"
+        )
     # A number near the largest float leaves its range when scaled; it saturates all the same.
     with np.errstate(over="ignore"):
         if engine == "model":
@@ -285,38 +266,49 @@ def decide_mpdcc(
 def replay_mpdcc(drive: Drive, request: Request) -> None:
     """Read an MPDCC trace, decide, and write the decisions."""
     rows = trace.read_trace(request.trace, drive)
-
-    def run(progress: Callable[[int], None] | None) -> Decisions:
-        return decide_mpdcc(
+    with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
+        decisions = decide_mpdcc(
             drive, rows, request.engine, request.explorers, request.variant, progress
         )
-
-    try:
-        if request.engine == "rtl":
-            with progress_bar(f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
-                decisions = run(progress)
-        else:
-            decisions = run(None)
-    except SimulationError:
-        raise
-    except ValueError as error:  # names the key, but does not know the file
-        raise ReplayError(f"{request.drive}: {error}") from error
     trace.write_decisions(request.out, decisions)
 
 
-CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {"mpdcc": replay_mpdcc}
+def replay_mptc(drive: MptcDrive, request: Request) -> None:
+    """Read an MPTC trace, decide with the drive's method, and write the decisions."""
+    rows = trace.read_mptc_trace(request.trace)
+    if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
+        print(
+            f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",
+            file=sys.stderr,
+        )
+    with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
+        decisions = mptc_replay.decide(drive, rows, request.engine, progress)
+    trace.write_mptc_decisions(request.out, decisions)
+
+
+@contextmanager
+def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int], None] | None]:
+    """Show how far the RTL is; what is wrong with the drive's values gets its file's name."""
+    try:
+        if request.engine == "rtl":
+            with progress_bar(text, total) as progress:
+                yield progress
+        else:
+            yield None
+    except ValueError as error:  # names the key, but does not know the file
+        raise ReplayError(f"{request.drive}: {error}") from error
+
+
+CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
+    "mpdcc": replay_mpdcc,
+    "mptc": replay_mptc,
+}
 """Who replays a trace, by the drive file's key `controller`."""
 
 
 def replay(request: Request) -> None:
     """Do what was asked for; raises the errors that `main` reports."""
     drive = load_any_drive(request.drive)
-    if drive.controller not in CONTROLLERS:
-        served = " or ".join(f'"{name}"' for name in CONTROLLERS)
-        raise DriveFileError(
-            f'{request.drive}: controller: got "{drive.controller}"; it must be {served} to be '
-            "replayed"
-        )
     folder = request.out.parent
     if request.out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
         raise ReplayError(
@@ -344,8 +336,13 @@ def _arguments(arguments: Sequence[str] | None) -> Request:
     parser.add_argument("--trace", type=Path, required=True, help="recorded trace (CSV)")
     parser.add_argument("--out", type=Path, required=True, help="decisions to write (CSV)")
     parser.add_argument("--engine", choices=ENGINES, default="rtl")
-    parser.add_argument("--explorers", type=int, choices=EXPLORERS, default=2, metavar="1..8")
-    parser.add_argument("--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT)
+    parser.add_argument(
+        "--explorers", type=int, choices=EXPLORERS, default=DEFAULT_EXPLORERS, metavar="1..8",
+        help="mpdcc drives alone",
+    )  # fmt: skip
+    parser.add_argument(
+        "--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT, help="mpdcc drives alone"
+    )
     return Request(**vars(parser.parse_args(arguments)))
 
 
@@ -362,7 +359,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Replay a trace; 0 when the decisions are written, 2 when something was wrong."""
     request = _arguments(arguments)
     try:
-        replay(request)
+        with terminable():
+            replay(request)
     except (ValueError, SimulationError, OSError) as error:
         report_error("replay", error)
         return 2

@@ -39,7 +39,8 @@ from directmpc.replay import (
     progress_bar,
     report_error,
 )
-from directmpc.rtl_simulation import ROOT, Job, Loop, SimulationError
+from directmpc.rtl_simulation import Job, Loop
+from directmpc.simulator import ROOT, SimulationError, terminable
 from directmpc.trace import Decisions, MpdccTrace
 
 FloatArray = NDArray[np.float64]
@@ -125,12 +126,18 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
             f'control.switching_horizon: got "{drive.control.switching_horizon}"; the variant '
             f"{variant} does not serve it"
         )
+    if drive.control.delay_compensation and variant != "fast":
+        raise ReplayError(
+            f"control.delay_compensation: got true; the variant {variant} serves false alone"
+        )
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)
     state, positions = initial_conditions(profile)
     iref = np.column_stack([profile.iref.real, profile.iref.imag])
-    loop = Loop(drive, state, positions, profile.vdc, profile.omega_s, profile.omega_r, iref)
+    # who has the core decide for k + 1 has a decision take effect then
+    delay = drive.control.delay_compensation
+    loop = Loop(drive, state, positions, profile.vdc, profile.omega_s, profile.omega_r, iref, delay)
     values = VARIANTS[variant].registers(drive).array()
     began = time.perf_counter()
     with progress_bar("RTL in closed loop", count) as progress:
@@ -142,9 +149,12 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
     decided = np.asarray(answer["decisions"], dtype=np.int64)
     states = np.asarray(answer["states"], dtype=np.float64)
     applied = np.vstack([positions, decided[:, 0:3]])
+    before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
+    if delay:
+        applied = np.vstack([positions, before])
     seen = MpdccTrace(
         states[:-1, :4], states[:-1, 4:], profile.vdc, iref, profile.omega_s, profile.omega_r,
-        applied[:-1],
+        before,
     )  # fmt: skip
     decisions = decisions_of(decided, np.zeros(count, np.int64))
     return Run(
@@ -223,7 +233,14 @@ def _latency(run: Run) -> Table:
     add("held", float(held.max()) if len(held) else None)
     add("search, median", float(np.median(searches)) if len(searches) else None)
     add("search, longest in this run", float(searches.max()) if len(searches) else None)
-    add("worst case, any input", VARIANTS[run.variant].worst_cycles(run.explorers))
+    control = run.drive.control
+    options = {
+        "two_switchings": control.switching_horizon == "SESE",
+        "compensate": control.delay_compensation,
+    }
+    fast = run.variant == "fast"
+    worst = VARIANTS[run.variant].worst_cycles(run.explorers, **(options if fast else {}))
+    add("worst case, any input", worst)
     add("Paper A, Table II, worst case", PAPER_CYCLES.get(run.explorers))
     return table
 
@@ -322,7 +339,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(width=None if sys.stdout.isatty() else 110)
     try:
         drive = load_drive(given.drive)
-        run = simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+        with terminable():
+            run = simulate(drive, given.speed, given.steps, given.explorers, given.variant)
         draw(run, given.out)
     except (ValueError, SimulationError, OSError) as error:
         report_error("run", error)

@@ -68,6 +68,9 @@ def _formats() -> list[str]:
         ("LENGTH_WIDTH", f.LENGTH_WIDTH, "bits, steps"),
         ("INDEX_WIDTH", f.INDEX_WIDTH, "bits, place of a candidate in the order of enumeration"),
         ("EFFORT_WIDTH", f.EFFORT_WIDTH, "bits, weighted transitions of a candidate"),
+        ("TOTAL_EFFORT_WIDTH", f.TOTAL_EFFORT_WIDTH, "bits, of two candidates in turn"),
+        ("BASE_WIDTH", f.BASE_WIDTH, "bits, errors and slopes that successors start from, signed"),
+        ("BUDGET_WIDTH", f.BUDGET_WIDTH, "bits, candidates of the second level, unsigned"),
         ("RECIPROCAL_FRACTION", f.RECIPROCAL_FRACTION, "fractional bits of 1/L and of the cost"),
         ("CURVATURE_TERM_WIDTH", f.CURVATURE_TERM_WIDTH, "bits, curvature components, signed"),
         ("CURVATURE_WIDTH", f.CURVATURE_WIDTH, "bits, curvature of a phase, signed"),
@@ -166,21 +169,48 @@ class _Program:
     """A program of the common terms as tables of integers, padded to a common length."""
 
     def __init__(self, variant: str, length: int) -> None:
-        self.blocks = ct.PROGRAMS[variant]
+        self.variant = variant
+        self.root = ct.PROGRAMS[variant]
+        self.blocks = [list(block) for block in ct.PROGRAMS[variant]]
+        if variant == "fast":
+            first = max(len(block) for block in self.root)
+            self.blocks = [
+                [*block, *[None] * (first - len(block)), *after]
+                for block, after in zip(self.blocks, ct.SUCCESSOR, strict=True)
+            ]
+        self.first = max(len(block) for block in self.root)
         self.length = length
-        self.operands = ct.SIGNALS + ct.PRODUCTS
-        self.factors = ct.COEFFICIENTS + ct.SPEEDS
+        self.operands = ct.SIGNALS + ct.PRODUCTS + ct.BASE
+        self.factors = ct.COEFFICIENTS + ct.SPEEDS + ct.STEPS
         self.results = ct.PRODUCTS + ct.TERMS
 
-    def _rows(self, value) -> list[list[int]]:  # type: ignore[no-untyped-def]
-        return [[value(block, clock) for clock in range(self.length)] for block in self.blocks]
+    def _rows(self, value, idle: int) -> list[list[int]]:  # type: ignore[no-untyped-def]
+        return [
+            [
+                value(block, clock) if clock < len(block) and block[clock] else idle
+                for clock in range(self.length)
+            ]
+            for block in self.blocks
+        ]
+
+    def base(self, clock: int, result: str) -> int:
+        """Smallest alignment of a result in the programs that a variant runs.
+
+        Both programs take a result at the same bit of the accumulator, so that one word goes to its
+        register; what the successor's products lack they are shifted by in the block.
+        """
+        if clock < self.first and self.variant == "paper":
+            return ct.base_alignment(self.root, result)
+        both = (*self.root, *ct.SUCCESSOR)
+        return ct.base_alignment(both, result)
 
     def words(self, field: str) -> list[list[int]]:
         """Operands that each block's multiplexer needs, each once; padded with -1."""
         table = self.operands if field == "a" else self.factors
         rows = []
         for block in self.blocks:
-            used = list(dict.fromkeys(table.index(getattr(step, field)) for step in block))
+            steps = [step for step in block if step]
+            used = list(dict.fromkeys(table.index(getattr(step, field)) for step in steps))
             rows.append(used + [-1] * (self.length - len(used)))
         return rows
 
@@ -191,7 +221,7 @@ class _Program:
         return [
             [
                 words[n].index(table.index(getattr(block[clock], field)))
-                if clock < len(block)
+                if clock < len(block) and block[clock]
                 else 0
                 for clock in range(self.length)
             ]
@@ -201,39 +231,35 @@ class _Program:
     def alignment(self) -> list[list[int]]:
         """Left shift of each product against the others of its sum, in alignment steps."""
         return self._rows(
-            lambda b, clock: (
-                b[clock].alignment - ct.base_alignment(self.blocks, b[clock].result)
-                if clock < len(b)
-                else 0
-            )
+            lambda b, clock: b[clock].alignment - self.base(clock, b[clock].result), 0
         )
 
     def shift(self) -> list[list[int]]:
         """Accumulator bit that is the LSB of the result a step belongs to."""
         return self._rows(
-            lambda b, clock: (
-                f.RESULT_SHIFT - f.ALIGNMENT[ct.base_alignment(self.blocks, b[clock].result)]
-                if clock < len(b)
-                else f.RESULT_SHIFT
-            )
+            lambda b, clock: f.RESULT_SHIFT - f.ALIGNMENT[self.base(clock, b[clock].result)],
+            f.RESULT_SHIFT,
         )
 
     def accumulate(self) -> list[list[int]]:
         """1 where a product is added to the sum so far."""
-        return self._rows(
-            lambda b, clock: int(0 < clock < len(b) and b[clock].result == b[clock - 1].result)
-        )
+
+        def adds(block, clock) -> int:  # type: ignore[no-untyped-def]
+            before = block[clock - 1] if clock not in (0, self.first) else None
+            return int(before is not None and before.result == block[clock].result)
+
+        return self._rows(adds, 0)
 
     def result(self) -> list[list[int]]:
         """Result that is complete with a step, or -1."""
 
         def complete(block, clock) -> int:  # type: ignore[no-untyped-def]
-            if clock >= len(block):
-                return -1
-            ends = clock + 1 == len(block) or block[clock + 1].result != block[clock].result
+            following = block[clock + 1] if clock + 1 < len(block) else None
+            ends = following is None or following.result != block[clock].result
+            ends = ends or clock + 1 == self.first
             return self.results.index(block[clock].result) if ends else -1
 
-        return self._rows(complete)
+        return self._rows(complete, -1)
 
 
 def _capacitor_step() -> int:
@@ -255,11 +281,17 @@ def _capacitor_step() -> int:
 def _program() -> list[str]:
     """Programs of the common terms; variant 0 is the fast one, variant 1 the paper's."""
     variants = ("fast", "paper")
-    length = max(ct.PROGRAM_LENGTHS.values())
+    first = ct.PROGRAM_LENGTHS["fast"]
+    length = first + ct.SUCCESSOR_LENGTH
     programs = [_Program(variant, length) for variant in variants]
     operands, factors, results = programs[0].operands, programs[0].factors, programs[0].results
     lines = []
-    for prefix, names in (("OPERAND", operands), ("FACTOR", factors), ("RESULT", results)):
+    for prefix, names in (
+        ("OPERAND", operands),
+        ("FACTOR", factors),
+        ("RESULT", results),
+        ("BASE", ct.BASE),
+    ):
         for index, name in enumerate(names):
             lines.append(f"  constant {prefix}_{name.upper()} : natural := {index};")
         lines.append("")
@@ -268,7 +300,8 @@ def _program() -> list[str]:
         ", ".join(str(int(ct.saturates(variant, name))) for name in results) for variant in variants
     ]
     lines += [
-        f"  constant OPERAND_COUNT : natural := {len(operands)}; -- signals, then products",
+        f"  constant OPERAND_COUNT : natural := {len(operands)}; -- signals, products, base",
+        f"  constant BASE_COUNT : natural := {len(ct.BASE)};",
         f"  constant SIGNAL_COUNT : natural := {len(ct.SIGNALS)};",
         f"  constant PRODUCT_COUNT : natural := {len(ct.PRODUCTS)};",
         f"  constant FACTOR_COUNT : natural := {len(factors)};",
@@ -276,7 +309,9 @@ def _program() -> list[str]:
         f"  constant RESULT_COUNT : natural := {len(results)};",
         f"  constant CAPACITOR_STEP : natural := {_capacitor_step()}; -- last for capacitors",
         f"  constant BLOCK_COUNT : natural := {len(programs[0].blocks)}; -- mac_blocks",
-        f"  constant PROGRAM_STEPS : natural := {length}; -- clocks of the longest program",
+        f"  constant STEP_COUNT : natural := {len(ct.STEPS)}; -- factors of the successor alone",
+        f"  constant PROGRAM_STEPS : natural := {length}; -- clocks of the root's and successor's",
+        f"  constant SUCCESSOR_FIRST : natural := {first}; -- where the successor's program begins",
         "",
         "  type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;",
         "  type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;",
@@ -287,6 +322,11 @@ def _program() -> list[str]:
         "  -- bits, results saturate to these",
         "  constant RESULT_WIDTHS : result_widths_t := (",
         "    " + _rows([str(ct.result_width(name)) for name in results], 13),
+        "  );",
+        "",
+        "  -- the same in the successor's program",
+        "  constant SUCCESSOR_WIDTHS : result_widths_t := (",
+        "    " + _rows([str(ct.successor_width(name)) for name in results], 13),
         "  );",
         "",
         "  -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper",

@@ -156,7 +156,6 @@ def _field(text: str, line: int, column: int, value: str) -> str:
         ("horizon = 63", 'horizon = "63"', ["control.horizon"]),
         ('controller = "mpdcc"', 'controller = "pid"', ["controller", '"mpdcc" or "mptc"']),
         ("[machine]", "[machine", ["not a TOML file"]),
-        ('"SE"   #', '"SESE"   #', ["control.switching_horizon", "fast", "SE"]),
         ("rs = 0.0057", 'rs = "\\u0007"', ["machine.rs"]),
     ],
 )
@@ -172,6 +171,18 @@ def test_bad_drives(trace_file: Path, tmp_path: Path, old: str, new: str, words:
         assert word in done.stderr
 
 
+def test_two_switchings_need_the_fast_variant(trace_file: Path, tmp_path: Path) -> None:
+    drive = tmp_path / "drive.toml"
+    drive.write_text(DRIVE.read_text().replace('"SE"   #', '"SESE" #', 1))
+    out = tmp_path / "out.csv"
+    given = ("--drive", drive, "--trace", trace_file, "--out", out, "--engine", "model")
+    done = command(*given, "--variant", "paper")
+    assert_one_paragraph(done, tmp_path)
+    for word in (str(drive), "control.switching_horizon", "paper", "SE"):
+        assert word in done.stderr
+    assert command(*given).returncode == 0
+
+
 def test_a_drive_of_the_other_controller(trace_file: Path, tmp_path: Path) -> None:
     drive = tmp_path / "mptc.toml"
     drive.write_text(
@@ -181,8 +192,8 @@ def test_a_drive_of_the_other_controller(trace_file: Path, tmp_path: Path) -> No
     )
     done = command("--drive", drive, "--trace", trace_file, "--out", tmp_path / "out.csv")
     assert_one_paragraph(done, tmp_path)
-    assert "controller" in done.stderr
-    assert '"mptc"' in done.stderr
+    assert f"{trace_file}, line 1, column 3" in done.stderr
+    assert "psis_alpha" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from directmpc import coefficients, report
-from directmpc.rtl_simulation import ROOT
+from directmpc.simulator import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert coefficients.main([drive, "--csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "port,value,hex"
-    assert len(lines) == 1 + 34
+    assert len(lines) == 1 + 41
     for line in lines[1:]:
         port, value, word = line.split(",")
         assert int(value) % 16 ** len(word) == int(word, 16), port

@@ -15,7 +15,7 @@ import pytest
 from directmpc import closed_loop, ideal, run
 from directmpc.drive import load_drive
 from directmpc.replay import VARIANTS
-from directmpc.rtl_simulation import ROOT
+from directmpc.simulator import ROOT
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -332,7 +332,7 @@ def evaluate(
     end = node.weight_start + floor(Fraction(length * slope_n, 2**f.WEIGHT_SLOPE_FRACTION))
     high = 2 ** (f.WEIGHT_WIDTH - 1) - 1
     clipped = max(-high - 1, min(high, end))
-    inverse = round(Fraction(2**f.RECIPROCAL_FRACTION, length))
+    inverse = int(f.RECIPROCALS[length])
     weight = floor(Fraction(clipped**2, 2 ** f.WEIGHT_SHIFTS[limits.weight_scale]))
     return Evaluation(length, effort * inverse + weight, clipped != end, excess)
 

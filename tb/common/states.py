@@ -134,14 +134,23 @@ def words(n: int, rng: np.random.Generator) -> IntArray:
 def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
     """Parameter ports of any content a variant allows; the horizon is not zero."""
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
-    count = len(COEFFICIENTS)
+    # those of successors do not matter to a single level, and draw nothing from its sequence
+    later = COEFFICIENTS.index("change_phase")
+    count = later
     shift = rng.integers(0, 14, count) * (rng.random() < 0.7)
     coefficients = rng.integers(-high, high, count) >> shift
     coefficients = np.where(rng.random(count) < 0.1, rng.choice([-high, high - 1, 0]), coefficients)
     most = f.BOUND_HIGH[variant]
     bounds = rng.choice([0, 1, most, *rng.integers(0, most + 1, 6)], 3)
     return np.array(
-        [*coefficients, *bounds, rng.choice([1, 63, rng.integers(1, 64)]), rng.integers(0, 4)],
+        [
+            *coefficients,
+            *[0] * (len(COEFFICIENTS) - later),
+            *bounds,
+            rng.choice([1, 63, rng.integers(1, 64)]),
+            rng.integers(0, 4),
+            *(0, 0, 0),
+        ],
         dtype=np.int64,
     )
 
@@ -154,7 +163,7 @@ def trace_words(trace: MpdccTrace) -> IntArray:
 @cache
 def registers_of(drive_name: str) -> Registers:
     """Registers of a shipped drive."""
-    return registers(shipped(drive_name))
+    return registers(shipped(drive_name), "paper")
 
 
 def recorded(
@@ -163,7 +172,7 @@ def recorded(
     """What the bit-true controller saw in a closed loop of its own."""
     point = OperatingPoint(speed, current=1.0 if not generating else 0.7, generating=generating)
     return closed_loop.simulate(
-        drive, bit_true.decide, registers(drive).array(), point, steps, seed=seed
+        drive, bit_true.decide, registers(drive, "paper").array(), point, steps, seed=seed
     ).trace()
 
 
@@ -181,4 +190,6 @@ def plain_node(registers_array: IntArray, row: IntArray, variant: str = "paper")
 
 def plain_limits(registers_array: IntArray) -> plain.Limits:
     """Bounds, horizon and scale out of the registers."""
-    return plain.Limits(*(int(v) for v in registers_array[len(COEFFICIENTS) :]))
+    return plain.Limits(
+        *(int(v) for v in registers_array[len(COEFFICIENTS) : len(COEFFICIENTS) + 5])
+    )

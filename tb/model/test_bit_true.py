@@ -11,8 +11,10 @@ Does not prove: anything about the RTL; see tb/mpdcc.
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -178,7 +180,9 @@ def test_decisions_are_those_of_the_documentation(kind: str) -> None:
     for k in range(60):
         drive = states.shipped(states.SHIPPED[k % 2]) if k % 4 else states.random_drive(rng)
         array = (
-            states.any_registers(rng) if kind == "any registers" else co.registers(drive).array()
+            states.any_registers(rng)
+            if kind == "any registers"
+            else co.registers(drive, "paper").array()
         )
         trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
         row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
@@ -253,7 +257,7 @@ def test_nearly_every_decision_is_the_ideal_controllers(name: str) -> None:
         result = closed_loop.simulate(
             drive, ideal.decide, ideal.ideal_parameters(drive),
             OperatingPoint(speed, current=1.0), 6000, settle=500,
-            shadow=bit_true.decide, shadow_parameters=co.registers(drive).array(),
+            shadow=bit_true.decide, shadow_parameters=co.registers(drive, "paper").array(),
         )  # fmt: skip
         count = result.shadow_count()
         steps, differing = steps + count.steps, differing + count.differing
@@ -293,9 +297,24 @@ def test_registers_refuse_what_does_not_fit(
     drive: Drive, with_control: Callable[..., Drive]
 ) -> None:
     with pytest.raises(ValueError, match="lambda_n"):
-        co.registers(with_control(drive, lambda_n=1e6))
+        co.registers(with_control(drive, lambda_n=1e6), "paper")
 
 
 def test_the_generated_package_is_up_to_date() -> None:
     path = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl" / "directmpc_constants.vhd"
     assert path.read_text(encoding="utf-8") == vhdl_package.text()
+
+
+def test_equal_shares_of_effort_and_length_cost_the_same() -> None:
+    lengths = range(1, 2**f.LENGTH_WIDTH)
+    efforts = range(1, 3 * int(anpc.TRANSITION_WEIGHT.max()) + 1)
+    costs: dict[Fraction, set[int]] = {}
+    for length, effort in itertools.product(lengths, efforts):
+        word = effort * int(f.RECIPROCALS[length])
+        costs.setdefault(Fraction(effort, length), set()).add(word)
+        assert abs(word * length - effort * f.COST_UNIT) <= 1e-5 * effort * f.COST_UNIT
+        # what the paper variant's shortest length of use relies on
+        assert word * length >= effort << f.RECIPROCAL_FRACTION
+    assert all(len(words) == 1 for words in costs.values())
+    ordered = [costs[share].pop() for share in sorted(costs)]
+    assert all(low < high for low, high in itertools.pairwise(ordered))

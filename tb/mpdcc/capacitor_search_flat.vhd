@@ -36,6 +36,8 @@ begin
       limits   => to_limits(limits),
       node     => to_node(node),
       previous => to_positions(previous),
+      successor => '0',
+      bank     => '0',
       held     => held,
       ready    => ready,
       entry    => entry_record

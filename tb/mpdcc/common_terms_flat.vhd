@@ -49,7 +49,17 @@ begin
       capacitors   => capacitors,
       done         => done,
       node         => node_record,
-      saturated    => saturated
+      saturated    => saturated,
+      advance      => '0',
+      steps        => (others => '0'),
+      base         => (others => '0'),
+      slope_ahead  => (others => (others => '0')),
+      show_slope   => '0',
+      show_error   => '0',
+      advanced     => open,
+      overflowed   => open,
+      error_ahead  => open,
+      words        => open
     );
 
   node <= to_vector(node_record);

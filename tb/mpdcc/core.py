@@ -31,7 +31,7 @@ SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
         [
             8388, 7265, -2097, 2097, 466, 403, -141, -122, -4318, 5008, -5128, 4474, -2628, -2276,
             3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 0, 0, 0, 0, 0, 0,
-            65535, 65535, 65535, 63, 0,
+            0, 0, 0, 0, 65535, 65535, 65535, 63, 0, 0, 0, 0,
         ],
     ),
 )  # fmt: skip
@@ -178,12 +178,15 @@ class Answers:
         Columns as of ``Rows.model``.
     cycles : (n,)
     bound : int
-        Most clocks a decision may take, as the bench asserts it.
+        Most clocks a decision may take, as the bench asserts it; of the last row.
+    exhausted : (n,)
+        1 where the budget ended the search.
     """
 
     decisions: IntArray
     cycles: IntArray
     bound: int
+    exhausted: IntArray
 
 
 def simulate(
@@ -215,4 +218,4 @@ def simulate(
         )
         with np.load(job.result_path) as data:
             out = data["decisions"]
-            return Answers(out[:, [0, 1, 2, 3, 4, 5, 7]], out[:, 6], int(data["bound"]))
+            return Answers(out[:, [0, 1, 2, 3, 4, 5, 7]], out[:, 6], int(data["bound"]), out[:, 8])

@@ -15,7 +15,8 @@ from cocotb.triggers import Timer, with_timeout
 
 from directmpc import bit_true
 from directmpc.formats import MEASUREMENTS
-from directmpc.rtl_simulation import CLOCK_NS, FIELDS, Job, load_job
+from directmpc.rtl_simulation import FIELDS, Job
+from directmpc.simulator import CLOCK_NS, load_job
 
 _WIDTH = 16
 _PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
@@ -28,13 +29,18 @@ def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
     return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
 
 
+#: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction.
+_TAIL = (6, 2, 1, 12, 1)
+
+
 def pack_parameters(registers: np.ndarray) -> int:
-    """Parameter ports as the bench takes them: 16-bit words, then 6 bits horizon, 2 bits scale."""
-    value = 0
-    for index, word in enumerate(registers[:-2]):
-        value |= (int(word) & 0xFFFF) << (_WIDTH * index)
-    shift = _WIDTH * (len(registers) - 2)
-    return value | int(registers[-2]) << shift | int(registers[-1]) << (shift + 6)
+    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``."""
+    words = len(registers) - len(_TAIL)
+    value, shift = 0, 0
+    for word, width in zip(registers, (_WIDTH,) * words + _TAIL, strict=True):
+        value |= (int(word) & ((1 << width) - 1)) << shift
+        shift += width
+    return value
 
 
 def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
@@ -48,6 +54,7 @@ def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
         response >> 11 & 63,
         cycles,
         response >> 17 & 1,
+        response >> 18 & 1,
     )
 
 
@@ -118,15 +125,20 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     out = np.empty((steps, len(FIELDS)), dtype=np.int64)
     states = np.empty((steps + 1, len(plant.state)))
     applied = np.array(loop.s_start, dtype=np.int64)
+    decided = applied
     for k in range(steps):
+        if loop.delay:
+            applied = decided
         states[k] = plant.state
         measurement, clipped = bit_true.encode_row(
             plant.state[:4], plant.state[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k],
             loop.omega_r[k],
         )  # fmt: skip
         out[k] = await bench.decide(measurement, applied)
-        out[k, -1] |= clipped
-        applied = out[k, 0:3].copy()
+        out[k, FIELDS.index("saturated")] |= clipped
+        decided = out[k, 0:3].copy()
+        if not loop.delay:
+            applied = decided
         plant.omega_r, plant.vdc = float(loop.omega_r[k]), float(loop.vdc[k])
         plant.step(applied)
         progress(k + 1)

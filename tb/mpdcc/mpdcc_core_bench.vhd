@@ -30,9 +30,9 @@ entity mpdcc_core_bench is
     rst        : in    std_logic;                      -- synchronous, active high
     request    : in    std_logic;                      -- a change asks for a decision on row
     row        : in    std_logic_vector(216 downto 0); -- s_prev c, b, a, then measurements, is_alpha rightmost
-    parameters : in    std_logic_vector(519 downto 0); -- parameter ports, c_error_alpha rightmost
+    parameters : in    std_logic_vector(597 downto 0); -- parameter ports, c_error_alpha rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
-    response   : out   std_logic_vector(17 downto 0);  -- saturated, length, deadlock, held, s_c, s_b, s_a
+    response   : out   std_logic_vector(18 downto 0);  -- exhausted, saturated, length, deadlock, held, s_c, s_b, s_a
     cycles     : out   std_logic_vector(15 downto 0);  -- clocks from start to valid
     bound      : out   std_logic_vector(15 downto 0)   -- most clocks a decision may take
   );
@@ -41,6 +41,38 @@ end entity mpdcc_core_bench;
 architecture bench of mpdcc_core_bench is
 
   constant PATIENCE : natural := 100_000; -- clocks
+
+  -- one explorer's search of the root, 28 clocks to the first leaf, then for each of 63 nodes the
+  -- clocks of its leaves or the 16 between two nodes, whichever is more, and the pipeline to the end:
+  -- directmpc.sese_cycles counts them for every s(k-1)
+  function sese_clocks_of (count : positive) return positive is
+  begin
+
+    case count is
+
+      when 1 =>
+
+        return 3470;
+
+      when 2 =>
+
+        return 1929;
+
+      when 3 =>
+
+        return 1756;
+
+      when others =>
+
+        return 1192;
+
+    end case;
+
+  end function sese_clocks_of;
+
+  constant PREDICTION : natural := 33; -- clocks for the state of k+1
+
+  signal bound_clocks : positive := MOST_CLOCKS;
 
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';
@@ -51,11 +83,31 @@ architecture bench of mpdcc_core_bench is
   signal count    : unsigned(15 downto 0) := (others => '0');
   signal valid    : std_logic;
   signal busy     : std_logic;
-  signal decision : std_logic_vector(17 downto 0);
+  signal decision : std_logic_vector(18 downto 0);
 
 begin
 
-  bound <= std_logic_vector(to_unsigned(MOST_CLOCKS, 16));
+  p_bound : process (parameters) is
+
+    variable clocks : positive;
+
+  begin
+
+    clocks := MOST_CLOCKS;
+
+    if (not FOLDED and parameters(584) = '1') then
+      clocks := sese_clocks_of(EXPLORERS);
+    end if;
+
+    if (not FOLDED and parameters(597) = '1') then
+      clocks := clocks + PREDICTION;
+    end if;
+
+    bound_clocks <= clocks;
+
+  end process p_bound;
+
+  bound <= std_logic_vector(to_unsigned(bound_clocks, 16));
 
   clk <= not clk after 5 ns;
 
@@ -93,8 +145,8 @@ begin
         report "no request for " & integer'image(PATIENCE) & " clocks"
         severity failure;
 
-      assert busy = '0' or start = '1' or count <= MOST_CLOCKS
-        report "a decision takes more than " & integer'image(MOST_CLOCKS) & " clocks"
+      assert busy = '0' or start = '1' or count <= bound_clocks
+        report "a decision takes more than " & integer'image(bound_clocks) & " clocks"
         severity failure;
 
       if (valid = '1') then
@@ -160,11 +212,18 @@ begin
       c_curvature_flux_beta => parameters(431 downto 416),
       c_curvature_reference_alpha => parameters(447 downto 432),
       c_curvature_reference_beta => parameters(463 downto 448),
-      bound_current      => parameters(479 downto 464),
-      bound_neutral      => parameters(495 downto 480),
-      bound_phase        => parameters(511 downto 496),
-      horizon            => parameters(517 downto 512),
-      weight_scale       => parameters(519 downto 518),
+      c_change_phase     => parameters(479 downto 464),
+      c_change_midpoint  => parameters(495 downto 480),
+      c_change_weight    => parameters(511 downto 496),
+      c_error_forced     => parameters(527 downto 512),
+      bound_current      => parameters(543 downto 528),
+      bound_neutral      => parameters(559 downto 544),
+      bound_phase        => parameters(575 downto 560),
+      horizon            => parameters(581 downto 576),
+      weight_scale       => parameters(583 downto 582),
+      two_switchings     => parameters(584),
+      budget             => parameters(596 downto 585),
+      compensate         => parameters(597),
       valid              => valid,
       busy               => busy,
       s_a                => decision(2 downto 0),
@@ -173,7 +232,8 @@ begin
       held               => decision(9),
       deadlock           => decision(10),
       length             => decision(16 downto 11),
-      saturated          => decision(17)
+      saturated          => decision(17),
+      exhausted          => decision(18)
     );
 
 end architecture bench;

@@ -64,7 +64,11 @@ begin
       result_valid    => result_valid,
       result_ready    => result_ready,
       result          => result_record,
-      busy            => busy
+      busy            => busy,
+      leaf_valid      => '0',
+      leaf            => LEAF_INIT,
+      reached         => REACHED_INIT,
+      evaluated       => open
     );
 
   result <= to_vector(result_record);

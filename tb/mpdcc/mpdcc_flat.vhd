@@ -279,6 +279,7 @@ package body mpdcc_flat is
     result.row    := unsigned(bits(5 downto 1));
     result.length := unsigned(bits(5 + LENGTH_WIDTH downto 6));
     result.excess := signed(bits(CAPACITOR_BITS - 1 downto 6 + LENGTH_WIDTH));
+    result.bank   := '0';
     return result;
 
   end function to_capacitor;

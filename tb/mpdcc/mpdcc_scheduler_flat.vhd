@@ -85,7 +85,14 @@ begin
       result_valid    => result_valid,
       result_ready    => result_ready,
       results         => result_records,
-      explorer_busy   => explorer_busy
+      explorer_busy   => explorer_busy,
+      two_switchings  => '0',
+      budget          => (others => '0'),
+      compensate      => '0',
+      evaluated       => EVALUATED_INIT,
+      leaf_valid      => open,
+      leaf            => open,
+      reached         => open
     );
 
   g_results : for i in 0 to EXPLORERS - 1 generate

@@ -30,6 +30,7 @@ from tb.mpdcc import (
     test_mac_block,
     test_mpdcc_explorer,
     test_mpdcc_scheduler,
+    test_sese_core,
     test_turn_threshold,
 )
 
@@ -50,6 +51,16 @@ def core_bench(variant: str, rtl: Path) -> None:
         raise BenchError("decisions differ")
 
 
+def second_level_bench(rtl: Path) -> None:
+    """A few searches of the core with a second level."""
+    rows = test_sese_core.with_options(test_sese_core.rows_of(5, 12, 1, 0), 1, (0,), 0)
+    want, _, nodes = test_sese_core.expected(rows, 4)
+    chosen = np.flatnonzero((nodes > 3) & (nodes < 40))[:16]
+    found = core.simulate(rows.pick(chosen), 4, "fast", rtl=rtl)
+    if len(chosen) < 2 or not np.array_equal(found.decisions, want[chosen, :7]):
+        raise BenchError("decisions differ")
+
+
 BENCHES: dict[str, Callable[[Path], object]] = {
     "mac_block": lambda rtl: test_mac_block.bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl),
     "binary_search": lambda rtl: test_binary_search.bench(17, 6, True, searches=400, rtl=rtl),
@@ -63,6 +74,7 @@ BENCHES: dict[str, Callable[[Path], object]] = {
     "explorer_fast": lambda rtl: test_explorer_fast.bench(200, rtl=rtl),
     "scheduler_fast": lambda rtl: test_mpdcc_scheduler.bench(3, "fast", decisions=40, rtl=rtl),
     "core_fast": lambda rtl: core_bench("fast", rtl),
+    "second_level": second_level_bench,
     "blocks": lambda rtl: test_candidate_enumerator.bench(positions=64, blocks=True, rtl=rtl),
 }
 
@@ -110,14 +122,14 @@ FAULTS = [
     Fault(
         "mpdcc_scheduler",
         "mpdcc_types.vhd",
-        "(key_a & a.index) < (key_b & b.index)",
+        "(key_a & a.index & a.saturated) < (key_b & b.index & b.saturated)",
         "key_a < key_b",
     ),
     Fault(
         "mpdcc_scheduler",
         "mpdcc_scheduler.vhd",
-        "explorer_busy = (explorer_busy'range => '0')",
-        "true",
+        "arrived = '0'\n               and explorer_busy = (explorer_busy'range => '0')",
+        "arrived = '0'",
     ),
     Fault("mpdcc_explorer", "explorer_paper.vhd", "effort - 1);", "shift_left(effort, 1));"),
     Fault(
@@ -144,9 +156,12 @@ FAULTS = [
         "",
     ),
     Fault("explorer_fast", "explorer_fast.vhd", "largest_5 <= sum;", "largest_5 <= error_4(0);"),
-    Fault("explorer_fast", "explorer_fast.vhd", "cost_16 < best.cost", "cost_16 <= best.cost"),
+    Fault("explorer_fast", "explorer_fast.vhd", "key_now < key_best", "key_now <= key_best"),
     Fault(
-        "explorer_fast", "explorer_fast.vhd", 'or band.outside /= "000"', "or limits.horizon = 0"
+        "explorer_fast",
+        "explorer_fast.vhd",
+        "excess_7 > 0 or outside(SEARCH + 2) = '1'",
+        "excess_7 > 0",
     ),
     Fault(
         "scheduler_fast",
@@ -162,6 +177,24 @@ FAULTS = [
     ),
     Fault("explorer_fast", "explorer_fast.vhd", "any and settled and last", "any and last"),
     Fault("core_fast", "mpdcc_core.vhd", "unsigned(v_ph_b)", "unsigned(v_ph_c)"),
+    Fault(
+        "second_level",
+        "node_base.vhd",
+        "natural_slope(x) + shift_left(",
+        "natural_slope(x) + shift_right(",
+    ),
+    Fault(
+        "second_level", "node_queue.vhd", "link(INDEX_WIDTH - 1 downto 0));", "link(6 downto 1));"
+    ),
+    Fault(
+        "second_level", "node_shown.vhd", "ERROR_READ  : natural := 3", "ERROR_READ  : natural := 5"
+    ),
+    Fault(
+        "second_level",
+        "leaf_dispatcher.vhd",
+        "<= both + transition_weight(from(2), sign(2), c)",
+        "<= both",
+    ),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]
 

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from directmpc import anpc, replay
+from directmpc.common_terms import COEFFICIENTS
 from scripts import budgets
 from tb.common.simulation import VARIANTS
 from tb.mpdcc import core
@@ -72,12 +73,12 @@ def test_every_decision_is_the_models(
     share = 1.0 if explorers in ALL_ROWS else 0.25
     assert len(expected) >= 240 * share
     assert held.sum() >= 25 * share
-    assert (~held & ~deadlock).sum() >= 80 * share
+    assert (~held & ~deadlock).sum() >= 70 * share
     assert deadlock.sum() >= 25 * share
     assert expected[:, 6].sum() >= 10 * share
     assert (~held & (candidates == 64)).sum() >= 10 * share
     if explorers in ALL_ROWS:
-        assert (expected[:, 5] == rows.registers[:, -2])[~held & ~deadlock].any()
+        assert (expected[:, 5] == rows.registers[:, len(COEFFICIENTS) + 3])[~held & ~deadlock].any()
 
     print(f"{explorers} explorers: slowest {found.cycles.max()}, bound {found.bound}")
     assert set(found.cycles[held]) == {HELD[variant]}

@@ -26,6 +26,7 @@ from tb.mpdcc.test_mpdcc_core import HELD
 HOLD = (
     *(f"c_{name}" for name in COEFFICIENTS),
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
+    "two_switchings", "budget", "compensate",
 )  # fmt: skip
 OUTPUTS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
 BOTH = 60  # rows that the VHDL simulation decides as well

@@ -46,8 +46,8 @@ REPLAY = ("replay", "DRIVE=drive.toml", "IN=work dir/trace 1.csv", "OUT=work dir
 def test_help_is_the_default_and_lists_every_target(project):
     done = make(project)
     assert done.returncode == 0
-    targets = "run test lint replay synth budgets pnr sweep report sources clean setup generate"
-    targets += " format help"
+    targets = "run test lint replay registers synth budgets pnr sweep report fidelity sources clean"
+    targets += " setup generate format help"
     for target in targets.split():
         assert f"make {target} " in done.stdout
     assert not (project / ".venv").exists(), "help needs no environment"

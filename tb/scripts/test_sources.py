@@ -105,6 +105,7 @@ def test_ghdl_accepts_the_order_of_every_entity(tmp_path):
         workdir = tmp_path / str(index)
         workdir.mkdir()
         order = sources.compile_order(name, sources.rtl_files())
-        command = ["ghdl", "-a", "--std=93", f"--workdir={workdir}", *map(str, order)]
+        std = sources.standard(order)
+        command = ["ghdl", "-a", f"--std={std}", f"--workdir={workdir}", *map(str, order)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr

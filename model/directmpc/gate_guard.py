@@ -1,0 +1,316 @@
+"""Reference of the gate guard, clock by clock, and the circuit that its commutations follow from.
+
+The reference keeps absolute times where the RTL counts down, and one list of planned actions where
+the RTL has states; it shares nothing with the RTL but the document docs/gate-guard.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from directmpc import anpc
+
+#: Faults, bit 0 first.
+FAULTS: tuple[str, ...] = (
+    "external_trip",
+    "over_current",
+    "link_high",
+    "link_low",
+    "illegal_edge",
+    "late",
+    "missing",
+    "overrun",
+    "interlock",
+)
+
+#: Single-gate actions when g rises (2 to 4, 3 to 5): -4 is S4 off. Back: reversed, signs turned.
+RISING: tuple[int, ...] = (-4, 8, -2, 3, -5, 1)
+
+TIME_HIGH = 2**12 - 1
+
+
+def anpc_gates(position: int) -> frozenset[int]:
+    """Gates S1..S8 that are on in a position of the five-level leg."""
+    g, a, b = position >> 2, position >> 1 & 1, position & 1
+    return frozenset({1, 3} if g else {2, 4}) | {5 if a else 8, 6 if b else 7}
+
+
+def two_level_gates(position: int) -> frozenset[int]:
+    """Gate that is on: 1 the upper, 2 the lower."""
+    return frozenset({1} if position & 1 else {2})
+
+
+def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
+    """Single-gate actions from one position to the next; -n is gate n off."""
+    if five_level and (origin ^ goal) & 4:
+        return list(RISING) if goal & 4 else [-action for action in reversed(RISING)]
+    gates = anpc_gates if five_level else two_level_gates
+    off = sorted(gates(origin) - gates(goal))
+    on = sorted(gates(goal) - gates(origin))
+    return [-gate for gate in off] + on
+
+
+#: Directed connections of the five-level leg: a gate's IGBT; its diode goes back.
+_IGBT = {
+    1: ("P", "A"),
+    2: ("A", "M"),
+    3: ("M", "B"),
+    4: ("B", "N"),
+    5: ("A", "p"),
+    6: ("p", "O"),
+    7: ("O", "q"),
+    8: ("q", "B"),
+}
+#: Voltage sources: node, other node, how much higher the other is, in quarters of the dc-link.
+_SOURCES = (("N", "M", 2), ("M", "P", 2), ("q", "p", 1))
+
+
+def _edges(gates: Iterable[int]) -> list[tuple[str, str, int]]:
+    found = [(low, high, volts) for low, high, volts in _SOURCES]
+    found += [(high, low, -volts) for low, high, volts in _SOURCES]
+    found += [(b, a, 0) for a, b in _IGBT.values()]
+    found += [(*_IGBT[gate], 0) for gate in gates]
+    return found
+
+
+def _highest(edges: list[tuple[str, str, int]], start: str) -> dict[str, int] | None:
+    """Highest potential at which current from ``start`` reaches a node; None: a short circuit."""
+    reached = {start: 0}
+    for _ in range(8):  # nodes of the leg
+        moved = False
+        for a, b, volts in edges:
+            if a in reached and reached.get(b, -99) < reached[a] + volts:
+                reached[b] = reached[a] + volts
+                moved = True
+        if not moved:
+            return reached
+    return None
+
+
+def output_levels(gates: Iterable[int]) -> tuple[int, int] | None:
+    """Output level of the five-level leg for i > 0 and i < 0; None where a source is shorted.
+
+    Ideal switches: current out of the output takes the path of highest potential that conducts,
+    current into it the one of lowest.  Levels in quarters of the dc-link from the midpoint.
+    """
+    edges = _edges(gates)
+    out = _highest(edges, "M")
+    back = _highest([(b, a, volts) for a, b, volts in edges], "M")
+    if out is None or back is None:
+        return None
+    return out["O"], -back["O"]
+
+
+@dataclass
+class Leg:
+    """One leg: a goal, the actions that are planned, what is on."""
+
+    five_level: bool
+    goal: int = 0
+    settled: int = 0
+    on: set[int] = field(default_factory=set)
+    alive: bool = False
+    starts_at: int | None = None
+    plan: list[tuple[int, int]] = field(default_factory=list)
+    ready_at: int = 0
+
+    def stop(self) -> None:
+        """All gates off."""
+        self.on, self.alive, self.starts_at, self.plan = set(), False, None, []
+
+    def legal(self, wanted: int) -> bool:
+        """Whether a position follows the goal, or the leg is off."""
+        if not self.alive or not self.five_level:
+            return True
+        return wanted in anpc.NEXT_POSITIONS[self.goal]
+
+    def blocked(self, wanted: int) -> bool:
+        """Whether a position moves a leg whose last move has not begun."""
+        unsettled = self.goal != self.settled or self.starts_at is not None
+        return self.alive and unsettled and wanted != self.goal
+
+    def clock(self, now: int, dead: int, rest: int) -> None:
+        """One edge."""
+        gates = anpc_gates if self.five_level else two_level_gates
+        if self.starts_at == now:
+            self.on = set(gates(self.goal))
+            self.settled, self.starts_at = self.goal, None
+            self.ready_at = now + rest
+            return
+        if self.alive and not self.plan and self.goal != self.settled and now >= self.ready_at:
+            steps = commutation(self.five_level, self.settled, self.goal)
+            self.plan = [(now + i * dead, action) for i, action in enumerate(steps)]
+            self.settled = self.goal
+            self.ready_at = self.plan[-1][0] + rest
+        while self.plan and self.plan[0][0] == now:
+            action = self.plan.pop(0)[1]
+            if action > 0:
+                self.on.add(action)
+            else:
+                self.on.remove(-action)
+
+    def resting(self, now: int) -> bool:
+        """Whether nothing is under way after edge ``now``."""
+        if not self.alive:
+            return True
+        unsettled = self.goal != self.settled or self.starts_at is not None
+        return not unsettled and not self.plan and now + 1 >= self.ready_at
+
+
+@dataclass
+class Inputs:
+    """Inputs of one clock, as the ports of ``gate_guard``."""
+
+    rst: int = 0
+    enable: int = 0
+    external_trip: int = 0
+    clear: int = 0
+    measured: int = 0
+    is_alpha: int = 0
+    is_beta: int = 0
+    v_dc: int = 0
+    start: int = 0
+    decided: int = 0
+    position_a: int = 0
+    position_b: int = 0
+    position_c: int = 0
+    dead_time: int = 0
+    minimum_on: int = 0
+    minimum_off: int = 0
+    decision_limit: int = 0
+    watchdog: int = 0
+    current_limit: int = 0
+    link_high: int = 0
+    link_low: int = 0
+
+
+def trips(i: Inputs) -> set[str]:
+    """Trips of one clock."""
+    found = {"external_trip"} if i.external_trip else set()
+    if i.measured:
+        # phases times 128, with 111/64 for the root of three
+        phases = (
+            128 * i.is_alpha,
+            -64 * i.is_alpha + 111 * i.is_beta,
+            -64 * i.is_alpha - 111 * i.is_beta,
+        )
+        if max(abs(phase) for phase in phases) > 128 * i.current_limit:
+            found.add("over_current")
+        if i.v_dc > i.link_high:
+            found.add("link_high")
+        if i.v_dc < i.link_low:
+            found.add("link_low")
+    return found
+
+
+class GateGuard:
+    """The guard of three legs.
+
+    Parameters
+    ----------
+    five_level : bool
+        ANPC legs; two-level ones otherwise.
+    least_dead_time : int
+        Clocks.
+    """
+
+    def __init__(self, five_level: bool, least_dead_time: int) -> None:
+        self.five_level = five_level
+        self.least = least_dead_time
+        self.now = 0
+        self.legs = [Leg(five_level) for _ in range(3)]
+        self.state = "off"
+        self.primed = False
+        self.faults: set[str] = set()
+        self.off_since = 0
+        self.dead = self.rest = TIME_HIGH
+        self.begun: tuple[int, int] | None = None
+        self.fed: tuple[int, int] = (0, 0)
+
+    def clock(self, i: Inputs) -> None:
+        """One rising edge."""
+        self.now += 1
+        now, goals = self.now, (i.position_a, i.position_b, i.position_c)
+        wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
+        causes: set[str] = set()
+        if wanted:
+            causes = trips(i)
+            late = self.begun is not None and now > self.begun[0] + self.begun[1]
+            if late and not i.decided:
+                causes.add("late")
+            if self.state != "off" and now > self.fed[0] + self.fed[1] and not i.decided:
+                causes.add("missing")
+            if self.state == "active" and i.decided:
+                pairs = list(zip(self.legs, goals, strict=True))
+                if not all(leg.legal(goal) for leg, goal in pairs):
+                    causes.add("illegal_edge")
+                if any(leg.blocked(goal) for leg, goal in pairs):
+                    causes.add("overrun")
+
+        was, halted = self.state, not wanted or bool(causes) or self.state == "off"
+        off_for = min(now - self.off_since - 1, TIME_HIGH)
+        arming = wanted and not causes and was == "off" and off_for >= max(self.dead, self.rest)
+
+        for leg, goal in zip(self.legs, goals, strict=True):
+            if halted:
+                leg.stop()
+                continue
+            leg.clock(now, self.dead, self.rest)
+            if i.decided:
+                leg.goal = goal
+                if not leg.alive:
+                    leg.alive, leg.starts_at = True, now + 1
+                    leg.settled = goal
+
+        if i.enable == 0 and not self.faults:
+            self.primed = True
+        elif causes:
+            self.primed = False
+        if i.decided or not wanted:
+            self.begun = None
+        if wanted and i.start and self.begun is None:
+            self.begun = (now, i.decision_limit)
+        if i.decided or was == "off":
+            self.fed = (now, i.watchdog)
+        if was == "off":
+            if not arming:
+                self.dead = max(i.dead_time, self.least)
+                self.rest = max(i.minimum_on, i.minimum_off, 1)
+        else:
+            self.off_since = now
+        self.faults = {
+            name for n, name in enumerate(FAULTS) if name in self.faults and not i.clear >> n & 1
+        } | causes
+
+        if arming:
+            self.state = "armed"
+        elif was != "off":
+            if halted:
+                self.state = "off"
+            elif i.decided:
+                self.state = "active"
+        if i.rst:
+            self.state, self.primed, self.faults, self.begun = "off", False, set(), None
+            self.off_since, self.dead, self.rest = now, TIME_HIGH, TIME_HIGH
+
+    @property
+    def gates(self) -> int:
+        """Gates as the port has them."""
+        size = 8 if self.five_level else 2
+        return sum(1 << (x * size + gate - 1) for x, leg in enumerate(self.legs) for gate in leg.on)
+
+    @property
+    def running(self) -> bool:
+        """Whether gates follow decisions."""
+        return self.state == "active"
+
+    @property
+    def resting(self) -> bool:
+        """Whether no leg moves or is about to."""
+        return all(leg.resting(self.now) for leg in self.legs)
+
+    @property
+    def fault_bits(self) -> int:
+        """Faults as the port has them."""
+        return sum(1 << n for n, name in enumerate(FAULTS) if name in self.faults)

@@ -1,0 +1,242 @@
+"""`python -m directmpc.host`: talk to a board, or to a virtual one, over its UART.
+
+identify   who is there, and how its link fares
+load       write a drive file's registers, commit them, read them back
+run        lock-step closed loop: the board decides, a float64 plant here answers
+monitor    status, faults, cycles and frame counters, again and again
+read       one register by name, field by field
+write      fields of one register
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from directmpc.drive import Drive, MptcDrive, load_any_drive
+from directmpc.host import lockstep
+from directmpc.host.board import Board, RegisterError
+from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
+from directmpc.host.protocol import Outcome
+from directmpc.registers import GuardSettings, RegisterValues, values
+from directmpc.replay import OneParagraphParser, progress_bar, report_error
+from directmpc.trace import write_decisions
+
+LONGEST_TIME = 0xFFFF
+"""Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
+
+
+def _facts(board: Board) -> Table:
+    identity = board.identity
+    table = Table(show_header=False)
+    explorers = f", {identity.explorers} explorers" if identity.explorers else ""
+    folded = ", the paper's" if board.is_mpdcc() and identity.options & 1 else ""
+    table.add_row("controller", f"{identity.controller.name}{explorers}{folded}")
+    version = board.read("system.version")
+    table.add_row(
+        "version", f"{version['major']}.{version['minor']}.{version['patch']}, map {version['map']}"
+    )
+    table.add_row("clock", f"{identity.clock / 1e6:g} MHz")
+    table.add_row("steps", "on this link" if identity.options & 2 else "on the other link")
+    table.add_row("frame limit", f"{1e3 * identity.limit / identity.clock:g} ms")
+    table.add_row("last sequence number", str(identity.last_sequence))
+    return table
+
+
+def _status(board: Board) -> Table:
+    table = Table(show_header=False)
+    for name in ("system.status", "system.flags", "system.faults"):
+        fields = board.read(name)
+        shown = ", ".join(field for field, value in fields.items() if value) or "-"
+        table.add_row(name.split(".")[1], shown)
+    cycles = board.read("system.cycles")
+    table.add_row("cycles", f"last {cycles['last']}, worst {cycles['worst']}")
+    table.add_row("decisions", str(board.read("system.decisions")["count"]))
+    table.add_row("gates", f"{board.read('system.gates')['gates']:06x}")
+    counts = board.counters()
+    table.add_row("frames", f"{counts[Outcome.ACCEPTED]} accepted")
+    refused = {o.name.lower(): n for o, n in counts.items() if n and o is not Outcome.ACCEPTED}
+    table.add_row("refused", ", ".join(f"{n} {name}" for name, n in refused.items()) or "-")
+    return table
+
+
+def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Show who is there."""
+    console.print(_facts(board))
+    console.print(_status(board))
+    return 0
+
+
+def _settings(board: Board, given: argparse.Namespace) -> GuardSettings:
+    return GuardSettings(clock=float(board.identity.clock))
+
+
+def _load(board: Board, console: Console, drive: Drive | MptcDrive, given: Any) -> RegisterValues:
+    variant = "paper" if board.is_mpdcc() and board.identity.options & 1 else "fast"
+    found = values(drive, _settings(board, given), variant)
+    for problem in found.saturated:
+        console.print(f"saturated: {problem}", style="yellow")
+    if given.lock_step:
+        found.words["guard.decision_limit"] = LONGEST_TIME
+        found.words["guard.watchdog"] = LONGEST_TIME
+    count = board.load(found)
+    if differing := board.differing(found):
+        raise RegisterError(f"{', '.join(differing)} did not keep what was written")
+    console.print(f"{given.drive.name}: {count} registers written, committed and read back")
+    return found
+
+
+def load(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Write a drive file's registers."""
+    _load(board, console, load_any_drive(given.drive), given)
+    return 0
+
+
+def run(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Close the loop with a plant here."""
+    drive = load_any_drive(given.drive)
+    _load(board, console, drive, given)
+    variant = "paper" if board.identity.options & 1 else "fast"
+    board.write("system.control", enable=0, own_positions=0)
+
+    def loop() -> lockstep.LockStep:
+        with progress_bar("steps over the link", given.steps) as progress:
+            if isinstance(drive, Drive):
+                done, _, decisions = lockstep.run_mpdcc(
+                    board, drive, given.speed, given.steps, variant, progress
+                )
+                if given.out:
+                    write_decisions(given.out, decisions)
+                return done
+            torque = 0.25 * drive.control.torque_max
+            flux = 0.5 * drive.control.psi_max
+            rpm = given.speed * 60 * 50 / drive.machine.pole_pairs
+            return lockstep.run_mptc(board, drive, rpm, torque, flux, given.steps, progress)
+
+    if given.gates:
+        with lockstep.gates_enabled(board):
+            done = loop()
+    else:
+        done = loop()
+    table = Table(show_header=False)
+    table.add_row("steps", f"{done.steps} in {done.seconds:.1f} s: {done.rate:.0f} a second")
+    table.add_row("differ from the bit-true model", str(done.differing))
+    table.add_row("cycles", f"{done.cycles.min()} to {done.cycles.max()}")
+    table.add_row("gates let through", f"{int(done.running.sum())} of {done.steps} replies")
+    table.add_row("faults", f"{done.faults:09b}" if done.faults else "-")
+    console.print(table)
+    return 1 if done.differing else 0
+
+
+def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Show the status again and again."""
+    with Live(_status(board), console=console, auto_refresh=False) as live:
+        count = 1
+        while given.count == 0 or count < given.count:
+            time.sleep(given.period)
+            live.update(_status(board), refresh=True)
+            count += 1
+    return 0
+
+
+def read(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Show a register."""
+    for field, value in board.read(given.register).items():
+        console.print(f"{field} = {value}", highlight=False)
+    return 0
+
+
+def write(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Write fields of a register."""
+    fields = {}
+    for pair in given.fields:
+        name, sign, value = pair.partition("=")
+        if not sign:
+            raise RegisterError(f"'{pair}' is not FIELD=VALUE")
+        fields[name] = int(value, 0)
+    board.write(given.register, **fields)
+    return 0
+
+
+COMMANDS = {
+    "identify": identify,
+    "load": load,
+    "run": run,
+    "monitor": monitor,
+    "read": read,
+    "write": write,
+}
+
+
+def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = OneParagraphParser(
+        prog="directmpc.host",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--port", required=True, help="serial device, or the virtual board's name")
+    parser.add_argument("--baud", type=int, default=3_000_000, help="bit rate, 3000000 by default")
+    parser.add_argument("--timeout", type=float, default=2.0, help="s to wait for a reply")
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=OneParagraphParser)
+    commands.add_parser("identify")
+    for name in ("load", "run"):
+        command = commands.add_parser(name)
+        command.add_argument("drive", type=Path, help="drive file (TOML)")
+        command.add_argument(
+            "--lock-step",
+            action="store_true",
+            default=name == "run",
+            help="gate guard: longest decision limit and watchdog; always so for run",
+        )
+        if name == "run":
+            command.add_argument("--steps", type=int, default=400)
+            command.add_argument("--speed", type=float, default=1.0, help="of rated speed")
+            command.add_argument("--gates", action="store_true", help="let the gates switch")
+            command.add_argument("--out", type=Path, help="decisions of MPDCC to write (CSV)")
+    command = commands.add_parser("monitor")
+    command.add_argument("--period", type=float, default=0.5, help="s")
+    command.add_argument("--count", type=int, default=0, help="looks, 0: until interrupted")
+    for name in ("read", "write"):
+        command = commands.add_parser(name)
+        command.add_argument("register", help="name as in docs/registers.md, system.status for one")
+        if name == "write":
+            command.add_argument("fields", nargs="+", metavar="FIELD=VALUE")
+    given = parser.parse_args(arguments)
+    if given.command == "run" and (given.steps < 1 or not math.isfinite(given.speed)):
+        parser.error("run needs at least one step and a finite speed")
+    return given
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Do one command; 1 when a decision differs from the model's, 2 on an error."""
+    given = _arguments(arguments)
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    try:
+        stream = SerialStream(given.port, given.baud)
+        try:
+            board = Board(Link(stream, given.timeout))
+            return COMMANDS[given.command](board, console, given)
+        finally:
+            stream.close()
+    except KeyError as error:
+        report_error("host", LinkError(f"no register or field {error}; see docs/registers.md"))
+        return 2
+    except (LinkError, RefusedError, RegisterError, ValueError, OSError) as error:
+        report_error("host", error)
+        return 2
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+
+
+if __name__ == "__main__":
+    sys.exit(main())

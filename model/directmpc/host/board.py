@@ -1,0 +1,126 @@
+"""A board behind a link: identity, registers, counters, steps."""
+
+from __future__ import annotations
+
+import struct
+
+from directmpc.host import protocol as p
+from directmpc.host.link import Link, LinkError
+from directmpc.host.protocol import Controller, Decision, Identity, Outcome, Type
+from directmpc.registers import RegisterValues, registers_of
+
+_RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
+
+
+class RegisterError(RuntimeError):
+    """A register cannot be read or written."""
+
+
+class Board:
+    """A board that has said who it is.
+
+    Parameters
+    ----------
+    link
+        How it is reached.
+
+    Raises
+    ------
+    LinkError
+        If nobody answers, or one who speaks another version of the protocol.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self.identity = Identity.unpack(link.request(Type.IDENTIFY))
+        if self.identity.version != p.VERSION:
+            raise LinkError(
+                f"the board speaks version {self.identity.version} of the protocol, this program "
+                f"version {p.VERSION}"
+            )
+        link.sequence = self.identity.last_sequence
+        self._map = registers_of(self.controller)
+
+    @property
+    def controller(self) -> str:
+        """As drive files write it."""
+        return self.identity.controller.name.lower()
+
+    def read_word(self, address: int) -> int:
+        """A register's word."""
+        _, response, word = struct.unpack(
+            "<HBI", self.link.request(Type.READ, struct.pack("<H", address))
+        )
+        if response:
+            raise RegisterError(f"read of 0x{address:03X}: {_RESPONSES.get(response, response)}")
+        return int(word)
+
+    def write_word(self, address: int, word: int) -> None:
+        """Write a register's word."""
+        _, response = struct.unpack(
+            "<HB", self.link.request(Type.WRITE, struct.pack("<HI", address, word & 0xFFFFFFFF))
+        )
+        if response:
+            raise RegisterError(f"write to 0x{address:03X}: {_RESPONSES.get(response, response)}")
+
+    def read(self, name: str) -> dict[str, int]:
+        """Fields of a register, signed where they are."""
+        address, fields = self._map[name]
+        word = self.read_word(address)
+        found = {}
+        for field, (low, width, signed) in fields.items():
+            value = word >> low & (1 << width) - 1
+            found[field] = value - (1 << width) if signed and value >> (width - 1) else value
+        return found
+
+    def write(self, name: str, **values: int) -> None:
+        """Write fields of a register; those not given are written as 0."""
+        address, fields = self._map[name]
+        word = 0
+        for field, value in values.items():
+            low, width, _ = fields[field]
+            word |= (value & (1 << width) - 1) << low
+        self.write_word(address, word)
+
+    def load(self, found: RegisterValues) -> int:
+        """Write a drive's registers and commit them; how many were written."""
+        if found.controller != self.controller:
+            raise LinkError(
+                f"the drive file is for {found.controller}, the board has {self.controller}"
+            )
+        writes = found.writes()
+        for _, address, word in writes:
+            self.write_word(address, word)
+        return len(writes)
+
+    def differing(self, found: RegisterValues) -> list[str]:
+        """Names of a drive's registers that read back another word than they should have."""
+        # the commit, the last write, reads as nothing
+        return [
+            name for name, address, word in found.writes()[:-1] if self.read_word(address) != word
+        ]
+
+    def step(self, words: list[int], position: int) -> Decision:
+        """Measurements in, decision out.
+
+        Parameters
+        ----------
+        words
+            The core's measurement ports, in port order, as integers.
+        position
+            MPDCC: s(k-1), packed; MPTC: u.
+        """
+        payload = p.step_payload(words, position)
+        return Decision.unpack(self.link.request(Type.STEP, payload, once=True))
+
+    def counters(self) -> dict[Outcome, int]:
+        """Frames by outcome since the board's reset, of this link."""
+        counts: list[int] = []
+        for first in range(0, p.OUTCOME_COUNT, p.COUNTERS_PER_REPLY):
+            reply = self.link.request(Type.COUNTERS, bytes([first]))
+            counts += struct.unpack(f"<{p.COUNTERS_PER_REPLY}I", reply)
+        return {outcome: counts[outcome] for outcome in Outcome}
+
+    def is_mpdcc(self) -> bool:
+        """Which controller was built."""
+        return self.identity.controller is Controller.MPDCC

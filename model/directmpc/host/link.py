@@ -1,0 +1,192 @@
+"""One request at a time over a stream of bytes: framing, sequence numbers, repetition.
+
+`SerialStream` is a UART (a device, or the virtual board's pseudo-terminal) through pyserial;
+anything with `write` and `read` of bytes serves, an SPI master's transactions for instance.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import serial
+
+from directmpc.host import protocol as p
+from directmpc.host.protocol import Frame, Outcome, Splitter, Type
+
+
+class LinkError(RuntimeError):
+    """The board cannot be reached, or does not answer; the message is for a user."""
+
+
+class RefusedError(RuntimeError):
+    """The board has refused a request.
+
+    Attributes
+    ----------
+    outcome
+        Why.
+    last_sequence
+        Last sequence number it has acted upon.
+    """
+
+    def __init__(self, kind: Type, outcome: Outcome, last_sequence: int) -> None:
+        super().__init__(f"{kind.name} was refused: {REASONS[outcome]}")
+        self.outcome = outcome
+        self.last_sequence = last_sequence
+
+
+REASONS = {
+    Outcome.BUSY: "the board is still deciding",
+    Outcome.TYPE: "this board does not know it, or not with a payload of that size",
+    Outcome.STALE: "its sequence number is not above the last one",
+    Outcome.LINK: "the switch on the board gives the steps to its other link",
+    Outcome.POSITION: "the gates are not at the position it says",
+}
+"""What a REFUSED reply may say."""
+
+
+class Stream(Protocol):
+    """What a link needs of a line."""
+
+    def write(self, data: bytes, /) -> object:
+        """Send all of it."""
+
+    def read(self) -> bytes:
+        """What has come, at once; waits a little if nothing has."""
+
+
+class SerialStream:
+    """A UART.
+
+    Parameters
+    ----------
+    port
+        Device, or any URL that pyserial takes.
+    baud
+        Bit rate, 1/s.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be opened.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        try:
+            self._serial = serial.serial_for_url(port, baudrate=baud, timeout=0.05, exclusive=True)
+        except (serial.SerialException, ValueError, OSError) as error:
+            raise LinkError(f"{port}: cannot be opened: {error}") from None
+        self.port = port
+        self._serial.reset_input_buffer()
+
+    def write(self, data: bytes, /) -> object:
+        """Send all of it."""
+        try:
+            return self._serial.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"{self.port}: {error}") from None
+
+    def read(self) -> bytes:
+        """What has come, at once; waits up to 50 ms if nothing has."""
+        try:
+            return self._serial.read(max(1, self._serial.in_waiting))
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"{self.port}: {error}") from None
+
+    def close(self) -> None:
+        """Give the line back."""
+        self._serial.close()
+
+
+class Link:
+    """Requests and their replies.
+
+    Parameters
+    ----------
+    stream
+        The line.
+    timeout
+        Seconds to wait for a reply.
+    attempts
+        How often a request that does no harm twice is sent.
+
+    Attributes
+    ----------
+    sequence
+        Sequence number of the last request.
+    strays
+        Frames that were no answer to the request under way; broken ones count as well.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        timeout: float = 1.0,
+        attempts: int = 3,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._stream, self._timeout, self._attempts, self._clock = stream, timeout, attempts, clock
+        self._splitter = Splitter()
+        self.sequence = 0
+        self.strays = 0
+
+    def request(self, kind: Type, payload: bytes = b"", *, once: bool = False) -> bytes:
+        """Send a request and return its reply's payload.
+
+        Parameters
+        ----------
+        once
+            Do not repeat it: a step that was acted upon must not be taken twice.
+
+        Raises
+        ------
+        LinkError
+            If no reply comes.
+        RefusedError
+            If the board refuses it.
+        """
+        resynchronised = False
+        attempt = 0
+        while True:
+            attempt += 1
+            try:
+                reply = self._attempt(kind, payload)
+            except RefusedError as refused:
+                # After a restart of either side the board says where it stands: go on from there.
+                if refused.outcome is not Outcome.STALE or resynchronised:
+                    raise
+                self.sequence, resynchronised = refused.last_sequence, True
+                continue
+            if reply is not None:
+                return reply
+            if once or attempt == self._attempts:
+                times = "once" if attempt == 1 else f"{attempt} times"
+                raise LinkError(f"no reply to {kind.name}, sent {times}")
+
+    def _attempt(self, kind: Type, payload: bytes) -> bytes | None:
+        self.sequence = (self.sequence + 1) % 2**32
+        self._stream.write(Frame(kind, self.sequence, payload).wire())
+        until = self._clock() + self._timeout
+        answer: Frame | None = None
+        while answer is None and self._clock() < until:
+            for stuffed in self._splitter.feed(self._stream.read()):
+                _, frame = p.judge(stuffed)
+                if answer is None and frame is not None and self._answers(frame, kind):
+                    answer = frame
+                else:
+                    self.strays += 1
+        if answer is None:
+            return None
+        if answer.kind == Type.REFUSED | p.REPLY:
+            last = int.from_bytes(answer.payload[2:], "little")
+            raise RefusedError(kind, Outcome(answer.payload[0]), last)
+        return answer.payload
+
+    def _answers(self, frame: Frame, kind: Type) -> bool:
+        """Whether a frame is the reply to the request under way, or says that it is refused."""
+        if frame.sequence != self.sequence:
+            return False
+        expected = {kind | p.REPLY: p.REPLY_SIZE[kind], Type.REFUSED | p.REPLY: 6}
+        return expected.get(frame.kind) == len(frame.payload)

@@ -1,0 +1,110 @@
+"""What a board's link does with the bytes it gets: the model that RTL and host are tested against.
+
+It knows nothing of time: LATE and BUSY are for the tests that bring them about.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from directmpc.host import protocol as p
+from directmpc.host.protocol import Controller, Decision, Frame, Identity, Outcome, Type
+
+
+@dataclass
+class LinkModel:
+    """One link of a board.
+
+    Attributes
+    ----------
+    identity
+        What IDENTIFY is answered with; its `last_sequence` is kept here.
+    read, write
+        Registers: address to (response, word), and (address, word) to response.
+    step
+        Payload of a STEP to what the core and the gates answer.
+    applied
+        Position the gates are at, None while they are at none.
+    counters
+        Frames by outcome.
+    """
+
+    identity: Identity
+    read: Callable[[int], tuple[int, int]]
+    write: Callable[[int, int], int]
+    step: Callable[[bytes], Decision]
+    applied: Callable[[], int | None] = lambda: None
+    counters: Counter[Outcome] = field(default_factory=Counter)
+    last: int = 0
+
+    @property
+    def controls(self) -> bool:
+        """Whether this link's steps count."""
+        return bool(self.identity.options & 2)
+
+    def verdict(self, frame: Frame) -> Outcome:
+        """What becomes of a frame that its receiver has passed."""
+        kind, size = frame.kind, len(frame.payload)
+        step_size = p.step_size(self.identity.controller)
+        sizes = {**p.REQUEST_SIZE, Type.STEP: step_size}
+        if kind not in iter(sizes) or sizes[Type(kind)] != size:
+            return Outcome.TYPE
+        if kind == Type.COUNTERS and frame.payload[0] not in (0, p.COUNTERS_PER_REPLY):
+            return Outcome.TYPE
+        if kind in p.ACTING and not p.is_newer(frame.sequence, self.last):
+            return Outcome.STALE
+        if kind == Type.STEP:
+            if not self.controls:
+                return Outcome.LINK
+            mask = 0x1FF if self.identity.controller is Controller.MPDCC else 7
+            applied = self.applied()
+            asked = int.from_bytes(frame.payload[-2:], "little")
+            if applied is not None and (asked ^ applied) & mask:
+                return Outcome.POSITION
+        return Outcome.ACCEPTED
+
+    def reply(self, frame: Frame) -> Frame:
+        """Serve a frame that its receiver has passed."""
+        outcome = self.verdict(frame)
+        if outcome is not Outcome.ACCEPTED:
+            payload = struct.pack("<BBI", outcome, frame.kind, self.last)
+            self.counters[outcome] += 1
+            return Frame(Type.REFUSED | p.REPLY, frame.sequence, payload)
+        kind = Type(frame.kind)
+        if kind in p.ACTING:
+            self.last = frame.sequence
+        if kind is Type.IDENTIFY:
+            known = self.identity
+            payload = Identity(
+                known.version, known.controller, known.explorers, known.options, self.last,
+                known.clock, known.limit,
+            ).pack()  # fmt: skip
+        elif kind is Type.COUNTERS:
+            first = frame.payload[0]
+            counts = [
+                self.counters[Outcome(n)] if n in iter(Outcome) else 0
+                for n in range(first, first + p.COUNTERS_PER_REPLY)
+            ]
+            payload = struct.pack(f"<{p.COUNTERS_PER_REPLY}I", *counts)
+        elif kind is Type.READ:
+            (address,) = struct.unpack("<H", frame.payload)
+            response, word = self.read(address)
+            payload = struct.pack("<HBI", address, response, word)
+        elif kind is Type.WRITE:
+            address, word = struct.unpack("<HI", frame.payload)
+            payload = struct.pack("<HB", address, self.write(address, word))
+        else:
+            payload = self.step(frame.payload).pack()
+        self.counters[Outcome.ACCEPTED] += 1
+        return Frame(kind | p.REPLY, frame.sequence, payload)
+
+    def receive(self, stuffed: bytes) -> Frame | None:
+        """Serve the bytes between two delimiters; None where there is no answer."""
+        outcome, frame = p.judge(stuffed)
+        if frame is None:
+            self.counters[outcome] += 1
+            return None
+        return self.reply(frame)

@@ -1,0 +1,163 @@
+-- Gate guard: stands between decisions and gates of a three-phase inverter, and trusts neither.
+--
+-- Decisions come in as switch positions; gates come out with interlock, dead time and minimum times
+-- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents
+-- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  After a reset and
+-- after any fault all gates are off: that is not a zero vector, the diodes carry what current there is.
+--
+-- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', decisions.  docs/gate-guard.md
+-- has states, times and the safety properties that are checked.
+--
+-- Formats: positions a, b, c of three bits each, two-level legs use bit 0 ('1': upper gate); gates of phase
+-- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
+-- Latency: gates begin to move two clocks after decided; all of them are off after the edge at which a trip,
+-- an illegal decision or a lapse of time is seen.
+-- Overflow: none.
+-- Weighed, not built: a guard for each leg with supervisors of their own, three times the counters, and a fault in
+-- one leg reaches the others a clock later.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.gate_tables.all;
+
+entity gate_guard is
+  generic (
+    FIVE_LEVEL      : boolean                  := true; -- true: ANPC legs of 8 gates, false: two-level legs of 2
+    LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
+  );
+  port (
+    clk            : in    std_logic;                                              -- rising edge
+    rst            : in    std_logic;                                              -- synchronous, active high
+    enable         : in    std_logic;                                              -- '1': gates may be on
+    external_trip  : in    std_logic;                                              -- '1': all gates off
+    clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);             -- '1': forget this fault
+    -- measurements
+    measured       : in    std_logic;                                              -- '1': they are new in this clock
+    is_alpha       : in    std_logic_vector(15 downto 0);                          -- stator current, signed
+    is_beta        : in    std_logic_vector(15 downto 0);                          -- signed, unit as is_alpha
+    v_dc           : in    std_logic_vector(15 downto 0);                          -- dc-link voltage, unsigned
+    -- decisions
+    start          : in    std_logic;                                              -- '1': a decision has begun
+    decided        : in    std_logic;                                              -- '1': the positions are new
+    position_a     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase a
+    position_b     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase b
+    position_c     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase c
+    -- settings; the first three are read while off only
+    dead_time      : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
+    minimum_on     : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
+    minimum_off    : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
+    decision_limit : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);             -- start to decided, clocks
+    watchdog       : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);             -- between decisions, clocks
+    current_limit  : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as is_alpha
+    link_high      : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
+    link_low       : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
+    -- what comes of it
+    gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
+    running        : out   std_logic;                                              -- '1': gates follow decisions
+    resting        : out   std_logic;                                              -- '1': no leg is moving or about to
+    faults         : out   std_logic_vector(FAULT_COUNT - 1 downto 0)              -- latched, bits as in gate_tables
+  );
+end entity gate_guard;
+
+architecture rtl of gate_guard is
+
+  constant GATES_OF_LEG : positive := gates_of(FIVE_LEVEL);
+
+  type positions_t is array (0 to 2) of std_logic_vector(2 downto 0);
+
+  signal goals    : positions_t;
+  signal trips    : std_logic_vector(3 downto 0);
+  signal legal    : std_logic_vector(2 downto 0);
+  signal blocked  : std_logic_vector(2 downto 0);
+  signal at_rest  : std_logic_vector(2 downto 0);
+  signal refuse   : std_logic_vector(2 downto 0);
+  signal all_legal   : std_logic;
+  signal any_blocked : std_logic;
+  signal any_refuse  : std_logic;
+  signal stop     : std_logic;
+  signal accept   : std_logic;
+  signal dead_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
+  signal rest_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
+
+begin
+
+  goals(0) <= position_a;
+  goals(1) <= position_b;
+  goals(2) <= position_c;
+
+  trips(FAULT_EXTERNAL) <= external_trip;
+
+  i_comparator : entity work.trip_comparator
+    port map (
+      measured      => measured,
+      is_alpha      => is_alpha,
+      is_beta       => is_beta,
+      v_dc          => v_dc,
+      current_limit => current_limit,
+      link_high     => link_high,
+      link_low      => link_low,
+      over_current  => trips(FAULT_OVER_CURRENT),
+      over_voltage  => trips(FAULT_LINK_HIGH),
+      under_voltage => trips(FAULT_LINK_LOW)
+    );
+
+  all_legal   <= legal(0) and legal(1) and legal(2);
+  any_blocked <= blocked(0) or blocked(1) or blocked(2);
+  any_refuse  <= refuse(0) or refuse(1) or refuse(2);
+  resting     <= at_rest(0) and at_rest(1) and at_rest(2);
+
+  i_supervisor : entity work.gate_supervisor
+    generic map (
+      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+    )
+    port map (
+      clk            => clk,
+      rst            => rst,
+      enable         => enable,
+      start          => start,
+      decided        => decided,
+      legal          => all_legal,
+      blocked        => any_blocked,
+      refuse         => any_refuse,
+      trips          => trips,
+      clear          => clear,
+      dead_time      => dead_time,
+      minimum_on     => minimum_on,
+      minimum_off    => minimum_off,
+      decision_limit => decision_limit,
+      watchdog       => watchdog,
+      stop           => stop,
+      accept         => accept,
+      dead_now       => dead_now,
+      rest_now       => rest_now,
+      running        => running,
+      faults         => faults
+    );
+
+  g_legs : for x in 0 to 2 generate
+
+    i_leg : entity work.gate_leg
+      generic map (
+        FIVE_LEVEL => FIVE_LEVEL
+      )
+      port map (
+        clk       => clk,
+        stop      => stop,
+        accept    => accept,
+        goal      => goals(x),
+        dead_time => dead_now,
+        rest_time => rest_now,
+        legal     => legal(x),
+        blocked   => blocked(x),
+        resting   => at_rest(x),
+        refuse    => refuse(x),
+        gates     => gates((x + 1) * GATES_OF_LEG - 1 downto x * GATES_OF_LEG)
+      );
+
+  end generate g_legs;
+
+end architecture rtl;

@@ -1,0 +1,201 @@
+-- Nodes of the second level, waiting: candidates of the root that stay inside their bounds for a while.
+--
+-- Takes the root's candidates as an explorer evaluates them. One whose length is the whole horizon is
+-- a leaf and competes at once (whole); the others wait in one list for each effort f_s. The entry
+-- shown is the latest of the smallest effort: few switchings on the way are most likely part of
+-- the cheapest leaf, so that a budget loses little.
+--
+--   lists      a head for each effort, the place of the next one for each candidate, so that one
+--              clock puts a candidate in and three show the next
+--   slopes     of every candidate's current errors as the explorer formed them, so that no successor
+--              has to form them again
+--
+-- Formats: as evaluated_t and entry_t.
+-- Latency: an entry is shown three clocks after it can be, the next one three clocks after taken.
+-- Overflow: none, there is room for all 64 candidates.
+-- Tried and dropped: skipping nodes with f_s / (L1 + N) above the best leaf so far, which is the
+-- tightest bound that costs no state, leaves out 0.1 to 3 % of the candidates below.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_types.all;
+
+entity node_queue is
+  port (
+    clk       : in    std_logic;   -- rising edge
+    rst       : in    std_logic;   -- synchronous, active high
+    clear     : in    std_logic;   -- '1': forget everything
+    open_root : in    std_logic;   -- '1': candidates of the root are evaluated
+    evaluated : in    evaluated_t; -- by the explorer
+    horizon   : in    length_t;    -- N
+    previous  : in    positions_t; -- s(k-1), stable
+    whole     : out   result_t;    -- the best candidate with the whole horizon, feasible = '1' if there is one
+    valid     : out   std_logic;   -- '1': entry is the next
+    entry     : out   entry_t;     -- stable while valid; slope also those of place 0 before any is put in
+    taken     : in    std_logic;   -- '1' for one clock: entry is taken, with valid
+    empty     : out   std_logic    -- '1': no entry is left
+  );
+end entity node_queue;
+
+architecture rtl of node_queue is
+
+  constant EFFORTS : natural := 2 ** EFFORT_WIDTH;
+  constant PLACES  : natural := 2 ** INDEX_WIDTH;
+
+  subtype place_t is unsigned(INDEX_WIDTH - 1 downto 0);
+
+  subtype link_t is std_logic_vector(INDEX_WIDTH + LENGTH_WIDTH downto 0); -- length, more, next place
+
+  subtype slopes_word_t is std_logic_vector(2 * BASE_WIDTH - 1 downto 0);
+
+  type heads_t is array (0 to EFFORTS - 1) of place_t;
+
+  type links_t is array (0 to PLACES - 1) of link_t;
+
+  type slopes_words_t is array (0 to PLACES - 1) of slopes_word_t;
+
+  type stage_t is (CHOOSE, READ, SHOW);
+
+  signal heads  : heads_t;
+  signal links  : links_t;
+  signal slopes : slopes_words_t;
+
+  signal used       : std_logic_vector(EFFORTS - 1 downto 0); -- '1': the list of this effort has entries
+  signal stage      : stage_t;
+  signal lowest     : unsigned(EFFORT_WIDTH - 1 downto 0);
+  signal place      : place_t;
+  signal link       : link_t;
+  signal slope_word : slopes_word_t;
+  signal effort     : unsigned(EFFORT_WIDTH - 1 downto 0);
+  signal best       : result_t;
+  signal list       : natural range 0 to EFFORTS - 1; -- whose head is read
+  signal head       : place_t;
+
+begin
+
+  list <= to_integer(evaluated.effort) when open_root = '1' else
+          to_integer(lowest);
+  head <= heads(list);
+
+  p_lowest : process (used) is
+  begin
+
+    lowest <= (others => '0');
+
+    for i in EFFORTS - 1 downto 0 loop
+      if (used(i) = '1') then
+        lowest <= to_unsigned(i, EFFORT_WIDTH);
+      end if;
+    end loop;
+
+  end process p_lowest;
+
+  p_lists : process (clk) is
+
+    variable write      : std_logic;
+    variable write_list : natural range 0 to EFFORTS - 1;
+    variable write_head : place_t;
+
+  begin
+
+    if rising_edge(clk) then
+      write      := '0';
+      write_list := list;
+      write_head := evaluated.index;
+
+      -- in
+      if (open_root = '1' and evaluated.slope_valid = '1') then
+        slopes(to_integer(evaluated.slope_index)) <= std_logic_vector(evaluated.slope(1))
+                                                     & std_logic_vector(evaluated.slope(0));
+      end if;
+
+      if (open_root = '1' and evaluated.valid = '1') then
+        if (evaluated.length = horizon) then
+          if (best.feasible = '0' or evaluated.cost < best.cost) then
+            best.feasible  <= '1';
+            best.saturated <= evaluated.saturated;
+            best.index     <= evaluated.index;
+            best.length    <= evaluated.length;
+            best.cost      <= evaluated.cost;
+          end if;
+        else
+          links(to_integer(evaluated.index)) <= std_logic_vector(evaluated.length) & used(list)
+                                                & std_logic_vector(head);
+          used(list) <= '1';
+          write      := '1';
+        end if;
+      end if;
+
+      -- out, once the root is done
+      link       <= links(to_integer(place));
+      slope_word <= slopes(to_integer(place));
+
+      case stage is
+
+        when CHOOSE =>
+
+          place  <= head;
+          effort <= lowest;
+
+          if (open_root = '1') then
+            -- what a prediction under s(k-1) starts from: the probe's
+            place <= (others => '0');
+          elsif (used /= (used'range => '0')) then
+            stage <= READ;
+          end if;
+
+        when READ =>
+
+          stage <= SHOW;
+
+        when SHOW =>
+
+          if (taken = '1') then
+            write      := '1';
+            write_list := to_integer(effort);
+            write_head := unsigned(link(INDEX_WIDTH - 1 downto 0));
+
+            used(to_integer(effort)) <= link(INDEX_WIDTH);
+            stage                    <= CHOOSE;
+          end if;
+
+      end case;
+
+      if (write = '1') then
+        heads(write_list) <= write_head;
+      end if;
+
+      if (rst = '1' or clear = '1') then
+        used          <= (others => '0');
+        stage         <= CHOOSE;
+        best.feasible <= '0';
+      end if;
+    end if;
+
+  end process p_lists;
+
+  best.excess <= (others => '0');
+
+  whole <= best;
+  valid <= to_std_logic(stage = SHOW);
+  empty <= to_std_logic(used = (used'range => '0'));
+
+  entry.index  <= place;
+  entry.effort <= effort;
+  entry.length <= unsigned(link(link'high downto INDEX_WIDTH + 1));
+
+  g_phases : for x in 0 to 2 generate
+    entry.position(x) <= next_position(previous(x), place(5 - 2 * x downto 4 - 2 * x));
+  end generate g_phases;
+
+  g_slopes : for x in 0 to 1 generate
+    entry.slope(x) <= signed(slope_word((x + 1) * BASE_WIDTH - 1 downto x * BASE_WIDTH));
+  end generate g_slopes;
+
+end architecture rtl;

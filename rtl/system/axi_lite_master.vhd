@@ -1,0 +1,170 @@
+-- AXI4-Lite master for single accesses: one read or write at a time.
+--
+-- Address and data of a write are offered together and each is withdrawn when it has been accepted.
+--
+-- Formats: addresses of ADDRESS_WIDTH bits in bytes, words of 32 bits, all four strobes set.
+-- Latency: done two clocks after the slave's response is accepted; no access while another is under way.
+-- Overflow: none. A slave that never answers would hold the master for ever; LIMIT clocks after start it
+-- gives up with the response SLVERR and stays off the bus until reset, since the protocol has no way to
+-- take an access back.
+-- Alternative weighed: the register block's internal bus, three clocks less; AXI4-Lite lets others at it.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+entity axi_lite_master is
+  generic (
+    ADDRESS_WIDTH : positive := 12; -- bits of a byte address
+    LIMIT         : positive := 255 -- clocks an access may take
+  );
+  port (
+    clk      : in    std_logic; -- rising edge
+    rst      : in    std_logic; -- synchronous, active high
+    -- access
+    start    : in    std_logic;                                    -- '1' for one clock; ignored while busy
+    write    : in    std_logic;                                    -- '1': write, '0': read; with start
+    address  : in    std_logic_vector(ADDRESS_WIDTH - 1 downto 0); -- bytes, with start
+    wdata    : in    std_logic_vector(31 downto 0);                -- with start
+    done     : out   std_logic;                                    -- '1' for one clock: access has ended
+    rdata    : out   std_logic_vector(31 downto 0);                -- word read; stable until the next done
+    response : out   std_logic_vector(1 downto 0);                 -- "00": okay, else as AXI's RESP
+    -- AXI4-Lite, names as in the standard
+    awready  : in    std_logic;                                    -- slave takes the address
+    awvalid  : out   std_logic;                                    -- write address is there
+    awaddr   : out   std_logic_vector(ADDRESS_WIDTH - 1 downto 0); -- bytes
+    awprot   : out   std_logic_vector(2 downto 0);                 -- always "000"
+    wready   : in    std_logic;                                    -- slave takes the word
+    wvalid   : out   std_logic;                                    -- word is there
+    wword    : out   std_logic_vector(31 downto 0);                -- WDATA
+    wstrb    : out   std_logic_vector(3 downto 0);                 -- always "1111"
+    bready   : out   std_logic;                                    -- response is taken
+    bvalid   : in    std_logic;                                    -- response is there
+    bresp    : in    std_logic_vector(1 downto 0);                 -- "00": okay
+    arready  : in    std_logic;                                    -- slave takes the address
+    arvalid  : out   std_logic;                                    -- read address is there
+    araddr   : out   std_logic_vector(ADDRESS_WIDTH - 1 downto 0); -- bytes
+    arprot   : out   std_logic_vector(2 downto 0);                 -- always "000"
+    rready   : out   std_logic;                                    -- word is taken
+    rvalid   : in    std_logic;                                    -- word is there
+    rword    : in    std_logic_vector(31 downto 0);                -- RDATA
+    rresp    : in    std_logic_vector(1 downto 0)                  -- "00": okay
+  );
+end entity axi_lite_master;
+
+architecture rtl of axi_lite_master is
+
+  type state_t is record
+    busy    : std_logic;
+    dead    : std_logic; -- an access was given up
+    awvalid : std_logic;
+    wvalid  : std_logic;
+    bready  : std_logic;
+    arvalid : std_logic;
+    rready  : std_logic;
+    done    : std_logic;
+  end record state_t;
+
+  constant STATE_INIT : state_t := (
+    busy    => '0',
+    dead    => '0',
+    awvalid => '0',
+    wvalid  => '0',
+    bready  => '0',
+    arvalid => '0',
+    rready  => '0',
+    done    => '0'
+  );
+
+  constant RESP_SLVERR : std_logic_vector(1 downto 0) := "10";
+
+  signal r     : state_t;
+  signal place : std_logic_vector(ADDRESS_WIDTH - 1 downto 0);
+  signal timer : natural range 0 to LIMIT;
+
+begin
+
+  p_access : process (clk) is
+
+    variable v : state_t;
+
+  begin
+
+    if rising_edge(clk) then
+      v      := r;
+      v.done := '0';
+
+      if (r.busy = '0') then
+        timer <= 0;
+
+        if (start = '1') then
+          place     <= address;
+          wword     <= wdata;
+          v.busy    := '1';
+          v.awvalid := write and not r.dead;
+          v.wvalid  := write and not r.dead;
+          v.bready  := write and not r.dead;
+          v.arvalid := not write and not r.dead;
+          v.rready  := not write and not r.dead;
+        end if;
+      elsif (timer = LIMIT or r.dead = '1') then
+        v.dead   := '1';
+        v.busy   := '0';
+        v.done   := '1';
+        response <= RESP_SLVERR;
+        rdata    <= (others => '0');
+      else
+        timer <= timer + 1;
+      end if;
+
+      if (awready = '1') then
+        v.awvalid := v.awvalid and not r.awvalid;
+      end if;
+
+      if (wready = '1') then
+        v.wvalid := v.wvalid and not r.wvalid;
+      end if;
+
+      if (arready = '1') then
+        v.arvalid := v.arvalid and not r.arvalid;
+      end if;
+
+      if (r.bready = '1' and bvalid = '1' and r.dead = '0') then
+        v.bready := '0';
+        v.busy   := '0';
+        v.done   := '1';
+        response <= bresp;
+        rdata    <= (others => '0');
+      end if;
+
+      if (r.rready = '1' and rvalid = '1' and r.dead = '0') then
+        v.rready := '0';
+        v.busy   := '0';
+        v.done   := '1';
+        response <= rresp;
+        rdata    <= rword;
+      end if;
+
+      if (rst = '1') then
+        v := STATE_INIT;
+      end if;
+
+      r <= v;
+    end if;
+
+  end process p_access;
+
+  done    <= r.done;
+  awvalid <= r.awvalid;
+  awaddr  <= place;
+  awprot  <= "000";
+  wvalid  <= r.wvalid;
+  wstrb   <= "1111";
+  bready  <= r.bready;
+  arvalid <= r.arvalid;
+  araddr  <= place;
+  arprot  <= "000";
+  rready  <= r.rready;
+
+end architecture rtl;

@@ -1,0 +1,370 @@
+-- The top of every board: clock, reset, host links, controller, gate guard, and the pins.
+--
+-- The core runs at the oscillator's clock divided by DIVIDE, 25 MHz on all boards: there one explorer
+-- decides within 4.4 us, and the worst seed is far from that clock. Inputs come in through two
+-- flip-flops. The reset holds for the first 15 clocks after configuration; the gates are
+-- registers of the gate guard and zero from configuration on.
+--
+-- Formats: see host_link. Latency: see host_link, controller and gate guard.
+-- Overflow: none.
+-- Alternative weighed: a PLL in every vendor's own primitive and a faster core; nothing waits for it,
+-- and the same text would no longer serve all boards.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.link_constants.all;
+
+entity board_top is
+  generic (
+    CONTROLLER : positive range 1 to 2 := 1;          -- 1: MPDCC, 2: MPTC and MPFC
+    EXPLORERS  : positive range 1 to 8 := 1;          -- of MPDCC
+    FOLDED     : boolean               := false;      -- MPDCC: true: the paper's explorers
+    CLOCK_HZ   : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, Hz
+    DIVIDE     : positive range 1 to 4 := 1;          -- 1, 2 or 4
+    BAUD       : positive              := 3_000_000   -- UART, 1/s
+  );
+  port (
+    clock          : in    std_logic;                     -- oscillator
+    uart_rx        : in    std_logic;                     -- from the host, idle high
+    uart_tx        : out   std_logic;                     -- to the host, idle high
+    spi_sck        : in    std_logic;                     -- SPI mode 0
+    spi_cs_n       : in    std_logic;                     -- active low
+    spi_mosi       : in    std_logic;                     -- from the rig
+    spi_miso       : out   std_logic;                     -- to the rig; always driven, low while spi_cs_n is high
+    steps_over_spi : in    std_logic;                     -- switch: '1': steps come over SPI, '0': UART
+    permit         : in    std_logic;                     -- '0': all gates off, fault latched; pulled down
+    gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1 to S8 of a, b, c; MPTC: bits 0 to 5
+    leds           : out   std_logic_vector(3 downto 0)   -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
+  );
+end entity board_top;
+
+architecture rtl of board_top is
+
+  function choice (condition : boolean; yes, no : natural) return natural is
+  begin
+
+    if (condition) then
+      return yes;
+    else
+      return no;
+    end if;
+
+  end function choice;
+
+  constant STEP_WORDS : positive := choice(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
+
+  signal core_clock      : std_logic;
+  -- what there is before the reset, which these two make
+  -- vsg_off signal_007
+  signal since_start     : unsigned(3 downto 0) := (others => '0');
+  signal rst             : std_logic := '1';
+  -- vsg_on signal_007
+  signal control         : std_logic_vector(1 downto 0);
+  signal permitted       : std_logic_vector(1 downto 0);
+  signal external_trip   : std_logic;
+  signal awready         : std_logic;
+  signal awvalid         : std_logic;
+  signal awaddr          : std_logic_vector(9 downto 0);
+  signal awprot          : std_logic_vector(2 downto 0);
+  signal wready          : std_logic;
+  signal wvalid          : std_logic;
+  signal wdata           : std_logic_vector(31 downto 0);
+  signal wstrb           : std_logic_vector(3 downto 0);
+  signal bready          : std_logic;
+  signal bvalid          : std_logic;
+  signal bresp           : std_logic_vector(1 downto 0);
+  signal arready         : std_logic;
+  signal arvalid         : std_logic;
+  signal araddr          : std_logic_vector(9 downto 0);
+  signal arprot          : std_logic_vector(2 downto 0);
+  signal rready          : std_logic;
+  signal rvalid          : std_logic;
+  signal rdata           : std_logic_vector(31 downto 0);
+  signal rresp           : std_logic_vector(1 downto 0);
+  signal step_start      : std_logic;
+  signal measurements    : std_logic_vector(16 * STEP_WORDS - 1 downto 0);
+  signal step_position   : std_logic_vector(15 downto 0);
+  signal step_busy       : std_logic;
+  signal decision_valid  : std_logic;
+  signal decision        : std_logic_vector(15 downto 0);
+  signal decision_flags  : std_logic_vector(3 downto 0);
+  signal decision_length : std_logic_vector(7 downto 0);
+  signal decision_cycles : std_logic_vector(15 downto 0);
+  signal running         : std_logic;
+  signal tripped         : std_logic;
+  signal faults          : std_logic_vector(15 downto 0);
+  signal gates_now       : std_logic_vector(23 downto 0);
+  signal gates_word      : std_logic_vector(31 downto 0);
+  signal stretch         : unsigned(18 downto 0);
+
+begin
+
+  g_direct : if DIVIDE = 1 generate
+    core_clock <= clock;
+  end generate g_direct;
+
+  g_divided : if DIVIDE > 1 generate
+
+    -- no reset before there is a clock
+    -- vsg_off signal_007
+    signal half    : std_logic := '0';
+    signal quarter : std_logic := '0';
+
+  begin
+
+    -- vsg_on signal_007
+
+    p_half : process (clock) is
+    begin
+
+      if rising_edge(clock) then
+        half <= not half;
+
+        if (half = '1') then
+          quarter <= not quarter;
+        end if;
+      end if;
+
+    end process p_half;
+
+    core_clock <= half when DIVIDE = 2 else
+                  quarter;
+
+  end generate g_divided;
+
+  p_start : process (core_clock) is
+  begin
+
+    if rising_edge(core_clock) then
+      control   <= control(0) & steps_over_spi;
+      permitted <= permitted(0) & permit;
+
+      if (since_start /= 15) then
+        since_start <= since_start + 1;
+        rst         <= '1';
+      else
+        rst <= '0';
+      end if;
+    end if;
+
+  end process p_start;
+
+  external_trip <= not permitted(1);
+
+  i_host_link : entity work.host_link
+    generic map (
+      CONTROLLER => CONTROLLER,
+      STEP_WORDS => STEP_WORDS,
+      EXPLORERS  => choice(CONTROLLER = CONTROLLER_MPDCC, EXPLORERS, 0),
+      OPTION     => FOLDED or CONTROLLER = CONTROLLER_MPTC,
+      CLOCK_HZ   => CLOCK_HZ,
+      BAUD       => BAUD,
+      LIMIT      => choice(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200)
+    )
+    port map (
+      clk             => core_clock,
+      rst             => rst,
+      control         => control(1),
+      uart_rx         => uart_rx,
+      uart_tx         => uart_tx,
+      spi_sck         => spi_sck,
+      spi_cs_n        => spi_cs_n,
+      spi_mosi        => spi_mosi,
+      spi_miso        => spi_miso,
+      awready         => awready,
+      awvalid         => awvalid,
+      awaddr          => awaddr,
+      awprot          => awprot,
+      wready          => wready,
+      wvalid          => wvalid,
+      wdata           => wdata,
+      wstrb           => wstrb,
+      bready          => bready,
+      bvalid          => bvalid,
+      bresp           => bresp,
+      arready         => arready,
+      arvalid         => arvalid,
+      araddr          => araddr,
+      arprot          => arprot,
+      rready          => rready,
+      rvalid          => rvalid,
+      rdata           => rdata,
+      rresp           => rresp,
+      step_start      => step_start,
+      measurements    => measurements,
+      step_position   => step_position,
+      step_busy       => step_busy,
+      decision_valid  => decision_valid,
+      decision        => decision,
+      decision_flags  => decision_flags,
+      decision_length => decision_length,
+      decision_cycles => decision_cycles,
+      applied         => decision,
+      applied_known   => running,
+      enabled         => running,
+      tripped         => tripped,
+      faults          => faults,
+      gates           => gates_word
+    );
+
+  gates_word <= x"00" & gates_now;
+  tripped    <= '0' when faults = (faults'range => '0') else
+                '1';
+
+  g_mpdcc : if CONTROLLER = CONTROLLER_MPDCC generate
+
+    i_system : entity work.mpdcc_system
+      generic map (
+        EXPLORERS => EXPLORERS,
+        FOLDED    => FOLDED
+      )
+      port map (
+        clk            => core_clock,
+        rst            => rst,
+        enable         => '1',
+        external_trip  => external_trip,
+        start          => step_start,
+        is_alpha       => measurements(15 downto 0),
+        is_beta        => measurements(31 downto 16),
+        psir_alpha     => measurements(47 downto 32),
+        psir_beta      => measurements(63 downto 48),
+        v_n            => measurements(79 downto 64),
+        v_ph_a         => measurements(95 downto 80),
+        v_ph_b         => measurements(111 downto 96),
+        v_ph_c         => measurements(127 downto 112),
+        v_dc           => measurements(143 downto 128),
+        iref_alpha     => measurements(159 downto 144),
+        iref_beta      => measurements(175 downto 160),
+        omega_s        => measurements(191 downto 176),
+        omega_r        => measurements(207 downto 192),
+        s_prev_a       => step_position(2 downto 0),
+        s_prev_b       => step_position(5 downto 3),
+        s_prev_c       => step_position(8 downto 6),
+        valid          => decision_valid,
+        busy           => step_busy,
+        s_a            => decision(2 downto 0),
+        s_b            => decision(5 downto 3),
+        s_c            => decision(8 downto 6),
+        held           => decision_flags(FLAG_HELD),
+        deadlock       => decision_flags(FLAG_DEADLOCK),
+        length         => decision_length(5 downto 0),
+        saturated      => decision_flags(FLAG_SATURATED),
+        cycles         => decision_cycles,
+        gates          => gates_now,
+        running        => running,
+        faults         => faults(8 downto 0),
+        s_axil_awready => awready,
+        s_axil_awvalid => awvalid,
+        s_axil_awaddr  => awaddr,
+        s_axil_awprot  => awprot,
+        s_axil_wready  => wready,
+        s_axil_wvalid  => wvalid,
+        s_axil_wdata   => wdata,
+        s_axil_wstrb   => wstrb,
+        s_axil_bready  => bready,
+        s_axil_bvalid  => bvalid,
+        s_axil_bresp   => bresp,
+        s_axil_arready => arready,
+        s_axil_arvalid => arvalid,
+        s_axil_araddr  => araddr,
+        s_axil_arprot  => arprot,
+        s_axil_rready  => rready,
+        s_axil_rvalid  => rvalid,
+        s_axil_rdata   => rdata,
+        s_axil_rresp   => rresp
+      );
+
+    decision(15 downto 9)        <= (others => '0');
+    decision_flags(FLAG_CLAMPED) <= '0';
+    decision_length(7 downto 6)  <= "00";
+
+  end generate g_mpdcc;
+
+  g_mptc : if CONTROLLER = CONTROLLER_MPTC generate
+
+    i_system : entity work.mptc_system
+      port map (
+        clk            => core_clock,
+        rst            => rst,
+        enable         => '1',
+        external_trip  => external_trip,
+        start          => step_start,
+        is_alpha       => measurements(15 downto 0),
+        is_beta        => measurements(31 downto 16),
+        psis_alpha     => measurements(47 downto 32),
+        psis_beta      => measurements(63 downto 48),
+        omega_r        => measurements(79 downto 64),
+        v_dc           => measurements(95 downto 80),
+        torque_ref     => measurements(111 downto 96),
+        psi_ref        => measurements(126 downto 112),
+        u              => step_position(2 downto 0),
+        valid          => decision_valid,
+        busy           => step_busy,
+        u_next         => decision(2 downto 0),
+        switches       => decision(5 downto 3),
+        saturated      => decision_flags(FLAG_SATURATED),
+        clamped        => decision_flags(FLAG_CLAMPED),
+        cycles         => decision_cycles,
+        gates          => gates_now(5 downto 0),
+        running        => running,
+        faults         => faults(8 downto 0),
+        s_axil_awready => awready,
+        s_axil_awvalid => awvalid,
+        s_axil_awaddr  => awaddr,
+        s_axil_awprot  => awprot,
+        s_axil_wready  => wready,
+        s_axil_wvalid  => wvalid,
+        s_axil_wdata   => wdata,
+        s_axil_wstrb   => wstrb,
+        s_axil_bready  => bready,
+        s_axil_bvalid  => bvalid,
+        s_axil_bresp   => bresp,
+        s_axil_arready => arready,
+        s_axil_arvalid => arvalid,
+        s_axil_araddr  => araddr,
+        s_axil_arprot  => arprot,
+        s_axil_rready  => rready,
+        s_axil_rvalid  => rvalid,
+        s_axil_rdata   => rdata,
+        s_axil_rresp   => rresp
+      );
+
+    decision(15 downto 6)         <= (others => '0');
+    decision_flags(FLAG_HELD)     <= '0';
+    decision_flags(FLAG_DEADLOCK) <= '0';
+    decision_length               <= (others => '0');
+    gates_now(23 downto 6)        <= (others => '0');
+
+  end generate g_mptc;
+
+  faults(15 downto 9) <= (others => '0');
+
+  gates <= gates_now;
+
+  p_leds : process (core_clock) is
+  begin
+
+    if rising_edge(core_clock) then
+      if (step_start = '1') then
+        stretch <= (others => '1');
+      elsif (stretch /= 0) then
+        stretch <= stretch - 1;
+      end if;
+
+      if (rst = '1') then
+        stretch <= (others => '0');
+      end if;
+    end if;
+
+  end process p_leds;
+
+  leds(0) <= running;
+  leds(1) <= tripped;
+  leds(2) <= stretch(stretch'left);
+  leds(3) <= control(1);
+
+end architecture rtl;

@@ -1,0 +1,82 @@
+-- One counter for every outcome a frame may have, in a small memory.
+--
+-- Two sources: the receiver, and whoever serves frames; when both count in the same clock the latter
+-- waits for one. After a reset the counters are cleared, one a clock.
+--
+-- Formats: 32 bits unsigned.
+-- Latency: a count shows two clocks after it (three when both came at once). One count of each source
+-- in every second clock at most, which frames of at least two bytes keep.
+-- Overflow: a counter stays at its largest value.
+-- Alternative weighed: registers instead of the memory, 512 flip-flops a link.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.link_constants.all;
+
+entity outcome_counters is
+  port (
+    clk             : in    std_logic;                     -- rising edge
+    rst             : in    std_logic;                     -- synchronous, active high: clears
+    received        : in    std_logic;                     -- '1' for one clock: count receive_outcome
+    receive_outcome : in    outcome_t;                     -- what the receiver made of a frame
+    served          : in    std_logic;                     -- '1' for one clock: count serve_outcome
+    serve_outcome   : in    outcome_t;                     -- what became of a frame that was received
+    index           : in    std_logic_vector(3 downto 0);  -- counter to look at
+    value           : out   std_logic_vector(31 downto 0)  -- its value, same clock
+  );
+end entity outcome_counters;
+
+architecture rtl of outcome_counters is
+
+  type memory_t is array (0 to OUTCOME_COUNT - 1) of unsigned(31 downto 0);
+
+  signal memory   : memory_t;
+  signal clearing : unsigned(4 downto 0); -- counter being cleared; 16: done
+  signal pending  : std_logic;
+  signal waiting  : outcome_t;
+  signal chosen   : outcome_t;
+  signal present  : unsigned(31 downto 0);
+
+begin
+
+  chosen  <= receive_outcome when received = '1' else
+             waiting;
+  present <= memory(to_integer(unsigned(chosen)));
+
+  p_count : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (clearing(4) = '0') then
+        memory(to_integer(clearing(3 downto 0))) <= (others => '0');
+        clearing                                 <= clearing + 1;
+      elsif (received = '1' or pending = '1') then
+        if (present /= x"FFFFFFFF") then
+          memory(to_integer(unsigned(chosen))) <= present + 1;
+        end if;
+      end if;
+
+      if (received = '0') then
+        pending <= '0';
+      end if;
+
+      if (served = '1') then
+        waiting <= serve_outcome;
+        pending <= '1';
+      end if;
+
+      if (rst = '1') then
+        clearing <= (others => '0');
+        pending  <= '0';
+      end if;
+    end if;
+
+  end process p_count;
+
+  value <= std_logic_vector(memory(to_integer(unsigned(index))));
+
+end architecture rtl;

@@ -1,0 +1,417 @@
+-- Gate guard with its safety properties, as logic: violations is zero or the guard is wrong.
+--
+-- Written against docs/gate-guard.md and not against the RTL: patterns, edges and times are told anew.
+-- It is synthesisable, so that the same text serves a simulation of millions of clocks and a proof.
+--
+--   0  no pattern of gates that shorts a source, and S1 with S4
+--   1  dead time: nor with the gates that were on in the last dead-time clocks
+--   2  minimum on time, but where everything goes off
+--   3  minimum off time
+--   4  whole positions follow one another along edges only
+--   5  all gates off after the edge of a reset, a trip, enable = '0' or an illegal decision
+--   6  gates are on only while running and without a fault
+--   7  running begins only after enable has been down since the last reset or fault
+--   8  no decision for watchdog + 1 clocks: off
+-- Times in force are not seen from outside: the shortest that was asked for since running fell is taken, and
+-- LEAST_DEAD_TIME.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.gate_tables.all;
+
+entity gate_guard_checked is
+  generic (
+    FIVE_LEVEL      : boolean                  := true; -- as gate_guard's
+    LEAST_DEAD_TIME : positive range 1 to 4095 := 2     -- as gate_guard's
+  );
+  port (
+    clk            : in    std_logic;                     -- rising edge
+    rst            : in    std_logic;                     -- synchronous, active high; first clock
+    enable         : in    std_logic;                     -- this and all that follows as gate_guard's
+    external_trip  : in    std_logic;                     -- '1': all gates off
+    clear          : in    std_logic_vector(8 downto 0);  -- '1': forget this fault
+    measured       : in    std_logic;                     -- '1': new measurements
+    is_alpha       : in    std_logic_vector(15 downto 0); -- signed
+    is_beta        : in    std_logic_vector(15 downto 0); -- signed
+    v_dc           : in    std_logic_vector(15 downto 0); -- unsigned
+    start          : in    std_logic;                     -- '1': a decision has begun
+    decided        : in    std_logic;                     -- '1': the positions are new
+    position_a     : in    std_logic_vector(2 downto 0);  -- position
+    position_b     : in    std_logic_vector(2 downto 0);  -- position
+    position_c     : in    std_logic_vector(2 downto 0);  -- position
+    dead_time      : in    std_logic_vector(11 downto 0); -- clocks
+    minimum_on     : in    std_logic_vector(11 downto 0); -- clocks
+    minimum_off    : in    std_logic_vector(11 downto 0); -- clocks
+    decision_limit : in    std_logic_vector(15 downto 0); -- clocks
+    watchdog       : in    std_logic_vector(15 downto 0); -- clocks
+    current_limit  : in    std_logic_vector(15 downto 0); -- unsigned
+    link_high      : in    std_logic_vector(15 downto 0); -- unsigned
+    link_low       : in    std_logic_vector(15 downto 0); -- unsigned
+    gates          : out   std_logic_vector(23 downto 0); -- '1': on
+    running        : out   std_logic;                     -- '1': gates follow decisions
+    faults         : out   std_logic_vector(8 downto 0);  -- latched
+    goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
+    violations     : out   std_logic_vector(8 downto 0)   -- '1': a property does not hold
+  );
+end entity gate_guard_checked;
+
+architecture rtl of gate_guard_checked is
+
+  constant SIZE  : positive := gates_of(FIVE_LEVEL);
+  constant COUNT : positive := 3 * SIZE;
+
+  subtype age_t is unsigned(12 downto 0);
+
+  type ages_t is array (0 to COUNT - 1) of age_t;
+
+  type positions_t is array (0 to 2) of unsigned(2 downto 0);
+
+  signal g         : std_logic_vector(COUNT - 1 downto 0);
+  signal now_on    : std_logic;
+  signal latched   : std_logic_vector(8 downto 0);
+  signal known     : std_logic := '0'; -- there has been a reset
+  signal before    : std_logic_vector(COUNT - 1 downto 0);
+  signal was_on    : std_logic;
+  signal ages      : ages_t;           -- clocks since the gate changed
+  signal floor_dead : unsigned(11 downto 0);
+  signal floor_on   : unsigned(11 downto 0);
+  signal floor_off  : unsigned(11 downto 0);
+  signal must_stop : std_logic;
+  signal fresh     : std_logic;        -- enable has been down since the last reset or fault
+  signal whole     : positions_t;      -- last whole position of each leg
+  signal entered   : std_logic_vector(2 downto 0);
+  signal wanted    : positions_t;      -- positions accepted last
+  signal hungry    : unsigned(16 downto 0);
+  signal found     : std_logic_vector(8 downto 0);
+
+  -- the pattern that may never be, told as in the document
+  function shorts (s : std_logic_vector) return boolean is
+
+    variable v : std_logic_vector(SIZE - 1 downto 0);
+
+  begin
+
+    v := s;
+
+    if (not FIVE_LEVEL) then
+      return v = "11";
+    end if;
+
+    return (v(0) = '1' and v(1) = '1') or (v(2) = '1' and v(3) = '1') or (v(1) = '1' and v(2) = '1')
+           or (v(5) = '1' and v(6) = '1') or (v(0) = '1' and v(3) = '1')
+           or (v(0) = '1' and v(4) = '1' and v(7) = '1') or (v(3) = '1' and v(4) = '1' and v(7) = '1');
+
+  end function shorts;
+
+  -- gates S8 to S1 of a position, from the table of the drive model
+  function full (position : unsigned(2 downto 0)) return std_logic_vector is
+  begin
+
+    if (not FIVE_LEVEL) then
+      if (position(0) = '1') then
+        return "01";
+      else
+        return "10";
+      end if;
+    end if;
+
+    case position is
+
+      when "000" =>
+
+        return "11001010";
+
+      when "001" =>
+
+        return "10101010";
+
+      when "010" =>
+
+        return "01011010";
+
+      when "011" =>
+
+        return "00111010";
+
+      when "100" =>
+
+        return "11000101";
+
+      when "101" =>
+
+        return "10100101";
+
+      when "110" =>
+
+        return "01010101";
+
+      when others =>
+
+        return "00110101";
+
+    end case;
+
+  end function full;
+
+  -- one level and one commutation apart, or the same
+  function follows (a, b : unsigned(2 downto 0)) return boolean is
+
+    variable difference : unsigned(2 downto 0);
+
+  begin
+
+    difference := a xor b;
+
+    if (not FIVE_LEVEL or a = b) then
+      return true;
+    elsif (difference = "001" or difference = "010") then
+      return true;
+    end if;
+
+    -- 2-4 and 3-5
+    return difference = "110" and a(2) /= a(1);
+
+  end function follows;
+
+  function trip_of (alpha, beta, limit, volts, high, low : std_logic_vector(15 downto 0)) return boolean is
+
+    variable a : signed(26 downto 0);
+    variable b : signed(26 downto 0);
+    variable l : signed(26 downto 0);
+
+  begin
+
+    a := resize(signed(alpha) * to_signed(64, 9), 27);
+    b := resize(signed(beta) * to_signed(111, 9), 27);
+    l := signed(resize(unsigned(limit), 27));
+    l := shift_left(l, 7);
+    return a + a > l or a + a < -l or b - a > l or b - a < -l or b + a > l or b + a < -l
+           or unsigned(volts) > unsigned(high) or unsigned(volts) < unsigned(low);
+
+  end function trip_of;
+
+  function smaller (a, b : unsigned) return unsigned is
+  begin
+
+    if (a < b) then
+      return a;
+    else
+      return b;
+    end if;
+
+  end function smaller;
+
+begin
+
+  i_guard : entity work.gate_guard
+    generic map (
+      FIVE_LEVEL      => FIVE_LEVEL,
+      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+    )
+    port map (
+      clk            => clk,
+      rst            => rst,
+      enable         => enable,
+      external_trip  => external_trip,
+      clear          => clear,
+      measured       => measured,
+      is_alpha       => is_alpha,
+      is_beta        => is_beta,
+      v_dc           => v_dc,
+      start          => start,
+      decided        => decided,
+      position_a     => position_a,
+      position_b     => position_b,
+      position_c     => position_c,
+      dead_time      => dead_time,
+      minimum_on     => minimum_on,
+      minimum_off    => minimum_off,
+      decision_limit => decision_limit,
+      watchdog       => watchdog,
+      current_limit  => current_limit,
+      link_high      => link_high,
+      link_low       => link_low,
+      gates          => g,
+      running        => now_on,
+      resting        => open,
+      faults         => latched
+    );
+
+  p_history : process (clk) is
+
+    variable goal : positions_t;
+
+  begin
+
+    if rising_edge(clk) then
+      if (rst = '1') then
+        known <= '1';
+      end if;
+
+      before <= g;
+      was_on <= now_on;
+
+      for i in 0 to COUNT - 1 loop
+        if (rst = '1' and known = '0') then
+          ages(i) <= (others => '1');
+        elsif (g(i) /= before(i)) then
+          ages(i) <= to_unsigned(1, age_t'length);
+        elsif (ages(i) /= (age_t'range => '1')) then
+          ages(i) <= ages(i) + 1;
+        end if;
+      end loop;
+
+      -- what may be in force
+      if (now_on = '1' and was_on = '0') then
+        null;
+      elsif (now_on = '0' and (was_on = '1' or rst = '1')) then
+        floor_dead <= unsigned(dead_time);
+        floor_on   <= unsigned(minimum_on);
+        floor_off  <= unsigned(minimum_off);
+      elsif (now_on = '0') then
+        floor_dead <= smaller(floor_dead, unsigned(dead_time));
+        floor_on   <= smaller(floor_on, unsigned(minimum_on));
+        floor_off  <= smaller(floor_off, unsigned(minimum_off));
+      end if;
+
+      goal(0) := unsigned(position_a);
+      goal(1) := unsigned(position_b);
+      goal(2) := unsigned(position_c);
+
+      must_stop <= rst or external_trip or not enable;
+
+      if (measured = '1' and trip_of(is_alpha, is_beta, current_limit, v_dc, link_high, link_low)) then
+        must_stop <= '1';
+      end if;
+
+      for x in 0 to 2 loop
+        if (now_on = '1' and decided = '1' and not follows(wanted(x), goal(x))) then
+          must_stop <= '1';
+        end if;
+
+        -- the first of a run is free; what is refused stops everything, so this may be wrong then
+        if (decided = '1') then
+          wanted(x) <= goal(x);
+        end if;
+
+        entered(x) <= entered(x) and now_on;
+
+        for s in 0 to 7 loop
+          if (now_on = '1' and g((x + 1) * SIZE - 1 downto x * SIZE) = full(to_unsigned(s, 3))
+              and (FIVE_LEVEL or s < 2)) then
+            whole(x)   <= to_unsigned(s, 3);
+            entered(x) <= '1';
+          end if;
+        end loop;
+      end loop;
+
+      if (rst = '1') then
+        fresh <= '0';
+      elsif (latched /= (latched'range => '0')) then
+        fresh <= '0';
+      elsif (enable = '0') then
+        fresh <= '1';
+      end if;
+
+      -- clocks that have been hungry, from what was asked for with the last decision on
+      if (decided = '1' or now_on = '0') then
+        hungry <= resize(unsigned(watchdog), 17) + 2;
+      elsif (hungry /= 0) then
+        hungry <= hungry - 1;
+      end if;
+    end if;
+
+  end process p_history;
+
+  p_properties : process (g, before, ages, now_on, was_on, latched, known, floor_dead, floor_on, floor_off,
+                          must_stop, fresh, whole, entered, hungry) is
+
+    variable leg      : std_logic_vector(SIZE - 1 downto 0);
+    variable extended : std_logic_vector(SIZE - 1 downto 0);
+    variable dead     : unsigned(11 downto 0);
+    variable n        : natural;
+
+  begin
+
+    found <= (others => '0');
+    dead  := floor_dead;
+
+    if (dead < LEAST_DEAD_TIME) then
+      dead := to_unsigned(LEAST_DEAD_TIME, 12);
+    end if;
+
+    for x in 0 to 2 loop
+      leg      := g((x + 1) * SIZE - 1 downto x * SIZE);
+      extended := leg;
+
+      for i in 0 to SIZE - 1 loop
+        n := x * SIZE + i;
+
+        -- ages count what was before this clock
+        if (before(n) = '1' or (g(n) = '0' and ages(n) < dead)) then
+          extended(i) := '1';
+        end if;
+
+        if (g(n) = '0' and before(n) = '1' and now_on = '1' and ages(n) < floor_on) then
+          found(2) <= '1';
+        end if;
+
+        if (g(n) = '1' and before(n) = '0' and ages(n) < floor_off) then
+          found(3) <= '1';
+        end if;
+      end loop;
+
+      if (shorts(leg)) then
+        found(0) <= '1';
+      end if;
+
+      if (shorts(extended) and leg /= (leg'range => '0')) then
+        found(1) <= '1';
+      end if;
+
+      for s in 0 to 7 loop
+        if (entered(x) = '1' and leg = full(to_unsigned(s, 3)) and (FIVE_LEVEL or s < 2)
+            and not follows(whole(x), to_unsigned(s, 3))) then
+          found(4) <= '1';
+        end if;
+      end loop;
+    end loop;
+
+    if (must_stop = '1' and g /= (g'range => '0')) then
+      found(5) <= '1';
+    end if;
+
+    if (g /= (g'range => '0') and (now_on = '0' or latched /= (latched'range => '0'))) then
+      found(6) <= '1';
+    end if;
+
+    if (now_on = '1' and was_on = '0' and fresh = '0') then
+      found(7) <= '1';
+    end if;
+
+    if (now_on = '1' and hungry = 0) then
+      found(8) <= '1';
+    end if;
+
+    if (known = '0') then
+      found <= (others => '0');
+    end if;
+
+  end process p_properties;
+
+  gates(COUNT - 1 downto 0) <= g;
+
+  g_unused : if COUNT < 24 generate
+    gates(23 downto COUNT) <= (others => '0');
+  end generate g_unused;
+
+  goals      <= std_logic_vector(wanted(2)) & std_logic_vector(wanted(1)) & std_logic_vector(wanted(0));
+  running    <= now_on;
+  faults     <= latched;
+  violations <= found;
+
+end architecture rtl;

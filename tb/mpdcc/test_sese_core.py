@@ -1,0 +1,131 @@
+"""The second level of the core against its bit-true model: SESE, its budget, the prediction of k+1.
+
+Sweep: explorers 1, 2, 3, 4 and 6; the switching horizon SESE with and without a budget, with and
+without the prediction, and the prediction alone.
+Stimulus: searches of closed loops of both shipped drives at several speeds; disturbed states of
+random drives over the contract's ranges; the longest search there is: every candidate but s(k-1)
+stays inside its bounds for less than the horizon.
+Checks: all fields of every decision, whether the budget ended it, and its clock cycles against the
+schedule of directmpc.sese_cycles; that searches with and without a cut and holds occurred; that the
+published bound is reached, by three explorers within eight clocks.
+Timing: at most 1,200 clocks with four explorers and more, Paper A's limit for its single level.
+Does not prove: that the parameters can be changed during a decision; they must be stable.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from directmpc import anpc, bit_true_fast, replay, sese_cycles
+from directmpc import formats as f
+from directmpc.coefficients import registers
+from directmpc.common_terms import COEFFICIENTS
+from tb.common import states
+from tb.mpdcc import core
+
+FIRST = len(COEFFICIENTS)
+TWO, BUDGET, COMPENSATE = FIRST + 5, FIRST + 6, FIRST + 7
+HELD = 21
+
+
+def longest() -> core.Rows:
+    """All 63 candidates but s(k-1) = (2, 5, 5) are nodes.
+
+    Position 2 makes the lowest voltage of its phase, 5 the highest of theirs, so s(k-1) alone
+    drives phase a out of its bound.
+    """
+    measurement = dict.fromkeys(f.MEASUREMENTS, 0)
+    measurement |= {"is_alpha": 200, "v_dc": 16000, "v_ph_a": 32000, "v_ph_b": 32000}
+    measurement["v_ph_c"] = 32000
+    register = np.zeros(FIRST + 8, dtype=np.int64)
+    register[COEFFICIENTS.index("stator_alpha")] = 32767
+    register[COEFFICIENTS.index("forced_voltage")] = 1024
+    register[FIRST : FIRST + 3] = 3700
+    register[FIRST + 3] = 63
+    register[TWO] = 1
+    return core.Rows(np.array([list(measurement.values())]), np.array([[2, 5, 5]]), register[None])
+
+
+def with_options(rows: core.Rows, two: int, budgets: tuple[int, ...], compensate: int) -> core.Rows:
+    """The same rows under other options; budgets in turn."""
+    changed = rows.registers.copy()
+    changed[:, TWO], changed[:, COMPENSATE] = two, compensate
+    changed[:, BUDGET] = np.resize(budgets, len(changed))
+    return core.Rows(rows.measurements, rows.s_prev, changed)
+
+
+def rows_of(seed: int, each: int, two: int, compensate: int) -> core.Rows:
+    """Searches of closed loops and disturbed states under these options, a few holds among them."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for name, speed in (("anpc5l_6kv", 1.0), ("anpc5l_6kv", 0.3), ("anpc5l_3kv3", -0.7)):
+        drive = states.changed(states.shipped(name), switching_horizon="SESE")
+        array = registers(drive, "fast").array()
+        rows = core.of_trace(states.recorded(drive, 1500, speed, False), array)
+        rows = with_options(rows, two, (0,), compensate)
+        held = rows.model("fast")[:, 3] == 1
+        chosen = rng.permutation(np.flatnonzero(~held))[:each]
+        parts.append(rows.pick(np.append(chosen, np.flatnonzero(held)[:1])))
+    for _ in range(each):
+        drive = states.changed(states.random_drive(rng), switching_horizon="SESE")
+        array = registers(drive, "fast").array()
+        parts.append(core.of_trace(states.near(drive, 1, rng, reach=0.6), array))
+    return core.join(parts)
+
+
+def expected(rows: core.Rows, explorers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Decisions with the budget's flag, their cycles (0 where SE's count), nodes looked at."""
+    decisions, cycles, nodes = [], [], []
+    order = np.empty((64, 5), dtype=np.int64)
+    for register, row, s in zip(rows.registers, rows.measurements, rows.s_prev, strict=True):
+        found = bit_true_fast.search_words(register, row, s, order)
+        decisions.append(found[:8])
+        nodes.append(found[8])
+        more = sese_cycles.PREDICTION * int(register[COMPENSATE])
+        if found[3]:
+            cycles.append(HELD + sese_cycles.PREDICTION_HELD * int(register[COMPENSATE]))
+        elif register[TWO] and not found[4]:
+            below = [tuple(int(n) for n in anpc.NEXT_COUNT[r[:3]]) for r in order[: found[8]]]
+            root = int(anpc.NEXT_COUNT[s].prod())
+            cycles.append(more + sese_cycles.search(explorers, root, below, cut=bool(found[7])))
+        else:
+            cycles.append(0)
+    return np.array(decisions), np.array(cycles), np.array(nodes)
+
+
+@pytest.mark.parametrize(
+    ("explorers", "two", "budgets", "compensate", "each"),
+    [(1, 1, (0, 150, 400), 0, 2), (2, 1, (300, 0, 36), 1, 3), (3, 1, (0,), 0, 2),
+     (4, 1, (0, 200), 0, 5), (6, 1, (27, 500), 1, 2), (2, 0, (0,), 1, 8)],
+)  # fmt: skip
+def test_second_level_is_the_models(
+    explorers: int, two: int, budgets: tuple[int, ...], compensate: int, each: int
+) -> None:
+    rows = rows_of(5, each, two, compensate)
+    rows = with_options(rows, two, budgets, compensate)
+    if two:
+        rows = core.join([rows, with_options(longest(), 1, (0,), 0)])
+    want, cycles, nodes = expected(rows, explorers)
+    found = core.simulate(rows, explorers, "fast", throttle=explorers % 3)
+    np.testing.assert_array_equal(found.decisions, want[:, :7])
+    np.testing.assert_array_equal(found.exhausted, want[:, 7])
+    known = cycles > 0
+    np.testing.assert_array_equal(found.cycles[known], cycles[known])
+    assert (want[:, 3] == 1).sum() >= 2
+    assert (want[:, 3] == 0).sum() >= 2 * each
+    if not two:
+        return
+    assert (nodes > 1).sum() >= each
+    if any(budgets):
+        assert want[:, 7].sum() >= 1
+    most = replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
+    assert nodes[-1] == 63
+    assert most - 8 <= found.cycles[-1] <= most
+    assert explorers < 4 or most <= 1200
+
+
+@pytest.mark.parametrize("explorers", range(1, 9))
+def test_the_published_bound_is_the_schedules(explorers: int) -> None:
+    most, _ = sese_cycles.worst(explorers)
+    assert replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True) == most

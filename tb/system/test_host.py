@@ -1,0 +1,183 @@
+"""The protocol in Python: framing, and the host's link against the board's model, without hardware.
+
+Stimulus: random frames and bytes; a line that loses, repeats, breaks and delays replies.
+Checks: stuffing both ways, what a receiver makes of every single changed bit and lost byte, what
+the host makes of a bad line; the page's examples; that generated files are what their generators
+write.
+Does not prove: anything about the RTL, see test_host_link and test_board.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+
+from directmpc.host import examples, vhdl_package
+from directmpc.host import protocol as p
+from directmpc.host.link import Link, LinkError, RefusedError
+from directmpc.host.protocol import (
+    Controller,
+    Decision,
+    Frame,
+    Identity,
+    Outcome,
+    ProtocolError,
+    Splitter,
+    Type,
+)
+from directmpc.host.reference import LinkModel
+
+
+def model(controls: bool = True) -> LinkModel:
+    words: dict[int, int] = {}
+    return LinkModel(
+        Identity(p.VERSION, Controller.MPTC, 0, 1 + 2 * controls, 0, 25_000_000, 125_000),
+        read=lambda address: (0, words.get(address, 0)),
+        write=lambda address, word: words.update({address: word}) or 0,
+        step=lambda payload: Decision(payload[0] & 7, 0, 0, 39, 0, 0),
+    )
+
+
+def test_stuffing_is_undone_and_has_no_zero() -> None:
+    rng = random.Random(1)
+    for _ in range(2000):
+        data = bytes(
+            rng.choice([0, 0, 1, 255, rng.randrange(256)]) for _ in range(rng.randrange(60))
+        )
+        stuffed = p.stuff(data)
+        assert 0 not in stuffed
+        assert len(stuffed) == len(data) + 1
+        assert p.unstuff(stuffed) == data
+    with pytest.raises(ProtocolError):
+        p.stuff(bytes(300))
+    for broken in (b"\x05\x01", b"\x02\x00", b"\x03\x01"):
+        with pytest.raises(ProtocolError):
+            p.unstuff(broken)
+
+
+def test_every_changed_bit_and_every_lost_byte_is_found() -> None:
+    frame = Frame(Type.STEP, 0x00FF01AB, bytes(range(18)))
+    wire = frame.wire()[1:-1]
+    assert p.judge(wire) == (Outcome.ACCEPTED, frame)
+    for at in range(len(wire)):
+        for bit in range(8):
+            changed = bytearray(wire)
+            changed[at] ^= 1 << bit
+            parts = [s for s in bytes(changed).split(b"\0") if s]
+            assert all(p.judge(part)[1] is None for part in parts), (at, bit)
+        assert p.judge(wire[:at] + wire[at + 1 :])[1] is None
+    with pytest.raises(ProtocolError):
+        Frame(1, 1, bytes(33)).wire()
+
+
+def test_outcomes_are_told_apart() -> None:
+    good = Frame(Type.READ, 1, b"\x14\x00").body()
+    cases = {
+        Outcome.OVERSIZED: p.stuff(good + bytes(40)),
+        Outcome.STUFFING: p.stuff(good)[:-1],
+        Outcome.SHORT: p.stuff(good[:9]),
+        Outcome.LENGTH: p.stuff(good + b"\x01"),
+        Outcome.CRC: p.stuff(good[:-1] + bytes([good[-1] ^ 1])),
+    }
+    for outcome, stuffed in cases.items():
+        assert p.judge(stuffed)[0] is outcome
+
+
+def test_sequence_numbers_wrap() -> None:
+    assert p.is_newer(1, 0)
+    assert p.is_newer(0, 2**32 - 1)
+    assert p.is_newer(2**31 - 1, 0)
+    assert not p.is_newer(2**31, 0)
+    assert not p.is_newer(5, 5)
+    assert not p.is_newer(4, 5)
+
+
+class Line:
+    """A line to a model, that treats frames as it is told to.
+
+    ``mood`` is called with each reply's bytes and returns what arrives of it.
+    """
+
+    def __init__(  # type: ignore[no-untyped-def]
+        self, board: LinkModel, mood=lambda data: data
+    ) -> None:
+        self.board, self.mood = board, mood
+        self.splitter, self.waiting = Splitter(), b""
+
+    def write(self, data: bytes) -> None:
+        """The model's replies, as the mood lets them through."""
+        for stuffed in self.splitter.feed(data):
+            reply = self.board.receive(stuffed)
+            if reply is not None:
+                self.waiting += self.mood(reply.wire())
+
+    def read(self) -> bytes:
+        """What has come."""
+        data, self.waiting = self.waiting, b""
+        return data
+
+
+def link_of(board: LinkModel, **options) -> Link:  # type: ignore[no-untyped-def]
+    clock = iter(range(10**9))
+    return Link(Line(board, **options), timeout=5, clock=lambda: next(clock))
+
+
+def test_a_host_goes_on_where_the_board_stands() -> None:
+    board = model()
+    first = link_of(board)
+    for value in range(5):
+        first.request(Type.WRITE, struct.pack("<HI", 4, value))
+    again = link_of(board)  # a host that has been started anew counts from 1
+    again.request(Type.WRITE, struct.pack("<HI", 8, 77))
+    assert board.counters[Outcome.STALE] == 1
+    assert board.read(8) == (0, 77)
+    assert again.sequence == board.last
+
+
+def test_lost_and_broken_replies_are_asked_for_again_but_a_step_is_not() -> None:
+    board = model()
+    losses = iter([True, True, False])
+    found = link_of(board, mood=lambda data: b"" if next(losses) else data)
+    assert len(found.request(Type.READ, b"\0\0")) == 7
+    assert board.counters[Outcome.ACCEPTED] == 3
+    breaks = iter([True, False])
+    found = link_of(model(), mood=lambda data: data[:-4] + b"\x55\0" if next(breaks) else data)
+    assert len(found.request(Type.READ, b"\0\0")) == 7
+    assert found.strays == 1
+    board = model()
+    deaf = link_of(board, mood=lambda data: b"")
+    with pytest.raises(LinkError, match="no reply to STEP, sent once"):
+        deaf.request(Type.STEP, bytes(18), once=True)
+    assert board.counters[Outcome.ACCEPTED] == 1
+    with pytest.raises(LinkError, match="no reply to IDENTIFY, sent 3 times"):
+        deaf.request(Type.IDENTIFY)
+
+
+def test_a_reply_that_comes_twice_or_late_answers_nothing_else() -> None:
+    board = model()
+    found = link_of(board, mood=lambda data: data + data)
+    for value in range(20):
+        found.request(Type.WRITE, struct.pack("<HI", 4, value))
+        reply = found.request(Type.READ, struct.pack("<H", 4))
+        assert struct.unpack("<HBI", reply) == (4, 0, value)
+    assert found.strays > 0
+
+
+def test_refusals_say_why() -> None:
+    with pytest.raises(RefusedError, match="gives the steps to its other link") as refused:
+        link_of(model(controls=False)).request(Type.STEP, bytes(18))
+    assert refused.value.outcome is Outcome.LINK
+
+
+def test_generated_texts_are_current() -> None:
+    page = examples.PAGE.read_text(encoding="utf-8")
+    assert examples.page(page) == page
+    for title, frame in examples.frames():
+        assert title in page
+        outcome, read = p.judge(frame.wire()[1:-1])
+        assert (outcome, read) == (Outcome.ACCEPTED, frame)
+        assert len(frame.wire()) == len(frame.payload) + 13
+    path = vhdl_package._PATH
+    assert vhdl_package.text() == path.read_text(encoding="ascii")

@@ -1,0 +1,147 @@
+"""Register map and register values.
+
+Sweep: both controllers, all shipped drives.
+Checks: every parameter port of the cores has a register of its width and no two share an
+address; the fixed lower half is alike; values are those of the cores' own tables; what does not fit
+saturates, is named, and never on the unsafe side; the C array compiles and holds the CSV's words.
+Does not prove: what the registers do, see test_system.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from directmpc import register_files, registers
+from directmpc.coefficients import registers as mpdcc_registers
+from directmpc.drive import load_any_drive
+from directmpc.register_map import MAPS
+from scripts.sources import RTL
+from scripts.tools import ROOT
+
+DRIVES = sorted((ROOT / "drives").glob("*.toml"))
+
+
+def ports_of(entity: str) -> dict[str, int]:
+    """Parameter ports of a core: name to width."""
+    text = (RTL / f"{entity}.vhd").read_text(encoding="utf-8")
+    head = text[text.index("entity") : text.index("-- decision")]
+    head = head.replace("WORD_WIDTH - 1", "17")
+    found = re.findall(r"^ *(\w+) *: *in *std_logic_vector\((\d+) downto 0\)", head, re.M)
+    return {name: int(high) + 1 for name, high in found}
+
+
+@pytest.mark.parametrize("controller", register_files.CONTROLLERS)
+def test_every_port_has_a_register_of_its_width(controller: str) -> None:
+    ports = ports_of(f"{controller}_core")
+    assert len(ports) > 20
+    known = MAPS[controller]
+    for name, width in ports.items():
+        (place,) = [n for n in known if n.endswith(f".{name}")]
+        (fields,) = known[place][1].values()
+        assert fields[1] == width, name
+
+
+def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
+    for known in MAPS.values():
+        addresses = [address for address, _ in known.values()]
+        assert len(set(addresses)) == len(addresses)
+        assert max(addresses) < 1024
+    lower = [{n: r for n, r in known.items() if r[0] < 0x80} for known in MAPS.values()]
+    assert lower[0] == lower[1]
+
+
+@pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
+def test_a_drive_becomes_register_values(path: Path) -> None:
+    drive = load_any_drive(path)
+    found = registers.values(drive)
+    assert found.saturated == []
+    for name, (_, fields) in MAPS[found.controller].items():
+        if name.startswith(("parameters.", "guard.")):
+            ((_, width, signed),) = fields.values()
+            low, high = (-(1 << width - 1), 1 << width - 1) if signed else (0, 1 << width)
+            assert low <= found.words[name] < high, name
+    if found.controller == "mpdcc":
+        for port, value in mpdcc_registers(drive, "fast").ports().items():
+            assert found.words[f"parameters.{port}"] == value
+    # a period of 50 us at 50 MHz
+    assert found.words["guard.dead_time"] == 100
+    assert found.writes()[-1][0] == "system.command"
+
+
+def test_what_does_not_fit_is_named_and_safe() -> None:
+    drive = load_any_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    settings = registers.GuardSettings(dead_time=1.0, current=5.0, link_high=9.0)
+    found = registers.values(drive, settings)
+    assert [text.partition(":")[0] for text in found.saturated] == [
+        "guard.dead_time",
+        "guard.current_limit",
+        "guard.link_high",
+    ]
+    assert found.words["guard.dead_time"] == 4095
+    assert found.words["guard.current_limit"] == 2**15 - 1
+    # rounded to the safe side
+    found = registers.values(drive, registers.GuardSettings(dead_time=2.01e-6, current=1.00001))
+    assert found.words["guard.dead_time"] == 101
+    assert found.words["guard.current_limit"] == 16_000
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    """Status, output and complaints of the command."""
+    out, complaints = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(complaints):
+        status = registers.main(arguments)
+    return status, out.getvalue(), complaints.getvalue()
+
+
+def test_make_runs_the_command() -> None:
+    make = ["make", "-s", "-C", str(ROOT), "registers"]
+    drive = f"DRIVE={ROOT / 'drives' / 'induction_2kw2.toml'}"
+    done = subprocess.run([*make, drive], capture_output=True, text=True, check=False)
+    assert done.stdout == command(drive.removeprefix("DRIVE="), "--csv")[1]
+    done = subprocess.run(make, capture_output=True, text=True, check=False)
+    assert "registers: DRIVE is not set" in done.stderr
+
+
+def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
+    drive = str(ROOT / "drives" / "induction_2kw2.toml")
+    rows = list(csv.DictReader(io.StringIO(command(drive, "--csv")[1])))
+    assert rows[-1] == {
+        "register": "system.command",
+        "address": "0x010",
+        "word": "0x00000001",
+        "value": "1",
+    }
+    _, text, complaints = command(drive, "--c", "--dead-time", "1")
+    assert "saturated: guard.dead_time" in text
+    assert "saturated: guard.dead_time" in complaints
+    source = tmp_path / "registers.c"
+    source.write_text(
+        command(drive, "--c")[1]
+        + f'#include "{ROOT / "registers" / "directmpc_mptc.h"}"\n'
+        + "#include <stdio.h>\n#include <stddef.h>\n"
+        + "int main(void) { for (unsigned i = 0; i < sizeof directmpc_registers / 8; i++)"
+        + ' printf("0x%03X,0x%08X\\n", directmpc_registers[i].address,'
+        + " (unsigned)directmpc_registers[i].word);\n"
+        + "return offsetof(directmpc_mptc_t, parameters) != 0x100; }\n",
+        encoding="utf-8",
+    )
+    program = tmp_path / "registers"
+    subprocess.run(["cc", "-Wall", "-Werror", str(source), "-o", str(program)], check=True)
+    printed = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
+    assert printed.split() == [f"{row['address']},{row['word']}" for row in rows]
+
+
+def test_a_bad_drive_is_one_line(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text('controller = "mpdcc"\n', encoding="utf-8")
+    status, text, complaints = command(str(bad))
+    assert (status, text) == (2, "")
+    assert len(complaints.splitlines()) == 1
+    assert "bad.toml" in complaints
