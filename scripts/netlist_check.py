@@ -322,13 +322,13 @@ def check(
     **options: object,
 ) -> Result:
     """Compare outputs (signed or unsigned) and cycle counts; outputs not expected are free."""
-    result = simulate(top, generics, inputs, **options)  # type: ignore[arg-type]
+    result = simulate(top, generics, inputs, **options)
     _, ports = build(
         top,
         generics,
-        options.get("ports"),  # type: ignore[arg-type]
-        verilog=options.get("verilog"),  # type: ignore[arg-type]
-        std=options.get("std"),  # type: ignore[arg-type]
+        options.get("ports"),
+        verilog=options.get("verilog"),
+        std=options.get("std"),
     )
     if not expected or result.checked == 0:
         raise ToolError(f"{top}: nothing to check")
@@ -364,8 +364,8 @@ class Simulator:
     def step(self, inputs: Mapping[str, int]) -> tuple[dict[str, int], int]:
         """Outputs (unsigned) and cycles of one transaction."""
         row = _pack({name: [value] for name, value in inputs.items()}, self.ports.inputs)
-        stdin: IO[bytes] = self._process.stdin  # type: ignore[assignment]
-        stdout: IO[bytes] = self._process.stdout  # type: ignore[assignment]
+        stdin: IO[bytes] = self._process.stdin
+        stdout: IO[bytes] = self._process.stdout
         stdin.write(row.tobytes())
         stdin.flush()
         data = stdout.read(self._size)
@@ -389,7 +389,7 @@ def simulator(
     top: str, generics: Generics | None = None, *, seed: int = 1, **options: object
 ) -> Iterator[Simulator]:
     """A running simulation of a configuration, ended with the block."""
-    program, ports = build(top, generics, **options)  # type: ignore[arg-type]
+    program, ports = build(top, generics, **options)
     running = Simulator(program, ports, seed)
     try:
         yield running

@@ -216,7 +216,7 @@ class Script:
         return found
 
     def _read(self, stdout: object, size: int) -> bytes:
-        data: bytes = stdout.read(size)  # type: ignore[attr-defined]
+        data: bytes = stdout.read(size)
         if len(data) != size:
             raise ToolError(f"the simulated board ended with {self._process.wait()}")
         return data

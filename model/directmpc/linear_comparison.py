@@ -113,7 +113,7 @@ class Controller:
 
 
 @njit
-def decide_zero_sum(register, measurement, s_prev):  # type: ignore[no-untyped-def]
+def decide_zero_sum(register, measurement, s_prev):
     """The paper's decision with straight lines, on the fast variant's node; as `decide_words`.
 
     Lengths are quotients (`bit_true.search_length`), as Algorithm 2 finds them.
@@ -172,7 +172,7 @@ def decide_zero_sum(register, measurement, s_prev):  # type: ignore[no-untyped-d
 
 
 @njit
-def _run_zero_sum(register, measurements, s_prev, out):  # type: ignore[no-untyped-def]
+def _run_zero_sum(register, measurements, s_prev, out):
     """`decide_zero_sum` for every row."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_zero_sum(register, measurements[k], s_prev[k])
@@ -189,7 +189,7 @@ CONTROLLERS = (
 
 
 @njit
-def _cost(register, measurement, s_prev, s):  # type: ignore[no-untyped-def]
+def _cost(register, measurement, s_prev, s):
     """J of one candidate with straight lines, and its length; J is -1 where it is dead."""
     first = len(bit_true.COEFFICIENTS)
     error, natural, forced, phase, midpoint, weight_slope, weight_start, _, _ = bit_true.node(

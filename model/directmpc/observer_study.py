@@ -72,7 +72,7 @@ class Error:
 
 
 @njit(cache=True)
-def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc, estimate, flux):  # type: ignore[no-untyped-def]
+def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc, estimate, flux):
     """Controller on the estimate, step by step; estimates and true fluxes are kept."""
     order = np.array([0, 1, 4, 5, 6, 7, 8, 12])
     reference = np.empty(2)

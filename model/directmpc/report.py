@@ -89,7 +89,7 @@ DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
 
 
 @njit  # not cached on disk: a cache would not notice changes of bit_true
-def _alive(register, coefficients, measurement, s_prev, following):  # type: ignore[no-untyped-def]
+def _alive(register, coefficients, measurement, s_prev, following):
     """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
     error, natural, forced, phase, midpoint, _, _, _, _ = bit_true.node(
         bit_true.PAPER_PROGRAM, measurement, register

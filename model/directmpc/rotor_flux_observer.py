@@ -132,7 +132,7 @@ _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 
 @njit(cache=True)
-def _clip(value, high):  # type: ignore[no-untyped-def]
+def _clip(value, high):
     """Saturate; the value, and 1 where it did not fit."""
     if value > high:
         return high, 1
@@ -142,7 +142,7 @@ def _clip(value, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def step_words(c, state, m, s):  # type: ignore[no-untyped-def]
+def step_words(c, state, m, s):
     """One step of ``rotor_flux_observer``.
 
     Parameters

@@ -315,7 +315,7 @@ def save_png(figure: object, path: Path) -> None:
     from PIL import Image
 
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)  # type: ignore[attr-defined]
+    figure.savefig(buffer, format="png", dpi=110)
     image = Image.open(buffer).convert("RGB").quantize(128, dither=Image.Dither.NONE)
     temporary = path.with_name(f".{path.name}.tmp")
     image.save(temporary, format="PNG", optimize=True)

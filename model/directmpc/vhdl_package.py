@@ -184,7 +184,7 @@ class _Program:
         self.factors = ct.COEFFICIENTS + ct.SPEEDS + ct.STEPS
         self.results = ct.PRODUCTS + ct.TERMS
 
-    def _rows(self, value, idle: int) -> list[list[int]]:  # type: ignore[no-untyped-def]
+    def _rows(self, value, idle: int) -> list[list[int]]:
         return [
             [
                 value(block, clock) if clock < len(block) and block[clock] else idle
@@ -244,7 +244,7 @@ class _Program:
     def accumulate(self) -> list[list[int]]:
         """1 where a product is added to the sum so far."""
 
-        def adds(block, clock) -> int:  # type: ignore[no-untyped-def]
+        def adds(block, clock) -> int:
             before = block[clock - 1] if clock not in (0, self.first) else None
             return int(before is not None and before.result == block[clock].result)
 
@@ -253,7 +253,7 @@ class _Program:
     def result(self) -> list[list[int]]:
         """Result that is complete with a step, or -1."""
 
-        def complete(block, clock) -> int:  # type: ignore[no-untyped-def]
+        def complete(block, clock) -> int:
             following = block[clock + 1] if clock + 1 < len(block) else None
             ends = following is None or following.result != block[clock].result
             ends = ends or clock + 1 == self.first

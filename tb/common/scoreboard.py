@@ -68,7 +68,7 @@ class Clock:
     depend on them be read, ``await edge()`` is the rising edge, after which registers are new.
     """
 
-    def __init__(self, dut) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut) -> None:
         self.dut = dut
         self.count = 0
         dut.clk.value = 0
@@ -131,12 +131,12 @@ def signed(value: int, width: int) -> int:
     return value - (1 << width) if value >> (width - 1) else value
 
 
-def lowest_bit(handle) -> int:  # type: ignore[no-untyped-def]
+def lowest_bit(handle) -> int:
     """Bit 0 of an output whose others may be undefined."""
     return int(str(handle.value)[-1])
 
 
-def number(handle) -> int:  # type: ignore[no-untyped-def]
+def number(handle) -> int:
     """An output as an unsigned integer; fails where a bit is undefined."""
     value = handle.value
     return int(value.to_unsigned()) if hasattr(value, "to_unsigned") else int(value)

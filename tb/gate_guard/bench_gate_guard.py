@@ -16,7 +16,7 @@ WIDTHS = {"is_alpha": 16, "is_beta": 16}
 
 
 @cocotb.test()
-async def every_clock(dut) -> None:  # type: ignore[no-untyped-def]
+async def every_clock(dut) -> None:
     """A random life; all outputs after every edge."""
     given = arguments()
     five_level = given["FIVE_LEVEL"] == "true"

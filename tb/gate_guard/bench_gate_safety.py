@@ -15,7 +15,7 @@ NAMES = [f.name for f in fields(Inputs)]
 
 
 @cocotb.test()
-async def every_property(dut) -> None:  # type: ignore[no-untyped-def]
+async def every_property(dut) -> None:
     """A random life, no property violated."""
     given = arguments()
     five_level = given["FIVE_LEVEL"] == "true"

@@ -20,7 +20,7 @@ from tb.common import states
 FIELDS = ("s", "held", "deadlock", "length", "saturated")
 
 
-def assert_alike(drive, trace) -> int:  # type: ignore[no-untyped-def]
+def assert_alike(drive, trace) -> int:
     values = straight(registers(drive, "fast"))
     fast = bit_true_fast.run(drive, trace, values)
     paper = bit_true.run_rows(linear_comparison._run_zero_sum, values.array(), trace)

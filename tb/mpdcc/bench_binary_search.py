@@ -38,7 +38,7 @@ def expectation(
 
 
 @cocotb.test()
-async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_searches(dut) -> None:
     """Random searches, some of them interrupted by a reset or by the next start."""
     given = arguments()
     width, length_width = given["WIDTH"], given["LENGTH_WIDTH"]

@@ -27,7 +27,7 @@ def packed(index: int, s: tuple[int, ...], effort: int) -> int:
 
 
 @cocotb.test()
-async def every_position(dut) -> None:  # type: ignore[no-untyped-def]
+async def every_position(dut) -> None:
     """Enumerate after every position, at full speed or with a taker that is slow."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -61,7 +61,7 @@ def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:
 
 
 @cocotb.test()
-async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_nodes(dut) -> None:
     """Tables of random nodes, back to back at the declared interval or later."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -43,7 +43,7 @@ def capacitor_terms(node: str) -> list[str]:
 
 
 @cocotb.test()
-async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_nodes(dut) -> None:
     """Random operands, some computations cut off by a reset."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -55,7 +55,7 @@ def bend(
 class Bench:
     """One fast explorer and the scheduler's side of its protocol."""
 
-    def __init__(self, dut, rng: random.Random) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, rng: random.Random) -> None:
         self.dut, self.rng = dut, rng
         self.board, self.clock = Scoreboard(), Clock(dut)
 
@@ -209,7 +209,7 @@ class Bench:
 
 
 @cocotb.test()
-async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_nodes(dut) -> None:
     """Probes and blocks of random nodes."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -14,7 +14,7 @@ LATENCY = budgets.clocks("mac_block", "latency")
 
 
 @cocotb.test()
-async def random_sums(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_sums(dut) -> None:
     """Random programs of seeds, sums, alignments and idle clocks."""
     given = arguments()
     a_width, b_width = given["A_WIDTH"], given["B_WIDTH"]

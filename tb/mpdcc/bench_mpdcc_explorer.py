@@ -54,7 +54,7 @@ def unpack_result(value: int) -> dict[str, int]:
 class Exits:
     """Counts the early exits inside the paper's variant, seen from its searches."""
 
-    def __init__(self, dut, board: Scoreboard) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, board: Scoreboard) -> None:
         inner = dut.i_explorer.g_paper.i_explorer
         self.handles = (inner.search_start, inner.search_done, inner.search_below)
         self.board = board
@@ -73,7 +73,7 @@ class Exits:
 class Bench:
     """One explorer and the scheduler's side of its protocol."""
 
-    def __init__(self, dut, rng: random.Random, variant: str) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, rng: random.Random, variant: str) -> None:
         self.dut, self.rng, self.variant = dut, rng, variant
         self.board, self.clock = Scoreboard(), Clock(dut)
         self.exits = Exits(dut, self.board) if variant == "paper" else None
@@ -268,7 +268,7 @@ def example(
 
 
 @cocotb.test()
-async def random_nodes(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_nodes(dut) -> None:
     """Probes and candidates of random nodes."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -141,7 +141,7 @@ def script(
 
 
 @cocotb.test()
-async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_searches(dut) -> None:
     """Decisions with stubs in place of explorers."""
     given = arguments()
     explorers, variant = given["EXPLORERS"], given["variant"]
@@ -337,7 +337,7 @@ async def random_searches(dut) -> None:  # type: ignore[no-untyped-def]
     )
 
 
-def plain_decision(s, held, deadlock, length, saturated) -> int:  # type: ignore[no-untyped-def]
+def plain_decision(s, held, deadlock, length, saturated) -> int:
     """A decision as the flat bench shows it."""
     return (
         s[0] | s[1] << 3 | s[2] << 6 | int(held) << 9 | int(deadlock) << 10

@@ -33,7 +33,7 @@ def inputs(rng: random.Random, n: int) -> np.ndarray:
 
 
 @cocotb.test()
-async def steps(dut) -> None:  # type: ignore[no-untyped-def]
+async def steps(dut) -> None:
     """Random and turning inputs; coefficients of drives and of any content; resets in between."""
     given = arguments()
     rng = random.Random(given["seed"])

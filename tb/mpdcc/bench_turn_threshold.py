@@ -15,7 +15,7 @@ LATENCY = budgets.clocks("turn_threshold", "latency")  # clocks from start until
 
 
 @cocotb.test()
-async def random_parabolas(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_parabolas(dut) -> None:
     """Errors inside their band; a start in the middle takes over."""
     given = arguments()
     rng = random.Random(given["seed"])

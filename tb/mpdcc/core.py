@@ -84,7 +84,7 @@ def join(parts: list[Rows]) -> Rows:
     )
 
 
-def of_trace(trace, array: IntArray) -> Rows:  # type: ignore[no-untyped-def]
+def of_trace(trace, array: IntArray) -> Rows:
     """Rows of a trace under one set of parameters."""
     n = len(trace)
     return Rows(

@@ -61,7 +61,7 @@ def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
 class Bench:
     """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each."""
 
-    def __init__(self, dut, registers: np.ndarray) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, registers: np.ndarray) -> None:
         self.dut = dut
         self.registers = registers
         self.level = 0
@@ -147,7 +147,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 
 @cocotb.test()
-async def run_job(dut) -> None:  # type: ignore[no-untyped-def]
+async def run_job(dut) -> None:
     """Do what the job file says."""
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut, job.registers)

@@ -27,7 +27,7 @@ GENERICS = [
 NAMES = ("A_WIDTH", "B_WIDTH", "A_WORDS", "B_WORDS", "ALIGNMENT_STEP", "ACCUMULATOR_WIDTH")
 
 
-def bench(values: tuple[int, ...], clocks: int = 1200, rtl=RTL) -> Outcome:  # type: ignore[no-untyped-def]
+def bench(values: tuple[int, ...], clocks: int = 1200, rtl=RTL) -> Outcome:
     return run(
         "mac_block",
         "tb.mpdcc.bench_mac_block",

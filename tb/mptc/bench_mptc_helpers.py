@@ -26,7 +26,7 @@ DRIVE_LATENCY = {
 
 async def transaction(
     dut, clock: Clock, rng: random.Random, rows: dict[str, tuple[int, int]]
-) -> int:  # type: ignore[no-untyped-def]
+) -> int:
     """Give inputs (value, width) with start, random ones after it; the clocks until valid."""
     for name, (value, width) in rows.items():
         getattr(dut, name).value = bits(value, width) if value < 0 else value
@@ -50,7 +50,7 @@ async def transaction(
 
 
 @cocotb.test()
-async def steps(dut) -> None:  # type: ignore[no-untyped-def]
+async def steps(dut) -> None:
     """Random and recorded inputs; resets in between."""
     given = arguments()
     name = given["entity"]
@@ -60,7 +60,7 @@ async def steps(dut) -> None:  # type: ignore[no-untyped-def]
         await (observe if name == "mptc_observer" else excite)(dut, given, LATENCY[name])
 
 
-async def observe(dut, given, latency: int) -> None:  # type: ignore[no-untyped-def]
+async def observe(dut, given, latency: int) -> None:
     """The observer: a closed loop's currents, then anything."""
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
@@ -106,7 +106,7 @@ async def observe(dut, given, latency: int) -> None:  # type: ignore[no-untyped-
     board.finish({"estimate": given["steps"]}, {})
 
 
-async def excite(dut, given, latency: int) -> None:  # type: ignore[no-untyped-def]
+async def excite(dut, given, latency: int) -> None:
     """The pre-excitation: values at, below and above both levels."""
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
@@ -146,7 +146,7 @@ async def excite(dut, given, latency: int) -> None:  # type: ignore[no-untyped-d
     )
 
 
-async def drive(dut, given) -> None:  # type: ignore[no-untyped-def]
+async def drive(dut, given) -> None:
     """The joined drive: stretches of periods, each from a reset, with and without magnetising."""
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)

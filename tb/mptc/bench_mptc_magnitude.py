@@ -33,7 +33,7 @@ def vector(rng: random.Random) -> tuple[int, int]:
 
 
 @cocotb.test()
-async def random_vectors(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_vectors(dut) -> None:
     """A pipeline full of vectors, with gaps and resets."""
     given = arguments()
     rng = random.Random(given["seed"])

@@ -27,7 +27,7 @@ def radicand(rng: random.Random) -> int:
 
 
 @cocotb.test()
-async def random_roots(dut) -> None:  # type: ignore[no-untyped-def]
+async def random_roots(dut) -> None:
     """Roots one after the other, some cut off by the next load."""
     given = arguments()
     rng = random.Random(given["seed"])

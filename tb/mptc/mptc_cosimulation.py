@@ -43,7 +43,7 @@ def pack_parameters(registers: np.ndarray) -> int:
 class Bench:
     """Drives the bench's ports."""
 
-    def __init__(self, dut) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut) -> None:
         self.dut = dut
         self.level = 0
 
@@ -131,7 +131,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 
 @cocotb.test()
-async def run_job(dut) -> None:  # type: ignore[no-untyped-def]
+async def run_job(dut) -> None:
     """Do what the job file says."""
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut)

@@ -37,7 +37,7 @@ def answer_of(payload: bytes) -> tuple[int, int, int]:
 class Bench:
     """The link with everything around it."""
 
-    def __init__(self, dut, controls: int, limit: int) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, controls: int, limit: int) -> None:
         self.dut, self.board = dut, Scoreboard()
         self.words: dict[int, int] = {}
         self.applied: int | None = None
@@ -225,7 +225,7 @@ def damaged(rng: random.Random, wire: bytes) -> bytes:
 
 
 @cocotb.test(skip=arguments()["case"] != "frames")
-async def frames(dut) -> None:  # type: ignore[no-untyped-def]
+async def frames(dut) -> None:
     """Good, stale, foreign and damaged frames over one link."""
     given = arguments()
     rng = random.Random(given["seed"])
@@ -264,7 +264,7 @@ async def frames(dut) -> None:  # type: ignore[no-untyped-def]
 
 
 @cocotb.test(skip=arguments()["case"] != "mishaps")
-async def mishaps(dut) -> None:  # type: ignore[no-untyped-def]
+async def mishaps(dut) -> None:
     """Late, broken, cut off frames, requests too early, a core that does not answer, two links."""
     given = arguments()
     limit = 4_000

@@ -30,7 +30,7 @@ NOT_THE_CORE_S = ("o_", "c_gain")
 class System:
     """A system with its bus, and what the model says to it."""
 
-    def __init__(self, dut, given: dict[str, Any]) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, given: dict[str, Any]) -> None:
         self.dut, self.controller = dut, given["controller"]
         self.rng = random.Random(given["seed"])
         self.bus = Bus(dut, self.controller, self.rng)
@@ -275,7 +275,7 @@ async def decisions_and_flags(system: System, count: int) -> None:
     assert rng is not None
 
 
-async def observed(system: System, drive, parameters: dict[str, int]) -> None:  # type: ignore[no-untyped-def]
+async def observed(system: System, drive, parameters: dict[str, int]) -> None:
     """Decisions on the observer's flux, and on what the system applied itself."""
     bus, board = system.bus, system.board
     await bus.write("system.command", reset_observer=1)
@@ -386,7 +386,7 @@ async def faults(system: System) -> None:
 
 
 @cocotb.test()
-async def system(dut) -> None:  # type: ignore[no-untyped-def]
+async def system(dut) -> None:
     """Everything a host does."""
     given = arguments()
     under_test = System(dut, given)

@@ -22,7 +22,7 @@ BUS_INPUTS = (
 class Bus:
     """Registers of a system."""
 
-    def __init__(self, dut, controller: str, rng: random.Random) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, dut, controller: str, rng: random.Random) -> None:
         self.dut, self.rng = dut, rng
         self.registers = registers_of(controller)
         self.master: AxiLiteMaster | None = None

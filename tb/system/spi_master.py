@@ -11,14 +11,14 @@ import cocotb.types
 class _BaseClock:
     """What cocotb 1 had under this name and cocotbext-spi derives from: it keeps the signal."""
 
-    def __init__(self, signal) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, signal) -> None:
         self.signal = signal
 
 
 if not hasattr(cocotb.clock, "BaseClock"):
-    cocotb.clock.BaseClock = _BaseClock  # type: ignore[attr-defined]
+    cocotb.clock.BaseClock = _BaseClock
 if not hasattr(cocotb.types.Logic, "integer"):
-    cocotb.types.Logic.integer = property(int)  # type: ignore[attr-defined]
+    cocotb.types.Logic.integer = property(int)
 # its other calls are deprecated, but there
 warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"cocotbext\.spi.*")
 

@@ -100,9 +100,7 @@ class Line:
     ``mood`` is called with each reply's bytes and returns what arrives of it.
     """
 
-    def __init__(  # type: ignore[no-untyped-def]
-        self, board: LinkModel, mood=lambda data: data
-    ) -> None:
+    def __init__(self, board: LinkModel, mood=lambda data: data) -> None:
         self.board, self.mood = board, mood
         self.splitter, self.waiting = Splitter(), b""
 
@@ -119,7 +117,7 @@ class Line:
         return data
 
 
-def link_of(board: LinkModel, **options) -> Link:  # type: ignore[no-untyped-def]
+def link_of(board: LinkModel, **options) -> Link:
     clock = iter(range(10**9))
     return Link(Line(board, **options), timeout=5, clock=lambda: next(clock))
 

@@ -127,7 +127,7 @@ def decide_netlist(
         **{f"s_prev_{x}": s_prev[:, i] for i, x in enumerate("abc")},
         **{name: np.full(n, registers[i]) for i, name in enumerate(_PARAMETERS)},
     }
-    result = netlist_check.simulate(top, generics, inputs, gap=1, **options)  # type: ignore[arg-type]
+    result = netlist_check.simulate(top, generics, inputs, gap=1, **options)
     return np.column_stack([*(result.outputs[name] for name in FIELDS), result.cycles])
 
 

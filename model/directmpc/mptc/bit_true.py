@@ -49,7 +49,7 @@ _ZERO_FROM = ZERO_FROM
 
 
 @njit(cache=True)
-def to_word(total):  # type: ignore[no-untyped-def]
+def to_word(total):
     """Round a sum of products to a word and saturate; the word, and 1 where it saturated."""
     value = (total + _HALF) >> _FRACTION
     if value > _HIGH:
@@ -60,7 +60,7 @@ def to_word(total):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def magnitude(x, y):  # type: ignore[no-untyped-def]
+def magnitude(x, y):
     """Length of a vector times the gain of the micro-rotations.
 
     Parameters
@@ -79,7 +79,7 @@ def magnitude(x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def flux_difference(x, y, reference):  # type: ignore[no-untyped-def]
+def flux_difference(x, y, reference):
     """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated."""
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
     if difference < 0:
@@ -91,14 +91,14 @@ def flux_difference(x, y, reference):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def one_plus_half(coefficient):  # type: ignore[no-untyped-def]
+def one_plus_half(coefficient):
     """1 + x/2 of a negative x as a word: shifted, the sign turned over."""
     half = coefficient >> 1
     return half + _HIGH + 1 if coefficient < 0 else half - _HIGH - 1
 
 
 @njit(cache=True)
-def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):  # type: ignore[no-untyped-def]
+def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     """w(k+1) and psi_s(k+1) by Heun's method, words.
 
     Parameters
@@ -128,7 +128,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):  # type: ignore[no
 
 
 @njit(cache=True)
-def square_root(radicand):  # type: ignore[no-untyped-def]
+def square_root(radicand):
     """Integer square root, _ROOT_WIDTH bits, digit by digit; the largest root where it is 1."""
     root = 0
     for bit in range(_ROOT_WIDTH - 1, -1, -1):
@@ -139,7 +139,7 @@ def square_root(radicand):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):  # type: ignore[no-untyped-def]
+def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref), with N = gain*|w|^2.
 
     Parameters
@@ -209,7 +209,7 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):  # type: ignore[no
 
 
 @njit(cache=True)
-def decide_words(c, m, u):  # type: ignore[no-untyped-def]
+def decide_words(c, m, u):
     """One decision.
 
     Parameters
@@ -288,7 +288,7 @@ def decide_words(c, m, u):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):  # type: ignore[no-untyped-def]
+def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
     """Quantise one set of measurements, SI, to the core's ports.
 
     Returns
@@ -330,7 +330,7 @@ def parameters(
 
 
 @njit(cache=True)
-def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):  # type: ignore[no-untyped-def]
+def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """``decide_words`` on real numbers: the signature of ``ideal.decide``.
 
     Parameters
@@ -385,7 +385,7 @@ def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.boo
 
 
 @njit(cache=True)
-def run_words(register, measurements, u, out):  # type: ignore[no-untyped-def]
+def run_words(register, measurements, u, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
         out[k, 0], out[k, 1], out[k, 2] = decide_words(register, measurements[k], u[k])

@@ -105,7 +105,7 @@ def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -
 
 
 @njit(cache=True)
-def step_words(p, state, m):  # type: ignore[no-untyped-def]
+def step_words(p, state, m):
     """One step of ``mptc_drive``.
 
     Parameters
@@ -164,7 +164,7 @@ def controller(drive: MptcDrive, words: Parameters, state: IntArray | None = Non
 
 
 @njit(cache=True)
-def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):  # type: ignore[no-untyped-def]
+def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """``step_words`` on real numbers: the signature of ``ideal.decide``.
 
     Parameters
@@ -193,7 +193,7 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):  # type: ignore[no-
 
 
 @njit(cache=True)
-def _run_words(p, state, measurements, out):  # type: ignore[no-untyped-def]
+def _run_words(p, state, measurements, out):
     for k in range(len(measurements)):
         out[k, 4], out[k, 5] = state[_ALPHA], state[_BETA]
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = step_words(p, state, measurements[k])

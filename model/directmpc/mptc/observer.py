@@ -104,7 +104,7 @@ def array(words: dict[str, int]) -> IntArray:
 
 
 @njit(cache=True)
-def to_state(total):  # type: ignore[no-untyped-def]
+def to_state(total):
     """Round a sum of products to a state and saturate; the state, and 1 where it saturated."""
     value = (total + _STATE_HALF) >> _STATE_SHIFT
     if value > _STATE_HIGH:
@@ -115,7 +115,7 @@ def to_state(total):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def step_words(c, state, m, u):  # type: ignore[no-untyped-def]
+def step_words(c, state, m, u):
     """One step of ``mptc_observer``.
 
     Parameters
@@ -181,7 +181,7 @@ class IdealState(NamedTuple):
 
 
 @njit(cache=True)
-def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):  # type: ignore[no-untyped-def]
+def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
     """One step in float64.
 
     Parameters

@@ -29,7 +29,7 @@ def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
 
 
 @njit(cache=True)
-def decide_words(m, limit, level, done):  # type: ignore[no-untyped-def]
+def decide_words(m, limit, level, done):
     """One decision of ``mptc_preexcitation``.
 
     Parameters
