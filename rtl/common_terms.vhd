@@ -7,7 +7,7 @@
 -- PROGRAM_SHIFT and saturated to RESULT_WIDTHS.
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
--- Successors: after a node, advance runs a second program on the same blocks that takes it on to
+-- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that takes it on to
 -- k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks, advanced 20
 -- clocks later.  Its results replace the words as they come; node.error of the currents and
 -- node.slope, which explorers read, only when they are told to.
@@ -27,7 +27,8 @@ library work;
 
 entity common_terms is
   generic (
-    FOLDED : boolean := false -- true: the paper's program, false: the fast variant's
+    FOLDED       : boolean := false; -- true: the paper's program, false: the fast variant's
+    SECOND_LEVEL : boolean := false  -- true: the fast variant's program for successors besides
   );
   port (
     clk          : in    std_logic;                                                       -- rising edge
@@ -41,7 +42,7 @@ entity common_terms is
     done         : out   std_logic; -- '1' for one clock: node is new
     node         : out   node_t;                                                          -- stable until the next done
     saturated    : out   std_logic; -- '1': a result of this node saturated
-    -- successors of the node, fast variant alone
+    -- successors of the node, SECOND_LEVEL alone
     advance      : in    std_logic; -- '1' for one clock: begin with a successor
     steps        : in    length_t; -- L1, stable until advanced
     base         : in    base_words_t; -- operands A of the successor, signed, BASE order
@@ -64,19 +65,22 @@ architecture rtl of common_terms is
 
   constant LENGTH_OF_PROGRAM : natural := PROGRAM_LENGTHS(VARIANT);
 
-  -- steps of all programs that this variant runs
-  function step_count_of (paper : boolean) return natural is
+  -- whether successors are computed
+  constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
+
+  -- steps of all programs that are run
+  function step_count_of (successors : boolean) return natural is
   begin
 
-    if (paper) then
-      return LENGTH_OF_PROGRAM;
-    else
+    if (successors) then
       return PROGRAM_STEPS;
+    else
+      return LENGTH_OF_PROGRAM;
     end if;
 
   end function step_count_of;
 
-  constant LAST_STEP : natural := step_count_of(FOLDED); -- also: idle
+  constant LAST_STEP : natural := step_count_of(ADVANCES); -- also: idle
 
   -- step whose result comes with the natural slope of the successor: between its own and the next
   constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
@@ -252,7 +256,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (start = '1' or clock_count(STAGES) = SUCCESSOR_FIRST) then
+      if (start = '1' or (ADVANCES and clock_count(STAGES) = SUCCESSOR_FIRST)) then
         overflow <= '0';
       end if;
 
@@ -284,7 +288,7 @@ begin
 
       end loop;
 
-      if (not FOLDED and clock_count(STAGES) = SLOPE_STEP) then
+      if (ADVANCES and clock_count(STAGES) = SLOPE_STEP) then
         terms(RESULT_SLOPE_ALPHA) <= slope_ahead(0);
         terms(RESULT_SLOPE_BETA)  <= slope_ahead(1);
       end if;
@@ -316,7 +320,7 @@ begin
 
       if (start = '1') then
         clock_count(0) <= 0;
-      elsif (advance = '1') then
+      elsif (ADVANCES and advance = '1') then
         clock_count(0) <= SUCCESSOR_FIRST;
       elsif (clock_count(0) = LENGTH_OF_PROGRAM - 1) then
         clock_count(0) <= LAST_STEP;

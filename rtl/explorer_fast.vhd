@@ -44,6 +44,9 @@ library work;
   use work.mpdcc_types.all;
 
 entity explorer_fast is
+  generic (
+    SECOND_LEVEL : boolean := false -- true: leaves of the second level besides
+  );
   port (
     clk             : in    std_logic;   -- rising edge
     rst             : in    std_logic;   -- synchronous, active high
@@ -61,10 +64,11 @@ entity explorer_fast is
     result_ready    : in    std_logic;   -- '1': result is taken in this clock
     result          : out   result_t;    -- the best of all candidates since the last result
     busy            : out   std_logic;   -- '1': candidates are under way or a result waits
-    leaf_valid      : in    std_logic;          -- '1': leaf is evaluated, no block is under way
-    leaf            : in    leaf_t;       -- a candidate of the second level
-    reached         : in    reached_t; -- how the node of the leaves was reached
-    evaluated       : out   evaluated_t                -- every candidate, for the second level
+    -- SECOND_LEVEL alone
+    leaf_valid      : in    std_logic;   -- '1': leaf is evaluated, no block is under way
+    leaf            : in    leaf_t;      -- a candidate of the second level
+    reached         : in    reached_t;   -- how the node of the leaves was reached
+    evaluated       : out   evaluated_t  -- every candidate, for the second level
   );
 end entity explorer_fast;
 
@@ -73,6 +77,24 @@ architecture rtl of explorer_fast is
   constant SEARCH      : natural := 5;                     -- first stage of the search
   constant SHORTEST    : natural := SEARCH + LENGTH_WIDTH; -- first stage of the minimum
   constant STAGE_COUNT : natural := SHORTEST + 5;          -- the stage that holds the cost
+
+  -- what leaves need beyond the candidates of the first level: more effort, more steps, two tables
+  function more (first, second : natural) return natural is
+  begin
+
+    if (SECOND_LEVEL) then
+      return second;
+    else
+      return first;
+    end if;
+
+  end function more;
+
+  constant EFFORT_BITS : natural := more(EFFORT_WIDTH, TOTAL_EFFORT_WIDTH);
+  constant REACH_BITS  : natural := more(LENGTH_WIDTH, LENGTH_WIDTH + 1);
+  constant ROW_BITS    : natural := more(5, 6); -- of the capacitors' table
+  constant NEUTRAL_BITS : natural := more(3, 4); -- of the neutral point's
+  constant PRODUCTS   : natural := 2 ** (EFFORT_BITS - 2); -- of a reciprocal, 0 included
 
   subtype voltage_t is signed(FORCED_WIDTH downto 0);
 
@@ -104,15 +126,15 @@ architecture rtl of explorer_fast is
 
   subtype entry_t is std_logic_vector(LENGTH_WIDTH + TRAJECTORY_WIDTH - 1 downto 0);
 
-  type table_t is array (0 to 63) of entry_t;
+  type table_t is array (natural range 0 to 2 ** ROW_BITS - 1) of entry_t;
 
-  type neutral_lengths_t is array (0 to 15) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  type neutral_lengths_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
 
-  type neutral_excesses_t is array (0 to 15) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
+  type neutral_excesses_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
 
   subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 3 downto 0);
 
-  type multiples_t is array (natural range 0 to 8 * 2 ** (LENGTH_WIDTH + 1) - 1) of multiple_t;
+  type multiples_t is array (natural range 0 to PRODUCTS * 2 ** REACH_BITS - 1) of multiple_t;
 
   type entries_t is array (0 to 2) of entry_t;
 
@@ -124,9 +146,9 @@ architecture rtl of explorer_fast is
 
   type length_stages_t is array (SHORTEST + 1 to STAGE_COUNT) of length_t;
 
-  subtype rate_t is unsigned(RECIPROCAL_FRACTION + TOTAL_EFFORT_WIDTH - 1 downto 0);
+  subtype rate_t is unsigned(RECIPROCAL_FRACTION + EFFORT_BITS - 1 downto 0);
 
-  subtype effort_t is unsigned(TOTAL_EFFORT_WIDTH - 1 downto 0);
+  subtype effort_t is unsigned(EFFORT_BITS - 1 downto 0);
 
   type effort_stages_t is array (SHORTEST + 3 to STAGE_COUNT) of effort_t;
 
@@ -153,9 +175,9 @@ architecture rtl of explorer_fast is
 
   begin
 
-    for k in 0 to 7 loop
-      for l in RECIPROCALS'range loop
-        words(k * RECIPROCALS'length + l) := std_logic_vector(unsigned(RECIPROCALS(l)) * to_unsigned(k, 3));
+    for k in natural range 0 to PRODUCTS - 1 loop
+      for l in natural range 0 to 2 ** REACH_BITS - 1 loop
+        words(k * 2 ** REACH_BITS + l) := std_logic_vector(unsigned(RECIPROCALS(l)) * to_unsigned(k, 3));
       end loop;
     end loop;
 
@@ -227,8 +249,8 @@ architecture rtl of explorer_fast is
   signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with excess_8
   signal index_last  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- of the last stage
   signal index_3     : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with slope_3
-  signal effort_0    : std_logic_vector(TOTAL_EFFORT_WIDTH - 1 downto 0);
-  signal effort_late : std_logic_vector(TOTAL_EFFORT_WIDTH - 1 downto 0); -- with the length of the stage before
+  signal effort_0    : std_logic_vector(EFFORT_BITS - 1 downto 0);
+  signal effort_late : std_logic_vector(EFFORT_BITS - 1 downto 0); -- with the length of the stage before
   signal effort_end  : effort_stages_t;
   signal bank_0      : std_logic;
   signal hangs_0     : std_logic_vector(9 downto 0);                -- bank, pattern and kinds of the candidate
@@ -268,7 +290,7 @@ architecture rtl of explorer_fast is
   signal short_11   : length_t;
   signal slope_12   : weight_t;
   signal product_13 : signed(WEIGHT_WIDTH + LENGTH_WIDTH downto 0);
-  signal reach_13   : unsigned(LENGTH_WIDTH downto 0); -- steps of both levels
+  signal reach_13   : unsigned(REACH_BITS - 1 downto 0); -- steps of both levels
   signal low_14     : multiple_t; -- rate of the two low bits of the effort
   signal high_14    : multiple_t;
   signal weight_14  : weight_t;
@@ -323,14 +345,14 @@ begin
         index_0    <= std_logic_vector(block_now.index(INDEX_WIDTH - 1 downto 2)) & std_logic_vector(choice);
         effort_0   <= std_logic_vector(resize(block_now.effort
                                               + transition_weight(band.previous(2), band.negative(2), choice),
-                                              TOTAL_EFFORT_WIDTH));
+                                              EFFORT_BITS));
         bank_0     <= '0';
       end if;
 
-      if (leaf_valid = '1') then
+      if (SECOND_LEVEL and leaf_valid = '1') then
         valid(0)   <= '1';
         position_0 <= leaf.position;
-        effort_0   <= std_logic_vector(leaf.effort);
+        effort_0   <= std_logic_vector(resize(leaf.effort, EFFORT_BITS));
         bank_0     <= leaf.bank;
       end if;
 
@@ -444,7 +466,7 @@ begin
 
   i_effort : entity work.delay_line
     generic map (
-      WIDTH  => TOTAL_EFFORT_WIDTH,
+      WIDTH  => EFFORT_BITS,
       CLOCKS => SHORTEST + 2
     )
     port map (
@@ -630,17 +652,20 @@ begin
     variable allowed     : length_t;
     variable place       : std_logic;
     variable row         : unsigned(5 downto 0);
-    variable neutral_row : unsigned(3 downto 0);
+    variable table_row   : unsigned(ROW_BITS - 1 downto 0);
+    variable neutral_row : unsigned(NEUTRAL_BITS - 1 downto 0);
 
   begin
 
     if rising_edge(clk) then
       if (capacitor.write = '1') then
-        capacitors(to_integer(capacitor.bank & capacitor.row)) <= std_logic_vector(capacitor.length)
-                                                 & std_logic_vector(capacitor.excess);
+        row       := capacitor.bank & capacitor.row;
+        table_row := resize(row, ROW_BITS);
+        capacitors(to_integer(table_row)) <= std_logic_vector(capacitor.length) & std_logic_vector(capacitor.excess);
 
         if (capacitor.row(4) = '1') then
-          neutral_row                               := capacitor.bank & capacitor.row(2 downto 0);
+          neutral_row := resize(capacitor.bank & capacitor.row(2 downto 0), NEUTRAL_BITS);
+
           neutral_lengths(to_integer(neutral_row))  <= std_logic_vector(capacitor.length);
           neutral_excesses(to_integer(neutral_row)) <= std_logic_vector(capacitor.excess);
         end if;
@@ -670,11 +695,12 @@ begin
         for x in 0 to 2 loop
           place      := hangs_5(9) and (hangs_5(2 * x + 1) or hangs_5(2 * x));
           row        := place & to_unsigned(x, 3) & unsigned(hangs_5(2 * x + 1 downto 2 * x));
-          entry_6(x) <= capacitors(to_integer(row));
+          table_row  := resize(row, ROW_BITS);
+          entry_6(x) <= capacitors(to_integer(table_row));
         end loop;
 
         place            := hangs_5(9) and to_std_logic(hangs_5(8 downto 6) /= "000");
-        neutral_row      := place & unsigned(hangs_5(8 downto 6));
+        neutral_row      := resize(place & unsigned(hangs_5(8 downto 6)), NEUTRAL_BITS);
         neutral_length_6 <= unsigned(neutral_lengths(to_integer(neutral_row)));
         neutral_excess_6 <= signed(neutral_excesses(to_integer(neutral_row)));
       end if;
@@ -744,7 +770,7 @@ begin
       end if;
 
       feasible(SHORTEST + 2) <= to_std_logic(length(SHORTEST + 1) /= 0);
-      reach_13               <= resize(length(SHORTEST + 1), LENGTH_WIDTH + 1) + reached.lead;
+      reach_13               <= resize(length(SHORTEST + 1), REACH_BITS) + reached.lead;
 
       -- stage 14
       if (valid(SHORTEST + 2) = '1') then
@@ -753,8 +779,8 @@ begin
         weight_14             <= clip(sum, WEIGHT_WIDTH);
         clipped(SHORTEST + 3) <= overflows(sum, WEIGHT_WIDTH);
 
-        low_14  <= multiples(to_integer('0' & unsigned(effort_late(1 downto 0)) & reach_13));
-        high_14 <= multiples(to_integer(unsigned(effort_late(4 downto 2)) & reach_13));
+        low_14  <= multiples(to_integer(unsigned(effort_late(1 downto 0)) & reach_13));
+        high_14 <= multiples(to_integer(unsigned(effort_late(EFFORT_BITS - 1 downto 2)) & reach_13));
       end if;
 
       -- stage 15

@@ -26,8 +26,9 @@ library work;
 
 entity mpdcc_core is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2;    -- number of explorers
-    FOLDED    : boolean               := false -- true: the paper's explorer, false: the fast one
+    EXPLORERS    : positive range 1 to 8 := 2;     -- number of explorers
+    FOLDED       : boolean               := false; -- true: the paper's explorer, false: the fast one
+    SECOND_LEVEL : boolean               := false  -- true: SESE and delay compensation built in, fast explorer alone
   );
   port (
     clk                  : in    std_logic;                               -- rising edge
@@ -89,9 +90,9 @@ entity mpdcc_core is
     bound_phase          : in    std_logic_vector(15 downto 0);           -- unsigned, trajectory units
     horizon              : in    std_logic_vector(5 downto 0);            -- N, unsigned, steps, 1 to 63
     weight_scale         : in    std_logic_vector(1 downto 0); -- fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20
-    two_switchings       : in    std_logic; -- switching horizon: '1': SESE, fast variant only, '0': SE
+    two_switchings       : in    std_logic; -- switching horizon: '1': SESE, SECOND_LEVEL only, '0': SE
     budget               : in    std_logic_vector(11 downto 0); -- candidates of SESE's second level, 0: no limit
-    compensate           : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1), fast only
+    compensate           : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1); likewise
     -- decision, stable until the next valid
     valid                : out   std_logic;                               -- '1' for one clock: decision is new
     busy                 : out   std_logic;                               -- '1': a decision is under way
@@ -216,8 +217,9 @@ begin
 
   i_scheduler : entity work.mpdcc_scheduler
     generic map (
-      EXPLORERS => EXPLORERS,
-      FOLDED    => FOLDED
+      EXPLORERS    => EXPLORERS,
+      FOLDED       => FOLDED,
+      SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
       clk             => clk,
@@ -258,7 +260,8 @@ begin
 
     i_explorer : entity work.mpdcc_explorer
       generic map (
-        FOLDED => FOLDED
+        FOLDED       => FOLDED,
+        SECOND_LEVEL => SECOND_LEVEL
       )
       port map (
         clk             => clk,

@@ -15,7 +15,8 @@ library work;
 
 entity mpdcc_explorer is
   generic (
-    FOLDED : boolean := false -- true: the paper's variant, false: the fast one
+    FOLDED       : boolean := false; -- true: the paper's variant, false: the fast one
+    SECOND_LEVEL : boolean := false  -- true: fast variant with leaves of the second level
   );
   port (
     clk          : in    std_logic; -- rising edge
@@ -36,10 +37,10 @@ entity mpdcc_explorer is
     result_ready : in    std_logic; -- '1': result is taken in this clock
     result       : out   result_t;  -- evaluation of a candidate
     busy         : out   std_logic; -- '1': tasks or results are under way
-    leaf_valid   : in    std_logic;          -- fast variant: '1': leaf is evaluated
-    leaf         : in    leaf_t;       -- fast variant: a candidate of the second level
-    reached      : in    reached_t; -- fast variant: how its node was reached
-    evaluated    : out   evaluated_t                -- fast variant: every candidate, for the second level
+    leaf_valid   : in    std_logic; -- SECOND_LEVEL: '1': leaf is evaluated
+    leaf         : in    leaf_t;    -- SECOND_LEVEL: a candidate of the second level
+    reached      : in    reached_t; -- SECOND_LEVEL: how its node was reached
+    evaluated    : out   evaluated_t -- SECOND_LEVEL: every candidate, for the second level
   );
 end entity mpdcc_explorer;
 
@@ -75,6 +76,9 @@ begin
   g_fast : if not FOLDED generate
 
     i_explorer : entity work.explorer_fast
+      generic map (
+        SECOND_LEVEL => SECOND_LEVEL
+      )
       port map (
         clk             => clk,
         rst             => rst,

@@ -28,8 +28,9 @@ library work;
 
 entity mpdcc_scheduler is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2;    -- number of explorers
-    FOLDED    : boolean               := false -- true: the paper's explorers, false: the fast ones
+    EXPLORERS    : positive range 1 to 8 := 2;     -- number of explorers
+    FOLDED       : boolean               := false; -- true: the paper's explorers, false: the fast ones
+    SECOND_LEVEL : boolean               := false  -- true: fast variant with SESE and delay compensation
   );
   port (
     clk             : in    std_logic;                                                          -- rising edge
@@ -57,7 +58,7 @@ entity mpdcc_scheduler is
     result_ready    : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: whose result is taken
     results         : in    results_t(0 to EXPLORERS - 1);                                      -- of every explorer
     explorer_busy   : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': work is under way
-    -- the second level, fast variant alone
+    -- SECOND_LEVEL alone; without it the first and the third have to be '0'
     two_switchings  : in    std_logic; -- '1': SESE, '0': SE; stable, as the next two
     budget          : in    unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates, 0: no limit
     compensate      : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1)
@@ -152,6 +153,9 @@ architecture rtl of mpdcc_scheduler is
 
   -- a single fast explorer reports once, so its result is the decision
   constant SINGLE : boolean := EXPLORERS = 1 and not FOLDED;
+
+  -- whether successors of a node are searched at all
+  constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
   -- clocks from the begin of a successor's program: its capacitor terms are complete two clocks
   -- later, its errors are, the first leaf may be loaded, the next program may begin one clock later
@@ -349,7 +353,8 @@ begin
 
   i_common_terms : entity work.common_terms
     generic map (
-      FOLDED => FOLDED
+      FOLDED       => FOLDED,
+      SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
       clk          => clk,
@@ -375,7 +380,7 @@ begin
       words        => words
     );
 
-  g_paper : if FOLDED generate
+  g_one_level : if not ADVANCES generate
     node <= terms_node;
 
     leaf_valid     <= (others => '0');
@@ -385,16 +390,24 @@ begin
     slope_ahead    <= (others => (others => '0'));
     slope_now      <= '0';
     error_now      <= '0';
+    turn_now       <= '1';
+    capacitors_go  <= terms_charged;
+    turn_go        <= terms_done;
     queue_whole    <= RESULT_INIT;
     queue_valid    <= '0';
+    queue_entry    <= ENTRY_INIT;
     queue_empty    <= '1';
     leaves_ready   <= '1';
     leaves_ending  <= '1';
     leaves_active  <= '0';
+    settle         <= '0';
     predicted_flag <= '0';
     since          <= (others => '0');
     visit.length   <= (others => '0');
+    visit_bank     <= '0';
+  end generate g_one_level;
 
+  g_paper : if FOLDED generate
     ask        <= terms_done;
     lines_held  <= '1';
     lines_ready <= '1';
@@ -437,6 +450,9 @@ begin
         held            => lines_held
       );
 
+  end generate g_fast;
+
+  g_two_levels : if ADVANCES generate
     -------------------------------------------------------------------------------------------
     -- Second level: the node that common_terms holds is kept, and taken on to each successor
     -------------------------------------------------------------------------------------------
@@ -569,7 +585,7 @@ begin
         show_error => show_error
       );
 
-  end generate g_fast;
+  end generate g_two_levels;
 
   decision_flag <= terms_saturated or predicted_flag;
 
@@ -680,7 +696,7 @@ begin
     load            <= '0';
 
     -- the first level's result is compared with nothing
-    if ((not SINGLE or r.phase = LEAVES) and compare = '1' and (r.phase /= LEAVES or r.started = '1')
+    if ((not SINGLE or (ADVANCES and r.phase = LEAVES)) and compare = '1' and (r.phase /= LEAVES or r.started = '1')
         and (r.any = '0' or better(arrival, r.best) = '1')) then
       v.best := arrival;
       v.any  := '1';
@@ -714,7 +730,7 @@ begin
       when AWAIT =>
 
         if (probe_done = '1') then
-          if (not FOLDED and compensate = '1' and r.predicted = '0') then
+          if (ADVANCES and compensate = '1' and r.predicted = '0') then
             advance     <= '1';
             v.predicted := '1';
             v.phase     := PREDICT;
@@ -747,14 +763,14 @@ begin
           enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
 
           -- one explorer alone, so that the queue takes one candidate a clock
-          if (not FOLDED and two_switchings = '1') then
+          if (ADVANCES and two_switchings = '1') then
             candidate_valid    <= (others => '0');
             candidate_valid(0) <= candidate_ready(0);
             enumerate_ready    <= candidate_ready(0);
           end if;
         end if;
 
-        if (not FOLDED and two_switchings = '1') then
+        if (ADVANCES and two_switchings = '1') then
           if (taken = '1' and incoming.feasible = '1') then
             v.phase   := LEAVES;
             v.started := '0';

@@ -234,6 +234,14 @@ package mpdcc_types is
     slope    : start_slopes_t;                      -- of the current errors at the root under s1
   end record entry_t;
 
+  constant ENTRY_INIT : entry_t := (
+    index    => (others => '0'),
+    position => (others => (others => '0')),
+    effort   => (others => '0'),
+    length   => (others => '0'),
+    slope    => (others => (others => '0'))
+  );
+
   -- words of the common terms before they are turned into phases, RESULT_* order
 
   subtype words_t is std_logic_vector(RESULT_COUNT * TERM_WIDTH - 1 downto 0);

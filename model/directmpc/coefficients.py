@@ -39,6 +39,12 @@ _REFERENCE_SPEED2 = _REFERENCE_SPEED * f.SPEED.scale / _FINE
 _HIGH = 2 ** (f.COEFFICIENT_WIDTH - 1) - 1
 _SQRT3_2 = math.sqrt(3.0) / 2.0
 
+#: Parameters of the core besides the coefficients, in port order.
+OPTIONS = (
+    "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
+    "two_switchings", "budget", "compensate",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Registers:
@@ -85,19 +91,19 @@ class Registers:
         """Every parameter port of the core: name -> integer, in port order."""
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
-            "bound_current": self.bound_current,
-            "bound_neutral": self.bound_neutral,
-            "bound_phase": self.bound_phase,
-            "horizon": self.horizon,
-            "weight_scale": self.weight_scale,
-            "two_switchings": self.two_switchings,
-            "budget": self.budget,
-            "compensate": self.compensate,
+            **{name: int(getattr(self, name)) for name in OPTIONS},
         }
 
     def array(self) -> NDArray[np.int64]:
         """``ports`` as an array, for compiled code."""
         return np.array(list(self.ports().values()), dtype=np.int64)
+
+
+def second_level(values: NDArray[np.int64]) -> bool:
+    """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in."""
+    names = [*COEFFICIENTS, *OPTIONS]
+    rows = np.atleast_2d(values)
+    return bool(rows[:, [names.index("two_switchings"), names.index("compensate")]].any())
 
 
 def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:

@@ -69,10 +69,10 @@ class Variant:
 
 
 def _fast_worst(explorers: int, two_switchings: bool = False, compensate: bool = False) -> int:
-    """Of scripts/budgets.toml, with a second level that of `sese_cycles`."""
+    """Of scripts/budgets.toml."""
     most = budgets.worst(explorers, "fast")
     if two_switchings:
-        most = (3470, 1929, 1756, 1192)[min(explorers, 4) - 1]
+        most = budgets.worst(explorers, "sese")
     return most + (sese_cycles.PREDICTION if compensate else 0)
 
 

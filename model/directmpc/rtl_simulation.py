@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc import simulator
+from directmpc.coefficients import second_level
 from directmpc.drive import Drive
 from directmpc.plant import Plant
 from directmpc.simulator import ROOT, Answer
@@ -107,23 +108,35 @@ def simulate(
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    return simulator.simulate(job, "directmpc.rtl_simulation", [str(explorers), variant], progress)
+    arguments = [str(explorers), variant, str(int(second_level(job.registers)))]
+    return simulator.simulate(job, "directmpc.rtl_simulation", arguments, progress)
 
 
-def build_and_run(job_path: Path, explorers: int, variant: str) -> None:
-    """Analyse the RTL and run the bench in this process's children."""
+def generics(explorers: int, variant: str, second: bool) -> dict[str, int | str]:
+    """Generics of the bench around a core; `second`: SESE and delay compensation built in."""
     # Needed here alone: who only uses the models needs no budgets.
     from scripts import budgets
 
-    generics = {
+    return {
         "EXPLORERS": explorers,
         "FOLDED": str(variant == "paper").lower(),
+        "SECOND_LEVEL": str(second).lower(),
         "MOST_CLOCKS": budgets.worst(explorers, variant),
+        "SESE_CLOCKS": budgets.worst(explorers, "sese"),
+        "PREDICTION_CLOCKS": budgets.clocks("mpdcc_core", "prediction", "sese"),
     }
+
+
+def build_and_run(job_path: Path, explorers: int, variant: str, second: bool) -> None:
+    """Analyse the RTL and run the bench in this process's children."""
     simulator.build_and_run(
-        job_path, core="mpdcc_core", toplevel=BENCH, module="cosimulation", generics=generics
+        job_path,
+        core="mpdcc_core",
+        toplevel=BENCH,
+        module="cosimulation",
+        generics=generics(explorers, variant, second),
     )
 
 
 if __name__ == "__main__":
-    build_and_run(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3])
+    build_and_run(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1")

@@ -477,8 +477,9 @@ begin
 
   i_core : entity work.mpdcc_core
     generic map (
-      EXPLORERS => EXPLORERS,
-      FOLDED    => FOLDED
+      EXPLORERS    => EXPLORERS,
+      FOLDED       => FOLDED,
+      SECOND_LEVEL => not FOLDED
     )
     port map (
       clk                         => clk,

@@ -11,12 +11,12 @@ import numpy as np
 
 from directmpc import bit_true, bit_true_fast
 from directmpc import formats as f
-from directmpc.coefficients import registers
+from directmpc.coefficients import registers, second_level
 from directmpc.common_terms import COEFFICIENTS
-from directmpc.rtl_simulation import Job
+from directmpc.rtl_simulation import Job, generics
 from scripts import budgets
 from tb.common import states
-from tb.common.simulation import BENCH, RTL, VARIANTS, execute
+from tb.common.simulation import BENCH, RTL, execute
 from tb.common.states import IntArray
 
 #: Rows that take the paper's explorers long, found by a search over states and parameters:
@@ -197,9 +197,14 @@ def simulate(
     throttle: int = 0,
     rtl: Path = RTL,
     bound: int | None = None,
+    second: bool | None = None,
 ) -> Answers:
-    """Decisions of the RTL; `bound` takes the place of the budget of clocks."""
+    """Decisions of the RTL; `bound` takes the place of the budget of clocks.
+
+    `second` builds the second level in, by default where the rows need it.
+    """
     bound = bound or budgets.worst(explorers, variant)
+    second = second_level(rows.registers) if second is None else second
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
         folder = Path(name)
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
@@ -211,7 +216,7 @@ def simulate(
             folder,
             units=["mpdcc_core"],
             files=[BENCH / "mpdcc_core_bench.vhd"],
-            generics={"EXPLORERS": explorers, "MOST_CLOCKS": bound, **VARIANTS[variant]},
+            generics={**generics(explorers, variant, second), "MOST_CLOCKS": bound},
             environment={"DIRECTMPC_JOB": str(path)},
             rtl=rtl,
             timeout=240,

@@ -12,8 +12,9 @@
 --
 -- Fast variant: the clocks of a search depend on s(k-1) alone. 16 blocks of four candidates are the
 -- most; one a clock is handed out, an explorer takes one every fourth clock and holds two. With one
--- explorer the search is 64 candidates and 45 clocks; from four explorers on the enumerator is the
+-- explorer the search is 64 candidates and 46 clocks; from four explorers on the enumerator is the
 -- limit. Whether explorers finish in the same clock counts too: their results are taken in turn.
+-- With two switchings directmpc.sese_cycles counts them, for every s(k-1).
 -- Licence: Apache-2.0
 
 library ieee;
@@ -22,9 +23,12 @@ library ieee;
 
 entity mpdcc_core_bench is
   generic (
-    EXPLORERS   : positive := 2;    -- explorers of the core
-    FOLDED      : boolean  := true; -- variant of the explorers
-    MOST_CLOCKS : positive          -- most clocks a decision may take, from scripts/budgets.toml
+    EXPLORERS         : positive := 2;     -- explorers of the core
+    FOLDED            : boolean  := true;  -- variant of the explorers
+    SECOND_LEVEL      : boolean  := false; -- true: SESE and delay compensation built in
+    MOST_CLOCKS       : positive;          -- most clocks a decision may take, from scripts/budgets.toml
+    SESE_CLOCKS       : positive := 1;     -- the same with two switchings, likewise
+    PREDICTION_CLOCKS : natural  := 0      -- further clocks with delay compensation, likewise
   );
   port (
     rst        : in    std_logic;                      -- synchronous, active high
@@ -41,36 +45,6 @@ end entity mpdcc_core_bench;
 architecture bench of mpdcc_core_bench is
 
   constant PATIENCE : natural := 100_000; -- clocks
-
-  -- one explorer's search of the root, 28 clocks to the first leaf, then for each of 63 nodes the
-  -- clocks of its leaves or the 16 between two nodes, whichever is more, and the pipeline to the end:
-  -- directmpc.sese_cycles counts them for every s(k-1)
-  function sese_clocks_of (count : positive) return positive is
-  begin
-
-    case count is
-
-      when 1 =>
-
-        return 3470;
-
-      when 2 =>
-
-        return 1929;
-
-      when 3 =>
-
-        return 1756;
-
-      when others =>
-
-        return 1192;
-
-    end case;
-
-  end function sese_clocks_of;
-
-  constant PREDICTION : natural := 33; -- clocks for the state of k+1
 
   signal bound_clocks : positive := MOST_CLOCKS;
 
@@ -95,12 +69,12 @@ begin
 
     clocks := MOST_CLOCKS;
 
-    if (not FOLDED and parameters(584) = '1') then
-      clocks := sese_clocks_of(EXPLORERS);
+    if (SECOND_LEVEL and parameters(584) = '1') then
+      clocks := SESE_CLOCKS;
     end if;
 
-    if (not FOLDED and parameters(597) = '1') then
-      clocks := clocks + PREDICTION;
+    if (SECOND_LEVEL and parameters(597) = '1') then
+      clocks := clocks + PREDICTION_CLOCKS;
     end if;
 
     bound_clocks <= clocks;
@@ -160,8 +134,9 @@ begin
 
   i_core : entity work.mpdcc_core
     generic map (
-      EXPLORERS => EXPLORERS,
-      FOLDED    => FOLDED
+      EXPLORERS    => EXPLORERS,
+      FOLDED       => FOLDED,
+      SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
       clk                => clk,
