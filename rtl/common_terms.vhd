@@ -3,14 +3,15 @@
 -- What is multiplied with what is data: PROGRAM_* in directmpc_constants, written by
 -- directmpc/common_terms.py, where the equations stand.
 --
--- Formats: operand A 18 bits, operand B 16 bits, products kept whole, sums rounded half up at the bit
--- PROGRAM_SHIFT and saturated to RESULT_WIDTHS.
+-- Formats: operand A 18 bits (differences of 16-bit words as the scheduler forms them), operand B
+-- 16 bits, products kept whole, sums rounded half up at the bit PROGRAM_SHIFT and saturated to
+-- RESULT_WIDTHS.
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
--- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that takes it on to
--- k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks, advanced 20
--- clocks later.  Its results replace the words as they come; node.error of the currents and
--- node.slope, which explorers read, only when they are told to.
+-- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that
+-- takes it on to k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks,
+-- advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
+-- and node.slope, which explorers read, only when they are told to.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
 -- Weighed, not built (figures estimated): one product per clock on a single block takes 34 clocks instead of 9.
@@ -44,7 +45,7 @@ entity common_terms is
     saturated    : out   std_logic; -- '1': a result of this node saturated
     -- successors of the node, SECOND_LEVEL alone
     advance      : in    std_logic; -- '1' for one clock: begin with a successor
-    steps        : in    length_t; -- L1, stable until advanced
+    lengths      : in    signed_lengths_t; -- L1 and its signed forms, STEPS order, stable until advanced
     base         : in    base_words_t; -- operands A of the successor, signed, BASE order
     slope_ahead  : in    plane_t; -- its natural slope, alpha and beta
     show_slope   : in    std_logic; -- '1': node.slope becomes the successor's
@@ -113,18 +114,6 @@ architecture rtl of common_terms is
 
   end function computed;
 
-  -- word of a result in the program that a step belongs to
-  function width_of (step, result : natural) return natural is
-  begin
-
-    if (step >= SUCCESSOR_FIRST) then
-      return SUCCESSOR_WIDTHS(result);
-    else
-      return RESULT_WIDTHS(result);
-    end if;
-
-  end function width_of;
-
   signal operands     : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
   signal clock_count  : clocks_t; -- LAST_STEP: idle
@@ -156,9 +145,16 @@ begin
   operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
   operands(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= base;
 
-  -- 128 * L1 and the powers of two that put a word where the products of its sum are
-  factors <= x"4000" & x"2000" & x"0400" & x"0080" & "000" & std_logic_vector(steps) & "0000000" & speeds
-             & coefficients;
+  factors((COEFFICIENT_COUNT + 2) * COEFFICIENT_WIDTH - 1 downto 0) <= speeds & coefficients;
+
+  -- 128 * L1 and its signed forms, and the powers of two that put a word where the products of its sum are
+  g_lengths : for i in 0 to SIGNED_LENGTHS - 1 generate
+    factors((COEFFICIENT_COUNT + i + 3) * COEFFICIENT_WIDTH - 1 downto (COEFFICIENT_COUNT + i + 2) * COEFFICIENT_WIDTH) <=
+      std_logic_vector(shift_left(resize(signed(word(lengths, i, LENGTH_WIDTH + 1)), COEFFICIENT_WIDTH), 7));
+  end generate g_lengths;
+
+  factors(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto (FACTOR_COUNT - 3) * COEFFICIENT_WIDTH) <=
+    x"4000" & x"2000" & x"0080";
 
   g_products : for i in 0 to PRODUCT_COUNT - 1 generate
     operands((SIGNAL_COUNT + i + 1) * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + i) * OPERAND_WIDTH) <=
@@ -272,14 +268,14 @@ begin
             value := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
 
             terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-              resize(value(width_of(i, PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
+              resize(value(RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
 
             -- most results cannot exceed their words and need no logic for it
             if (RESULT_SATURATES(VARIANT, PROGRAM_RESULT(VARIANT, b, i)) = 1) then
               terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-                resize(clip(value, width_of(i, PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
+                resize(clip(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
 
-              if (overflows(value, width_of(i, PROGRAM_RESULT(VARIANT, b, i))) = '1') then
+              if (overflows(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))) = '1') then
                 overflow <= '1';
               end if;
             end if;

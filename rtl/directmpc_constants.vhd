@@ -25,6 +25,7 @@ package directmpc_constants is
   constant LENGTH_WIDTH : natural := 6; -- bits, steps
   constant INDEX_WIDTH : natural := 6; -- bits, place of a candidate in the order of enumeration
   constant EFFORT_WIDTH : natural := 4; -- bits, weighted transitions of a candidate
+  constant MOST_EFFORT : natural := 9; -- weighted transitions of a candidate, at most
   constant TOTAL_EFFORT_WIDTH : natural := 5; -- bits, of two candidates in turn
   constant BASE_WIDTH : natural := 17; -- bits, errors and slopes that successors start from, signed
   constant BUDGET_WIDTH : natural := 12; -- bits, candidates of the second level, unsigned
@@ -190,22 +191,20 @@ package directmpc_constants is
   constant OPERAND_BASE_PHASE_BETA : natural := 40;
   constant OPERAND_BASE_MIDPOINT_ALPHA : natural := 41;
   constant OPERAND_BASE_MIDPOINT_BETA : natural := 42;
-  constant OPERAND_BASE_WEIGHT_ALPHA : natural := 43;
-  constant OPERAND_BASE_WEIGHT_BETA : natural := 44;
-  constant OPERAND_BASE_ERROR_NEUTRAL : natural := 45;
-  constant OPERAND_BASE_ERROR_A : natural := 46;
-  constant OPERAND_BASE_ERROR_B : natural := 47;
-  constant OPERAND_BASE_ERROR_C : natural := 48;
-  constant OPERAND_BASE_WEIGHT_START : natural := 49;
-  constant OPERAND_CHARGE_A : natural := 50;
-  constant OPERAND_CHARGE_B : natural := 51;
-  constant OPERAND_CHARGE_C : natural := 52;
-  constant OPERAND_NEUTRAL_SLOPE : natural := 53;
-  constant OPERAND_WEIGHT_SLOPE : natural := 54;
-  constant OPERAND_QUARTER_LINK : natural := 55;
-  constant OPERAND_AHEAD_A : natural := 56;
-  constant OPERAND_AHEAD_B : natural := 57;
-  constant OPERAND_AHEAD_C : natural := 58;
+  constant OPERAND_BASE_ERROR_NEUTRAL : natural := 43;
+  constant OPERAND_BASE_ERROR_A : natural := 44;
+  constant OPERAND_BASE_ERROR_B : natural := 45;
+  constant OPERAND_BASE_ERROR_C : natural := 46;
+  constant OPERAND_CHARGE_A : natural := 47;
+  constant OPERAND_CHARGE_B : natural := 48;
+  constant OPERAND_CHARGE_C : natural := 49;
+  constant OPERAND_NEUTRAL_SLOPE : natural := 50;
+  constant OPERAND_QUARTER_LINK : natural := 51;
+  constant OPERAND_AHEAD_A : natural := 52;
+  constant OPERAND_AHEAD_B : natural := 53;
+  constant OPERAND_AHEAD_C : natural := 54;
+  constant OPERAND_MIDPOINT_AHEAD_ALPHA : natural := 55;
+  constant OPERAND_MIDPOINT_AHEAD_BETA : natural := 56;
 
   constant FACTOR_ERROR_ALPHA : natural := 0;
   constant FACTOR_ERROR_BETA : natural := 1;
@@ -243,10 +242,13 @@ package directmpc_constants is
   constant FACTOR_OMEGA_S : natural := 33;
   constant FACTOR_OMEGA_R : natural := 34;
   constant FACTOR_LENGTH : natural := 35;
-  constant FACTOR_POWER_7 : natural := 36;
-  constant FACTOR_POWER_10 : natural := 37;
-  constant FACTOR_POWER_13 : natural := 38;
-  constant FACTOR_POWER_14 : natural := 39;
+  constant FACTOR_LENGTH_A : natural := 36;
+  constant FACTOR_LENGTH_B : natural := 37;
+  constant FACTOR_LENGTH_C : natural := 38;
+  constant FACTOR_LENGTH_NEUTRAL : natural := 39;
+  constant FACTOR_POWER_7 : natural := 40;
+  constant FACTOR_POWER_13 : natural := 41;
+  constant FACTOR_POWER_14 : natural := 42;
 
   constant RESULT_REFERENCE_SPEED_ALPHA : natural := 0;
   constant RESULT_REFERENCE_SPEED_BETA : natural := 1;
@@ -298,33 +300,31 @@ package directmpc_constants is
   constant BASE_BASE_PHASE_BETA : natural := 9;
   constant BASE_BASE_MIDPOINT_ALPHA : natural := 10;
   constant BASE_BASE_MIDPOINT_BETA : natural := 11;
-  constant BASE_BASE_WEIGHT_ALPHA : natural := 12;
-  constant BASE_BASE_WEIGHT_BETA : natural := 13;
-  constant BASE_BASE_ERROR_NEUTRAL : natural := 14;
-  constant BASE_BASE_ERROR_A : natural := 15;
-  constant BASE_BASE_ERROR_B : natural := 16;
-  constant BASE_BASE_ERROR_C : natural := 17;
-  constant BASE_BASE_WEIGHT_START : natural := 18;
-  constant BASE_CHARGE_A : natural := 19;
-  constant BASE_CHARGE_B : natural := 20;
-  constant BASE_CHARGE_C : natural := 21;
-  constant BASE_NEUTRAL_SLOPE : natural := 22;
-  constant BASE_WEIGHT_SLOPE : natural := 23;
-  constant BASE_QUARTER_LINK : natural := 24;
-  constant BASE_AHEAD_A : natural := 25;
-  constant BASE_AHEAD_B : natural := 26;
-  constant BASE_AHEAD_C : natural := 27;
+  constant BASE_BASE_ERROR_NEUTRAL : natural := 12;
+  constant BASE_BASE_ERROR_A : natural := 13;
+  constant BASE_BASE_ERROR_B : natural := 14;
+  constant BASE_BASE_ERROR_C : natural := 15;
+  constant BASE_CHARGE_A : natural := 16;
+  constant BASE_CHARGE_B : natural := 17;
+  constant BASE_CHARGE_C : natural := 18;
+  constant BASE_NEUTRAL_SLOPE : natural := 19;
+  constant BASE_QUARTER_LINK : natural := 20;
+  constant BASE_AHEAD_A : natural := 21;
+  constant BASE_AHEAD_B : natural := 22;
+  constant BASE_AHEAD_C : natural := 23;
+  constant BASE_MIDPOINT_AHEAD_ALPHA : natural := 24;
+  constant BASE_MIDPOINT_AHEAD_BETA : natural := 25;
 
-  constant OPERAND_COUNT : natural := 59; -- signals, products, base
-  constant BASE_COUNT : natural := 28;
+  constant OPERAND_COUNT : natural := 57; -- signals, products, base
+  constant BASE_COUNT : natural := 26;
   constant SIGNAL_COUNT : natural := 16;
   constant PRODUCT_COUNT : natural := 15;
-  constant FACTOR_COUNT : natural := 40;
+  constant FACTOR_COUNT : natural := 43;
   constant COEFFICIENT_COUNT : natural := 33;
   constant RESULT_COUNT : natural := 37;
   constant CAPACITOR_STEP : natural := 3; -- last for capacitors
   constant BLOCK_COUNT : natural := 4; -- mac_blocks
-  constant STEP_COUNT : natural := 5; -- factors of the successor alone
+  constant STEP_COUNT : natural := 8; -- factors of the successor alone
   constant PROGRAM_STEPS : natural := 26; -- clocks of the root's and successor's
   constant SUCCESSOR_FIRST : natural := 10; -- where the successor's program begins
 
@@ -337,20 +337,13 @@ package directmpc_constants is
   constant RESULT_WIDTHS : result_widths_t := (
     18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18,
     18, 18, 23, 23, 23, 23, 23, 23, 23, 23, 20, 20, 20,
-    20, 20, 16, 16, 16, 16, 18, 17, 17, 12, 12
-  );
-
-  -- the same in the successor's program
-  constant SUCCESSOR_WIDTHS : result_widths_t := (
-    18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18, 18,
-    18, 18, 23, 23, 23, 23, 23, 23, 23, 23, 20, 20, 20,
     20, 20, 15, 15, 15, 15, 18, 17, 17, 12, 12
   );
 
   -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper
   constant RESULT_SATURATES : result_flags_t := (
-    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1),
-    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0)
+    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1),
+    (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 0, 0)
   );
 
   -- clocks of issue
@@ -359,64 +352,64 @@ package directmpc_constants is
   -- operands A of each block, -1: unused
   constant PROGRAM_WORDS_A : program_t := (
     (
-      (2, 0, 11, 5, 17, 19, 31, 35, 39, 28, 41, 33, 37, 43, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (3, 1, 12, 6, 16, 18, 32, 36, 40, 29, 42, 34, 38, 44, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (9, 4, 14, 8, 18, 16, 7, 19, 20, 22, 50, 46, 51, 47, 55, 56, 57, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (10, 13, 15, 4, 19, 17, 18, 21, 23, 53, 45, 52, 48, 55, 58, 30, 54, 49, -1, -1, -1, -1, -1, -1, -1, -1)
+      (2, 0, 11, 16, 17, 19, 31, 35, 39, 28, 41, 33, 37, 55, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (3, 1, 12, 17, 16, 18, 32, 36, 40, 29, 42, 34, 38, 56, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (9, 13, 14, 8, 18, 5, 6, 19, 20, 22, 47, 44, 48, 45, 51, 52, 53, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (10, 4, 15, 19, 7, 18, 21, 23, 50, 43, 49, 46, 51, 54, 30, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     ),
     (
       (2, 0, 11, 17, 19, 20, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
       (3, 1, 12, 16, 18, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (9, 4, 14, 8, 18, 5, 7, 0, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (10, 13, 15, 4, 19, 6, 1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
+      (9, 13, 14, 8, 18, 5, 7, 0, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (10, 4, 15, 19, 6, 1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 
   -- operands B of each block, -1: unused
   constant PROGRAM_WORDS_B : program_t := (
     (
-      (34, 16, 18, 0, 14, 4, 6, 8, 10, 21, 35, 38, 29, 30, 36, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (34, 17, 19, 1, 14, 5, 7, 9, 11, 22, 35, 38, 29, 30, 36, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (33, 2, 3, 14, 34, 23, 25, 27, 35, 36, 39, 32, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (33, 3, 15, 34, 20, 24, 26, 28, 35, 36, 39, 32, 37, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
+      (34, 16, 18, 0, 33, 4, 6, 8, 10, 21, 35, 41, 29, 30, 40, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (34, 17, 19, 1, 33, 5, 7, 9, 11, 22, 35, 41, 29, 30, 40, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 3, 14, 34, 23, 25, 27, 36, 40, 37, 42, 32, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 2, 3, 15, 34, 14, 20, 24, 26, 28, 39, 40, 38, 42, 32, 31, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     ),
     (
       (34, 16, 18, 0, 4, 6, 8, 10, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
       (34, 17, 19, 1, 5, 7, 9, 11, 13, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (33, 2, 3, 14, 34, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (33, 3, 15, 34, 14, 20, 22, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
+      (33, 3, 14, 34, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (33, 2, 3, 15, 34, 14, 20, 22, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 
   -- which of WORDS_A a step takes
   constant PROGRAM_SELECT_A : program_t := (
     (
-      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 13, 9),
-      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 13, 9),
+      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 0, 13),
+      (0, 1, 1, 2, 3, 1, 0, 4, 5, 1, 4, 6, 0, 0, 0, 7, 0, 0, 8, 9, 10, 9, 11, 12, 0, 13),
       (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 0, 0, 0, 10, 11, 12, 13, 14, 15, 14, 16, 0, 0, 0, 0),
-      (0, 1, 2, 3, 4, 5, 3, 6, 7, 8, 9, 10, 0, 0, 11, 12, 0, 0, 13, 14, 9, 10, 15, 16, 16, 17)
+      (0, 1, 2, 1, 3, 4, 1, 5, 6, 7, 8, 9, 0, 0, 10, 11, 0, 0, 12, 13, 8, 9, 14, 14, 0, 0)
     ),
     (
       (0, 1, 1, 2, 1, 0, 3, 4, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
       (0, 1, 1, 2, 1, 0, 3, 4, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
       (0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 1, 2, 3, 4, 5, 3, 6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+      (0, 1, 2, 1, 3, 4, 1, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
   -- which of WORDS_B a step takes
   constant PROGRAM_SELECT_B : program_t := (
     (
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 11, 15),
-      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 11, 15),
-      (0, 1, 2, 3, 4, 0, 3, 5, 6, 7, 0, 0, 0, 0, 8, 9, 8, 9, 10, 11, 10, 11, 0, 0, 0, 0),
-      (0, 1, 1, 2, 3, 0, 4, 5, 6, 7, 8, 9, 0, 0, 8, 9, 0, 0, 10, 11, 8, 9, 11, 8, 8, 12)
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 0, 15),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 10, 0, 0, 0, 10, 0, 0, 11, 12, 11, 13, 10, 14, 0, 15),
+      (0, 1, 1, 2, 3, 2, 2, 4, 5, 6, 0, 0, 0, 0, 7, 8, 9, 8, 10, 11, 10, 11, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 12, 11, 0, 0, 13, 14, 10, 11, 14, 15, 0, 0)
     ),
     (
       (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
       (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 1, 2, 3, 4, 3, 3, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 1, 1, 2, 3, 4, 5, 6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+      (0, 1, 1, 2, 3, 2, 2, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+      (0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     )
   );
 
@@ -426,7 +419,7 @@ package directmpc_constants is
       (0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0),
       (0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0),
       (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1)
+      (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0)
     ),
     (
       (0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
@@ -439,10 +432,10 @@ package directmpc_constants is
   -- accumulator bit that is the result's LSB
   constant PROGRAM_SHIFT : program_t := (
     (
-      (13, 16, 16, 10, 13, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 13, 13),
-      (13, 16, 16, 10, 13, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 13, 13),
-      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16, 16, 16, 16, 16, 10, 10, 10, 10, 13, 13, 13, 13, 16, 16, 16, 16),
-      (13, 10, 10, 13, 16, 16, 13, 16, 16, 16, 7, 7, 16, 16, 10, 10, 16, 16, 13, 13, 10, 10, 13, 13, 13, 13)
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 16, 13),
+      (13, 16, 16, 10, 16, 16, 16, 16, 16, 13, 16, 7, 16, 16, 16, 10, 16, 16, 16, 16, 16, 16, 10, 10, 16, 13),
+      (13, 10, 10, 13, 16, 13, 13, 16, 16, 16, 16, 16, 16, 16, 10, 10, 10, 10, 13, 13, 13, 13, 16, 16, 16, 16),
+      (13, 10, 10, 13, 16, 13, 13, 16, 16, 16, 7, 7, 16, 16, 10, 10, 16, 16, 13, 13, 10, 10, 13, 13, 16, 16)
     ),
     (
       (13, 16, 16, 10, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16),
@@ -455,10 +448,10 @@ package directmpc_constants is
   -- 1: add to the sum so far
   constant PROGRAM_ACCUMULATE : program_t := (
     (
-      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1),
-      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1),
+      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 0),
+      (0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 0),
       (0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0),
-      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0, 0, 1, 1)
+      (0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0)
     ),
     (
       (0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
@@ -471,16 +464,16 @@ package directmpc_constants is
   -- result complete with this step, or -1
   constant PROGRAM_RESULT : program_t := (
     (
-      (2, 28, 30, 15, 25, -1, -1, -1, 21, 33, 8, 10, -1, -1, -1, 12, -1, -1, -1, 28, -1, 30, -1, 15, -1, 33),
-      (3, 29, 31, 16, 26, -1, -1, -1, 22, 34, 9, 11, -1, -1, -1, 13, -1, -1, -1, 29, -1, 31, -1, 16, -1, 34),
-      (0, 17, 19, 23, 4, 6, 27, -1, -1, 35, -1, -1, -1, -1, -1, 18, -1, 19, -1, 25, -1, 26, -1, -1, -1, -1),
-      (1, 18, 20, 24, 5, 7, 32, -1, -1, 36, -1, 14, -1, -1, -1, 20, -1, -1, -1, 27, -1, 17, 24, -1, -1, 32)
+      (2, 28, 30, 15, 6, -1, -1, -1, 21, 33, 8, 10, -1, -1, -1, 12, -1, -1, -1, 28, -1, 30, -1, 15, -1, 33),
+      (3, 29, 31, 16, 7, -1, -1, -1, 22, 34, 9, 11, -1, -1, -1, 13, -1, -1, -1, 29, -1, 31, -1, 16, -1, 34),
+      (0, 18, 19, 23, 4, 25, 26, -1, -1, 35, -1, -1, -1, -1, -1, 18, -1, 19, -1, 25, -1, 26, -1, -1, -1, -1),
+      (1, 17, 20, 24, 5, 27, 32, -1, -1, 36, -1, 14, -1, -1, -1, 20, -1, -1, -1, 27, -1, 17, 24, 32, -1, -1)
     ),
     (
       (2, 28, 30, 15, -1, -1, -1, -1, 21, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
       (3, 29, 31, 16, -1, -1, -1, -1, 22, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (0, 17, 19, 23, 4, 25, 27, 33, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
-      (1, 18, 20, 24, 5, 26, 32, 34, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
+      (0, 18, 19, 23, 4, 25, 27, 33, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1),
+      (1, 17, 20, 24, 5, 26, 32, 34, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)
     )
   );
 

@@ -16,7 +16,7 @@
 -- one searched is the opposite of c, the sum of a and b, a stage behind them; and the largest of the
 -- three errors at k+1 is the sum where a and b have one sign, else the one of them whose sign it has.
 --   stage 13-16  J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
---   then         best so far; the best deadlock cost is kept apart, after stage 8
+--   then         best so far; as long as nothing is feasible, the least excess of stage 8
 --
 -- First exit: the parabola may leave the band and come back. If the slope exceeds its threshold
 -- it leaves before it turns, and steps beyond the turn do not count; otherwise it can leave on the
@@ -304,8 +304,6 @@ architecture rtl of explorer_fast is
   -- the best of all candidates so far
   signal any         : std_logic;
   signal best        : result_t;
-  signal dead_excess : trajectory_t;
-  signal dead_index  : unsigned(INDEX_WIDTH - 1 downto 0);
   signal idle        : std_logic;
   signal settled     : std_logic;
   signal reported    : std_logic;
@@ -823,11 +821,11 @@ begin
 
     flagged  := clipped(STAGE_COUNT) or reached.saturated;
     key_now  <= cost_16 & (INDEX_WIDTH downto 0 => '0');
-    key_best <= best.cost & (INDEX_WIDTH downto 0 => '0');
+    key_best <= best.rank & (INDEX_WIDTH downto 0 => '0');
 
     if (reached.second = '1') then
       key_now  <= cost_16 & reached.index & flagged;
-      key_best <= best.cost & best.index & best.saturated;
+      key_best <= best.rank & best.index & best.saturated;
     end if;
 
   end process p_key;
@@ -836,28 +834,30 @@ begin
   begin
 
     if rising_edge(clk) then
+      -- of use where nothing is feasible
+      if (valid(SEARCH + 3) = '1') then
+        any <= '1';
+
+        if (best.feasible = '0' and (any = '0' or ranked(excess_8) < best.rank)) then
+          best.saturated <= '0';
+          best.index     <= unsigned(index_dead);
+          best.length    <= (others => '0');
+          best.rank      <= ranked(excess_8);
+        end if;
+      end if;
+
       if (valid(STAGE_COUNT) = '1' and feasible(STAGE_COUNT) = '1'
           and (best.feasible = '0' or key_now < key_best)) then
         best.feasible  <= '1';
         best.saturated <= clipped(STAGE_COUNT);
         best.index     <= unsigned(index_last);
         best.length    <= length(STAGE_COUNT);
-        best.cost      <= cost_16;
+        best.rank      <= cost_16;
 
         if (reached.second = '1') then
           best.saturated <= clipped(STAGE_COUNT) or reached.saturated;
           best.index     <= reached.index;
           best.length    <= reached.length;
-        end if;
-      end if;
-
-      if (valid(SEARCH + 3) = '1') then
-        any <= '1';
-
-        -- of use where nothing is feasible
-        if (any = '0' or excess_8 < dead_excess) then
-          dead_excess <= excess_8;
-          dead_index  <= unsigned(index_dead);
         end if;
       end if;
 
@@ -874,13 +874,13 @@ begin
 
     evaluated.slope_valid <= valid(3);
     evaluated.slope_index <= unsigned(index_3);
-    evaluated.clipped     <= '0';
+    evaluated.unfit       <= '0';
 
     for x in 0 to 1 loop
-      evaluated.slope(x) <= clip(slope_3(x), BASE_WIDTH);
+      evaluated.slope(x) <= slope_3(x)(BASE_WIDTH - 1 downto 0);
 
       if (overflows(slope_3(x), BASE_WIDTH) = '1') then
-        evaluated.clipped <= '1';
+        evaluated.unfit <= '1';
       end if;
     end loop;
 
@@ -913,18 +913,6 @@ begin
   result_valid <= reported;
   busy         <= any or not settled;
 
-  p_result : process (best, dead_excess, dead_index) is
-  begin
-
-    result        <= best;
-    result.excess <= dead_excess;
-
-    if (best.feasible = '0') then
-      result.index     <= dead_index;
-      result.length    <= (others => '0');
-      result.saturated <= '0';
-    end if;
-
-  end process p_result;
+  result       <= best;
 
 end architecture rtl;

@@ -78,11 +78,10 @@ architecture rtl of explorer_paper is
     saturated : std_logic;
     length    : length_t;
     slope     : weight_t;
-    excess    : trajectory_t;
     weight    : weight_t;
     inverse   : unsigned(RECIPROCAL_FRACTION downto 0);
     rate      : unsigned(RECIPROCAL_FRACTION + EFFORT_WIDTH downto 0);
-    cost      : cost_t;
+    rank      : cost_t;
   end record cost_state_t;
 
   type outputs_t is array (1 to STAGE_COUNT) of natural range 0 to OUTPUTS - 1;
@@ -557,7 +556,7 @@ begin
 
       when 8 =>
 
-        v.cost := resize(back.rate, COST_WIDTH) + square;
+        v.rank := resize(back.rate, COST_WIDTH) + square;
 
       when others =>
 
@@ -571,7 +570,7 @@ begin
       v.saturated := '0';
       v.length    := unsigned(shortest);
       v.slope     := weight_slope_1;
-      v.excess    := front.excess;
+      v.rank      := ranked(front.excess);
 
       if (front.dead = '1') then
         v.length := (others => '0');
@@ -607,8 +606,7 @@ begin
   result.saturated <= back.saturated;
   result.index     <= back.candidate.index;
   result.length    <= back.length;
-  result.cost      <= back.cost;
-  result.excess    <= back.excess;
+  result.rank      <= back.rank;
 
   busy <= front.busy or to_std_logic(back.count /= 0);
 

@@ -6,11 +6,11 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.coefficients computes
 -- them from a drive file, in units of that drive.
--- Latency: fast 21 clocks when held, at most 110, 83, 74 with one to three explorers and 71 with
+-- Latency: fast 21 clocks when held, at most 112, 82, 73 with one to three explorers and 70 with
 -- more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a
 -- time, the next start may come one clock after valid.
--- With two_switchings (SESE, fast variant) a search takes at most 3470, 1929, 1756 with one to three
--- explorers and 1192 with more; compensate adds 30 clocks to a hold and 33 to a search.
+-- With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
+-- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Weighed, not built (figures estimated): registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.

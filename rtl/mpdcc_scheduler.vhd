@@ -7,10 +7,10 @@
 --
 -- Formats: see mpdcc_types.
 -- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
--- search at most 110, 83, 74, 71 with one, two, three, more explorers, whatever they find; with the
+-- search at most 112, 82, 73, 70 with one, two, three, more explorers, whatever they find; with the
 -- paper's 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a time.
--- With two_switchings (SESE, fast variant) a search takes at most 3470, 1929, 1756 with one to three
--- explorers and 1192 with more; compensate adds 30 clocks to a hold and 33 to a search.
+-- With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
+-- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
 -- Weighed, not built (figures estimated): starting the enumeration before the probe is answered saves 12 clocks of a
@@ -78,8 +78,6 @@ architecture rtl of mpdcc_scheduler is
     started   : std_logic; -- first clock of the search is over
     any       : std_logic; -- best holds a result
     best      : result_t;
-    flat      : result_t;  -- the first level's decision, for want of a leaf
-    second    : std_logic; -- leaves have been looked for
     predicted : std_logic; -- the node is that of k+1
     cut       : std_logic; -- the budget has run out
     left      : unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates of the second level
@@ -96,8 +94,6 @@ architecture rtl of mpdcc_scheduler is
     started  => '0',
     any      => '0',
     best     => RESULT_INIT,
-    flat      => RESULT_INIT,
-    second    => '0',
     predicted => '0',
     cut       => '0',
     left      => (others => '0'),
@@ -151,15 +147,13 @@ architecture rtl of mpdcc_scheduler is
 
   end function decided;
 
-  -- a single fast explorer reports once, so its result is the decision
-  constant SINGLE : boolean := EXPLORERS = 1 and not FOLDED;
-
   -- whether successors of a node are searched at all
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
   -- clocks from the begin of a successor's program: its capacitor terms are complete two clocks
-  -- later, its errors are, the first leaf may be loaded, the next program may begin one clock later
+  -- later, the queue may show the next entry, the errors are complete, the first leaf may be loaded, the next program may begin one clock later
   constant CAPACITORS_AT : natural := 12;
+  constant TAKEN_AT      : natural := 13;
   constant TURN_AT       : natural := 18;
   constant RIPE_AT       : natural := 24;
   constant COOL_AT       : natural := 15;
@@ -242,7 +236,9 @@ architecture rtl of mpdcc_scheduler is
   signal error_ahead     : trajectories_t;
   signal words           : words_t;
   signal base            : base_words_t;
-  signal base_clipped    : std_logic;
+  signal lengths         : signed_lengths_t;
+  signal base_unfit      : std_logic;
+  signal unfit           : std_logic; -- '1': the state of k+1 does not fit its words and is not predicted
   signal slope_ahead     : plane_t;
   signal keep            : std_logic;
   signal settle          : std_logic; -- the node of k+1 is complete
@@ -251,25 +247,27 @@ architecture rtl of mpdcc_scheduler is
   signal slope_now       : std_logic;
   signal error_now       : std_logic;
   signal follow          : std_logic;
+  signal two_levels      : std_logic; -- '1': SESE
+  signal whole_arrives   : std_logic; -- '1': a leaf of the root is evaluated
   signal capacitors_go   : std_logic;
   signal turn_go         : std_logic;
   signal turn_now        : std_logic;
   signal visit_bank      : std_logic;
   signal since           : std_logic_vector(1 to RIPE_AT); -- clocks since the begin
-  signal visit           : visit_t;                        -- begun last
-  signal visit_slope     : start_slopes_t;
+  signal visit_position  : positions_t;                    -- of the node begun last
+  signal visit_table     : std_logic;                      -- and its table of the capacitors
+  signal visit_steps     : length_t;                       -- and its L1
   signal waiting         : visit_t;                        -- handed out next
   signal lead            : length_t;                       -- of the node handed out last
   signal place           : unsigned(INDEX_WIDTH - 1 downto 0);
   signal flagged         : std_logic;
-  signal start_clipped   : std_logic;
+  signal start_unfit     : std_logic;
   signal advanced_late   : std_logic;
-  signal clipped_late    : std_logic;
   signal predicted_flag  : std_logic;
   signal decision_flag   : std_logic;
   signal queue_clear     : std_logic;
   signal queue_open      : std_logic;
-  signal queue_whole     : result_t;
+  signal queue_whole     : std_logic;
   signal queue_valid     : std_logic;
   signal queue_entry     : entry_t;
   signal queue_taken     : std_logic;
@@ -369,7 +367,7 @@ begin
       node         => terms_node,
       saturated    => terms_saturated,
       advance      => advance,
-      steps        => visit.length,
+      lengths      => lengths,
       base         => base,
       slope_ahead  => slope_ahead,
       show_slope   => slope_now,
@@ -393,7 +391,7 @@ begin
     turn_now       <= '1';
     capacitors_go  <= terms_charged;
     turn_go        <= terms_done;
-    queue_whole    <= RESULT_INIT;
+    queue_whole    <= '0';
     queue_valid    <= '0';
     queue_entry    <= ENTRY_INIT;
     queue_empty    <= '1';
@@ -402,8 +400,9 @@ begin
     leaves_active  <= '0';
     settle         <= '0';
     predicted_flag <= '0';
+    unfit          <= '0';
     since          <= (others => '0');
-    visit.length   <= (others => '0');
+    lengths        <= (others => '0');
     visit_bank     <= '0';
   end generate g_one_level;
 
@@ -460,23 +459,29 @@ begin
     follow        <= to_std_logic(r.phase /= LEAVES);
     settle        <= advanced and to_std_logic(r.phase = PREDICT);
     keep          <= terms_done or settle;
+    unfit         <= base_unfit or start_unfit;
     slope_now     <= show_slope or settle;
     error_now     <= show_error or settle;
     turn_now      <= show_error or follow;
     capacitors_go <= terms_charged or settle or (since(CAPACITORS_AT) and not follow);
     turn_go       <= terms_done or settle or (since(TURN_AT) and not follow);
-    visit_bank    <= visit.bank and not follow;
+    visit_bank    <= visit_table and not follow;
+    visit_steps   <= queue_entry.length when follow = '0' else
+                     to_unsigned(1, LENGTH_WIDTH);
+    queue_taken   <= since(TAKEN_AT) and not follow;
 
     i_base : entity work.node_base
       port map (
         clk         => clk,
         keep        => keep,
         words       => words,
-        position    => visit.position,
-        slope       => visit_slope,
+        position    => visit_position,
+        steps       => visit_steps,
+        slope       => queue_entry.slope,
         base        => base,
+        lengths     => lengths,
         slope_ahead => slope_ahead,
-        clipped     => base_clipped
+        unfit       => base_unfit
       );
 
     i_queue : entity work.node_queue
@@ -502,21 +507,20 @@ begin
         since <= advance & since(1 to RIPE_AT - 1);
 
         if (advance = '1') then
-          visit_slope    <= queue_entry.slope;
-          visit.index    <= queue_entry.index;
-          visit.position <= queue_entry.position;
-          visit.effort   <= queue_entry.effort;
-          visit.length   <= queue_entry.length;
-          visit.bank     <= r.bank;
+          visit_position <= queue_entry.position;
+          visit_table    <= r.bank;
 
           if (follow = '1') then
-            visit.position <= s_before;
-            visit.length   <= to_unsigned(1, LENGTH_WIDTH);
+            visit_position <= s_before;
           end if;
         end if;
 
         if (since(CAPACITORS_AT) = '1') then
-          waiting <= visit;
+          waiting.index    <= queue_entry.index;
+          waiting.position <= visit_position;
+          waiting.effort   <= queue_entry.effort;
+          waiting.length   <= queue_entry.length;
+          waiting.bank     <= visit_table;
         end if;
 
         if (load = '1') then
@@ -525,16 +529,14 @@ begin
           flagged <= overflowed;
         end if;
 
-        -- whether the state of k+1 fits its words
         if (evaluated.slope_valid = '1' and r.phase = AWAIT and r.predicted = '0') then
-          start_clipped <= evaluated.clipped;
+          start_unfit <= evaluated.unfit;
         end if;
 
         advanced_late <= settle;
-        clipped_late  <= base_clipped or start_clipped;
 
         if (advanced_late = '1') then
-          predicted_flag <= overflowed or clipped_late;
+          predicted_flag <= overflowed;
         end if;
 
         if (r.phase = IDLE) then
@@ -576,6 +578,7 @@ begin
         follow     => follow,
         launch     => launch,
         node       => terms_node,
+        words      => words,
         lead       => lead,
         index      => place,
         saturated  => flagged,
@@ -587,7 +590,9 @@ begin
 
   end generate g_two_levels;
 
-  decision_flag <= terms_saturated or predicted_flag;
+  decision_flag <= terms_saturated or predicted_flag or (compensate and unfit and not r.predicted);
+  two_levels    <= two_switchings and to_std_logic(ADVANCES);
+  whole_arrives <= queue_whole and two_levels;
 
   ---------------------------------------------------------------------------------------------
   -- Enumeration
@@ -637,16 +642,26 @@ begin
   taken <= to_std_logic(take /= (take'range => '0'));
 
   -- a register between the explorers' results and the comparison: the fast variant's clock needs it
-  g_registered : if not FOLDED and not SINGLE generate
+  g_registered : if not FOLDED generate
 
     p_arrived : process (clk) is
     begin
 
       if rising_edge(clk) then
         arrived <= taken;
+        arrival <= incoming;
 
-        if (taken = '1') then
-          arrival <= incoming;
+        -- leaves of the root come one by one, before its result; of the others' none may be feasible
+        if (two_levels = '1') then
+          arrived <= whole_arrives or (taken and incoming.feasible and to_std_logic(r.phase = LEAVES));
+        end if;
+
+        if (whole_arrives = '1') then
+          arrival.feasible  <= '1';
+          arrival.saturated <= evaluated.saturated;
+          arrival.index     <= evaluated.index;
+          arrival.length    <= evaluated.length;
+          arrival.rank      <= evaluated.cost;
         end if;
 
         if (rst = '1') then
@@ -660,7 +675,7 @@ begin
 
   end generate g_registered;
 
-  g_direct : if FOLDED or SINGLE generate
+  g_direct : if FOLDED generate
     arrived <= '0';
     arrival <= incoming;
     compare <= taken;
@@ -673,17 +688,19 @@ begin
   over <= to_std_logic(r.pending = 0) and not leaves_active and (r.cut or queue_empty);
 
   p_next : process (r, start, ask, lines_held, lines_ready, decision_flag, candidate_ready, probe_done, probe_held,
-                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrived, arrival, compare, incoming,
-                    explorer_busy, two_switchings, compensate, budget, settle, since, queue_whole, queue_valid,
+                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrival, compare, incoming,
+                    explorer_busy, two_levels, compensate, unfit, budget, settle, since, queue_valid,
                     queue_entry, leaves_ready, leaves_ending, over) is
 
     variable v     : state_t;
     variable wants : unsigned(BUDGET_WIDTH - 1 downto 0);
+    variable rest  : unsigned(BUDGET_WIDTH downto 0);
 
   begin
 
     v               := r;
     v.valid         := '0';
+    rest            := (others => '0');
     v.started       := to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
     terms_start     <= '0';
     enumerate_start <= '0';
@@ -692,12 +709,9 @@ begin
     candidate       <= enumerated;
     advance         <= '0';
     queue_clear     <= '0';
-    queue_taken     <= '0';
     load            <= '0';
 
-    -- the first level's result is compared with nothing
-    if ((not SINGLE or (ADVANCES and r.phase = LEAVES)) and compare = '1' and (r.phase /= LEAVES or r.started = '1')
-        and (r.any = '0' or better(arrival, r.best) = '1')) then
+    if (compare = '1' and (r.any = '0' or better(arrival, r.best) = '1')) then
       v.best := arrival;
       v.any  := '1';
     end if;
@@ -708,7 +722,6 @@ begin
 
         v.any           := '0';
         v.best.feasible := '0';
-        v.second        := '0';
         v.predicted     := '0';
         v.cut           := '0';
         v.cool          := '1';
@@ -730,7 +743,7 @@ begin
       when AWAIT =>
 
         if (probe_done = '1') then
-          if (ADVANCES and compensate = '1' and r.predicted = '0') then
+          if (ADVANCES and compensate = '1' and unfit = '0' and r.predicted = '0') then
             advance     <= '1';
             v.predicted := '1';
             v.phase     := PREDICT;
@@ -763,36 +776,31 @@ begin
           enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
 
           -- one explorer alone, so that the queue takes one candidate a clock
-          if (ADVANCES and two_switchings = '1') then
+          if (two_levels = '1') then
             candidate_valid    <= (others => '0');
             candidate_valid(0) <= candidate_ready(0);
             enumerate_ready    <= candidate_ready(0);
           end if;
         end if;
 
-        if (ADVANCES and two_switchings = '1') then
+        if (two_levels = '1') then
           if (taken = '1' and incoming.feasible = '1') then
             v.phase   := LEAVES;
             v.started := '0';
-            v.second := '1';
-            v.flat   := incoming;
-            v.any    := queue_whole.feasible;
-            v.best   := queue_whole;
-            v.left   := budget;
+            v.left    := budget;
+
+            -- the first level's decision, for want of a leaf
+            if (r.any = '0') then
+              v.best := incoming;
+            end if;
           elsif (taken = '1') then
             v.phase    := IDLE;
             v.valid    := '1';
             v.decision := decided(incoming, s_before, decision_flag);
           end if;
-        elsif (SINGLE) then
-          if (taken = '1') then
-            v.phase    := IDLE;
-            v.valid    := '1';
-            v.decision := decided(incoming, s_before, decision_flag);
-          end if;
-        elsif (r.started = '1' and enumerate_done = '1' and taken = '0' and arrived = '0'
+        elsif (r.started = '1' and enumerate_done = '1' and taken = '0'
                and explorer_busy = (explorer_busy'range => '0')) then
-          -- the enumerator still shows the last search's end in the first clock
+          -- the enumerator still shows the last search's end in the first clock; what arrived is compared now
           v.phase := FINISH;
         end if;
 
@@ -818,20 +826,20 @@ begin
         -- begin with the next while its predecessor's words are still needed for eight clocks at most
         if (queue_valid = '1' and r.cut = '0' and r.cool = '1'
             and (r.pending = 0 or (r.pending = 1 and leaves_ending = '1'))) then
-          if (budget /= 0 and wants > r.left) then
+          rest := ('0' & r.left) - wants;
+
+          if (budget /= 0 and rest(BUDGET_WIDTH) = '1') then
             v.cut := '1';
           else
             advance     <= '1';
-            queue_taken <= '1';
-            v.left      := r.left - wants;
+            v.left      := rest(BUDGET_WIDTH - 1 downto 0);
             v.pending   := v.pending + 1;
             v.cool      := '0';
             v.bank      := not r.bank;
           end if;
         end if;
 
-        if (r.started = '1' and over = '1' and taken = '0' and arrived = '0'
-            and explorer_busy = (explorer_busy'range => '0')) then
+        if (r.started = '1' and over = '1' and taken = '0' and explorer_busy = (explorer_busy'range => '0')) then
           v.phase := FINISH;
         end if;
 
@@ -840,12 +848,7 @@ begin
         v.phase := IDLE;
         v.valid := '1';
 
-        if (r.second = '1' and r.best.feasible = '0') then
-          v.decision := decided(r.flat, s_before, decision_flag);
-        else
-          v.decision := decided(r.best, s_before, decision_flag);
-        end if;
-
+        v.decision           := decided(r.best, s_before, decision_flag);
         v.decision.exhausted := r.cut;
 
     end case;
@@ -882,7 +885,7 @@ begin
   last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerate_done)
                 or (to_std_logic(r.phase = LEAVES) and r.started and over);
   best_valid <= r.best.feasible;
-  best_cost  <= r.best.cost;
+  best_cost  <= r.best.rank;
   valid      <= r.valid;
   decision   <= r.decision;
   busy       <= to_std_logic(r.phase /= IDLE);

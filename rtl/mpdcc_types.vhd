@@ -146,12 +146,11 @@ package mpdcc_types is
   end record candidate_t;
 
   type result_t is record
-    feasible  : std_logic;                          -- '1': length > 0, cost valid; '0': excess valid
+    feasible  : std_logic;                          -- '1': length > 0; '0': none stays inside
     saturated : std_logic;                          -- '1': the weight on v_n saturated
     index     : unsigned(INDEX_WIDTH - 1 downto 0); -- as in candidate_t; its order is the contract's
     length    : length_t;                           -- L*, steps
-    cost      : cost_t;                             -- J, RECIPROCAL_FRACTION fractional bits
-    excess    : trajectory_t;                       -- J_dl, trajectory units
+    rank      : cost_t;                             -- J, RECIPROCAL_FRACTION fractional bits; or ranked J_dl
   end record result_t;
 
   type results_t is array (natural range <>) of result_t;
@@ -199,8 +198,8 @@ package mpdcc_types is
   type evaluated_t is record
     slope_valid : std_logic;                              -- '1': slope is new
     slope_index : unsigned(INDEX_WIDTH - 1 downto 0);     -- place of the candidate that it belongs to
-    slope       : start_slopes_t;                         -- of the current errors, clipped
-    clipped     : std_logic;                              -- '1': one of them had to be
+    slope       : start_slopes_t;                         -- of the current errors
+    unfit       : std_logic;                              -- '1': one of them does not fit
     valid       : std_logic;                              -- '1': a candidate with length > 0
     index       : unsigned(INDEX_WIDTH - 1 downto 0);     -- its place
     effort      : unsigned(EFFORT_WIDTH - 1 downto 0);    -- f_s
@@ -213,7 +212,7 @@ package mpdcc_types is
     slope_valid => '0',
     slope_index => (others => '0'),
     slope       => (others => (others => '0')),
-    clipped     => '0',
+    unfit       => '0',
     valid       => '0',
     index       => (others => '0'),
     effort      => (others => '0'),
@@ -246,6 +245,12 @@ package mpdcc_types is
 
   subtype words_t is std_logic_vector(RESULT_COUNT * TERM_WIDTH - 1 downto 0);
 
+  -- L1, then with the signs of the slopes of v_ph_a, v_ph_b, v_ph_c and v_n, or 0
+
+  constant SIGNED_LENGTHS : natural := 5;
+
+  subtype signed_lengths_t is std_logic_vector(SIGNED_LENGTHS * (LENGTH_WIDTH + 1) - 1 downto 0);
+
   subtype base_words_t is std_logic_vector(BASE_COUNT * OPERAND_WIDTH - 1 downto 0);
 
   subtype term_t is signed(TERM_WIDTH - 1 downto 0);
@@ -257,8 +262,7 @@ package mpdcc_types is
     saturated => '0',
     index     => (others => '0'),
     length    => (others => '0'),
-    cost      => (others => '0'),
-    excess    => (others => '0')
+    rank      => (others => '0')
   );
 
   -- inverse Clarke transformation; beta already carries sqrt(3)/2; one bit wider than alpha
@@ -283,6 +287,9 @@ package mpdcc_types is
   -- which phases are connected to the neutral point, phase a in bit 0
   function neutral_pattern (position : positions_t) return std_logic_vector;
 
+  -- the phase alone in a pattern or alone not in it; all or none: any or none
+  function single_of (pattern : std_logic_vector(2 downto 0)) return std_logic_vector;
+
   -- sum of the shares of the phases in a pattern; shares add up to zero, so that two of them are the
   -- complement of the third and all three nothing
   function share_of (shares : current_terms_t; pattern : std_logic_vector(2 downto 0)) return current_term_t;
@@ -298,6 +305,9 @@ package mpdcc_types is
     negative : std_logic;
     choice   : unsigned(1 downto 0)
   ) return unsigned;
+
+  -- J_dl in trajectory units as an unsigned number of the same order
+  function ranked (excess : trajectory_t) return cost_t;
 
   -- '1' where a is better than b: feasible first, then cost or excess, then place, then not saturated
   function better (a, b : result_t) return std_logic;
@@ -450,6 +460,19 @@ package body mpdcc_types is
 
   end function neutral_pattern;
 
+  function single_of (pattern : std_logic_vector(2 downto 0)) return std_logic_vector is
+
+    variable result : std_logic_vector(2 downto 0);
+
+  begin
+
+    result(0) := to_std_logic(pattern = "001" or pattern = "110");
+    result(1) := to_std_logic(pattern = "010" or pattern = "101");
+    result(2) := to_std_logic(pattern = "100" or pattern = "011");
+    return result;
+
+  end function single_of;
+
   function picked (a, b, c : signed; pattern : std_logic_vector(2 downto 0)) return signed is
 
     variable chosen : signed(a'length - 1 downto 0);
@@ -523,31 +546,24 @@ package body mpdcc_types is
 
   end function transition_weight;
 
-  function better (a, b : result_t) return std_logic is
+  function ranked (excess : trajectory_t) return cost_t is
 
-    variable key_a : unsigned(COST_WIDTH downto 0);
-    variable key_b : unsigned(COST_WIDTH downto 0);
+    variable result : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
 
   begin
 
-    if (a.feasible = '1' and b.feasible = '0') then
-      return '1';
-    elsif (a.feasible = '0' and b.feasible = '1') then
-      return '0';
-    end if;
+    -- signed order becomes unsigned order with the sign bit inverted
+    result                       := unsigned(excess);
+    result(TRAJECTORY_WIDTH - 1) := not result(TRAJECTORY_WIDTH - 1);
+    return resize(result, COST_WIDTH);
 
-    if (a.feasible = '1') then
-      key_a := '0' & a.cost;
-      key_b := '0' & b.cost;
-    else
-      -- signed order becomes unsigned order with the sign bit inverted
-      key_a                       := unsigned(resize(a.excess, COST_WIDTH + 1));
-      key_b                       := unsigned(resize(b.excess, COST_WIDTH + 1));
-      key_a(COST_WIDTH) := not key_a(COST_WIDTH);
-      key_b(COST_WIDTH) := not key_b(COST_WIDTH);
-    end if;
+  end function ranked;
 
-    return to_std_logic((key_a & a.index & a.saturated) < (key_b & b.index & b.saturated));
+  function better (a, b : result_t) return std_logic is
+  begin
+
+    return to_std_logic(unsigned'(not a.feasible & a.rank & a.index & a.saturated)
+                        < unsigned'(not b.feasible & b.rank & b.index & b.saturated));
 
   end function better;
 

@@ -1,7 +1,7 @@
 -- Nodes of the second level, waiting: candidates of the root that stay inside their bounds for a while.
 --
 -- Takes the root's candidates as an explorer evaluates them. One whose length is the whole horizon is
--- a leaf and competes at once (whole); the others wait in one list for each effort f_s. The entry
+-- a leaf itself (whole); the others wait in one list for each effort f_s. The entry
 -- shown is the latest of the smallest effort: few switchings on the way are most likely part of
 -- the cheapest leaf, so that a budget loses little.
 --
@@ -35,7 +35,7 @@ entity node_queue is
     evaluated : in    evaluated_t; -- by the explorer
     horizon   : in    length_t;    -- N
     previous  : in    positions_t; -- s(k-1), stable
-    whole     : out   result_t;    -- the best candidate with the whole horizon, feasible = '1' if there is one
+    whole     : out   std_logic;   -- '1': what is evaluated has the whole horizon
     valid     : out   std_logic;   -- '1': entry is the next
     entry     : out   entry_t;     -- stable while valid; slope also those of place 0 before any is put in
     taken     : in    std_logic;   -- '1' for one clock: entry is taken, with valid
@@ -45,7 +45,7 @@ end entity node_queue;
 
 architecture rtl of node_queue is
 
-  constant EFFORTS : natural := 2 ** EFFORT_WIDTH;
+  constant EFFORTS : natural := MOST_EFFORT + 1;
   constant PLACES  : natural := 2 ** INDEX_WIDTH;
 
   subtype place_t is unsigned(INDEX_WIDTH - 1 downto 0);
@@ -73,13 +73,13 @@ architecture rtl of node_queue is
   signal link       : link_t;
   signal slope_word : slopes_word_t;
   signal effort     : unsigned(EFFORT_WIDTH - 1 downto 0);
-  signal best       : result_t;
   signal list       : natural range 0 to EFFORTS - 1; -- whose head is read
   signal head       : place_t;
+  signal whole_now  : std_logic;
 
 begin
 
-  list <= to_integer(evaluated.effort) when open_root = '1' else
+  list <= to_integer(evaluated.effort) when open_root = '1' and evaluated.valid = '1' else
           to_integer(lowest);
   head <= heads(list);
 
@@ -116,15 +116,7 @@ begin
       end if;
 
       if (open_root = '1' and evaluated.valid = '1') then
-        if (evaluated.length = horizon) then
-          if (best.feasible = '0' or evaluated.cost < best.cost) then
-            best.feasible  <= '1';
-            best.saturated <= evaluated.saturated;
-            best.index     <= evaluated.index;
-            best.length    <= evaluated.length;
-            best.cost      <= evaluated.cost;
-          end if;
-        else
+        if (whole_now = '0') then
           links(to_integer(evaluated.index)) <= std_logic_vector(evaluated.length) & used(list)
                                                 & std_logic_vector(head);
           used(list) <= '1';
@@ -172,17 +164,16 @@ begin
       end if;
 
       if (rst = '1' or clear = '1') then
-        used          <= (others => '0');
-        stage         <= CHOOSE;
-        best.feasible <= '0';
+        used  <= (others => '0');
+        stage <= CHOOSE;
       end if;
     end if;
 
   end process p_lists;
 
-  best.excess <= (others => '0');
+  whole_now <= to_std_logic(evaluated.length = horizon);
 
-  whole <= best;
+  whole <= open_root and evaluated.valid and whole_now;
   valid <= to_std_logic(stage = SHOW);
   empty <= to_std_logic(used = (used'range => '0'));
 

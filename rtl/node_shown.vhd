@@ -19,6 +19,7 @@ library ieee;
 
 library work;
   use work.directmpc_constants.all;
+  use work.directmpc_math.all;
   use work.mpdcc_types.all;
 
 entity node_shown is
@@ -28,6 +29,7 @@ entity node_shown is
     follow     : in    std_logic;                          -- '1': the root, no leaves are under way
     launch     : in    std_logic;                          -- '1' for one clock: with the first leaf of a node
     node       : in    node_t;                             -- of common_terms
+    words      : in    words_t;                            -- of common_terms, RESULT_* order
     lead       : in    length_t;                           -- L1, valid from launch to 13 clocks later
     index      : in    unsigned(INDEX_WIDTH - 1 downto 0); -- place of s1, likewise
     saturated  : in    std_logic;                          -- '1': a value of the node saturated, likewise
@@ -48,12 +50,16 @@ architecture rtl of node_shown is
   constant START_READ  : natural := 13;
   constant BEST_READ   : natural := 16;
 
+  subtype component_t is signed(WEIGHT_SLOPE_WIDTH - 1 downto 0);
+
+  type weight_plane_t is array (0 to 1) of component_t;
+
   signal pulse : std_logic_vector(0 to BEST_READ);
 
   signal forced_neutral : forced_t;
   signal forced_phase   : forced_terms_t;
-  signal weight_ahead   : weights_t;
-  signal weight         : weights_t;
+  signal weight_ahead   : weight_plane_t; -- held before it is turned into phases, a third less
+  signal weight         : weight_plane_t;
   signal start_ahead    : weight_t;
   signal start          : weight_t;
   signal lead_late      : length_t;
@@ -94,8 +100,11 @@ begin
 
       -- the words last until 4 clocks after launch, so what is read later waits here
       if (follow = '1' or pulse(ERROR_READ) = '1') then
-        weight_ahead <= node.weight_slope;
-        start_ahead  <= node.weight_start;
+        for x in 0 to 1 loop
+          weight_ahead(x) <= signed(word(words, RESULT_WEIGHT_ALPHA + x, TERM_WIDTH)(WEIGHT_SLOPE_WIDTH - 1 downto 0));
+        end loop;
+
+        start_ahead <= node.weight_start;
       end if;
 
       if (follow = '1' or pulse(WEIGHT_READ) = '1') then
@@ -132,8 +141,11 @@ begin
     shown                <= node;
     shown.forced_neutral <= forced_neutral;
     shown.forced_phase   <= forced_phase;
-    shown.weight_slope   <= weight;
     shown.weight_start   <= start;
+
+    for x in 0 to 2 loop
+      shown.weight_slope(x) <= phase_of(weight(0), weight(1), x);
+    end loop;
 
   end process p_node;
 

@@ -104,6 +104,19 @@ def _rounded(total, shift, width):
 
 
 @njit(cache=True)
+def _neutral_slope(s, shares):
+    """Slope of v_n as `share_of`, but two phases make the opposite of the third's exactly."""
+    hanging = 0
+    for x in range(3):
+        hanging += _NEUTRAL_CURRENT[s[x]]
+    alone = 1 if hanging == 1 else 0
+    for x in range(3):
+        if hanging in (1, 2) and _NEUTRAL_CURRENT[s[x]] == alone:
+            return shares[x] if alone else -shares[x]
+    return 0
+
+
+@njit(cache=True)
 def successor(register, reference, t, start_slope, s, steps):
     """The node that a node is taken to by `steps` steps under the switch position s.
 
@@ -120,7 +133,7 @@ def successor(register, reference, t, start_slope, s, steps):
     t : ndarray of int64, shape (22,)
         ``TERMS`` of the node to start from.
     start_slope : ndarray of int64, shape (2,)
-        Slopes of its current errors a and b under s, clipped to BASE_WIDTH.
+        Slopes of its current errors a and b under s, see `has_successors`.
     s : ndarray of int64, shape (3,)
     steps : int
         1..63.
@@ -134,20 +147,16 @@ def successor(register, reference, t, start_slope, s, steps):
     """
     out = t.copy()
     flag = 0
-    base = np.empty(6, dtype=np.int64)  # error_alpha, _beta, _neutral, _a, _b, _c
-    for j in range(6):
-        base[j], over = _clip(t[j], f.BASE_WIDTH)
-        flag |= over
     plane = (start_slope[0], start_slope[1] + (start_slope[0] >> 1))
     length = steps << 7
     change_phase, change_midpoint, change_weight, error_forced = register[_CHANGE : _CHANGE + 4]
     for x in range(2):
         bend_step = t[20 + x] * steps
-        secant, _ = _clip(plane[x] + bend_step, f.OPERAND_WIDTH)
+        secant = plane[x] + bend_step
         drift = (reference[x] - secant) >> 1
         change, over = _rounded(drift * length, 10, f.OPERAND_WIDTH)
         flag |= over
-        out[x], over = _clip(secant * steps + base[x], f.TERM_WIDTH)
+        out[x], over = _clip(secant * steps + t[x], f.TERM_WIDTH)
         flag |= over
         out[6 + x] = t[6 + x] + 2 * bend_step
         narrow = f.CURRENT_TERM_WIDTH - 1
@@ -155,25 +164,19 @@ def successor(register, reference, t, start_slope, s, steps):
         flag |= over
         out[15 + x], over = _rounded((t[15 + x] << 13) + change * change_midpoint, 13, narrow)
         flag |= over
-        out[18 + x], over = _rounded(
-            (t[18 + x] << 13) + change * change_weight, 13, f.WEIGHT_SLOPE_WIDTH
-        )
+        weight, over = _rounded(4 * out[15 + x] * change_weight, 13, f.WEIGHT_SLOPE_WIDTH)
+        out[18 + x] = weight
         flag |= over
     phase = bit_true._phases(t[13], t[14])
-    neutral = share_of(s, bit_true._phases(t[15], t[16]))
-    weights = share_of(s, bit_true._phases(t[18], t[19]))
+    neutral = _neutral_slope(s, bit_true._phases(t[15], t[16]))
     for x in range(3):
-        out[3 + x] = base[3 + x] - _CAPACITOR_CURRENT[s[x]] * phase[x] * steps
-        out[10 + x], over = _rounded(
+        out[3 + x] = t[3 + x] - _CAPACITOR_CURRENT[s[x]] * phase[x] * steps
+        out[10 + x], _ = _rounded(
             ((t[8] >> 2) << 14) + out[3 + x] * error_forced, 13, f.FORCED_WIDTH
         )
-        flag |= over
-    ahead, over = _clip(neutral * steps + base[2], f.OPERAND_WIDTH)
-    flag |= over
-    out[2] = neutral * steps + base[2]
-    out[9], over = _rounded(ahead * error_forced, 13, f.FORCED_WIDTH)
-    flag |= over
-    out[17], over = _rounded(2 * weights * length + (t[17] << 10), 10, f.WEIGHT_WIDTH)
+    out[2] = neutral * steps + t[2]
+    out[9], _ = _rounded(out[2] * error_forced, 13, f.FORCED_WIDTH)
+    out[17], over = _rounded(out[2] * change_weight, 13, f.WEIGHT_WIDTH)
     flag |= over
     return out, flag != 0
 
@@ -259,13 +262,22 @@ def _first(error, curvature):
 
 @njit(cache=True)
 def _start_slopes(s, natural, forced, phase, midpoint, slope, start):
-    """Slopes under s into `slope`; those of the currents, clipped for a successor, into `start`."""
+    """Slopes under s into `slope`; those of the currents a and b for a successor into `start`."""
     slopes(s, natural, forced, phase, midpoint, slope)
-    flag = 0
-    for x in range(2):
-        start[x], over = _clip(slope[x], f.BASE_WIDTH)
-        flag |= over
-    return flag != 0
+    start[0] = slope[0]
+    start[1] = slope[1]
+
+
+@njit(cache=True)
+def has_successors(t, start):
+    """Whether a node's errors and the slopes of its currents fit the words of a successor's base.
+
+    All do whose candidates stay inside their bounds; the state of k + 1 is not predicted otherwise.
+    """
+    for j in range(6):
+        if _clip(t[j], f.BASE_WIDTH)[1]:
+            return False
+    return not (_clip(start[0], f.BASE_WIDTH)[1] or _clip(start[1], f.BASE_WIDTH)[1])
 
 
 @njit(cache=True)
@@ -351,12 +363,15 @@ def search_words(register, measurement, s_prev, order):
     start = np.empty(2, dtype=np.int64)
     reference = _reference(register, results)
     if compensate:
-        saturated |= _start_slopes(s_prev, natural, forced, phase, midpoint, slope, start)
-        t, over = successor(register, reference, t, start, s_prev, 1)
-        saturated |= over
-        error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(
-            t
-        )
+        _start_slopes(s_prev, natural, forced, phase, midpoint, slope, start)
+        if has_successors(t, start):
+            t, over = successor(register, reference, t, start, s_prev, 1)
+            saturated |= over
+            error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = (
+                node_of(t)
+            )
+        else:
+            saturated = True
     first = _first(error, curvature)
     threshold = np.empty(3, dtype=np.int64)
     for x in range(3):
@@ -489,6 +504,17 @@ def _run(register, measurements, s_prev, out):
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
     """Decisions of the fast variant for every row of a trace; arguments as ``bit_true.run``."""
     return bit_true.run_rows(_run, (values or registers(drive, "fast")).array(), trace)
+
+
+@njit(cache=True)
+def predicts(register, measurement, s_prev):
+    """Whether a step that is to be decided for k + 1 is: whether that state can be predicted."""
+    results, _ = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
+    t = results[bit_true._N_PRODUCTS :].copy()
+    _, natural, forced, phase, midpoint, _, _, _, _ = node_of(t)
+    slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
+    _start_slopes(s_prev, natural, forced, phase, midpoint, slope, start)
+    return has_successors(t, start)
 
 
 def node_at(

@@ -195,8 +195,8 @@ def _successor(
     """Coefficients of the successor's program: ratios, so they do not scale with U.
 
     A change of the current is counted in 2**-CHANGE_FRACTION trajectory units.  ``change_weight``
-    is clipped where lambda_n is at its largest and the unit coarse: it only bends the weight on v_n
-    at the second level.
+    makes sqrt(lambda_n)*v_n of the error of v_n. It is clipped where lambda_n is at its largest and
+    the unit coarse: it only bends the weight on v_n at the second level.
     """
     if variant != "fast":
         return dict.fromkeys(
@@ -204,12 +204,11 @@ def _successor(
         )
     change = 2.0**-f.CHANGE_FRACTION
     h = drive.ts_pu
-    per_unit = change / unit * f.CURRENT.scale  # 1/16000 pu in one LSB of the change
-    slope = weight["weight_alpha"] * per_unit
+    turned = -weight["weight"] * f.NEUTRAL_VOLTAGE.scale / unit
     return {
         "change_phase": h / drive.inverter.xph * change * _COARSE,
         "change_midpoint": h / (2.0 * drive.inverter.xdc) * change * _COARSE,
-        "change_weight": max(-_HIGH, min(_HIGH, slope)),
+        "change_weight": max(-_HIGH, min(_HIGH, turned)),
         "error_forced": -real["forced_voltage"] * f.CAPACITOR_VOLTAGE.scale,
     }
 

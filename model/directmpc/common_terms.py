@@ -113,22 +113,20 @@ BASE: tuple[str, ...] = (
     "base_phase_beta",
     "base_midpoint_alpha",
     "base_midpoint_beta",
-    "base_weight_alpha",
-    "base_weight_beta",
     "base_error_neutral",
     "base_error_a",
     "base_error_b",
     "base_error_c",
-    "base_weight_start",
-    "charge_a",  # slopes of the errors of v_ph and v_n under s1
+    "charge_a",  # slopes of the errors of v_ph and v_n under s1, but for their signs
     "charge_b",
     "charge_c",
     "neutral_slope",
-    "weight_slope",
     "quarter_link",  # a quarter of forced_link
     "ahead_a",  # errors of v_ph at the successor
     "ahead_b",
     "ahead_c",
+    "midpoint_ahead_alpha",  # four times the terms of the successor
+    "midpoint_ahead_beta",
 )
 
 #: Terms of the node (23 bits), as the sequencer delivers them.
@@ -159,8 +157,12 @@ TERMS: tuple[str, ...] = (
 
 SPEEDS: tuple[str, ...] = ("omega_s", "omega_r")
 
-#: Factors B of the successor's program: 128 * L1 and powers of two.
-STEPS: tuple[str, ...] = ("length", "power_7", "power_10", "power_13", "power_14")
+#: Factors B of the successor's program: 128 * L1, the same with the signs of the slopes of v_ph and
+#: v_n under s1 or zero, and powers of two.
+STEPS: tuple[str, ...] = (
+    "length", "length_a", "length_b", "length_c", "length_neutral",
+    "power_7", "power_13", "power_14",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -242,15 +244,15 @@ def _advance(name: str, other: str) -> tuple[Step | None, ...]:
         Step(change, "change_midpoint", 1, f"midpoint_{name}"),
         Step(f"secant_{name}", "length", 3, f"error_{name}"),
         Step(f"base_error_{name}", "power_7", 3, f"error_{name}"),
-        Step(f"base_weight_{name}", "power_13", 1, f"weight_{name}"),
-        Step(change, "change_weight", 1, f"weight_{name}"),
+        None,
+        Step(f"midpoint_ahead_{name}", "change_weight", 1, f"weight_{name}"),
     )
 
 
 def _charged(phase: str) -> tuple[Step, ...]:
     """Successor: error of a phase capacitor's voltage."""
     return (
-        Step(f"charge_{phase}", "length", 3, f"error_{phase}"),
+        Step(f"charge_{phase}", f"length_{phase}", 3, f"error_{phase}"),
         Step(f"base_error_{phase}", "power_7", 3, f"error_{phase}"),
     )
 
@@ -266,7 +268,7 @@ def _voltage(phase: str) -> tuple[Step, ...]:
 def _neutral(result: str) -> tuple[Step, ...]:
     """Successor: error of v_n."""
     return (
-        Step("neutral_slope", "length", 3, result),
+        Step("neutral_slope", "length_neutral", 3, result),
         Step("base_error_neutral", "power_7", 3, result),
     )
 
@@ -286,20 +288,28 @@ _WEIGHT_BETA = Step("is_beta", "weight_beta", 1, "weight_beta")
 _WEIGHT_START = Step("v_n", "weight", 1, "weight_start")
 _HEAD_2 = (
     Step("iref_alpha", "omega_s", 1, "reference_speed_alpha"),
-    Step("v_n", "error_neutral", 2, "error_neutral"),
+    Step("difference_a", "error_phase", 2, "error_a"),
     Step("difference_b", "error_phase", 2, "error_b"),
     _FORCED["forced_link"],
     Step("flux_speed_alpha", "omega_r", 0, "flux_speed2_alpha"),
 )
 _HEAD_3 = (
     Step("iref_beta", "omega_s", 1, "reference_speed_beta"),
-    Step("difference_a", "error_phase", 2, "error_a"),
+    Step("v_n", "error_neutral", 2, "error_neutral"),
     Step("difference_c", "error_phase", 2, "error_c"),
     _FORCED["forced_neutral"],
     Step("flux_speed_beta", "omega_r", 0, "flux_speed2_beta"),
 )
 
+
+def _squared(name: str) -> Step:
+    """w_s^2 times one component of the reference."""
+    return Step(f"reference_speed_{name}", "omega_s", 0, f"reference_speed2_{name}")
+
+
 #: One list per multiply-accumulate block and variant; position in the list is the clock of issue.
+#: A result belongs to one block in the fast variant's program and the successor's: a second one
+#: would cost a multiplexer before its register and one more clipper.
 PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
     "paper": (
         _current("alpha", "beta", [_correction("alpha")]),
@@ -308,20 +318,10 @@ PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
         (*_HEAD_3, _FORCED["forced_b"], _WEIGHT_START, _WEIGHT_BETA),
     ),
     "fast": (
-        _current("alpha", "beta", [_WEIGHT_ALPHA], (_FORCED["forced_a"],)),
-        _current("beta", "alpha", [_WEIGHT_BETA], (_FORCED["forced_b"],)),
-        (
-            *_HEAD_2,
-            Step("reference_speed_alpha", "omega_s", 0, "reference_speed2_alpha"),
-            _FORCED["forced_c"],
-            *_curvature("alpha", "beta"),
-        ),
-        (
-            *_HEAD_3,
-            Step("reference_speed_beta", "omega_s", 0, "reference_speed2_beta"),
-            _WEIGHT_START,
-            *_curvature("beta", "alpha"),
-        ),
+        _current("alpha", "beta", [_WEIGHT_ALPHA], (_squared("alpha"),)),
+        _current("beta", "alpha", [_WEIGHT_BETA], (_squared("beta"),)),
+        (*_HEAD_2, _FORCED["forced_a"], _FORCED["forced_b"], *_curvature("alpha", "beta")),
+        (*_HEAD_3, _FORCED["forced_c"], _WEIGHT_START, *_curvature("beta", "alpha")),
     ),
 }
 PROGRAM = PROGRAMS["paper"]
@@ -341,20 +341,20 @@ SUCCESSOR: tuple[tuple[Step | None, ...], ...] = (
         *_voltage("c"),
         *_neutral("error_neutral"),
         Step("neutral_ahead", "error_forced", 1, "forced_neutral"),
-        # twice: the slope's extra fractional bits are two, alignment goes by three
-        Step("weight_slope", "length", 2, "weight_start"),
-        Step("weight_slope", "length", 2, "weight_start"),
-        Step("base_weight_start", "power_10", 2, "weight_start"),
+        Step("neutral_ahead", "change_weight", 1, "weight_start"),
+        None,
+        None,
     ),
 )
 SUCCESSOR_LENGTH = len(SUCCESSOR[0])
 
 #: Results of the successor's program that are saturated; the others cannot exceed their words, as
-#: long as the successor's errors are within their bounds or one step away from clipped ones.
+#: long as the successor's errors are within their bounds or one step away from errors of
+#: BASE_WIDTH: such an error and the largest slope make less than 2**17, which ``error_forced``
+#: turns into less than 2**19 even with half of the largest ``forced_link`` added.
 SUCCESSOR_SATURATES: tuple[str, ...] = (
-    "change_alpha", "change_beta", "neutral_ahead", "phase_alpha", "phase_beta", "midpoint_alpha",
-    "midpoint_beta", "weight_alpha", "weight_beta", "forced_a", "forced_b", "forced_c",
-    "forced_neutral", "weight_start",
+    "change_alpha", "change_beta", "phase_alpha", "phase_beta", "midpoint_alpha", "midpoint_beta",
+    "weight_alpha", "weight_beta", "weight_start",
 )  # fmt: skip
 
 #: Clocks from issuing a product until its rounded result can be an operand.
@@ -369,7 +369,7 @@ def result_width(name: str) -> int:
     if name == "weight_start" or name in PRODUCTS:
         return f.OPERAND_WIDTH
     if name.removesuffix("_alpha").removesuffix("_beta") in ("phase", "midpoint"):
-        return f.CURRENT_TERM_WIDTH
+        return f.CURRENT_TERM_WIDTH - 1  # the sum of two of them has to fit
     if name in ("weight_alpha", "weight_beta"):
         return f.WEIGHT_SLOPE_WIDTH
     if name.startswith("forced_"):
@@ -379,16 +379,12 @@ def result_width(name: str) -> int:
     return f.TERM_WIDTH
 
 
-def successor_width(name: str) -> int:
-    """Width of a result of the successor's program; the sum of two current terms has to fit."""
-    narrower = name.removesuffix("_alpha").removesuffix("_beta") in ("phase", "midpoint")
-    return result_width(name) - narrower
-
-
 def _largest_signal(name: str) -> int:
     """Largest magnitude of an operand A that is no product."""
+    if name in ("difference_alpha", "difference_beta"):
+        return 2**16 - 1
     if name.startswith("difference_"):
-        return 2**17
+        return 2 * (2**16 - 1)
     unsigned = name.startswith(("v_ph", "v_dc"))
     return 2**16 - 1 if unsigned else 2**15
 
@@ -477,6 +473,8 @@ def check_successor() -> None:
             needed = [f"{sources[name]}_{component}"] if name in sources else []
             if name == "ahead":
                 needed = [f"error_{component}"]
+            elif name == "midpoint_ahead":
+                needed = [f"midpoint_{component}"]
             elif step.a in PRODUCTS and not step.a.startswith("reference_speed"):
                 needed = [step.a]
             if name == "drift":

@@ -81,8 +81,7 @@ def _schedule(explorers, root, nodes, cut):
                 done[explorer] = True
                 left -= 1
                 break
-    # several explorers' results pass a register before they are compared
-    return taken + 3 + (explorers > 1)
+    return taken + 3
 
 
 def search(explorers: int, root: int, nodes: Sequence[Counts], *, cut: bool = False) -> int:

@@ -50,6 +50,14 @@ def _table(name: str, kind: str, rows: Sequence[Sequence[int]], comment: str) ->
     return [f"  -- {comment}", f"  constant {name} : {kind} := (", f"    {body}", "  );", ""]
 
 
+def _most_effort() -> int:
+    """Largest sum of three transitions' weights."""
+    heaviest = 3 * int(anpc.TRANSITION_WEIGHT.max())
+    if heaviest >= 2**f.EFFORT_WIDTH:
+        raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")
+    return heaviest
+
+
 def _formats() -> list[str]:
     """Widths and fixed-point positions."""
     entries = [
@@ -68,6 +76,7 @@ def _formats() -> list[str]:
         ("LENGTH_WIDTH", f.LENGTH_WIDTH, "bits, steps"),
         ("INDEX_WIDTH", f.INDEX_WIDTH, "bits, place of a candidate in the order of enumeration"),
         ("EFFORT_WIDTH", f.EFFORT_WIDTH, "bits, weighted transitions of a candidate"),
+        ("MOST_EFFORT", _most_effort(), "weighted transitions of a candidate, at most"),
         ("TOTAL_EFFORT_WIDTH", f.TOTAL_EFFORT_WIDTH, "bits, of two candidates in turn"),
         ("BASE_WIDTH", f.BASE_WIDTH, "bits, errors and slopes that successors start from, signed"),
         ("BUDGET_WIDTH", f.BUDGET_WIDTH, "bits, candidates of the second level, unsigned"),
@@ -138,9 +147,6 @@ def _leg() -> list[str]:
         raise ValueError(
             "a position subtracts v_dc/2 and v_ph: phase_voltage has one carry for both"
         )
-    heaviest = 3 * int(anpc.TRANSITION_WEIGHT.max())
-    if heaviest >= 2**f.EFFORT_WIDTH:
-        raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")
     weights = [
         [int(anpc.TRANSITION_WEIGHT[sign, s, p]) for p in nexts[s]]
         for sign in range(2)
@@ -322,11 +328,6 @@ def _program() -> list[str]:
         "  -- bits, results saturate to these",
         "  constant RESULT_WIDTHS : result_widths_t := (",
         "    " + _rows([str(ct.result_width(name)) for name in results], 13),
-        "  );",
-        "",
-        "  -- the same in the successor's program",
-        "  constant SUCCESSOR_WIDTHS : result_widths_t := (",
-        "    " + _rows([str(ct.successor_width(name)) for name in results], 13),
         "  );",
         "",
         "  -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper",

@@ -156,8 +156,8 @@ def common_terms(
             + (emf[y] * c[f"emf_{x}"] + corrected * emf2[x] * c[f"correction_{x}"]) * middle,
             f.TERM_WIDTH,
         )
-        phase[x] = word(s[f"is_{x}"] * c[f"phase_{x}"] * plain, f.CURRENT_TERM_WIDTH)
-        midpoint[x] = word(s[f"is_{x}"] * c[f"midpoint_{x}"] * plain, f.CURRENT_TERM_WIDTH)
+        phase[x] = word(s[f"is_{x}"] * c[f"phase_{x}"] * plain, f.CURRENT_TERM_WIDTH - 1)
+        midpoint[x] = word(s[f"is_{x}"] * c[f"midpoint_{x}"] * plain, f.CURRENT_TERM_WIDTH - 1)
         weight[x] = word(s[f"is_{x}"] * c[f"weight_{x}"] * middle, f.WEIGHT_SLOPE_WIDTH)
     return Node(
         error=[

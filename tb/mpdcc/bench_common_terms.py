@@ -20,11 +20,18 @@ CAPACITORS = {v: budgets.clocks("common_terms", "capacitors", v) for v in PROGRA
 
 
 def operands(rng: random.Random, kind: str) -> dict[str, int]:
-    """Operands A: of a measurement, with any 18 bits for the differences, or all most negative."""
-    free = {name: word(rng, f.OPERAND_WIDTH) for name in SIGNALS if name not in f.MEASUREMENTS}
+    """Operands A: of a measurement, perhaps with other differences, or all most negative."""
+    # of two signed words; of v_dc and twice v_ph
+    ranges = {
+        name: (-65535, 65535) if name.endswith(("_alpha", "_beta")) else (-131070, 65535)
+        for name in SIGNALS
+        if name not in f.MEASUREMENTS
+    }
+    free = {name: rng.choice([low, high, rng.randint(low, high)])
+            for name, (low, high) in ranges.items()}  # fmt: skip
     if kind == "lowest":
         lowest = {name: -(1 << 15) * fmt.signed for name, fmt in f.MEASUREMENTS.items()}
-        return lowest | dict.fromkeys(free, -(1 << (f.OPERAND_WIDTH - 1)))
+        return lowest | {name: low for name, (low, _) in ranges.items()}
     measurement = {
         name: word(rng, fmt.width, signed=fmt.signed) for name, fmt in f.MEASUREMENTS.items()
     }

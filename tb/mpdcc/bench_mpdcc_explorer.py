@@ -12,7 +12,7 @@ from directmpc import formats as f
 from directmpc.coefficients import registers
 from scripts import budgets
 from tb.common import plain, states
-from tb.common.scoreboard import Clock, Scoreboard, arguments, number, signed
+from tb.common.scoreboard import Clock, Scoreboard, arguments, number
 
 #: Clocks the variants declare in their headers.
 LATENCY = {"paper": budgets.clocks("mpdcc_explorer", "latency", "paper")}
@@ -38,16 +38,21 @@ def pack_candidate(probe: int, index: int, s: tuple[int, ...], effort: int) -> i
     return probe | index << 1 | (s[0] | s[1] << 3 | s[2] << 6) << 7 | effort << 16
 
 
+#: An excess stands in a result with this added.
+RANKED = 2 ** (f.TRAJECTORY_WIDTH - 1)
+
+
 def unpack_result(value: int) -> dict[str, int]:
     """A result as the flat bench shows it."""
     fields = {}
     for name, width in (
         ("feasible", 1), ("saturated", 1), ("index", f.INDEX_WIDTH),
-        ("length", f.LENGTH_WIDTH), ("cost", f.COST_WIDTH), ("excess", f.TRAJECTORY_WIDTH),
+        ("length", f.LENGTH_WIDTH), ("cost", f.COST_WIDTH),
     ):  # fmt: skip
         fields[name] = value & ((1 << width) - 1)
         value >>= width
-    fields["excess"] = signed(fields["excess"], f.TRAJECTORY_WIDTH)
+    if not fields["feasible"]:
+        fields["excess"] = fields.pop("cost") - RANKED
     return fields
 
 

@@ -15,7 +15,7 @@ from scripts import budgets
 from tb.common import plain, states
 from tb.common.scoreboard import Clock, Scoreboard, arguments, join, lowest_bit, number, signed
 from tb.mpdcc.bench_capacitor_search import unpack_row
-from tb.mpdcc.bench_mpdcc_explorer import pack_candidate
+from tb.mpdcc.bench_mpdcc_explorer import RANKED, pack_candidate
 
 #: Clocks from start to the first row of the capacitors' table.
 FIRST_ROW = 14
@@ -28,10 +28,8 @@ TABLE_AFTER = 7
 TO_PROBE = {v: budgets.clocks("mpdcc_scheduler", "to_probe", v) for v in ("paper", "fast")}
 FROM_PROBE = {v: budgets.clocks("mpdcc_scheduler", "from_probe", v) for v in ("paper", "fast")}
 FROM_LAST = {v: budgets.clocks("mpdcc_scheduler", "from_last", v) for v in ("paper", "fast")}
-# the only fast explorer's result is the decision
-FROM_ONLY = budgets.clocks("mpdcc_scheduler", "from_only", "fast")
 
-RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.COST_WIDTH + f.TRAJECTORY_WIDTH
+RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.COST_WIDTH
 
 
 @dataclass
@@ -52,8 +50,8 @@ class Answer:
         value = offset = 0
         for field, width in (
             (self.feasible, 1), (self.saturated, 1), (self.index, f.INDEX_WIDTH),
-            (self.length, f.LENGTH_WIDTH), (self.cost, f.COST_WIDTH),
-            (self.excess, f.TRAJECTORY_WIDTH),
+            (self.length, f.LENGTH_WIDTH),
+            (self.cost if self.feasible else self.excess + RANKED, f.COST_WIDTH),
         ):  # fmt: skip
             value |= (int(field) & ((1 << width) - 1)) << offset
             offset += width
@@ -311,7 +309,7 @@ async def random_searches(dut) -> None:
                 best.s, 0, not best.feasible, best.length, node.saturated or best.saturated
             )
             if last_taken_at > last_drop_at:
-                after = FROM_ONLY if fast and explorers == 1 else FROM_LAST[variant]
+                after = FROM_LAST[variant]
                 board.check("clocks after the last result", k - last_taken_at, after)
             board.cover("ties", int(sum(a.key[:2] == best.key[:2] for a in taken) > 1))
             board.cover(

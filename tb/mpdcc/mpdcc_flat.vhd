@@ -19,7 +19,7 @@ package mpdcc_flat is
   constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
   constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 2;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
-  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + COST_WIDTH + TRAJECTORY_WIDTH;
+  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + COST_WIDTH;
   constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
 
   function to_vector (value : node_t) return std_logic_vector;
@@ -138,8 +138,8 @@ package body mpdcc_flat is
   function to_vector (value : result_t) return std_logic_vector is
   begin
 
-    return std_logic_vector(value.excess) & std_logic_vector(value.cost) & std_logic_vector(value.length)
-           & std_logic_vector(value.index) & value.saturated & value.feasible;
+    return std_logic_vector(value.rank) & std_logic_vector(value.length) & std_logic_vector(value.index)
+           & value.saturated & value.feasible;
 
   end function to_vector;
 
@@ -320,8 +320,7 @@ package body mpdcc_flat is
   function to_result (value : std_logic_vector) return result_t is
 
     constant LENGTH_AT : natural := INDEX_WIDTH + 2;
-    constant COST_AT   : natural := LENGTH_AT + LENGTH_WIDTH;
-    constant EXCESS_AT : natural := COST_AT + COST_WIDTH;
+    constant RANK_AT   : natural := LENGTH_AT + LENGTH_WIDTH;
 
     variable bits   : std_logic_vector(RESULT_BITS - 1 downto 0);
     variable result : result_t;
@@ -332,9 +331,8 @@ package body mpdcc_flat is
     result.feasible  := bits(0);
     result.saturated := bits(1);
     result.index     := unsigned(bits(LENGTH_AT - 1 downto 2));
-    result.length    := unsigned(bits(COST_AT - 1 downto LENGTH_AT));
-    result.cost      := unsigned(bits(EXCESS_AT - 1 downto COST_AT));
-    result.excess    := signed(bits(RESULT_BITS - 1 downto EXCESS_AT));
+    result.length    := unsigned(bits(RANK_AT - 1 downto LENGTH_AT));
+    result.rank      := unsigned(bits(RESULT_BITS - 1 downto RANK_AT));
     return result;
 
   end function to_result;

@@ -82,9 +82,10 @@ def expected(rows: core.Rows, explorers: int) -> tuple[np.ndarray, np.ndarray, n
         found = bit_true_fast.search_words(register, row, s, order)
         decisions.append(found[:8])
         nodes.append(found[8])
-        more = sese_cycles.PREDICTION * int(register[COMPENSATE])
+        predicted = int(register[COMPENSATE] and bit_true_fast.predicts(register, row, s))
+        more = sese_cycles.PREDICTION * predicted
         if found[3]:
-            cycles.append(HELD + sese_cycles.PREDICTION_HELD * int(register[COMPENSATE]))
+            cycles.append(HELD + sese_cycles.PREDICTION_HELD * predicted)
         elif register[TWO] and not found[4]:
             below = [tuple(int(n) for n in anpc.NEXT_COUNT[r[:3]]) for r in order[: found[8]]]
             root = int(anpc.NEXT_COUNT[s].prod())
