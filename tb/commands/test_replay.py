@@ -183,6 +183,20 @@ def test_two_switchings_need_the_fast_variant(trace_file: Path, tmp_path: Path) 
     assert command(*given).returncode == 0
 
 
+def test_delay_compensation_needs_the_fast_variant(trace_file: Path, tmp_path: Path) -> None:
+    drive = tmp_path / "drive.toml"
+    text = DRIVE.read_text()
+    assert text.count("[control]") == 1
+    drive.write_text(text.replace("[control]", "[control]\ndelay_compensation = true"))
+    out = tmp_path / "out.csv"
+    given = ("--drive", drive, "--trace", trace_file, "--out", out, "--engine", "model")
+    done = command(*given, "--variant", "paper")
+    assert_one_paragraph(done, tmp_path)
+    for word in (str(drive), "control.delay_compensation", "true", "paper", "serves false alone"):
+        assert word in done.stderr
+    assert command(*given).returncode == 0
+
+
 def test_a_drive_of_the_other_controller(trace_file: Path, tmp_path: Path) -> None:
     drive = tmp_path / "mptc.toml"
     drive.write_text(

@@ -19,6 +19,8 @@ from directmpc.drive import (
 )
 from directmpc.machine import InductionMachine
 
+DELAY = "delay_compensation"
+
 MPTC = """
 controller = "mptc"
 [machine]
@@ -78,6 +80,14 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
     assert drive.control.switching_horizon == "SESE"
     path.write_text(text.replace("switching_horizon", "# switching_horizon"))
     assert load_drive(path).control.switching_horizon == "SE"
+    assert (drive.control.budget, drive.control.delay_compensation) == (0, False)
+    # both stand with either horizon: a budget without SESE limits nothing
+    for budget, delay in ((0, "false"), (1, "true"), (4095, "true")):
+        for kind in (text, text_of(drives_folder)):
+            more = f"[control]\nbudget = {budget}\ndelay_compensation = {delay}"
+            path.write_text(kind.replace("[control]", more))
+            control = load_drive(path).control
+            assert (control.budget, control.delay_compensation) == (budget, delay == "true")
 
 
 @pytest.mark.parametrize(
@@ -109,6 +119,17 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
         ("horizon = 63 ", "horizon = true ", ["control.horizon", "true", "an integer"]),
         ('"SE"   #', '"se"   #', ["control.switching_horizon", '"se"', '"SE" or "SESE"']),
         ('"SE"   #', "1   #", ["control.switching_horizon", '"SE" or "SESE"']),
+        ("[control]", "[control]\nbudget = 4096", ["control.budget", "4096", "0 to 4095"]),
+        ("[control]", "[control]\nbudget = -1", ["control.budget", "-1", "from 0 to 4095"]),
+        ("[control]", "[control]\nbudget = 10.0", ["control.budget", "10.0", "an integer from 0"]),
+        ("[control]", "[control]\nbudget = true", ["control.budget", "true", "an integer from 0"]),
+        ("[control]", '[control]\nbudget = "9"', ["control.budget", '"9"', "an integer from 0"]),
+        ("[control]", "[control]\nbudgets = 9", ["control.budgets", "unknown", "budget, delay_"]),
+        ("[control]", f"[control]\n{DELAY} = 1", [f"control.{DELAY}", "got 1;", "true or false"]),
+        ("[control]", f"[control]\n{DELAY} = 0", [f"control.{DELAY}", "got 0;", "true or false"]),
+        ("[control]", f'[control]\n{DELAY} = "on"', [f"control.{DELAY}", '"on"', "true or false"]),
+        ("[base] ", f"{DELAY} = true\n[base] ", [DELAY, "unknown", "top level"]),
+        ("[base] ", "budget = 9\n[base] ", ["budget", "unknown", "top level"]),
         ("lambda_n = 0.1", "lambda_n = -0.1", ["control.lambda_n", "0 to 100"]),
         ("bound_vn = 0.05", "bound_vn = 0.01", ["control.bound_vn", "0.02 to 0.5"]),
         ("[inverter] ", "[inverters] ", ["inverters", "unknown", "inverter: missing"]),
@@ -175,6 +196,12 @@ def test_mptc_drives(tmp_path: Path, drives_folder: Path) -> None:
         ("pole_pairs = 1", "pole_pairs = 1.0", ["machine.pole_pairs", "an integer from 1"]),
         ("psi_max = 1.5", "", ["control.psi_max", "missing"]),
         ('"two_level"', '"anpc5l"', ["inverter.topology", '"two_level"']),
+        (
+            "ts = 50e-6",
+            "ts = 50e-6\nbudget = 1",
+            ["control.budget", "unknown", "[control] may hold"],
+        ),
+        ("ts = 50e-6", f"ts = 50e-6\n{DELAY} = true", [f"control.{DELAY}", "unknown", "method"]),
         ("speed_max = 400.0", 'method = "FOC"\nspeed_max = 4', ["control.method", '"MPFC"']),
     ],
 )

@@ -149,6 +149,27 @@ def saturating_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
     return rows
 
 
+def whole_horizon_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
+    """Searches whose choice stays inside its bounds for the whole horizon, of one to three steps.
+
+    Recorded and random rows have hardly one: most of their choices violate a bound before step 63.
+    """
+    parts: list[Rows] = []
+    found = 0
+    for k in range(10 * n):
+        horizon = 1 + k % 3
+        drive = states.changed(states.random_drive(rng), horizon=horizon)
+        rows = of_trace(states.near(drive, 16, rng, reach=1.1), registers(drive, variant).array())
+        answers = rows.model(variant)
+        searched = (answers[:, 3] == 0) & (answers[:, 4] == 0)
+        whole = np.flatnonzero(searched & (answers[:, 5] == horizon))[:2]
+        parts.append(rows.pick(whole))
+        found += len(whole)
+        if found >= n:
+            break
+    return join(parts).pick(slice(n))
+
+
 def slow_rows(variant: str) -> Rows:
     """The slowest decisions known.
 
@@ -181,12 +202,15 @@ class Answers:
         Most clocks a decision may take, as the bench asserts it; of the last row.
     exhausted : (n,)
         1 where the budget ended the search.
+    early : (n, 7) or None
+        Decisions that were out with the edge that saw a reset, else -1.
     """
 
     decisions: IntArray
     cycles: IntArray
     bound: int
     exhausted: IntArray
+    early: IntArray | None = None
 
 
 def simulate(
@@ -198,10 +222,12 @@ def simulate(
     rtl: Path = RTL,
     bound: int | None = None,
     second: bool | None = None,
+    aborts: IntArray | None = None,
 ) -> Answers:
     """Decisions of the RTL; `bound` takes the place of the budget of clocks.
 
-    `second` builds the second level in, by default where the rows need it.
+    `second` builds the second level in, by default where the rows need it. Each row of `aborts` is
+    a decision that a reset ends before one is made, see ``cosimulation_reset``.
     """
     bound = bound or budgets.worst(explorers, variant)
     second = second_level(rows.registers) if second is None else second
@@ -210,17 +236,24 @@ def simulate(
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
         path = folder / "job.pickle"
         path.write_bytes(pickle.dumps(job))
+        module, environment = "cosimulation", {"DIRECTMPC_JOB": str(path)}
+        if aborts is not None:
+            module, lines = "cosimulation_reset", folder / "aborts.npy"
+            np.save(lines, aborts)
+            environment["DIRECTMPC_ABORTS"] = str(lines)
         execute(
             "mpdcc_core_bench",
-            "tb.mpdcc.cosimulation",
+            f"tb.mpdcc.{module}",
             folder,
             units=["mpdcc_core"],
             files=[BENCH / "mpdcc_core_bench.vhd"],
             generics={**generics(explorers, variant, second), "MOST_CLOCKS": bound},
-            environment={"DIRECTMPC_JOB": str(path)},
+            environment=environment,
             rtl=rtl,
             timeout=240,
         )
         with np.load(job.result_path) as data:
             out = data["decisions"]
-            return Answers(out[:, [0, 1, 2, 3, 4, 5, 7]], out[:, 6], int(data["bound"]), out[:, 8])
+            shown = [0, 1, 2, 3, 4, 5, 7]
+            early = None if aborts is None else data["early"][:, shown]
+            return Answers(out[:, shown], out[:, 6], int(data["bound"]), out[:, 8], early)

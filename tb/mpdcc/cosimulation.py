@@ -19,7 +19,7 @@ from directmpc.rtl_simulation import FIELDS, Job
 from directmpc.simulator import CLOCK_NS, load_job
 
 _WIDTH = 16
-_PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
+PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
 
 
 def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
@@ -85,7 +85,7 @@ class Bench:
         self.decided += 1
         self.dut.row.value = pack_row(measurement, s_prev)
         self.dut.request.value = self.level
-        await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
+        await with_timeout(self.dut.finished.value_change, PATIENCE_CLOCKS * CLOCK_NS, "ns")
         return unpack_response(
             self.dut.response.value.to_unsigned(), self.dut.cycles.value.to_unsigned()
         )

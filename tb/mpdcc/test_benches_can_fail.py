@@ -26,6 +26,7 @@ from tb.mpdcc import (
     test_candidate_enumerator,
     test_capacitor_search,
     test_common_terms,
+    test_core_reset,
     test_explorer_fast,
     test_mac_block,
     test_mpdcc_explorer,
@@ -61,6 +62,13 @@ def second_level_bench(rtl: Path) -> None:
         raise BenchError("decisions differ")
 
 
+def reset_bench(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
+    """Resets in the middle of a few decisions."""
+    stride = 7 if two or variant == "paper" else 2
+    few = test_core_reset.Case(variant, explorers, two, stride, 10, counts=(4, 4, 0))
+    test_core_reset.bench(few, rtl)
+
+
 BENCHES: dict[str, Callable[[Path], object]] = {
     "mac_block": lambda rtl: test_mac_block.bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl),
     "binary_search": lambda rtl: test_binary_search.bench(17, 6, True, searches=400, rtl=rtl),
@@ -75,6 +83,9 @@ BENCHES: dict[str, Callable[[Path], object]] = {
     "scheduler_fast": lambda rtl: test_mpdcc_scheduler.bench(3, "fast", decisions=40, rtl=rtl),
     "core_fast": lambda rtl: core_bench("fast", rtl),
     "second_level": second_level_bench,
+    "reset_fast": lambda rtl: reset_bench("fast", 3, rtl),
+    "reset_second_level": lambda rtl: reset_bench("fast", 2, rtl, two=True),
+    "reset_paper": lambda rtl: reset_bench("paper", 2, rtl),
     "blocks": lambda rtl: test_candidate_enumerator.bench(positions=64, blocks=True, rtl=rtl),
 }
 
@@ -195,6 +206,27 @@ FAULTS = [
         "<= both + transition_weight(from(2), sign(2), c)",
         "<= both",
     ),
+    # bits of state that a reset leaves as they are
+    Fault("reset_fast", "mpdcc_scheduler.vhd", "r.valid <= STATE_INIT.valid;", "null;  -- valid"),
+    Fault(
+        "reset_fast",
+        "explorer_fast.vhd",
+        "valid(1 to STAGE_COUNT) <= (others => '0');",
+        "null;  -- pipeline",
+    ),
+    Fault(
+        "reset_second_level",
+        "mpdcc_scheduler.vhd",
+        "r.pending <= STATE_INIT.pending;",
+        "null;  -- pending",
+    ),
+    Fault(
+        "reset_second_level",
+        "mpdcc_scheduler.vhd",
+        "r.ripe    <= STATE_INIT.ripe;",
+        "null;  -- ripe",
+    ),
+    Fault("reset_paper", "explorer_paper.vhd", "back.count  <= 0;", "null;  -- result"),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]
 

@@ -1,11 +1,15 @@
 """The core's netlist in a second simulator: GHDL's synthesis, Verilog, Verilator.
 
-Sweep: one, two and five explorers of the paper's variant, one and two of the fast one.
+Sweep: one, two and five explorers of the paper's variant, one and two of the fast one; the second
+level with two explorers: SESE with and without a budget, with and without the prediction of k + 1,
+the prediction alone, and one level after two in the same run.
 Stimulus: recorded rows of both drives, random drives, full ranges, words and parameters of any
-content, the slowest decisions known; measurements random but at the start edge, random idle clocks,
+content, the slowest decisions known; of SESE searches of closed loops and random drives and the
+longest there is; measurements random but at the start edge, random idle clocks,
 registers that begin with random contents.
 Checks: every field of every decision against the bit-true model; deadlocks, holds and searches
-occurred; a part of the cycle counts against the VHDL simulation, clock for clock.
+occurred; a part of the cycle counts against the VHDL simulation, clock for clock; those of the
+second level against its schedule, whether the budget ended it.
 Timing: held as scripts/budgets.toml says, none above the bound.
 Does not prove: anything about a vendor's tools; see the synthesis reports.
 """
@@ -19,8 +23,9 @@ from directmpc import formats as f
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.replay import VARIANTS
 from scripts import netlist, netlist_check
+from scripts.tools import Generics
 from tb.common import states
-from tb.mpdcc import core
+from tb.mpdcc import core, test_sese_core
 from tb.mpdcc.test_mpdcc_core import HELD
 
 HOLD = (
@@ -29,7 +34,14 @@ HOLD = (
     "two_switchings", "budget", "compensate",
 )  # fmt: skip
 OUTPUTS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
+SECOND = 2  # explorers of the core with a second level; one netlist serves both tests of it
 BOTH = 60  # rows that the VHDL simulation decides as well
+
+
+def generics_of(explorers: int, variant: str, second: bool) -> Generics:
+    """Generics of a core, those that differ from the defaults by name."""
+    found: Generics = {"EXPLORERS": explorers, "FOLDED": variant == "paper"}
+    return found | {"SECOND_LEVEL": True} if second else found
 
 
 @pytest.fixture(scope="session")
@@ -50,19 +62,14 @@ def many_rows() -> dict[str, core.Rows]:
     return found
 
 
-@pytest.mark.parametrize(
-    ("variant", "explorers"),
-    [("paper", 1), ("paper", 2), ("paper", 5), ("fast", 1), ("fast", 2)],
-)
-def test_the_netlist_decides_alike(
-    many_rows: dict[str, core.Rows], variant: str, explorers: int
-) -> None:
-    rows = many_rows[variant]
-    expected = rows.model(variant)
-    assert len(rows) >= 3000
-    assert (expected[:, 4] == 1).sum() >= 300
-    assert (expected[:, 3] == 1).sum() >= 300
-    generics: dict[str, int | bool] = {"EXPLORERS": explorers, "FOLDED": variant == "paper"}
+def run(
+    rows: core.Rows,
+    generics: Generics,
+    expected: np.ndarray,
+    outputs: tuple[str, ...],
+    cycles: list[int | None] | None = None,
+) -> netlist_check.Result:
+    """The netlist's answers to the rows, compared with what is expected of each output."""
     verilog = netlist.cached("mpdcc_core", generics)
     found = netlist_check.ports_of(verilog, "mpdcc_core")
     ports = netlist_check.Ports(found.inputs, found.outputs, HOLD)
@@ -71,23 +78,90 @@ def test_the_netlist_decides_alike(
         **{f"s_prev_{x}": rows.s_prev[:, i].tolist() for i, x in enumerate("abc")},
         **{name: rows.registers[:, i].tolist() for i, name in enumerate(HOLD)},
     }
-    result = netlist_check.check(
+    return netlist_check.check(
         "mpdcc_core",
         generics,
         inputs,
-        {name: expected[:, i].tolist() for i, name in enumerate(OUTPUTS)},
+        {name: expected[:, i].tolist() for i, name in enumerate(outputs)},
+        cycles,
         ports=ports,
         verilog=verilog,
-        seed=explorers,
+        seed=int(generics["EXPLORERS"]),
     )
+
+
+@pytest.mark.parametrize(
+    ("variant", "explorers", "second"),
+    [
+        ("paper", 1, False), ("paper", 2, False), ("paper", 5, False), ("fast", 1, False),
+        ("fast", SECOND, True),
+    ],
+)  # fmt: skip
+def test_the_netlist_decides_alike(
+    many_rows: dict[str, core.Rows], variant: str, explorers: int, second: bool
+) -> None:
+    rows = many_rows[variant]
+    expected = rows.model(variant)
+    assert len(rows) >= 3000
+    assert (expected[:, 4] == 1).sum() >= 300
+    assert (expected[:, 3] == 1).sum() >= 300
+    generics = generics_of(explorers, variant, second)
+    result = run(rows, generics, expected, OUTPUTS)
     assert result.checked == len(rows)
     assert not result.mismatches, result.mismatches[:5]
     cycles = np.array(result.cycles)
     assert set(cycles[expected[:, 3] == 1]) == {HELD[variant]}
 
     some = np.r_[0:1, np.linspace(1, len(rows) - 1, BOTH).astype(int)]
-    vhdl = core.simulate(rows.pick(some), explorers, variant)
+    vhdl = core.simulate(rows.pick(some), explorers, variant, second=second)
     np.testing.assert_array_equal(vhdl.decisions, expected[some])
     np.testing.assert_array_equal(vhdl.cycles, cycles[some])
     assert cycles.max() <= vhdl.bound
     print(f"{explorers} explorers: {len(rows)} rows, slowest {cycles.max()}, bound {vhdl.bound}")
+
+
+#: Options of the second level: two switchings, budgets in turn, prediction of k + 1.
+LEVELS = (
+    (1, (0,), 0),
+    (1, (0,), 1),
+    (1, (0, 27, 36, 150, 400), 0),
+    (1, (2000, 64, 600, 48), 1),
+    (0, (0, 9), 1),
+    (0, (0, 9), 0),
+)
+
+
+def test_the_netlists_second_level_decides_alike() -> None:
+    explorers = SECOND
+    parts = [test_sese_core.with_options(test_sese_core.longest(), 1, (0,), 0)]
+    for seed, (two, budgets, compensate) in enumerate(LEVELS):
+        some = test_sese_core.rows_of(seed, 40, two, compensate)
+        parts.append(test_sese_core.with_options(some, two, budgets, compensate))
+    rows = core.join(parts)
+    # the longest first, then every option after every other
+    order = np.random.default_rng(3).permutation(np.arange(1, len(rows)))
+    rows = rows.pick(np.append(0, order))
+    expected, schedule, nodes = test_sese_core.expected(rows, explorers)
+    two = rows.registers[:, test_sese_core.TWO] == 1
+    predicted = rows.registers[:, test_sese_core.COMPENSATE] == 1
+    limited = rows.registers[:, test_sese_core.BUDGET] > 0
+    cut, searched = expected[:, 7] == 1, nodes > 1
+    for kind in (predicted, ~predicted):
+        assert (kind & searched & ~cut).sum() >= 30
+        assert (kind & cut).sum() >= 10
+        assert (kind & limited & searched & ~cut).sum() >= 5
+        assert (kind & (expected[:, 3] == 1)).sum() >= 3
+        assert (kind & (expected[:, 4] == 1)).sum() >= 3
+        assert (kind & ~two).sum() >= 100
+    known = [int(clocks) or None for clocks in schedule]
+    assert sum(clocks is not None for clocks in known) >= len(rows) // 3
+
+    generics = generics_of(explorers, "fast", True)
+    result = run(rows, generics, expected, (*OUTPUTS, "exhausted"), known)
+    assert result.checked == len(rows)
+    assert not result.mismatches, result.mismatches[:5]
+    most = VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
+    assert most - 8 <= result.cycles[0] <= most
+    print(
+        f"second level: {len(rows)} rows, {cut.sum()} cut, slowest {max(result.cycles)} of {most}"
+    )
