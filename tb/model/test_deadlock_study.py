@@ -1,0 +1,119 @@
+"""The deadlock study's experiments: by default they decide as the production model does.
+
+Sweep: both shipped drives, SE and SESE, speeds 0.2, 0.3 and 1.0, random drives.
+Stimulus: closed loops of the 6 kV drive that run into deadlocks, states near and beyond the bounds.
+Checks: every field of every decision against ``bit_true_fast``; the criteria and tie rules against
+plain Python on random errors; that weights and ties change decisions at all.
+Does not prove: anything about the RTL, or that a rule is good.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from directmpc import bit_true, bit_true_fast, closed_loop, deadlock_rules, deadlock_study
+from directmpc.closed_loop import OperatingPoint
+from directmpc.coefficients import registers
+from directmpc.deadlock_rules import Rule
+from directmpc.drive import Drive
+from directmpc.trace import MpdccTrace
+from tb.common import states
+
+
+def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
+    """Decisions of both for every row of a trace; the number of deadlocks."""
+    own = registers(drive, "fast").array()
+    given = deadlock_rules.parameters(drive, Rule())
+    words, _ = bit_true.encode(trace)
+    deadlocks = 0
+    for row, s_prev in zip(words, trace.s_prev.astype(np.int64), strict=True):
+        wanted = bit_true_fast.decide_words(own, row, s_prev)
+        found = deadlock_rules.decide_words(given, row, s_prev)
+        deadlocks += wanted[4]
+        assert (*found[:4], int(found[4] > 0), *found[5:]) == tuple(wanted)
+    return deadlocks
+
+
+@pytest.mark.parametrize("horizon", ["SE", "SESE"])
+@pytest.mark.parametrize("speed", [0.2, 0.3, 1.0])
+def test_closed_loops_are_the_production_models(horizon: str, speed: float) -> None:
+    drive = states.changed(
+        states.shipped("anpc5l_6kv"), bound_current=0.06, switching_horizon=horizon
+    )
+    runs = [
+        closed_loop.simulate(drive, decide, values, OperatingPoint(speed), 4400, seed=0)
+        for decide, values in (
+            (bit_true_fast.decide, registers(drive, "fast").array()),
+            (deadlock_rules.decide, deadlock_rules.parameters(drive, Rule())),
+        )
+    ]
+    wanted, found = runs[0].decisions, runs[1].decisions
+    np.testing.assert_array_equal(found.deadlock > 0, wanted.deadlock == 1)
+    for name in ("s", "held", "length", "saturated"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
+    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+    if speed < 0.5:
+        assert wanted.deadlock.sum() >= 30
+
+
+@pytest.mark.parametrize("horizon", ["SE", "SESE"])
+def test_random_drives_and_states(horizon: str) -> None:
+    rng = np.random.default_rng(17)
+    deadlocks = 0
+    for _ in range(60):
+        drive = states.changed(states.random_drive(rng), switching_horizon=horizon, budget=0)
+        deadlocks += assert_alike(drive, states.near(drive, 8, rng))
+        deadlocks += assert_alike(drive, states.wide(8, rng, beyond=1.2))
+    assert deadlocks >= 50
+
+
+def test_criteria_and_ties_mean_what_they_say() -> None:
+    rng = np.random.default_rng(5)
+    bound = np.array([100, 100, 100, 50, 80, 80, 80])
+    keys = np.empty(7, dtype=np.int64)
+
+    def keys_of(rule: Rule, ahead: np.ndarray, effort: int = 0) -> list[int]:
+        drive = states.shipped("anpc5l_6kv")
+        deadlock_rules._criterion(
+            deadlock_rules.parameters(drive, rule)[1], ahead, bound, effort, keys
+        )
+        return [int(key) for key in keys]
+
+    for _ in range(50):
+        ahead = rng.integers(-200, 201, 7)
+        factors = np.array([16, 16, 16, 128, 32, 32, 32])
+        excess = (np.abs(ahead) - bound) * factors
+        weights = (16, 128, 32)
+        outside = np.maximum(excess, 0)
+        current = max(excess[:3])
+        assert keys_of(Rule(weights=weights), ahead) == [max(excess), 0, 0, 0, 0, 0, 0]
+        rule = Rule(tie=deadlock_rules.CURRENT, weights=weights)
+        assert keys_of(rule, ahead)[:3] == [max(excess), current, 0]
+        rule = Rule(tie=deadlock_rules.SORTED, weights=weights)
+        assert keys_of(rule, ahead) == sorted(excess, reverse=True)
+        rule = Rule(tie=deadlock_rules.EFFORT, weights=weights)
+        assert keys_of(rule, ahead, 5)[:2] == [max(excess), 5]
+        rule = Rule(tie=deadlock_rules.MAGNITUDES)
+        assert keys_of(rule, ahead)[1] == np.abs(ahead).sum()
+        rule = Rule(deadlock_rules.BLEND, blend=4, weights=weights)
+        assert keys_of(rule, ahead)[0] == 4 * max(excess) + current
+        assert keys_of(Rule(deadlock_rules.SUM, weights=weights), ahead)[0] == outside.sum()
+        squares = (outside * outside).sum()
+        assert keys_of(Rule(deadlock_rules.SQUARES, weights=weights), ahead)[0] == squares
+
+
+def test_every_case_runs_and_most_change_something() -> None:
+    drive = states.shipped("anpc5l_6kv")
+    setting = deadlock_study.Setting("SE", 0.06, 0.2, 0)
+    paths = set()
+    for case in deadlock_study.CASES.values():
+        _, result = deadlock_study.simulate(drive, case, setting, 1200)
+        paths.add(result.positions.tobytes())
+    assert len(paths) >= len(deadlock_study.CASES) - 2
+
+
+def test_starts_needed() -> None:
+    # t(0.975, 2) = 4.303: three starts of spread 1 give 2.484
+    assert deadlock_study.starts_needed(1.0, 2.49) == 3
+    assert deadlock_study.starts_needed(1.0, 2.48) == 4
