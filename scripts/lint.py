@@ -160,7 +160,7 @@ def documented_ports() -> list[str]:
     """Every port and generic in `rtl/` says its unit, format or polarity in its own line."""
     return [
         line
-        for path in written_files()
+        for path in sources.rtl_files()
         for line in undocumented(path.read_text(encoding="utf-8"), str(path.relative_to(ROOT)))
     ]
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -234,11 +235,11 @@ def _plot(rows: list[dict[str, object]], path: Path) -> None:
     plt.close(figure)
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Command line: write CSV, plot and table."""
     parser = argparse.ArgumentParser(prog="observer_study", description=main.__doc__)
     parser.add_argument("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
-    drive = load_drive(parser.parse_args().drive)
+    drive = load_drive(parser.parse_args(arguments).drive)
     rows = table(drive)
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")

@@ -244,6 +244,59 @@ def elaborate(controller: str) -> AddrmapNode:
     return root.top
 
 
+#: Ports of a register block, with the meaning that PeakRDL leaves out.
+_PORTS = {
+    "clk": "rising edge",
+    "rst": "synchronous, active high",
+    "s_axil_awready": "'1': write address taken",
+    "s_axil_awvalid": "'1': write address there",
+    "s_axil_awaddr": "byte address",
+    "s_axil_awprot": "protection, ignored",
+    "s_axil_wready": "'1': data taken",
+    "s_axil_wvalid": "'1': data there",
+    "s_axil_wdata": "data",
+    "s_axil_wstrb": "'1': byte is written",
+    "s_axil_bready": "'1': response taken",
+    "s_axil_bvalid": "'1': response there",
+    "s_axil_bresp": '"00": okay, "10": SLVERR',
+    "s_axil_arready": "'1': read address taken",
+    "s_axil_arvalid": "'1': read address there",
+    "s_axil_araddr": "byte address",
+    "s_axil_arprot": "protection, ignored",
+    "s_axil_rready": "'1': data taken",
+    "s_axil_rvalid": "'1': data there",
+    "s_axil_rdata": "data",
+    "s_axil_rresp": '"00": okay, "10": SLVERR',
+    "hwif_in": "what the hardware writes, register by register, see the package",
+    "hwif_out": "what the registers hold, likewise",
+}
+
+_MANUAL = """\
+-- Registers of the {name} system behind AXI4-Lite: docs/registers.md has addresses and fields.
+--
+-- Formats: as docs/registers.md. Latency: a write's response and a read's data come two clocks
+-- after their address at the earliest; two accesses may be under way.
+-- Overflow: none. Errors: an address without a register, a write to a read-only one and a read of a
+-- write-only one are answered with SLVERR.
+"""
+
+
+def _described(text: str) -> str:
+    """A register block with a comment at the end of each port's line.
+
+    Raises
+    ------
+    ValueError
+        If its ports are not the known ones.
+    """
+    ports = re.compile(r"^( +)(\w+)( : (?:in|out) [^;\n]+;?)$", re.M)
+    head, end, rest = text.partition("\nend entity ")
+    found = [match.group(2) for match in ports.finditer(head)]
+    if found != list(_PORTS) or not end:
+        raise ValueError(f"ports of a register block are {', '.join(found)}")
+    return ports.sub(lambda m: f"{m.group(0)} -- {_PORTS[m.group(2)]}", head) + end + rest
+
+
 def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
     name = f"directmpc_{controller}_registers"
     RegblockExporter().export(
@@ -262,6 +315,9 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
         note = f"-- {_BY}\n"
         if path.stem == "reg_utils":
             note += "-- Comes with PeakRDL-regblock-vhdl, free to use for any purpose (or MIT).\n"
+        if path.stem == name:
+            note = _MANUAL.format(name=controller.upper()) + note
+            text = _described(text)
         found[VHDL / path.name] = note + text
     return found
 

@@ -25,7 +25,7 @@ from numba import njit
 from numpy.typing import NDArray
 from rich.console import Console
 
-from directmpc import anpc, bit_true, closed_loop, horizon_study, ideal, metrics
+from directmpc import anpc, bit_true, closed_loop, horizon_study, ideal, metrics, observer_study
 from directmpc.closed_loop import OperatingPoint
 from directmpc.drive import Drive, load_drive
 from directmpc.fidelity import __main__ as accuracy
@@ -58,6 +58,11 @@ PLACED = (1, 2)  # explorers of the configurations that are placed and routed
 SHOWN = 2  # explorers of the README's comparison
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+#: Commands of their own that write files of their own, with what is said while they run.
+STUDIES: dict[str, Callable[[list[str]], Any]] = {
+    "switching horizons SE and SESE in closed loop": horizon_study.main,
+    "rotor-flux observer over speed and mismatch": observer_study.main,
+}
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
 SEEDS = 10  # starts per point of the fidelity figures
@@ -645,8 +650,9 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
     for picture in sorted(temporary.glob("*.png")):
         picture.replace(REPORTS / picture.name)
     tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
-    say("switching horizons SE and SESE in closed loop")
-    horizon_study.main([])
+    for text, study in STUDIES.items():
+        say(text)
+        study([])
     write_readme(document)
     mptc_report.write_texts(document["mptc"])
 

@@ -89,6 +89,7 @@ _DECISION_COLUMNS = (
     _Column("length", 0, 63),
     _CYCLES,
     _Column("saturated", 0, 1),
+    _Column("exhausted", 0, 1, optional=True),
 )
 
 _MPTC_REAL = (
@@ -156,6 +157,8 @@ class Decisions:
         L* of the choice (L1 for SESE); 0 when held or deadlocked.
     cycles : (n,) or None
         Clock cycles of the decision; None where no clock is modelled.
+    exhausted : (n,) or None
+        1: SESE's budget ended the search; None where nobody tells.
     """
 
     s: IntArray
@@ -164,6 +167,7 @@ class Decisions:
     length: IntArray
     cycles: IntArray | None
     saturated: IntArray
+    exhausted: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.held)
@@ -442,11 +446,14 @@ def read_decisions(path: PathLike) -> Decisions:
         length=_integers(table, "length"),
         cycles=cycles,
         saturated=_integers(table, "saturated"),
+        exhausted=_integers(table, "exhausted") if "exhausted" in table else None,
     )
 
 
 def write_decisions(path: PathLike, decisions: Decisions) -> None:
-    """Write the decisions of an MPDCC controller; `cycles` stays empty if there are none.
+    """Write the decisions of an MPDCC controller.
+
+    The column `cycles` stays empty if there are none, `exhausted` is left out.
 
     Raises
     ------
@@ -455,14 +462,17 @@ def write_decisions(path: PathLike, decisions: Decisions) -> None:
     """
     n = len(decisions)
     cycles = [""] * n if decisions.cycles is None else [str(int(c)) for c in decisions.cycles]
+    flags = [decisions.saturated]
+    if decisions.exhausted is not None:
+        flags.append(decisions.exhausted)
     numbers = np.column_stack(
-        [decisions.s, decisions.held, decisions.deadlock, decisions.length, decisions.saturated]
+        [decisions.s, decisions.held, decisions.deadlock, decisions.length, *flags]
     ).astype(np.int64)
     rows = (
-        [*map(str, row[:6]), cycle, str(row[6])]
+        [*map(str, row[:6]), cycle, *map(str, row[6:])]
         for row, cycle in zip(numbers.tolist(), cycles, strict=True)
     )
-    _write_table(path, [column.name for column in _DECISION_COLUMNS], rows)
+    _write_table(path, [column.name for column in _DECISION_COLUMNS][: 7 + len(flags)], rows)
 
 
 def read_mptc_trace(path: PathLike) -> MptcTrace:

@@ -1,9 +1,9 @@
 -- The top of every board: clock, reset, host links, controller, gate guard, and the pins.
 --
 -- The core runs at the oscillator's clock divided by DIVIDE, 25 MHz on all boards: there one explorer
--- decides within 4.4 us, and the worst seed is far from that clock. Inputs come in through two
--- flip-flops. The reset holds for the first 15 clocks after configuration; the gates are
--- registers of the gate guard and zero from configuration on.
+-- decides within 4.4 us (SESE without a budget: 141 us), and the worst seed is far from that clock.
+-- Inputs come in through two flip-flops. The reset holds for the first 15 clocks after configuration;
+-- the gates are registers of the gate guard and zero from configuration on.
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
@@ -55,7 +55,9 @@ architecture rtl of board_top is
 
   end function choice;
 
-  constant STEP_WORDS : positive := choice(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
+  constant STEP_WORDS     : positive := choice(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
+  -- one explorer takes 3,470 clocks for SESE without a budget, the prediction and the observer 51 more
+  constant DECISION_LIMIT : positive := 4_000;
 
   signal core_clock      : std_logic;
   -- what there is before the reset, which these two make
@@ -91,7 +93,7 @@ architecture rtl of board_top is
   signal step_busy       : std_logic;
   signal decision_valid  : std_logic;
   signal decision        : std_logic_vector(15 downto 0);
-  signal decision_flags  : std_logic_vector(3 downto 0);
+  signal decision_flags  : std_logic_vector(7 downto 0);
   signal decision_length : std_logic_vector(7 downto 0);
   signal decision_cycles : std_logic_vector(15 downto 0);
   signal running         : std_logic;
@@ -157,13 +159,14 @@ begin
 
   i_host_link : entity work.host_link
     generic map (
-      CONTROLLER => CONTROLLER,
-      STEP_WORDS => STEP_WORDS,
-      EXPLORERS  => choice(CONTROLLER = CONTROLLER_MPDCC, EXPLORERS, 0),
-      OPTION     => FOLDED or CONTROLLER = CONTROLLER_MPTC,
-      CLOCK_HZ   => CLOCK_HZ,
-      BAUD       => BAUD,
-      LIMIT      => choice(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200)
+      CONTROLLER     => CONTROLLER,
+      STEP_WORDS     => STEP_WORDS,
+      EXPLORERS      => choice(CONTROLLER = CONTROLLER_MPDCC, EXPLORERS, 0),
+      OPTION         => FOLDED or CONTROLLER = CONTROLLER_MPTC,
+      CLOCK_HZ       => CLOCK_HZ,
+      BAUD           => BAUD,
+      LIMIT          => choice(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200),
+      DECISION_LIMIT => DECISION_LIMIT
     )
     port map (
       clk             => core_clock,
@@ -211,6 +214,9 @@ begin
       gates           => gates_word
     );
 
+  -- the executor's own
+  decision_flags(FLAG_TRIPPED downto FLAG_NO_ANSWER) <= (others => '0');
+
   gates_word <= x"00" & gates_now;
   tripped    <= '0' when faults = (faults'range => '0') else
                 '1';
@@ -253,6 +259,7 @@ begin
         deadlock       => decision_flags(FLAG_DEADLOCK),
         length         => decision_length(5 downto 0),
         saturated      => decision_flags(FLAG_SATURATED),
+        exhausted      => decision_flags(FLAG_EXHAUSTED),
         cycles         => decision_cycles,
         gates          => gates_now,
         running        => running,
@@ -333,11 +340,12 @@ begin
         s_axil_rresp   => rresp
       );
 
-    decision(15 downto 6)         <= (others => '0');
-    decision_flags(FLAG_HELD)     <= '0';
-    decision_flags(FLAG_DEADLOCK) <= '0';
-    decision_length               <= (others => '0');
-    gates_now(23 downto 6)        <= (others => '0');
+    decision(15 downto 6)          <= (others => '0');
+    decision_flags(FLAG_HELD)      <= '0';
+    decision_flags(FLAG_DEADLOCK)  <= '0';
+    decision_flags(FLAG_EXHAUSTED) <= '0';
+    decision_length                <= (others => '0');
+    gates_now(23 downto 6)         <= (others => '0');
 
   end generate g_mptc;
 

@@ -68,7 +68,7 @@ entity host_link is
     step_busy       : in    std_logic;                                      -- '1': a decision is under way
     decision_valid  : in    std_logic;                                      -- '1' for one clock: decision is new
     decision        : in    std_logic_vector(15 downto 0);                  -- position of a STEP reply
-    decision_flags  : in    std_logic_vector(3 downto 0);                   -- FLAG_HELD to FLAG_CLAMPED
+    decision_flags  : in    std_logic_vector(7 downto 0);                   -- FLAG_HELD to FLAG_CLAMPED, EXHAUSTED
     decision_length : in    std_logic_vector(7 downto 0);                   -- L*
     decision_cycles : in    std_logic_vector(15 downto 0);                  -- of the core, clock after decision_valid
     applied         : in    std_logic_vector(15 downto 0);                  -- position the gates are at

@@ -85,6 +85,7 @@ package link_constants is
   constant FLAG_NO_ANSWER : natural := 4; -- bit of a decision's flags
   constant FLAG_ENABLED : natural := 5; -- bit of a decision's flags
   constant FLAG_TRIPPED : natural := 6; -- bit of a decision's flags
+  constant FLAG_EXHAUSTED : natural := 7; -- bit of a decision's flags
 
   -- CRC-32 (reflected) taken on by one byte
   function crc_next (crc : crc_t; data : byte_t) return crc_t;

@@ -67,7 +67,7 @@ entity link_executor is
     step_busy       : in    std_logic;                                      -- '1': a decision is under way
     decision_valid  : in    std_logic;                                      -- '1' for one clock: decision is new
     decision        : in    std_logic_vector(15 downto 0);                  -- position of a STEP reply
-    decision_flags  : in    std_logic_vector(3 downto 0);                   -- FLAG_HELD to FLAG_CLAMPED
+    decision_flags  : in    std_logic_vector(7 downto 0);                   -- FLAG_HELD to FLAG_CLAMPED, EXHAUSTED
     decision_length : in    std_logic_vector(7 downto 0);                   -- L*
     decision_cycles : in    std_logic_vector(15 downto 0);                  -- of the core, clock after decision_valid
     -- gates
@@ -311,12 +311,11 @@ begin
           end if;
 
         when PHASE_ANSWER =>
-          flags                                := (others => '0');
-          flags(FLAG_CLAMPED downto FLAG_HELD) := decision_flags;
-          flags(FLAG_NO_ANSWER)                := r.no_answer;
-          flags(FLAG_ENABLED)                  := enabled;
-          flags(FLAG_TRIPPED)                  := tripped;
-          cycles                               := decision_cycles;
+          flags                 := decision_flags;
+          flags(FLAG_NO_ANSWER) := r.no_answer;
+          flags(FLAG_ENABLED)   := enabled;
+          flags(FLAG_TRIPPED)   := tripped;
+          cycles                := decision_cycles;
 
           if (r.no_answer = '1') then
             cycles := std_logic_vector(r.cycles);

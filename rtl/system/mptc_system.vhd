@@ -4,12 +4,12 @@
 -- command.start), and are kept there.  The core decides for the next control period: the guard gets a decision
 -- with the start that follows, as Paper B's prediction over two steps wants it.  With control.use_observer
 -- the flux is the observer's, which works on the next one meanwhile.  Parameters and the guard's settings are
--- shadows that take effect together between two decisions (commit_control).
+-- shadows that take effect together between two decisions (decision_sequencer).
 --
 -- Formats: as mptc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start; gates move with the start after.
 -- Overflow: saturates and sets flags; a start while busy is ignored and sets one.
--- Weighed, not built: as mptc_system's.
+-- Weighed, not built: as mpdcc_system's.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -118,8 +118,8 @@ architecture rtl of mptc_system is
   signal response       : std_logic;
   signal take           : std_logic; -- measurements come from the ports
   signal go             : std_logic; -- a decision begins, measurements are in their registers
-  signal begun          : std_logic;
   signal deciding       : std_logic;
+  signal ignored        : std_logic; -- a start, of either kind
   signal observing      : std_logic; -- control.use_observer, as it was when the decision began
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
@@ -220,52 +220,31 @@ begin
   -- Start, and what is in force
   ---------------------------------------------------------------------------------------------
 
-  take  <= start and not deciding and not control.registers_as_source.value;
-  begun <= take or (command.start.value and control.registers_as_source.value and not deciding);
-
-  p_start : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      go <= begun;
-
-      if (begun = '1') then
-        deciding  <= '1';
-        observing <= control.use_observer.value;
-        owning    <= control.own_positions.value;
-      elsif (core_valid = '1') then
-        deciding <= '0';
-      end if;
-
-      if (command.reset_observer.value = '1') then
-        forget <= '1';
-      elsif (deciding = '0') then
-        forget <= '0';
-      end if;
-
-      if (rst = '1') then
-        deciding <= '0';
-        go       <= '0';
-        forget   <= '0';
-      end if;
-    end if;
-
-  end process p_start;
+  i_sequencer : entity work.decision_sequencer
+    port map (
+      clk            => clk,
+      rst            => rst,
+      start          => start,
+      command_start  => command.start.value,
+      from_registers => control.registers_as_source.value,
+      use_observer   => control.use_observer.value,
+      own_positions  => control.own_positions.value,
+      reset_observer => command.reset_observer.value,
+      commit         => command.commit.value,
+      ending         => core_valid,
+      take           => take,
+      go             => go,
+      deciding       => deciding,
+      ignored        => ignored,
+      observing      => observing,
+      owning         => owning,
+      forget         => forget,
+      load           => load,
+      pending        => pending,
+      commits        => commits
+    );
 
   busy <= deciding;
-
-  i_commit : entity work.commit_control
-    port map (
-      clk     => clk,
-      rst     => rst,
-      request => command.commit.value,
-      start   => start or command.start.value,
-      busy    => deciding,
-      ending  => core_valid,
-      load    => load,
-      pending => pending,
-      count   => commits
-    );
 
   p_active : process (clk) is
   begin
@@ -549,9 +528,7 @@ begin
 
   from_hardware.system.flags.saturated.hwset          <= core_valid and core_saturated;
   from_hardware.system.flags.deadlock.hwset           <= '0';
-  from_hardware.system.flags.start_ignored.hwset      <= (start and not control.registers_as_source.value and deciding)
-                                                         or (command.start.value and (deciding
-                                                         or not control.registers_as_source.value));
+  from_hardware.system.flags.start_ignored.hwset      <= ignored;
   from_hardware.system.flags.observer_saturated.hwset <= observer_valid and observer_full;
   from_hardware.system.flags.clamped.hwset            <= core_valid and core_clamped;
 

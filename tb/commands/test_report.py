@@ -6,12 +6,14 @@ Does not prove: that a figure is right; `make report` measures it.
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
 import pytest
 
-from directmpc import coefficients, report
+from directmpc import coefficients, horizon_study, observer_study, report
+from directmpc.drive import load_drive
 from directmpc.simulator import ROOT
 
 
@@ -65,6 +67,33 @@ def test_the_rest_of_the_readme_stays(tmp_path: Path, document: dict) -> None:
     assert "old" not in first
     report.write_readme(document, path)
     assert path.read_text() == first
+
+
+def test_the_report_has_the_studies() -> None:
+    assert {horizon_study.main, observer_study.main} <= set(report.STUDIES.values())
+
+
+def test_the_observers_page_shows_what_was_measured() -> None:
+    with (report.REPORTS / "observer.csv").open(encoding="utf-8", newline="") as file:
+        rows = [
+            {k: v if k == "mismatch" else float(v) for k, v in row.items()}
+            for row in csv.DictReader(file)
+        ]
+    page = (ROOT / "docs" / "observer.md").read_text(encoding="utf-8")
+    assert f"<!-- table: begin -->\n{observer_study._markdown(rows)}\n<!-- table: end -->" in page
+    # one of its points anew; another libm turns roundings, and closed loops part after some steps
+    drive = load_drive(ROOT / "drives" / f"{report.DRIVES[0]}.toml")
+    (row,) = [
+        row
+        for row in rows
+        if (row["mismatch"], row["omega_s_pu"]) == ("rr * 1.5", 1.0)
+        and row["crossover_pu"] == observer_study.rotor_flux_observer.CROSSOVER
+    ]
+    found = observer_study.error(
+        *observer_study.run(drive, 1.0, observer_study.MISMATCHES["rr * 1.5"])
+    )
+    assert row["magnitude_pct"] == pytest.approx(found.magnitude, abs=0.05)
+    assert row["angle_deg"] == pytest.approx(found.angle, abs=0.05)
 
 
 def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:

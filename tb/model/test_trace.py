@@ -54,6 +54,18 @@ def decisions() -> Decisions:
     )
 
 
+@pytest.mark.parametrize("exhausted", [None, [1, 0]])
+def test_exhausted_is_a_column_where_somebody_tells(
+    exhausted: list[int] | None, decisions: Decisions, tmp_path: Path
+) -> None:
+    path = tmp_path / "decisions.csv"
+    told = None if exhausted is None else np.array(exhausted)
+    write_decisions(path, replace(decisions, exhausted=told))
+    assert path.read_text().splitlines()[0].endswith("saturated" if told is None else ",exhausted")
+    read = read_decisions(path).exhausted
+    assert (None if read is None else read.tolist()) == exhausted
+
+
 def same(left: object, right: object) -> bool:
     return all(np.array_equal(getattr(left, f.name), getattr(right, f.name)) for f in fields(left))
 

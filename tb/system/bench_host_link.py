@@ -22,6 +22,9 @@ UART, SPI = 0, 1
 PERIOD_NS = 40
 REGISTERS = 1024  # bytes
 FAULTS, GATES = 0x5A3C, 0x00C0FFEE
+CORE_FLAGS = sum(
+    1 << f for f in (p.Flag.HELD, p.Flag.DEADLOCK, p.Flag.SATURATED, p.Flag.CLAMPED)
+) | (1 << p.Flag.EXHAUSTED)  # the others are the link's own, whatever the port says
 
 
 def delay_of(payload: bytes) -> int:
@@ -31,7 +34,7 @@ def delay_of(payload: bytes) -> int:
 
 def answer_of(payload: bytes) -> tuple[int, int, int]:
     """Position, flags and length that the pretended core decides on."""
-    return sum(payload) & 0x1FF, payload[0] & 15, payload[1] & 63
+    return sum(payload) & 0x1FF, payload[0], payload[1] & 63
 
 
 class Bench:
@@ -67,11 +70,13 @@ class Bench:
     def step(self, payload: bytes) -> Decision:
         """What the pretended core decides."""
         position, flags, length = answer_of(payload)
+        flags &= CORE_FLAGS
         cycles = delay_of(payload)
         if cycles > 2500:
             position, flags, length, cycles = (*self.previous, 2500)
             flags |= 1 << p.Flag.NO_ANSWER
-        self.previous = (position, flags & 15, length)
+        self.previous = (position, flags & CORE_FLAGS, length)
+        self.board.cover("exhausted", flags >> p.Flag.EXHAUSTED)
         flags |= 1 << p.Flag.ENABLED
         return Decision(position, flags, length, cycles, FAULTS, GATES)
 

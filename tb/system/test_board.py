@@ -2,12 +2,14 @@
 
 Sweep: both controllers as build options of the same top; UART and SPI; both positions of the
 switch.
-Stimulus: closed loops of 2,000 control steps of the 6 kV drive, and of 300 of a two-level drive,
-over the pseudo-terminal of the virtual board; 100,000 corrupted, random, replayed, oversized and
-cut off frames over SPI, 200 over UART, with the gates let through; good requests in between.
-Checks: decisions against the bit-true model and replay's own file; no gate changes; every
-counter; that the request that follows is answered; that all gates are off after a reset and
-without permit.
+Stimulus: closed loops of 2,000 control steps of the 6 kV drive, of 300 of it with two switchings
+and a budget, and of 300 of a two-level drive, over the pseudo-terminal of the virtual board;
+100,000 corrupted, random, replayed, oversized and cut off frames over SPI, 200 over UART, with the
+gates let through; good requests in between.
+Checks: decisions against the bit-true model, and against the files that replay writes from the
+recorded trace: the model's for all steps, the RTL's, clocks included, for a sample; no gate
+changes; every counter; that the request that follows is answered; that all gates are off after a
+reset and without permit.
 Timing: from the pins; the SPI exchange of a step stays below 32 us.
 Does not prove: anything about pads, cables and drivers.
 """
@@ -17,12 +19,13 @@ from __future__ import annotations
 import random
 import struct
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from directmpc import trace
+from directmpc import bit_true, bit_true_fast, replay, trace
 from directmpc.drive import load_any_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import lockstep
@@ -31,15 +34,55 @@ from directmpc.host.board import Board
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.registers import GuardSettings, registers_of, values
-from directmpc.replay import VARIANTS, decide_mpdcc
+from directmpc.replay import VARIANTS
+from directmpc.trace import Decisions, IntArray, MpdccTrace
 from scripts.tools import ROOT
 from scripts.virtual_board import Script, VirtualBoard, generics
+from tb.common import states
 
 MPDCC = ROOT / "drives" / "anpc5l_6kv.toml"
 MPTC = ROOT / "drives" / "induction_2kw2.toml"
 STEPS = 2000
+SAMPLE = 240  # of them, replayed by the RTL
+BUDGET = 300  # candidates of SESE's second level: enough for some searches
 HOSTILE = 100_000
 CLOCK = 25e6
+
+
+def rows_of(path: Path) -> list[list[str]]:
+    """Fields of a CSV file, header included."""
+    return [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def without_cycles(rows: list[list[str]]) -> list[list[str]]:
+    """The same without the column `cycles`."""
+    at = rows[0].index("cycles")
+    return [[*row[:at], *row[at + 1 :]] for row in rows]
+
+
+def replayed(folder: Path, engine: str, seen: MpdccTrace) -> list[list[str]]:
+    """What `make replay` writes for the shipped drive and this trace, one explorer."""
+    recorded, out = folder / f"{engine}-trace.csv", folder / f"{engine}.csv"
+    trace.write_trace(recorded, seen)
+    given = {
+        "--drive": MPDCC, "--trace": recorded, "--out": out, "--engine": engine, "--explorers": 1,
+    }  # fmt: skip
+    assert replay.main([str(part) for pair in given.items() for part in pair]) == 0
+    return rows_of(out)
+
+
+def sample_of(decisions: Decisions) -> IntArray:
+    """Rows of each kind a decision can be of, SAMPLE in all or nearly so, in order."""
+    kinds = [
+        decisions.held == 1,
+        decisions.deadlock == 1,
+        (decisions.held == 0) & (decisions.deadlock == 0),
+    ]
+    assert kinds[0].any()
+    assert kinds[2].any()
+    rng = np.random.default_rng(1)
+    picked = [rng.permutation(np.flatnonzero(kind))[: SAMPLE // len(kinds)] for kind in kinds]
+    return np.sort(np.concatenate(picked))
 
 
 def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path: Path) -> None:
@@ -59,22 +102,15 @@ def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path
         off = board.read("system.gates")["gates"]
         stream.close()
     assert run.differing == 0
-    replayed = decide_mpdcc(drive, seen, "model", 1, "fast")
-    trace.write_decisions(tmp_path / "board.csv", decisions)
+    # replay itself, from files alone: it reads what the board saw and writes what it decides
+    trace.write_decisions(tmp_path / "board.csv", replace(decisions, exhausted=None))
+    told = rows_of(tmp_path / "board.csv")
+    assert len(told) == STEPS + 1
     # the model has no clock: its file has no cycles, everything else is the same text
-    trace.write_decisions(tmp_path / "replay.csv", replayed)
-    board_rows, replay_rows = (
-        [
-            [field for name, field in zip(rows[0], row, strict=True) if name != "cycles"]
-            for row in rows
-        ]
-        for rows in (
-            [line.split(",") for line in (tmp_path / name).read_text().splitlines()]
-            for name in ("board.csv", "replay.csv")
-        )
-    )
-    assert len(board_rows) == STEPS + 1
-    assert board_rows == replay_rows
+    assert without_cycles(told) == without_cycles(replayed(tmp_path, "model", seen))
+    # the replay bench has the RTL's clock too
+    sample = sample_of(decisions)
+    assert [told[0], *(told[1 + k] for k in sample)] == replayed(tmp_path, "rtl", seen.rows(sample))
     assert run.cycles.min() >= 21
     assert run.cycles.max() <= VARIANTS["fast"].worst_cycles(1)
     assert run.running.all()
@@ -84,6 +120,33 @@ def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path
     assert sum(counters.values()) == counters[Outcome.ACCEPTED]
     assert off == 0
     assert len(log.read_text().splitlines()) > 500
+
+
+def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
+    drive = states.changed(load_any_drive(MPDCC), switching_horizon="SESE", budget=BUDGET)
+    with VirtualBoard(generics("mpdcc"), tmp_path / "board") as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        board.load(values(drive, GuardSettings(clock=CLOCK)))
+        board.write("system.control", enable=0, own_positions=0)
+        run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, 300, "fast")
+        stream.close()
+    assert run.differing == 0
+    register = VARIANTS["fast"].registers(drive).array()
+    measured, _ = bit_true.encode(seen)
+    order = np.empty((64, 5), dtype=np.int64)
+    wanted = [
+        bit_true_fast.search_words(register, row, s, order)[7]
+        for row, s in zip(measured, seen.s_prev, strict=True)
+    ]
+    # what it tells, and what the file of the host's command says
+    path = tmp_path / "board.csv"
+    trace.write_decisions(path, decisions)
+    told = trace.read_decisions(path).exhausted
+    assert told is not None
+    assert told.tolist() == wanted
+    searched = decisions.held == 0
+    assert 5 < told.sum() < searched.sum()
 
 
 def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:

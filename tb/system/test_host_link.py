@@ -39,6 +39,7 @@ def test_every_frame_gets_the_answer_of_the_model(link: int, controls: int) -> N
     found = bench("frames", link=link, controls=controls)
     assert found.checks["reply"] >= 30
     assert (found.measured["decisions"] > 5) == (link == controls)
+    assert (found.covered.get("exhausted", 0) > 0) == (link == controls)
 
 
 def test_mishaps_cost_one_frame() -> None:

@@ -39,6 +39,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("frame_receiver", "v.late := '1';", "null;", mishaps),
     ("frame_transmitter", "not crc(7 downto 0)", "crc(7 downto 0)", over_uart),
     ("link_executor", "if (ahead <= 0) then", "if (ahead < 0) then", over_spi),
+    ("link_executor", "flags(FLAG_ENABLED)   := enabled;", "flags(7) := '0';", over_uart),
     ("outcome_counters", "waiting <= serve_outcome;", "waiting <= receive_outcome;", over_spi),
     ("spi_slave", "if (count = 7) then", "if (count = 6) then", over_spi),
     ("uart_receiver", "v.broken := not line(2);", "v.broken := '0';", mishaps),

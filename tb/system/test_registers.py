@@ -145,3 +145,9 @@ def test_a_bad_drive_is_one_line(tmp_path: Path) -> None:
     assert (status, text) == (2, "")
     assert len(complaints.splitlines()) == 1
     assert "bad.toml" in complaints
+
+
+def test_ports_of_a_register_block_without_a_known_meaning_are_an_error() -> None:
+    block = "    port (\n        clk : in std_logic;\n        irq : out std_logic\n    );\n"
+    with pytest.raises(ValueError, match="clk, irq"):
+        register_files._described(block + "end entity x;\n")

@@ -38,6 +38,14 @@ def frames() -> list[tuple[str, Frame]]:
     identity = Identity(p.VERSION, Controller.MPDCC, 2, 2, 4, 25_000_000, 125_000)
     measured = p.step_payload(list(MEASUREMENTS), p.packed_positions((6, 2, 1)))
     decided = Decision(p.packed_positions((7, 2, 1)), 1 << p.Flag.ENABLED, 12, 81, 0, 0x35A6AC)
+    ended = Decision(
+        p.packed_positions((6, 3, 1)),
+        1 << p.Flag.ENABLED | 1 << p.Flag.EXHAUSTED,
+        9,
+        1172,
+        0,
+        0x3526AC,
+    )
     counts = [0] * p.COUNTERS_PER_REPLY
     counts[Outcome.ACCEPTED], counts[Outcome.CRC] = 70, 2
     return [
@@ -52,6 +60,8 @@ def frames() -> list[tuple[str, Frame]]:
         ("its reply: 0x00000024", Frame(0x83, 6, struct.pack("<HBI", 0x14, 0, 0x24))),
         ("STEP: 13 words, then s(k-1) = (6, 2, 1)", Frame(Type.STEP, 7, measured)),
         ("its reply: s(k) = (7, 2, 1) for 12 steps, 81 clocks", Frame(0x85, 7, decided.pack())),
+        ("the same, had SESE's budget ended the search: s(k) = (6, 3, 1), 1172 clocks",
+         Frame(0x85, 7, ended.pack())),
         ("the same STEP once more is refused: STALE, last was 7",
          Frame(0xFF, 7, struct.pack("<BBI", Outcome.STALE, Type.STEP, 7))),
         ("COUNTERS 0 to 7", Frame(Type.COUNTERS, 8, b"\0")),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def run_mpdcc(
     seen
         What the board saw, a trace that can be replayed.
     decisions
-        What it decided.
+        What it decided, with `exhausted`.
     """
     profile = constant_profile(drive, OperatingPoint(speed), steps)
     state, applied = initial_conditions(profile)
@@ -122,10 +122,9 @@ def run_mpdcc(
         answer = board.step([int(w) for w in words], packed_positions(applied))
         if answer.has(Flag.NO_ANSWER):
             raise LinkError(f"step {k}: the core gave no decision")
-        # the link does not carry whether a budget ran out
         out[k] = (
             *answer.positions, answer.has(Flag.HELD), answer.has(Flag.DEADLOCK), answer.length,
-            answer.cycles, answer.has(Flag.SATURATED), 0,
+            answer.cycles, answer.has(Flag.SATURATED), answer.has(Flag.EXHAUSTED),
         )  # fmt: skip
         more[k] = answer.gates, answer.has(Flag.ENABLED)
         faults = answer.faults
@@ -138,7 +137,7 @@ def run_mpdcc(
     seen = MpdccTrace(
         states[:, :4], states[:, 4:], profile.vdc, iref, profile.omega_s, profile.omega_r, positions
     )
-    decisions = decisions_of(out, clipped)
+    decisions = replace(decisions_of(out, clipped), exhausted=out[:, FIELDS.index("exhausted")])
     differing = count_differences(decisions, VARIANTS[variant].run(drive, seen))
     run = LockStep(steps, differing, seconds, out[:, 6], more[:, 0], more[:, 1], faults)
     return run, seen, decisions

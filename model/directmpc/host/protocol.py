@@ -110,6 +110,7 @@ class Flag(IntEnum):
     NO_ANSWER = 4  # the core gave no decision in time
     ENABLED = 5  # the gate guard lets the gates through
     TRIPPED = 6  # the gate guard holds a fault
+    EXHAUSTED = 7  # the budget ended the search, the decision is the best so far
 
 
 class ProtocolError(ValueError):
