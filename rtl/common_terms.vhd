@@ -83,6 +83,8 @@ architecture rtl of common_terms is
 
   constant LAST_STEP : natural := step_count_of(ADVANCES); -- also: idle
 
+  constant LENGTH_AT : natural := COEFFICIENT_COUNT + 2; -- place of the first length among the factors
+
   -- step whose result comes with the natural slope of the successor: between its own and the next
   constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
 
@@ -145,11 +147,11 @@ begin
   operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
   operands(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= base;
 
-  factors((COEFFICIENT_COUNT + 2) * COEFFICIENT_WIDTH - 1 downto 0) <= speeds & coefficients;
+  factors(LENGTH_AT * COEFFICIENT_WIDTH - 1 downto 0) <= speeds & coefficients;
 
   -- 128 * L1 and its signed forms, and the powers of two that put a word where the products of its sum are
   g_lengths : for i in 0 to SIGNED_LENGTHS - 1 generate
-    factors((COEFFICIENT_COUNT + i + 3) * COEFFICIENT_WIDTH - 1 downto (COEFFICIENT_COUNT + i + 2) * COEFFICIENT_WIDTH) <=
+    factors((LENGTH_AT + i + 1) * COEFFICIENT_WIDTH - 1 downto (LENGTH_AT + i) * COEFFICIENT_WIDTH) <=
       std_logic_vector(shift_left(resize(signed(word(lengths, i, LENGTH_WIDTH + 1)), COEFFICIENT_WIDTH), 7));
   end generate g_lengths;
 

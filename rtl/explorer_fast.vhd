@@ -128,9 +128,13 @@ architecture rtl of explorer_fast is
 
   type table_t is array (natural range 0 to 2 ** ROW_BITS - 1) of entry_t;
 
-  type neutral_lengths_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  subtype length_word_t is std_logic_vector(LENGTH_WIDTH - 1 downto 0);
 
-  type neutral_excesses_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
+  subtype excess_word_t is std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
+
+  type neutral_lengths_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of length_word_t;
+
+  type neutral_excesses_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of excess_word_t;
 
   subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 3 downto 0);
 

@@ -151,7 +151,8 @@ architecture rtl of mpdcc_scheduler is
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
   -- clocks from the begin of a successor's program: its capacitor terms are complete two clocks
-  -- later, the queue may show the next entry, the errors are complete, the first leaf may be loaded, the next program may begin one clock later
+  -- later, the queue may show the next entry, the errors are complete, the first leaf may be loaded,
+  -- the next program may begin one clock later
   constant CAPACITORS_AT : natural := 12;
   constant TAKEN_AT      : natural := 13;
   constant TURN_AT       : natural := 18;

@@ -243,8 +243,10 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
     if "FOLDED" in one.generics and any(isinstance(v, dict) for v in table.values()):
         table = table.get("paper" if one.generics["FOLDED"] else "fast", {})
     if one.entity == "mpdcc_core":
-        most = table["worst"][int(one.generics["EXPLORERS"]) - 1]
-        return f"hold {table['hold']}, worst {most}"
+        explorers = int(one.generics["EXPLORERS"]) - 1
+        if one.generics.get("SECOND_LEVEL"):
+            return f"worst {table['sese']['worst'][explorers]}, SE as without"
+        return f"hold {table['hold']}, worst {table['worst'][explorers]}"
     shown = [f"{k.replace('_', ' ')} {v}" for k, v in table.items() if isinstance(v, int)]
     if one.generics.get("FLUX_CONTROL") is False:
         shown = [text for text in shown if not text.startswith("mpfc")]

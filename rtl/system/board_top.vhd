@@ -23,6 +23,7 @@ entity board_top is
     CONTROLLER : positive range 1 to 2 := 1;          -- 1: MPDCC, 2: MPTC and MPFC
     EXPLORERS  : positive range 1 to 8 := 1;          -- of MPDCC
     FOLDED     : boolean               := false;      -- MPDCC: true: the paper's explorers
+    SECOND_LEVEL : boolean := true; -- MPDCC: true: SESE and delay compensation, fast explorers alone
     CLOCK_HZ   : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, Hz
     DIVIDE     : positive range 1 to 4 := 1;          -- 1, 2 or 4
     BAUD       : positive              := 3_000_000   -- UART, 1/s
@@ -225,8 +226,9 @@ begin
 
     i_system : entity work.mpdcc_system
       generic map (
-        EXPLORERS => EXPLORERS,
-        FOLDED    => FOLDED
+        EXPLORERS    => EXPLORERS,
+        FOLDED       => FOLDED,
+        SECOND_LEVEL => SECOND_LEVEL
       )
       port map (
         clk            => core_clock,

@@ -24,6 +24,7 @@ entity mpdcc_system is
   generic (
     EXPLORERS       : positive range 1 to 8    := 2;     -- number of explorers
     FOLDED          : boolean                  := false; -- true: the paper's explorer, false: the fast one
+    SECOND_LEVEL    : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
@@ -459,7 +460,7 @@ begin
     generic map (
       EXPLORERS    => EXPLORERS,
       FOLDED       => FOLDED,
-      SECOND_LEVEL => not FOLDED
+      SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
       clk                         => clk,
@@ -643,6 +644,7 @@ begin
   from_hardware.system.capabilities.controller.next_q      <= "0001";
   from_hardware.system.capabilities.explorers.next_q       <= std_logic_vector(to_unsigned(EXPLORERS, 4));
   from_hardware.system.capabilities.folded.next_q          <= '1' when FOLDED else '0';
+  from_hardware.system.capabilities.second_level.next_q    <= '1' when SECOND_LEVEL and not FOLDED else '0';
   from_hardware.system.capabilities.flux_control.next_q    <= '0';
   from_hardware.system.capabilities.observer.next_q        <= '1';
   from_hardware.system.capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

@@ -105,7 +105,7 @@ def test_no_trajectory_overflows_whatever_registers_and_measurements_hold(varian
         "weight_alpha", "weight_beta", "weight_start",
         *(f"{kind}_speed_{x}" for kind in ("reference", "flux") for x in ("alpha", "beta")),
         *(f"{kind}_speed2_{x}" for kind in ("reference", "flux") for x in ("alpha", "beta")),
-        *(f"curvature_{x}" for x in ("alpha", "beta")),
+        *(f"{kind}_{x}" for kind in ("curvature", "phase", "midpoint") for x in ("alpha", "beta")),
     }  # fmt: skip
     assert {n for n in TERMS if variant == "fast" or not n.startswith("curvature")} <= set(t)
     width = f.TRAJECTORY_WIDTH

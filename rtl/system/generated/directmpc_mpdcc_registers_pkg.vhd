@@ -32,6 +32,10 @@ package directmpc_mpdcc_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.capabilities.second_level_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities.least_dead_time_in_t\ is record
         next_q : std_logic_vector(11 downto 0);
     end record;
@@ -42,6 +46,7 @@ package directmpc_mpdcc_registers_pkg is
         folded : \system_registers.capabilities.folded_in_t\;
         flux_control : \system_registers.capabilities.flux_control_in_t\;
         observer : \system_registers.capabilities.observer_in_t\;
+        second_level : \system_registers.capabilities.second_level_in_t\;
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
     end record;
 
