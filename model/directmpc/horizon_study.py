@@ -27,9 +27,12 @@ from directmpc import anpc, bit_true, bit_true_fast, closed_loop, ideal, metrics
 from directmpc.closed_loop import OperatingPoint
 from directmpc.coefficients import registers
 from directmpc.drive import Drive, load_drive
+from directmpc.fidelity import decisions
 from directmpc.machine import discretise
 from directmpc.replay import progress_bar
 from directmpc.rtl_simulation import ROOT
+from scripts import budgets as budgets_file
+from scripts import tools
 
 BOUNDS = (0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
 SPEEDS = (1.0, 0.6, 0.3, 0.2)
@@ -37,11 +40,14 @@ COMPARED = (1.0, 0.6)
 """Speeds at which distortion rises with the bound, so that frequencies can be set against it; below
 deadlocks decide, and SE's distortion is no function of the bound any more."""
 
-STARTS = 3
+STARTS = 16
 STEPS = 4000
 SETTLE = 400
 BUDGETS = (0, 980, 600, 400, 250, 150, 75)
 REPORTS = ROOT / "reports"
+PAGE = ROOT / "docs" / "sese.md"
+BEGIN = "<!-- study: begin (written by directmpc.horizon_study) -->"
+END = "<!-- study: end -->"
 FIELDS = (
     "horizon", "bound", "speed", "start", "thd_pct", "fsw_hz", "deadlock_pct", "held_pct",
     "excess_current", "excess_vn", "excess_vph", "differ_pct",
@@ -106,6 +112,44 @@ def run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> d
         "excess_vph": float(excess[4:].max()),
         "differ_pct": 100 * differ,
     }
+
+
+def verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, int]:
+    """Let the RTL, converted to a netlist, decide on every step of closed loops.
+
+    Returns
+    -------
+    tuple of int
+        How many decisions there were, all the model's, and the most clocks that one took.
+
+    Raises
+    ------
+    FidelityError
+        If one is another than the model's.
+    """
+    count = most = 0
+    with progress_bar("decisions of the RTL", steps * len(settings)) as progress:
+        for setting in settings:
+            drive = drive_of(base, setting)
+            values = registers(drive, "fast").array()
+            result = closed_loop.simulate(
+                drive, bit_true_fast.decide, values, OperatingPoint(setting.speed), steps,
+                settle=SETTLE, seed=setting.start, delay=setting.delay, compensate=False,
+            )  # fmt: skip
+            seen, model = result.trace(), result.decisions
+            words, clipped = bit_true.encode(seen)
+            found = decisions.decide_netlist("fast", words, seen.s_prev, values)
+            found[:, 6] |= clipped
+            expected = np.column_stack(
+                [model.s, model.held, model.deadlock, model.length, model.saturated]
+            )
+            wrong = int(np.any(found[:, :7] != expected, axis=1).sum())
+            if wrong:
+                raise decisions.FidelityError(f"{wrong} decisions of the RTL differ: {setting}")
+            count += len(seen)
+            most = max(most, int(found[:, 7].max()))
+            progress(count)
+    return count, most
 
 
 def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float:
@@ -269,6 +313,34 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
+def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
+    """Draw f_sw and THD against the clocks that a budget allows, for several explorers."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from directmpc.run import save_png
+
+    figure, (above, below) = plt.subplots(2, 1, figsize=(6.4, 6), sharex=True, layout="constrained")
+    for explorers, colour in ((1, "#b3472d"), (2, "#c9a227"), (4, "#1b6ca8")):
+        clocks = [worst_with_budget(explorers, budget) for budget, *_ in found]
+        above.errorbar(
+            clocks, [f for _, _, f, _ in found], yerr=[h for *_, h in found], color=colour,
+            marker="o", markersize=3, linewidth=1, label=f"n = {explorers}",
+        )  # fmt: skip
+        below.plot(clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3)
+    for axis in (above, below):
+        axis.axvline(1200, color="0.6", linestyle=":")
+    above.set_ylabel("switchings per device (Hz)")
+    below.set_ylabel("current THD (%)")
+    below.set_xlabel("clocks of the slowest decision; dotted: 1,200, Paper A's for SE")
+    below.set_xscale("log")
+    above.legend(frameon=False)
+    save_png(figure, path)
+    plt.close(figure)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the study and write its files."""
     parser = argparse.ArgumentParser(prog="horizon_study", description=__doc__.splitlines()[0])
@@ -313,7 +385,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines += [f"- {speed:g} pu: {mean:.1f} ± {half:.1f} %" for speed, (mean, half) in gains.items()]
     deep = [r for r in rows if r["horizon"] == "SESE"]
     differ = float(np.mean([r["differ_pct"] for r in deep]))
-    lines += ["", f"Decisions other than ideal SESE's on the same states: {differ:.2f} %"]
+    points: dict[tuple[float, float], list[float]] = {}
+    for row in deep:
+        points.setdefault((row["speed"], row["bound"]), []).append(row["differ_pct"])
+    worst_point = max(float(np.mean(values)) for values in points.values())
+    worst_run = max(row["differ_pct"] for row in deep)
+    lines += [
+        "",
+        f"Decisions other than ideal SESE's on the same states: {differ:.2f} % on average, "
+        f"{worst_point:.2f} % at the worst point, {worst_run:.2f} % in the worst of {len(deep)} "
+        "runs.",
+    ]
 
     lines += [
         "",
@@ -322,6 +404,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "| candidates | clocks, n = 1 / 2 / 4, at most | THD | f_sw | deadlocks |",
         "|---|---|---|---|---|",
     ]
+    budgets: list[tuple[int, float, float, float]] = []
     for budget in BUDGETS:
         found = [
             run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), given.steps)
@@ -330,6 +413,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         thd = np.mean([r["thd_pct"] for r in found])
         fsw, half = interval([r["fsw_hz"] for r in found])
         dead = np.mean([r["deadlock_pct"] for r in found])
+        budgets.append((budget, float(thd), fsw, half))
         clocks = " / ".join(str(worst_with_budget(n, budget)) for n in (1, 2, 4))
         lines.append(
             f"| {budget or 'all'} | {clocks} | {thd:.2f} % | {fsw:.0f} ± {half:.0f} Hz "
@@ -374,7 +458,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             middle, tail = np.median(part, axis=0), np.quantile(part, 0.99, axis=0)
             cells = " | ".join(f"{m:.5f} / {t:.5f}" for m, t in zip(middle, tail, strict=True))
             lines.append(f"| {low} to {high} | {cells} |")
+    checked = [s for s in settings if s.start == 0]
+    checked += [Setting("SESE", 0.10, 1.0, 0, budget=budget) for budget in BUDGETS[1:]]
+    checked += [Setting(h, 0.10, 1.0, 0, delay=True, compensate=True) for h in ("SE", "SESE")]
+    count, most = verify(base, checked, given.steps)
+    lines += [
+        "",
+        f"RTL: {count} decisions of {len(checked)} of these loops (start 0; SE and SESE, every "
+        "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
+        f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
+    ]
+    draw_budget(budgets, given.out / "sese_budget.png")
+    lines.insert(
+        0,
+        f"{given.starts} starts of {given.steps:,} steps each, bit-true model, 95 % confidence "
+        "intervals (Student's t); switchings per device, 24 logical devices.\n",
+    )
     (given.out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if given.out == REPORTS:
+        page = PAGE.read_text(encoding="utf-8")
+        tools.write(PAGE, budgets_file.with_table(page, "\n".join(lines), BEGIN, END))
     print("\n".join(lines))
 
     path = given.out / "metrics.json"
@@ -387,9 +490,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "fsw_reduction_pct": round(mean, 2),
             "fsw_reduction_error_pct": round(half, 2),
             "decision_mismatch_pct": round(differ, 3),
+            "decision_mismatch_worst_point_pct": round(worst_point, 3),
+            "steps": len(deep) * given.steps,
+            "steps_rtl": count,
+            "xc3s": _resources(),
         }
         path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     return 0
+
+
+def _resources() -> dict[str, dict[str, int]]:
+    """Spartan-3 figures of the core with the second level, from the file of budgets."""
+    found = {}
+    for explorers in (1, 4):
+        name = tools.configuration_name(
+            "mpdcc_core", {"EXPLORERS": explorers, "SECOND_LEVEL": True}
+        )
+        row = budgets_file.load().resources[name]["xc3s"]
+        unpacked, packed = budgets_file.slices(row)
+        found[str(explorers)] = {**row, "slices_packed": packed, "slices_unpacked": unpacked}
+    return found
 
 
 def worst_with_budget(explorers: int, budget: int) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from directmpc import bit_true, closed_loop, formats, ideal
 from directmpc.closed_loop import OperatingPoint
+from directmpc.coefficients import OPTIONS, second_level
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.fidelity.points import Point, Row, kept, points, stored
 from directmpc.machine import discretise
@@ -39,10 +40,7 @@ DEADLOCKED = 0.2
 """Points with a larger share of deadlocks are averaged apart."""
 
 FIELDS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
-_PARAMETERS = (
-    *(f"c_{name}" for name in COEFFICIENTS),
-    "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
-)  # fmt: skip
+_PARAMETERS = (*(f"c_{name}" for name in COEFFICIENTS), *OPTIONS)
 
 
 class FidelityError(RuntimeError):
@@ -106,9 +104,16 @@ def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray
     return counts
 
 
-def netlist_of(variant: str) -> tuple[str, dict[str, int | bool], dict[str, object]]:
-    """Entity, generics and options of the compiled netlist; compiles it if need be."""
+def netlist_of(
+    variant: str, second: bool = False
+) -> tuple[str, dict[str, int | bool], dict[str, object]]:
+    """Entity, generics and options of the compiled netlist; compiles it if need be.
+
+    `second`: with SESE and delay compensation built in.
+    """
     generics: dict[str, int | bool] = {"EXPLORERS": EXPLORERS, "FOLDED": variant == "paper"}
+    if second:
+        generics["SECOND_LEVEL"] = True
     verilog = netlist.cached("mpdcc_core", generics)
     found = netlist_check.ports_of(verilog, "mpdcc_core")
     ports = netlist_check.Ports(found.inputs, found.outputs, _PARAMETERS)
@@ -120,7 +125,7 @@ def decide_netlist(
     variant: str, measurements: IntArray, s_prev: IntArray, registers: IntArray
 ) -> IntArray:
     """Decisions of the netlist in Verilator: (n, 8), ``FIELDS`` and the cycles."""
-    top, generics, options = netlist_of(variant)
+    top, generics, options = netlist_of(variant, second_level(registers))
     n = len(measurements)
     inputs = {
         **{name: measurements[:, i] for i, name in enumerate(formats.MEASUREMENTS)},
