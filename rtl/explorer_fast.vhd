@@ -302,6 +302,7 @@ architecture rtl of explorer_fast is
   signal rate_15    : rate_t;
   signal cost_16    : cost_t;
 
+  signal flagged  : std_logic;
   signal key_now  : key_t; -- of the last stage; leaves of one node tell each other apart by their flags alone
   signal key_best : key_t;
 
@@ -356,6 +357,7 @@ begin
         position_0 <= leaf.position;
         effort_0   <= std_logic_vector(resize(leaf.effort, EFFORT_BITS));
         bank_0     <= leaf.bank;
+        index_0    <= std_logic_vector(leaf.index);
       end if;
 
       if (block_end = '1') then
@@ -817,22 +819,18 @@ begin
   -- Best so far; candidates come in the contract's order, so the earliest wins a tie
   ---------------------------------------------------------------------------------------------
 
-  p_key : process (reached, best, cost_16, clipped) is
+  flagged <= clipped(STAGE_COUNT) or reached.saturated;
 
-    variable flagged : std_logic;
+  -- candidates of a node come in order, but nodes do not
+  g_ties : if SECOND_LEVEL generate
+    key_now  <= cost_16 & unsigned(index_last) & flagged;
+    key_best <= best.rank & best.index & best.saturated;
+  end generate g_ties;
 
-  begin
-
-    flagged  := clipped(STAGE_COUNT) or reached.saturated;
+  g_in_order : if not SECOND_LEVEL generate
     key_now  <= cost_16 & (INDEX_WIDTH downto 0 => '0');
     key_best <= best.rank & (INDEX_WIDTH downto 0 => '0');
-
-    if (reached.second = '1') then
-      key_now  <= cost_16 & reached.index & flagged;
-      key_best <= best.rank & best.index & best.saturated;
-    end if;
-
-  end process p_key;
+  end generate g_in_order;
 
   p_best : process (clk) is
   begin
@@ -853,15 +851,13 @@ begin
       if (valid(STAGE_COUNT) = '1' and feasible(STAGE_COUNT) = '1'
           and (best.feasible = '0' or key_now < key_best)) then
         best.feasible  <= '1';
-        best.saturated <= clipped(STAGE_COUNT);
+        best.saturated <= flagged;
         best.index     <= unsigned(index_last);
         best.length    <= length(STAGE_COUNT);
         best.rank      <= cost_16;
 
         if (reached.second = '1') then
-          best.saturated <= clipped(STAGE_COUNT) or reached.saturated;
-          best.index     <= reached.index;
-          best.length    <= reached.length;
+          best.length <= reached.length;
         end if;
       end if;
 

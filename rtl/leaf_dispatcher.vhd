@@ -35,6 +35,7 @@ entity leaf_dispatcher is
     effort     : in    unsigned(EFFORT_WIDTH - 1 downto 0);      -- f_s of s1, sampled with load
     negative   : in    std_logic_vector(2 downto 0);             -- '1': negative phase current, sampled with load
     bank       : in    std_logic;                                -- table of the capacitors, sampled with load
+    index      : in    unsigned(INDEX_WIDTH - 1 downto 0);       -- place of s1, sampled with load
     ready      : out   std_logic;                                -- '1': a node may be loaded
     ending     : out   std_logic;                                -- '1': ready at most 8 clocks later
     active     : out   std_logic;                                -- '1': leaves come or are about to
@@ -73,6 +74,7 @@ architecture rtl of leaf_dispatcher is
   signal before   : unsigned(EFFORT_WIDTH - 1 downto 0);
   signal sign     : std_logic_vector(2 downto 0);
   signal bank_now : std_logic;
+  signal place    : unsigned(INDEX_WIDTH - 1 downto 0);
   signal passing  : std_logic; -- a leaf is out
   signal choice_a : choice_t;
   signal choice_b : choice_t;
@@ -131,6 +133,7 @@ begin
         before   <= effort;
         sign     <= negative;
         bank_now <= bank;
+        place    <= index;
         choice_a <= 0;
         choice_b <= 0;
         choice_c <= 0;
@@ -192,6 +195,7 @@ begin
           leaf(i).position(2) <= next_position(from(2), c);
           leaf(i).effort      <= both + transition_weight(from(2), sign(2), c);
           leaf(i).bank        <= bank_now;
+          leaf(i).index       <= place;
         else
           leaf(i) <= LEAF_INIT;
         end if;

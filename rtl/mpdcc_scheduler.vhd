@@ -260,7 +260,6 @@ architecture rtl of mpdcc_scheduler is
   signal visit_steps     : length_t;                       -- and its L1
   signal waiting         : visit_t;                        -- handed out next
   signal lead            : length_t;                       -- of the node handed out last
-  signal place           : unsigned(INDEX_WIDTH - 1 downto 0);
   signal flagged         : std_logic;
   signal start_unfit     : std_logic;
   signal advanced_late   : std_logic;
@@ -526,7 +525,6 @@ begin
 
         if (load = '1') then
           lead    <= waiting.length;
-          place   <= waiting.index;
           flagged <= overflowed;
         end if;
 
@@ -564,6 +562,7 @@ begin
         effort     => waiting.effort,
         negative   => negative,
         bank       => waiting.bank,
+        index      => waiting.index,
         ready      => leaves_ready,
         ending     => leaves_ending,
         active     => leaves_active,
@@ -581,7 +580,6 @@ begin
         node       => terms_node,
         words      => words,
         lead       => lead,
-        index      => place,
         saturated  => flagged,
         shown      => node,
         reached    => reached,

@@ -161,6 +161,7 @@ package mpdcc_types is
     position : positions_t;                               -- candidate
     effort   : unsigned(TOTAL_EFFORT_WIDTH - 1 downto 0); -- f_s of both levels
     bank     : std_logic;                                 -- table of the capacitors' lengths
+    index    : unsigned(INDEX_WIDTH - 1 downto 0);        -- place of the s1 that it follows
   end record leaf_t;
 
   type leaves_t is array (natural range <>) of leaf_t;
@@ -168,7 +169,8 @@ package mpdcc_types is
   constant LEAF_INIT : leaf_t := (
     position => (others => (others => '0')),
     effort   => (others => '0'),
-    bank     => '0'
+    bank     => '0',
+    index    => (others => '0')
   );
 
   -- how the node that leaves start from was reached, in time with the explorers' last stages
@@ -177,7 +179,6 @@ package mpdcc_types is
     second    : std_logic;                          -- '1': leaves of the second level
     lead      : length_t;                           -- L1, with stage 13
     length    : length_t;                           -- L1, with the comparison
-    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- place of s1, with the comparison
     saturated : std_logic;                          -- '1': a value of the node saturated, with the comparison
   end record reached_t;
 
@@ -185,7 +186,6 @@ package mpdcc_types is
     second    => '0',
     lead      => (others => '0'),
     length    => (others => '0'),
-    index     => (others => '0'),
     saturated => '0'
   );
 

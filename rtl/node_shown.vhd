@@ -31,7 +31,6 @@ entity node_shown is
     node       : in    node_t;                             -- of common_terms
     words      : in    words_t;                            -- of common_terms, RESULT_* order
     lead       : in    length_t;                           -- L1, valid from launch to 13 clocks later
-    index      : in    unsigned(INDEX_WIDTH - 1 downto 0); -- place of s1, likewise
     saturated  : in    std_logic;                          -- '1': a value of the node saturated, likewise
     shown      : out   node_t;                             -- to the explorers
     reached    : out   reached_t;                          -- to the explorers
@@ -64,8 +63,6 @@ architecture rtl of node_shown is
   signal start          : weight_t;
   signal lead_late      : length_t;
   signal length_last    : length_t;
-  signal index_late     : unsigned(INDEX_WIDTH - 1 downto 0);
-  signal index_last     : unsigned(INDEX_WIDTH - 1 downto 0);
   signal saturated_late : std_logic;
   signal saturated_last : std_logic;
 
@@ -117,7 +114,6 @@ begin
 
       if (pulse(LEAD_READ) = '1') then
         lead_late      <= lead;
-        index_late     <= index;
         saturated_late <= saturated;
       end if;
 
@@ -128,7 +124,6 @@ begin
 
       if (pulse(BEST_READ) = '1') then
         length_last    <= lead_late;
-        index_last     <= index_late;
         saturated_last <= saturated_late;
       end if;
     end if;
@@ -152,7 +147,6 @@ begin
   reached.second    <= not follow;
   reached.lead      <= lead_late;
   reached.length    <= length_last;
-  reached.index     <= index_last;
-  reached.saturated <= saturated_last;
+  reached.saturated <= saturated_last and not follow;
 
 end architecture rtl;

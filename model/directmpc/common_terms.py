@@ -265,14 +265,6 @@ def _voltage(phase: str) -> tuple[Step, ...]:
     )
 
 
-def _neutral(result: str) -> tuple[Step, ...]:
-    """Successor: error of v_n."""
-    return (
-        Step("neutral_slope", "length_neutral", 3, result),
-        Step("base_error_neutral", "power_7", 3, result),
-    )
-
-
 _FORCED = {
     name: Step(signal, "forced_neutral" if signal == "v_n" else "forced_voltage", 1, name)
     for name, signal in (
@@ -332,14 +324,16 @@ SUCCESSOR: tuple[tuple[Step | None, ...], ...] = (
     _advance("beta", "alpha"),
     (*[None] * 4, *_charged("a"), *_charged("b"), *_voltage("a"), *_voltage("b"), *[None] * 4),
     (
-        *_neutral("neutral_ahead"),
+        Step("neutral_slope", "length_neutral", 3, "neutral_ahead"),
+        Step("base_error_neutral", "power_7", 3, "neutral_ahead"),
         None,
         None,
         *_charged("c"),
         None,
         None,
         *_voltage("c"),
-        *_neutral("error_neutral"),
+        None,
+        Step("neutral_ahead", "power_7", 3, "error_neutral"),
         Step("neutral_ahead", "error_forced", 1, "forced_neutral"),
         Step("neutral_ahead", "change_weight", 1, "weight_start"),
         None,
