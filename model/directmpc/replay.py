@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from directmpc import bit_true, bit_true_fast, ideal, rtl_simulation, sese_cycles, trace
+from directmpc import bit_true, bit_true_fast, ideal, rtl_simulation, trace
 from directmpc.coefficients import Registers, registers
 from directmpc.drive import Drive, MptcDrive, load_any_drive
 from directmpc.mptc import replay as mptc_replay
@@ -73,7 +73,7 @@ def _fast_worst(explorers: int, two_switchings: bool = False, compensate: bool =
     most = budgets.worst(explorers, "fast")
     if two_switchings:
         most = budgets.worst(explorers, "sese")
-    return most + (sese_cycles.PREDICTION if compensate else 0)
+    return most + (budgets.clocks("mpdcc_core", "prediction", "sese") if compensate else 0)
 
 
 VARIANTS = {

@@ -16,16 +16,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from directmpc import anpc
-from scripts import budgets
 
 ROOT = 46
 """Clocks of a search of one explorer but for one for each candidate."""
-
-PREDICTION = budgets.clocks("mpdcc_core", "prediction", "sese")
-"""Further clocks of a search where the state of k + 1 is predicted first."""
-
-PREDICTION_HELD = budgets.clocks("mpdcc_core", "prediction_held", "sese")
-"""The same where s(k-1) is held then."""
 
 Counts = tuple[int, int, int]
 

@@ -21,10 +21,14 @@ from directmpc import anpc, bit_true_fast, replay, sese_cycles
 from directmpc import formats as f
 from directmpc.coefficients import registers
 from directmpc.common_terms import COEFFICIENTS
+from scripts import budgets
 from tb.common import states
 from tb.mpdcc import core
 
 FIRST = len(COEFFICIENTS)
+#: Further clocks where the state of k + 1 is predicted: of a search, and where s(k-1) is held then.
+PREDICTION = budgets.clocks("mpdcc_core", "prediction", "sese")
+PREDICTION_HELD = budgets.clocks("mpdcc_core", "prediction_held", "sese")
 TWO, BUDGET, COMPENSATE = FIRST + 5, FIRST + 6, FIRST + 7
 HELD = 21
 
@@ -47,11 +51,11 @@ def longest() -> core.Rows:
     return core.Rows(np.array([list(measurement.values())]), np.array([[2, 5, 5]]), register[None])
 
 
-def with_options(rows: core.Rows, two: int, budgets: tuple[int, ...], compensate: int) -> core.Rows:
-    """The same rows under other options; budgets in turn."""
+def with_options(rows: core.Rows, two: int, limits: tuple[int, ...], compensate: int) -> core.Rows:
+    """The same rows under other options; limits of the second level in turn."""
     changed = rows.registers.copy()
     changed[:, TWO], changed[:, COMPENSATE] = two, compensate
-    changed[:, BUDGET] = np.resize(budgets, len(changed))
+    changed[:, BUDGET] = np.resize(limits, len(changed))
     return core.Rows(rows.measurements, rows.s_prev, changed)
 
 
@@ -83,9 +87,9 @@ def expected(rows: core.Rows, explorers: int) -> tuple[np.ndarray, np.ndarray, n
         decisions.append(found[:8])
         nodes.append(found[8])
         predicted = int(register[COMPENSATE] and bit_true_fast.predicts(register, row, s))
-        more = sese_cycles.PREDICTION * predicted
+        more = PREDICTION * predicted
         if found[3]:
-            cycles.append(HELD + sese_cycles.PREDICTION_HELD * predicted)
+            cycles.append(HELD + PREDICTION_HELD * predicted)
         elif register[TWO] and not found[4]:
             below = [tuple(int(n) for n in anpc.NEXT_COUNT[r[:3]]) for r in order[: found[8]]]
             root = int(anpc.NEXT_COUNT[s].prod())
@@ -96,15 +100,15 @@ def expected(rows: core.Rows, explorers: int) -> tuple[np.ndarray, np.ndarray, n
 
 
 @pytest.mark.parametrize(
-    ("explorers", "two", "budgets", "compensate", "each"),
+    ("explorers", "two", "limits", "compensate", "each"),
     [(1, 1, (0, 150, 400), 0, 2), (2, 1, (300, 0, 36), 1, 3), (3, 1, (0,), 0, 2),
      (4, 1, (0, 200), 0, 5), (6, 1, (27, 500), 1, 2), (2, 0, (0,), 1, 8)],
 )  # fmt: skip
 def test_second_level_is_the_models(
-    explorers: int, two: int, budgets: tuple[int, ...], compensate: int, each: int
+    explorers: int, two: int, limits: tuple[int, ...], compensate: int, each: int
 ) -> None:
     rows = rows_of(5, each, two, compensate)
-    rows = with_options(rows, two, budgets, compensate)
+    rows = with_options(rows, two, limits, compensate)
     if two:
         rows = core.join([rows, with_options(longest(), 1, (0,), 0)])
     want, cycles, nodes = expected(rows, explorers)
@@ -118,7 +122,7 @@ def test_second_level_is_the_models(
     if not two:
         return
     assert (nodes > 1).sum() >= each
-    if any(budgets):
+    if any(limits):
         assert want[:, 7].sum() >= 1
     most = replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
     assert nodes[-1] == 63
