@@ -9,14 +9,14 @@
 --   stage 4      errors at k+1; which bound is left to test (see turn_threshold); margin from it
 --   stage 5-10   one bit of the length per stage and phase: e(l + 2**m) = e(l) + 2**m * secant is
 --                tested, with secant = slope(l) + 2**m * c carried from stage to stage
---   stage 5-8    beside: worst excess at k+1 and length that the capacitors allow
+--   stage 5-9    beside: length that the capacitors allow and worst excess at k+1, one comparison a stage
 --   stage 11-12  shortest length
 --
 -- Third phase: errors, slopes and curvatures of the three phases add up to zero, exactly. The third
 -- one searched is the opposite of c, the sum of a and b, a stage behind them; and the largest of the
 -- three errors at k+1 is the sum where a and b have one sign, else the one of them whose sign it has.
 --   stage 13-16  J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
---   then         best so far; as long as nothing is feasible, the least excess of stage 8
+--   then         best so far; as long as nothing is feasible, the least excess of stage 9
 --
 -- First exit: the parabola may leave the band and come back. If the slope exceeds its threshold
 -- it leaves before it turns, and steps beyond the turn do not count; otherwise it can leave on the
@@ -208,20 +208,6 @@ architecture rtl of explorer_fast is
 
   end function start_of;
 
-  -- three comparisons side by side rather than two in turn
-  function worst (a, b, c : trajectory_t) return trajectory_t is
-  begin
-
-    if (a > b and a > c) then
-      return a;
-    elsif (b > c) then
-      return b;
-    else
-      return c;
-    end if;
-
-  end function worst;
-
   function worse (a, b : trajectory_t) return trajectory_t is
   begin
 
@@ -250,7 +236,7 @@ architecture rtl of explorer_fast is
   signal clipped  : std_logic_vector(SHORTEST + 3 to STAGE_COUNT);
 
   signal index_0     : std_logic_vector(INDEX_WIDTH - 1 downto 0);
-  signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with excess_8
+  signal index_dead  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with excess_9
   signal index_last  : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- of the last stage
   signal index_3     : std_logic_vector(INDEX_WIDTH - 1 downto 0); -- with slope_3
   signal effort_0    : std_logic_vector(EFFORT_BITS - 1 downto 0);
@@ -280,7 +266,9 @@ architecture rtl of explorer_fast is
   signal neutral_excess_6 : trajectory_t;
   signal excess_caps  : excesses_t;
   signal length_caps  : lengths_t;
-  signal excess_8     : trajectory_t;
+  signal excess_8     : trajectory_t; -- of the currents
+  signal caps_8       : trajectory_t; -- of everything else
+  signal excess_9     : trajectory_t;
 
   signal capacitors : table_t;         -- rows of the phases; one block RAM for each that reads it
   -- never written: a constant would become one block RAM for each of the two places that read it
@@ -447,7 +435,7 @@ begin
   i_index_dead : entity work.delay_line
     generic map (
       WIDTH  => INDEX_WIDTH,
-      CLOCKS => SEARCH + 3
+      CLOCKS => SEARCH + 4
     )
     port map (
       clk     => clk,
@@ -459,7 +447,7 @@ begin
   i_index_last : entity work.delay_line
     generic map (
       WIDTH  => INDEX_WIDTH,
-      CLOCKS => STAGE_COUNT - SEARCH - 3
+      CLOCKS => STAGE_COUNT - SEARCH - 4
     )
     port map (
       clk     => clk,
@@ -647,7 +635,7 @@ begin
   end generate g_bits;
 
   ---------------------------------------------------------------------------------------------
-  -- Stages 5 to 8: step one; a candidate is dead if anything is outside now or then
+  -- Stages 5 to 9: step one; a candidate is dead if anything is outside now or then
   ---------------------------------------------------------------------------------------------
 
   p_step_one : process (clk) is
@@ -718,7 +706,8 @@ begin
       end if;
 
       if (valid(SEARCH + 2) = '1') then
-        excess_8 <= worst(excess_7, excess_caps(0), excess_caps(1));
+        excess_8 <= excess_7;
+        caps_8   <= worse(excess_caps(0), excess_caps(1));
         allowed  := shorter(length_caps(0), length_caps(1));
 
         if (excess_7 > 0 or outside(SEARCH + 2) = '1') then
@@ -726,6 +715,10 @@ begin
         end if;
 
         limit(SEARCH + 3) <= allowed;
+      end if;
+
+      if (valid(SEARCH + 3) = '1') then
+        excess_9 <= worse(excess_8, caps_8);
       end if;
     end if;
 
@@ -837,14 +830,14 @@ begin
 
     if rising_edge(clk) then
       -- of use where nothing is feasible
-      if (valid(SEARCH + 3) = '1') then
+      if (valid(SEARCH + 4) = '1') then
         any <= '1';
 
-        if (best.feasible = '0' and (any = '0' or ranked(excess_8) < best.rank)) then
+        if (best.feasible = '0' and (any = '0' or ranked(excess_9) < best.rank)) then
           best.saturated <= '0';
           best.index     <= unsigned(index_dead);
           best.length    <= (others => '0');
-          best.rank      <= ranked(excess_8);
+          best.rank      <= ranked(excess_9);
         end if;
       end if;
 
