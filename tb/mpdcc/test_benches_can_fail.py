@@ -133,14 +133,14 @@ FAULTS = [
     Fault(
         "mpdcc_scheduler",
         "mpdcc_types.vhd",
-        "(key_a & a.index & a.saturated) < (key_b & b.index & b.saturated)",
-        "key_a < key_b",
+        "(not b.feasible & b.rank & b.index & b.saturated)",
+        "(not b.feasible & b.rank & a.index & a.saturated)",
     ),
     Fault(
         "mpdcc_scheduler",
         "mpdcc_scheduler.vhd",
-        "arrived = '0'\n               and explorer_busy = (explorer_busy'range => '0')",
-        "arrived = '0'",
+        "taken = '0'\n               and explorer_busy = (explorer_busy'range => '0')",
+        "taken = '0'",
     ),
     Fault("mpdcc_explorer", "explorer_paper.vhd", "effort - 1);", "shift_left(effort, 1));"),
     Fault(
