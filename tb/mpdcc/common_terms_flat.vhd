@@ -51,7 +51,7 @@ begin
       node         => node_record,
       saturated    => saturated,
       advance      => '0',
-      steps        => (others => '0'),
+      lengths      => (others => '0'),
       base         => (others => '0'),
       slope_ahead  => (others => (others => '0')),
       show_slope   => '0',
