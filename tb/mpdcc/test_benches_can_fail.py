@@ -62,6 +62,15 @@ def second_level_bench(rtl: Path) -> None:
         raise BenchError("decisions differ")
 
 
+def prediction_bench(rtl: Path) -> None:
+    """Predictions of k + 1, half of them of states too far out for it."""
+    rows = test_sese_core.with_options(core.random_rows(40, np.random.default_rng(31), "fast"),
+                                       0, (0,), 1)  # fmt: skip
+    found = core.simulate(rows, 2, "fast", rtl=rtl)
+    if not np.array_equal(found.decisions, test_sese_core.expected(rows, 2)[0][:, :7]):
+        raise BenchError("decisions differ")
+
+
 def reset_bench(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
     """Resets in the middle of a few decisions."""
     stride = 7 if two or variant == "paper" else 2
@@ -83,6 +92,7 @@ BENCHES: dict[str, Callable[[Path], object]] = {
     "scheduler_fast": lambda rtl: test_mpdcc_scheduler.bench(3, "fast", decisions=40, rtl=rtl),
     "core_fast": lambda rtl: core_bench("fast", rtl),
     "second_level": second_level_bench,
+    "prediction": prediction_bench,
     "reset_fast": lambda rtl: reset_bench("fast", 3, rtl),
     "reset_second_level": lambda rtl: reset_bench("fast", 2, rtl, two=True),
     "reset_paper": lambda rtl: reset_bench("paper", 2, rtl),
@@ -227,6 +237,7 @@ FAULTS = [
         "null;  -- ripe",
     ),
     Fault("reset_paper", "explorer_paper.vhd", "back.count  <= 0;", "null;  -- result"),
+    Fault("prediction", "node_base.vhd", "unfit <= found;", "unfit <= '0';"),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]
 

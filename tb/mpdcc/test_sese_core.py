@@ -134,3 +134,29 @@ def test_second_level_is_the_models(
 def test_the_published_bound_is_the_schedules(explorers: int) -> None:
     most, _ = sese_cycles.worst(explorers)
     assert replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True) == most
+
+
+@pytest.mark.parametrize("two", [0, 1])
+def test_the_rails_are_the_models(two: int) -> None:
+    # states of any size, words and registers of any content: many are too far out to be predicted
+    rng = np.random.default_rng(31)
+    rows = core.join(
+        [core.random_rows(75, rng, "fast"), core.saturating_rows(15, rng, "fast")],
+    )
+    rows = with_options(rows, two, (0, 90), 1)
+    fit = np.array(
+        [
+            bit_true_fast.predicts(register, row, s)
+            for register, row, s in zip(rows.registers, rows.measurements, rows.s_prev, strict=True)
+        ]
+    )
+    want, cycles, _ = expected(rows, 2)
+    found = core.simulate(rows, 2, "fast")
+    np.testing.assert_array_equal(found.decisions, want[:, :7])
+    np.testing.assert_array_equal(found.exhausted, want[:, 7])
+    known = cycles > 0
+    np.testing.assert_array_equal(found.cycles[known], cycles[known])
+    assert (~fit).sum() >= 15
+    assert fit.sum() >= 15
+    assert want[~fit, 6].all()
+    assert (want[fit, 6] == 0).sum() >= 10

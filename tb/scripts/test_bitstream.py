@@ -75,7 +75,7 @@ def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(tools, "version", lambda name: f"{name} 1")
 
         def synthesise(*arguments: object) -> Path:
-            out: Path = arguments[3] / "mapped.json"  # type: ignore[operator]
+            out = Path(str(arguments[3])) / "mapped.json"
             out.write_text("{}")
             return out
 
