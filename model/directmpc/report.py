@@ -571,7 +571,12 @@ def readme_figures(document: dict[str, Any]) -> str:
     table = ["| " + " | ".join(row) + " |" for row in rows]
     commit = document["commit"]
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
-    head = f"Two explorers; clock frequency and decisions measured at commit `{short}`:"
+    # decisions and pooled differences come from a command of their own, at its own time
+    fitted = json.loads((REPORTS / "fidelity.json").read_text(encoding="utf-8"))["commit"][:12]
+    head = (
+        f"Two explorers; clock frequency and the last two rows measured at commit `{short}`, what "
+        f"is compared with the ideal controller above them (`make fidelity`) at `{fitted}`:"
+    )
     return "\n".join([head, "", *table])
 
 
