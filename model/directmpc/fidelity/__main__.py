@@ -70,7 +70,7 @@ def collect(jobs: int) -> dict[str, Any]:
         )  # fmt: skip
         looped = pool.all(
             "closed loops", loops.measure,
-            [(p, c, b) for b in range(loops.BLOCKS) for c in ("ideal", *KEYS) for p in every],
+            [(p, c, b) for c in ("ideal", *KEYS) for p in every for b in range(loops.blocks(p, c))],
         )  # fmt: skip
         counted = pool.all(
             "error budget",

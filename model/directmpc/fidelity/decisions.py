@@ -27,7 +27,7 @@ DRIVERS = ("ideal", "model")
 STEPS = 10_000  # per point and driver
 VERIFIED = 1_000  # of them, the first, are decided by the RTL too
 SETTLE = 2_000
-SAMPLE = 10  # steps of each point that GHDL decides as well
+SAMPLE = 100  # steps of each point that GHDL decides as well
 EXPLORERS = 2
 
 TIE = 1e-3

@@ -19,8 +19,11 @@ from directmpc.fidelity import decisions, replica
 from directmpc.fidelity.points import Point, Row, kept, stored
 from directmpc.replay import VARIANTS
 
-BLOCKS = 1
 STARTS = 8  # per block
+BLOCKS = 4
+BLOCKS_SLOW = 32  # up to SLOW
+BLOCKS_PAPER = 1  # the paper variant's differences need no more
+SLOW = 0.4  # pu; below, deadlocks last long in one run and are absent in the next
 STEPS = 20_000  # per start
 SETTLE = 2_000
 REPLAYED = 500  # steps of each point's first run that the RTL decides as well
@@ -29,6 +32,13 @@ REPLAYED = 500  # steps of each point's first run that the RTL decides as well
 EXPLAINING = ("chord", "euler")
 FIGURES = ("fsw_hz", "thd_pct")
 KEYS = ("drive", "bound_current_pu", "omega_s_pu")
+
+
+def blocks(point: Point, name: str) -> int:
+    """Blocks of starts that a controller is given at a point, by how far its runs spread."""
+    if name == "paper":
+        return BLOCKS_PAPER
+    return BLOCKS_SLOW if abs(point.omega_s) < SLOW else BLOCKS
 
 
 def controller(point: Point, name: str) -> tuple[Any, Any]:
