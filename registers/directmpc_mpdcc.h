@@ -55,6 +55,9 @@ extern "C" {
 #define SYSTEM_REGISTERS__CAPABILITIES__SECOND_LEVEL_bm 0x800
 #define SYSTEM_REGISTERS__CAPABILITIES__SECOND_LEVEL_bp 11
 #define SYSTEM_REGISTERS__CAPABILITIES__SECOND_LEVEL_bw 1
+#define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bm 0x1000
+#define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bp 12
+#define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bw 1
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bm 0xfff0000
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bp 16
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bw 12
@@ -637,6 +640,12 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPDCC_PARAMETERS__O_OUTPUT_CURRENT__VALUE_bw 18
 #define MPDCC_PARAMETERS__O_OUTPUT_CURRENT__VALUE_reset 0x0
 
+// reg - mpdcc_parameters::deadlock_rule
+#define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_bm 0x1
+#define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_bp 0
+#define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_bw 1
+#define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_reset 0x0
+
 // regfile - mpdcc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_error_alpha;
@@ -691,6 +700,7 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t o_excitation;
     uint32_t o_output_flux;
     uint32_t o_output_current;
+    uint32_t deadlock_rule;
 } mpdcc_parameters_t;
 
 // reg - mpdcc_measurements::is_alpha
@@ -818,7 +828,7 @@ typedef struct __attribute__ ((__packed__)) {
     mpdcc_decision_t result;
     uint8_t RESERVED_88_ff[0x78];
     mpdcc_parameters_t parameters;
-    uint8_t RESERVED_1d0_1ff[0x30];
+    uint8_t RESERVED_1d4_1ff[0x2c];
     mpdcc_measurements_t measurements;
 } directmpc_mpdcc_t;
 

@@ -29,6 +29,8 @@ package directmpc_constants is
   constant TOTAL_EFFORT_WIDTH : natural := 5; -- bits, of two candidates in turn
   constant BASE_WIDTH : natural := 17; -- bits, errors and slopes that successors start from, signed
   constant BUDGET_WIDTH : natural := 12; -- bits, candidates of the second level, unsigned
+  constant DEADLOCK_NEUTRAL_SHIFT : natural := 3; -- bits, v_n's excess to the left, weighted rule
+  constant DEADLOCK_CURRENT_SHIFT : natural := 4; -- bits, worst excess to the left of the currents'
   constant RECIPROCAL_FRACTION : natural := 24; -- fractional bits of 1/L and of the cost
   constant CURVATURE_TERM_WIDTH : natural := 12; -- bits, curvature components, signed
   constant CURVATURE_WIDTH : natural := 11; -- bits, curvature of a phase, signed

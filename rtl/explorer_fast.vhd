@@ -18,6 +18,11 @@
 --   stage 13-16  J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
 --   then         best so far; as long as nothing is feasible, the least excess of stage 9
 --
+-- Weighted deadlock rule (WEIGHTED_DEADLOCK, chosen with limits.deadlock_rule): instead of the excess of stage 9
+--   16 * max(e_i, 8 * e_n, e_ph) + max(e_i),   e: excesses at k+1 of the currents, v_n and v_ph
+-- is compared, in sixteenths of a trajectory unit, after one stage more that no decision takes longer for.
+-- Without deadlock_rule it is 16 times the excess, of the same order. Ties go to the earliest either way.
+--
 -- First exit: the parabola may leave the band and come back. If the slope exceeds its threshold
 -- it leaves before it turns, and steps beyond the turn do not count; otherwise it can leave on the
 -- side of the curvature alone. One margin is tested, and the test is monotone.
@@ -28,7 +33,8 @@
 -- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
 -- its block is taken; initiation interval one clock per candidate.
 -- Overflow: a slope beyond START_SLOPE_WIDTH leaves in one step, so the search may run on what is
--- left of it; sqrt(lambda_n)*v_n saturates and flags.
+-- left of it; sqrt(lambda_n)*v_n saturates and flags. The weighted rule's word holds every sum: an error of v_n
+-- at k has TERM_WIDTH bits, its slope CURRENT_TERM_WIDTH + 1 at most, so that 128 * e_n is below 2**(COST_WIDTH - 1).
 -- Weighed, not built (figures estimated): carrying e(l) and testing both bounds takes a comparison more in each of the
 -- 18 search cells, 330 LUTs, and is wrong after the first exit; two clocks per search stage double
 -- the registers and bring no clock rate where the cell is margin, slope and two chained adders.
@@ -45,7 +51,8 @@ library work;
 
 entity explorer_fast is
   generic (
-    SECOND_LEVEL : boolean := false -- true: leaves of the second level besides
+    SECOND_LEVEL : boolean := false; -- true: leaves of the second level besides
+    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule besides
   );
   port (
     clk             : in    std_logic;   -- rising edge
@@ -90,6 +97,20 @@ architecture rtl of explorer_fast is
 
   end function more;
 
+  -- bits that the weight on v_n adds to an excess
+  function weight_bits return natural is
+  begin
+
+    if (WEIGHTED_DEADLOCK) then
+      return DEADLOCK_NEUTRAL_SHIFT;
+    else
+      return 0;
+    end if;
+
+  end function weight_bits;
+
+  constant WORST_WIDTH : natural := TRAJECTORY_WIDTH + weight_bits;
+
   constant EFFORT_BITS : natural := more(EFFORT_WIDTH, TOTAL_EFFORT_WIDTH);
   constant REACH_BITS  : natural := more(LENGTH_WIDTH, LENGTH_WIDTH + 1);
   constant ROW_BITS    : natural := more(5, 6); -- of the capacitors' table
@@ -130,6 +151,8 @@ architecture rtl of explorer_fast is
 
   subtype length_word_t is std_logic_vector(LENGTH_WIDTH - 1 downto 0);
 
+  subtype worst_t is signed(WORST_WIDTH - 1 downto 0);
+
   subtype excess_word_t is std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
 
   type neutral_lengths_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of length_word_t;
@@ -142,7 +165,7 @@ architecture rtl of explorer_fast is
 
   type entries_t is array (0 to 2) of entry_t;
 
-  type excesses_t is array (0 to 1) of trajectory_t;
+  type excesses_t is array (0 to 1) of worst_t;
 
   type lengths_t is array (0 to 1) of length_t;
 
@@ -208,7 +231,7 @@ architecture rtl of explorer_fast is
 
   end function start_of;
 
-  function worse (a, b : trajectory_t) return trajectory_t is
+  function worse (a, b : worst_t) return worst_t is
   begin
 
     if (a > b) then
@@ -263,12 +286,17 @@ architecture rtl of explorer_fast is
   signal entry_6      : entries_t; -- of the phases
 
   signal neutral_length_6 : length_t;
-  signal neutral_excess_6 : trajectory_t;
+  signal neutral_excess_6 : worst_t;
   signal excess_caps  : excesses_t;
   signal length_caps  : lengths_t;
   signal excess_8     : trajectory_t; -- of the currents
-  signal caps_8       : trajectory_t; -- of everything else
-  signal excess_9     : trajectory_t;
+  signal caps_8       : worst_t;      -- of everything else
+  signal excess_9     : worst_t;
+
+  -- a dead candidate as it is compared
+  signal dead_valid : std_logic;
+  signal dead_rank  : cost_t;
+  signal dead_index : std_logic_vector(INDEX_WIDTH - 1 downto 0);
 
   signal capacitors : table_t;         -- rows of the phases; one block RAM for each that reads it
   -- never written: a constant would become one block RAM for each of the two places that read it
@@ -305,6 +333,11 @@ begin
 
   assert SEARCH + LENGTH_WIDTH = 11
     report "explorer_fast: signals are named for lengths of six bits"
+    severity failure;
+
+  assert TERM_WIDTH + DEADLOCK_NEUTRAL_SHIFT + DEADLOCK_CURRENT_SHIFT < COST_WIDTH
+         and CURRENT_TERM_WIDTH + 3 < TERM_WIDTH
+    report "explorer_fast: the weighted excess does not fit a rank"
     severity failure;
 
   ---------------------------------------------------------------------------------------------
@@ -646,6 +679,7 @@ begin
     variable row         : unsigned(5 downto 0);
     variable table_row   : unsigned(ROW_BITS - 1 downto 0);
     variable neutral_row : unsigned(NEUTRAL_BITS - 1 downto 0);
+    variable weighed     : worst_t;
 
   begin
 
@@ -694,13 +728,20 @@ begin
         place            := hangs_5(9) and to_std_logic(hangs_5(8 downto 6) /= "000");
         neutral_row      := resize(place & unsigned(hangs_5(8 downto 6)), NEUTRAL_BITS);
         neutral_length_6 <= unsigned(neutral_lengths(to_integer(neutral_row)));
-        neutral_excess_6 <= signed(neutral_excesses(to_integer(neutral_row)));
+        weighed          := resize(signed(neutral_excesses(to_integer(neutral_row))), WORST_WIDTH);
+
+        if (WEIGHTED_DEADLOCK and limits.deadlock_rule = '1') then
+          weighed := shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT);
+        end if;
+
+        neutral_excess_6 <= weighed;
       end if;
 
       if (valid(SEARCH + 1) = '1') then
         excess_7       <= distance_6 - signed(resize(limits.bound_current, TRAJECTORY_WIDTH));
-        excess_caps(0) <= worse(excess_of(entry_6(0)), excess_of(entry_6(1)));
-        excess_caps(1) <= worse(excess_of(entry_6(2)), neutral_excess_6);
+        excess_caps(0) <= worse(resize(excess_of(entry_6(0)), WORST_WIDTH),
+                                resize(excess_of(entry_6(1)), WORST_WIDTH));
+        excess_caps(1) <= worse(resize(excess_of(entry_6(2)), WORST_WIDTH), neutral_excess_6);
         length_caps(0) <= shorter(length_of(entry_6(0)), length_of(entry_6(1)));
         length_caps(1) <= shorter(length_of(entry_6(2)), neutral_length_6);
       end if;
@@ -718,11 +759,52 @@ begin
       end if;
 
       if (valid(SEARCH + 3) = '1') then
-        excess_9 <= worse(excess_8, caps_8);
+        excess_9 <= worse(resize(excess_8, WORST_WIDTH), caps_8);
       end if;
     end if;
 
   end process p_step_one;
+
+  g_largest : if not WEIGHTED_DEADLOCK generate
+    dead_valid <= valid(SEARCH + 4);
+    dead_rank  <= ranked(excess_9);
+    dead_index <= index_dead;
+  end generate g_largest;
+
+  g_weighted : if WEIGHTED_DEADLOCK generate
+
+    signal current_9 : trajectory_t; -- worst excess of the currents
+
+  begin
+
+    dead_valid <= valid(SEARCH + 5);
+
+    -- the low bits pass by; signed order becomes unsigned order with the sign bit inverted
+    p_rank : process (clk) is
+
+      variable share : trajectory_t;
+      variable sum   : worst_t;
+
+    begin
+
+      if rising_edge(clk) then
+        if (valid(SEARCH + 3) = '1') then
+          current_9 <= excess_8;
+        end if;
+
+        if (valid(SEARCH + 4) = '1') then
+          share := gated(current_9, limits.deadlock_rule);
+          sum   := excess_9 + share(TRAJECTORY_WIDTH - 1 downto DEADLOCK_CURRENT_SHIFT);
+
+          dead_rank  <= (not sum(WORST_WIDTH - 1)) & unsigned(sum(WORST_WIDTH - 2 downto 0))
+                        & unsigned(share(DEADLOCK_CURRENT_SHIFT - 1 downto 0));
+          dead_index <= index_dead;
+        end if;
+      end if;
+
+    end process p_rank;
+
+  end generate g_weighted;
 
   probe_done <= probe(SEARCH + 2);
   probe_held <= to_std_logic(excess_7 <= 0);
@@ -830,14 +912,14 @@ begin
 
     if rising_edge(clk) then
       -- of use where nothing is feasible
-      if (valid(SEARCH + 4) = '1') then
+      if (dead_valid = '1') then
         any <= '1';
 
-        if (best.feasible = '0' and (any = '0' or ranked(excess_9) < best.rank)) then
+        if (best.feasible = '0' and (any = '0' or dead_rank < best.rank)) then
           best.saturated <= '0';
-          best.index     <= unsigned(index_dead);
+          best.index     <= unsigned(dead_index);
           best.length    <= (others => '0');
-          best.rank      <= ranked(excess_9);
+          best.rank      <= dead_rank;
         end if;
       end if;
 

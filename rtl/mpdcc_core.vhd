@@ -11,6 +11,9 @@
 -- time, the next start may come one clock after valid.
 -- With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
 -- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
+-- Where no candidate stays inside its bounds the decision is the candidate of the least largest excess at
+-- k+1; with deadlock_rule (WEIGHTED_DEADLOCK) v_n's counts eight times and a sixteenth of the currents'
+-- largest is added, see explorer_fast and docs/deadlocks.md. It takes no clock more.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Weighed, not built (figures estimated): registering the parameters here as well costs 430 flip-flops; whoever writes
 -- them has registers already.
@@ -28,7 +31,8 @@ entity mpdcc_core is
   generic (
     EXPLORERS    : positive range 1 to 8 := 2;     -- number of explorers
     FOLDED       : boolean               := false; -- true: the paper's explorer, false: the fast one
-    SECOND_LEVEL : boolean               := false  -- true: SESE and delay compensation built in, fast explorer alone
+    SECOND_LEVEL : boolean               := false; -- true: SESE and delay compensation built in, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule built in, fast explorer alone
   );
   port (
     clk                  : in    std_logic;                               -- rising edge
@@ -93,6 +97,7 @@ entity mpdcc_core is
     two_switchings       : in    std_logic; -- switching horizon: '1': SESE, SECOND_LEVEL only, '0': SE
     budget               : in    std_logic_vector(11 downto 0); -- candidates of SESE's second level, 0: no limit
     compensate           : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1); likewise
+    deadlock_rule        : in    std_logic; -- '1': weighted, WEIGHTED_DEADLOCK only, '0': largest excess
     -- decision, stable until the next valid
     valid                : out   std_logic;                               -- '1' for one clock: decision is new
     busy                 : out   std_logic;                               -- '1': a decision is under way
@@ -160,6 +165,7 @@ begin
   limits.bound_phase   <= unsigned(bound_phase);
   limits.horizon       <= unsigned(horizon);
   limits.weight_scale  <= unsigned(weight_scale);
+  limits.deadlock_rule <= deadlock_rule;
 
   p_coefficients : process (c_error_alpha, c_error_beta, c_error_neutral, c_error_phase, c_stator_alpha,
                             c_stator_beta, c_rotor_alpha, c_rotor_beta, c_reference_alpha, c_reference_beta,
@@ -260,8 +266,9 @@ begin
 
     i_explorer : entity work.mpdcc_explorer
       generic map (
-        FOLDED       => FOLDED,
-        SECOND_LEVEL => SECOND_LEVEL
+        FOLDED            => FOLDED,
+        SECOND_LEVEL      => SECOND_LEVEL,
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
       )
       port map (
         clk             => clk,

@@ -16,7 +16,8 @@ library work;
 entity mpdcc_explorer is
   generic (
     FOLDED       : boolean := false; -- true: the paper's variant, false: the fast one
-    SECOND_LEVEL : boolean := false  -- true: fast variant with leaves of the second level
+    SECOND_LEVEL : boolean := false; -- true: fast variant with leaves of the second level
+    WEIGHTED_DEADLOCK : boolean := false -- true: fast variant with the weighted deadlock rule to choose
   );
   port (
     clk          : in    std_logic; -- rising edge
@@ -77,7 +78,8 @@ begin
 
     i_explorer : entity work.explorer_fast
       generic map (
-        SECOND_LEVEL => SECOND_LEVEL
+        SECOND_LEVEL      => SECOND_LEVEL,
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
       )
       port map (
         clk             => clk,

@@ -102,6 +102,7 @@ package mpdcc_types is
     bound_phase   : bound_t;              -- trajectory units
     horizon       : length_t;             -- N, steps
     weight_scale  : unsigned(1 downto 0); -- index into WEIGHT_SHIFTS
+    deadlock_rule : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
   end record limits_t;
 
   type measurement_t is record

@@ -37,6 +37,8 @@ _REFERENCE = bit_true.COEFFICIENTS.index("reference_alpha")
 _REFERENCE_SPEED = bit_true.PRODUCTS.index("reference_speed_alpha")
 _BITS = f.LENGTH_WIDTH
 _TURN_SHIFT = f.TURN_SHIFT
+_NEUTRAL_SHIFT = f.DEADLOCK_NEUTRAL_SHIFT
+_CURRENT_SHIFT = f.DEADLOCK_CURRENT_SHIFT
 _REACH = 2 ** (f.MARGIN_WIDTH)  # steps of the search beyond this are outside any band
 
 _COUNT = bit_true._COUNT
@@ -298,6 +300,25 @@ def _validity(error, first, slope, curvature, bound, threshold, horizon):
 
 
 @njit(cache=True)
+def _deadlock_rank(first, slope, bound, weighted):
+    """What a deadlock compares, less is better: the largest excess at k+1, or the weighted rule's.
+
+    That is the largest excess with v_n's counted eight times, and a sixteenth of the currents'
+    largest, in sixteenths of a trajectory unit.
+    """
+    current = -(1 << 40)
+    for j in range(3):
+        current = max(current, abs(first[j] + slope[j]) - bound[j])
+    worst = current
+    for j in range(3, 7):
+        excess = abs(first[j] + slope[j]) - bound[j]
+        if weighted and j == 3:
+            excess <<= _NEUTRAL_SHIFT
+        worst = max(worst, excess)
+    return (worst << _CURRENT_SHIFT) + current if weighted else worst
+
+
+@njit(cache=True)
 def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
     """The cheapest leaf below a node: cost, whether its weight saturated, leaves; cost -1: none."""
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(t)
@@ -352,7 +373,9 @@ def search_words(register, measurement, s_prev, order):
     bound[4:7] = register[_N_COEFFICIENTS + 2]
     horizon = register[_N_COEFFICIENTS + 3]
     scale = register[_N_COEFFICIENTS + 4]
-    two_switchings, budget, compensate = register[_N_COEFFICIENTS + 5 : _N_COEFFICIENTS + 8]
+    two_switchings, budget, compensate, weighted = register[
+        _N_COEFFICIENTS + 5 : _N_COEFFICIENTS + 9
+    ]
     results, saturated = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
     t = results[bit_true._N_PRODUCTS :].copy()
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, over = node_of(
@@ -435,9 +458,7 @@ def search_words(register, measurement, s_prev, order):
                         deep_length = length
                         deep[:] = s
                 # of use where nothing is feasible
-                excess = -(1 << 40)
-                for j in range(7):
-                    excess = max(excess, abs(first[j] + slope[j]) - bound[j])
+                excess = _deadlock_rank(first, slope, bound, weighted)
                 if none_yet or excess < best_excess:
                     best_excess = excess
                     dead[:] = s

@@ -42,7 +42,7 @@ _SQRT3_2 = math.sqrt(3.0) / 2.0
 #: Parameters of the core besides the coefficients, in port order.
 OPTIONS = (
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
-    "two_switchings", "budget", "compensate",
+    "two_switchings", "budget", "compensate", "deadlock_rule",
 )  # fmt: skip
 
 
@@ -66,6 +66,8 @@ class Registers:
         Candidates of the second level that may be looked at, 0 without limit.
     compensate : int
         1 to decide for k+1, fast variant alone.
+    deadlock_rule : int
+        1 for the weighted rule in deadlocks, fast variant alone.
     unit : float
         U, trajectory units per unit; for reports only, no register.
     extrapolation : int
@@ -83,6 +85,7 @@ class Registers:
     two_switchings: int
     budget: int
     compensate: int
+    deadlock_rule: int
     unit: float
     extrapolation: int
     correction: float
@@ -101,9 +104,18 @@ class Registers:
 
 def second_level(values: NDArray[np.int64]) -> bool:
     """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in."""
+    return _any(values, "two_switchings", "compensate")
+
+
+def weighted_deadlock(values: NDArray[np.int64]) -> bool:
+    """Whether such values need WEIGHTED_DEADLOCK built in."""
+    return _any(values, "deadlock_rule")
+
+
+def _any(values: NDArray[np.int64], *options: str) -> bool:
+    """Whether one of the options is set in a row of register values."""
     names = [*COEFFICIENTS, *OPTIONS]
-    rows = np.atleast_2d(values)
-    return bool(rows[:, [names.index("two_switchings"), names.index("compensate")]].any())
+    return bool(np.atleast_2d(values)[:, [names.index(option) for option in options]].any())
 
 
 def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:
@@ -283,6 +295,11 @@ def registers(drive: Drive, variant: str) -> Registers:
     coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
     bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
     fast = variant == "fast"
+    weighted = drive.control.deadlock_rule == "weighted"
+    if weighted and not fast:
+        raise ValueError(
+            f'control.deadlock_rule: got "weighted"; the variant {variant} serves "largest" alone'
+        )
     return Registers(
         coefficients=coefficients,
         bound_current=bounds[0],
@@ -293,6 +310,7 @@ def registers(drive: Drive, variant: str) -> Registers:
         two_switchings=int(fast and drive.control.switching_horizon == "SESE"),
         budget=drive.control.budget if fast else 0,
         compensate=int(fast and drive.control.delay_compensation),
+        deadlock_rule=int(weighted),
         unit=exact.unit,
         extrapolation=exact.extrapolation,
         correction=exact.correction,

@@ -22,6 +22,8 @@ control.horizon        1 to 63, an integer         contract
 switching_horizon      "SE" (default) or "SESE"    contract
 control.budget         0 (default) to 4095         chosen; candidates of SESE's second level
 delay_compensation     false (default) or true     chosen
+deadlock_rule          "largest" (default) or      contract (section 2); "weighted":
+                       "weighted"                  docs/deadlocks.md, not with the paper variant
 ---------------------  --------------------------  ---------------------------------------------
 MPTC: machine.rs, rr   1e-6 to 1e3 ohm             chosen
 machine.lm, ls, lr     1e-6 to 1e3 H               chosen; ls and lr above lm, leakage factor 1e-4
@@ -116,6 +118,8 @@ class Control(_Section):
 
     `budget` limits the second level of SESE to so many candidates (0: no limit), in the cores and
     their model; `delay_compensation` decides for k + 1 from the state predicted under s(k-1).
+    `deadlock_rule` says what is chosen where no candidate stays inside its bounds: "largest" takes
+    the least of the largest excesses, "weighted" weighs v_n's and adds a share of the currents'.
     """
 
     ts: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
@@ -127,6 +131,7 @@ class Control(_Section):
     switching_horizon: Literal["SE", "SESE"] = "SE"
     budget: _integer(0, 4095) = 0
     delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
+    deadlock_rule: Literal["largest", "weighted"] = "largest"
 
 
 class Drive(_Section):

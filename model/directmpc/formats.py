@@ -122,6 +122,8 @@ WEIGHT_SLOPE_FRACTION = 2  # extra fractional bits of the slope of sqrt(lambda_n
 BASE_WIDTH = 17  # errors and slopes that a successor starts from, signed, clipped
 CHANGE_FRACTION = -4  # change of a current on the way to a successor: 16 trajectory units an LSB
 BUDGET_WIDTH = 12  # candidates of the second level, 0: no limit
+DEADLOCK_NEUTRAL_SHIFT = 3  # weighted deadlock rule: the excess of v_n counts 2**3 times
+DEADLOCK_CURRENT_SHIFT = 4  # and the currents' is added to the worst excess as 1/2**4 of it
 
 #: Largest bound (trajectory units) by variant.  The fast search keeps 17-bit margins: a trajectory
 #: that does not leave before it turns goes at most 1.125 * (bound + |error|) beyond the error.

@@ -26,6 +26,12 @@ from directmpc.trace import Decisions, IntArray, MpdccTrace
 
 SQRT3_2 = math.sqrt(3.0) / 2.0
 
+NEUTRAL_WEIGHT = 8.0
+"""Of the excess of v_n under the weighted deadlock rule."""
+
+CURRENT_SHARE = 1.0 / 16.0
+"""Of the currents' largest excess that this rule adds."""
+
 
 class IdealParameters(NamedTuple):
     """All that `decide` needs to know about a drive, as numbers and arrays, per unit.
@@ -45,6 +51,7 @@ class IdealParameters(NamedTuple):
     lambda_n: float
     horizon: int
     two_switchings: bool
+    weighted_deadlock: bool
     next_count: IntArray
     next_table: IntArray
     half_dc: IntArray
@@ -71,6 +78,7 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
         lambda_n=float(drive.control.lambda_n),
         horizon=int(drive.control.horizon),
         two_switchings=drive.control.switching_horizon == "SESE",
+        weighted_deadlock=drive.control.deadlock_rule == "weighted",
         next_count=anpc.NEXT_COUNT,
         next_table=anpc.NEXT_TABLE,
         half_dc=anpc.HALF_DC,
@@ -122,16 +130,23 @@ def _inside(bounds, error, v_n, d_a, d_b, d_c):
 
 
 @njit(cache=True)
-def _excess(bounds, error, v_n, d_a, d_b, d_c):
-    """Largest amount by which an output exceeds its bound, negative inside (eq. 15)."""
+def _excess(bounds, weighted, error, v_n, d_a, d_b, d_c):
+    """Largest amount by which an output exceeds its bound, negative inside (eq. 15).
+
+    With `weighted` v_n's counts eight times, and a sixteenth of the currents' largest is added.
+    """
     e_a, e_b, e_c = _phases(error)
-    worst = abs(e_a) - bounds[0]
-    worst = max(worst, abs(e_b) - bounds[1])
-    worst = max(worst, abs(e_c) - bounds[2])
-    worst = max(worst, abs(v_n) - bounds[3])
+    current = abs(e_a) - bounds[0]
+    current = max(current, abs(e_b) - bounds[1])
+    current = max(current, abs(e_c) - bounds[2])
+    neutral = abs(v_n) - bounds[3]
+    if weighted:
+        neutral *= NEUTRAL_WEIGHT
+    worst = max(current, neutral)
     worst = max(worst, abs(d_a) - bounds[4])
     worst = max(worst, abs(d_b) - bounds[5])
-    return max(worst, abs(d_c) - bounds[6])
+    worst = max(worst, abs(d_c) - bounds[6])
+    return worst + CURRENT_SHARE * current if weighted else worst
 
 
 @njit(cache=True)
@@ -213,7 +228,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
         As `decide`.
     best, second
         Cost of the choice and the least cost of any other s1; infinite where there is none. In a
-        deadlock both are the excess of eq. (15) rather than J. `second` is right only if `prune`
+        deadlock both are what `_excess` says rather than J. `second` is right only if `prune`
         is false.
 
     Notes
@@ -262,6 +277,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
                     if flat_length == 0:
                         excess = _excess(
                             p.bounds,
+                            p.weighted_deadlock,
                             reference[1] - (natural[1] + forced[1] * voltage),
                             v_n + r_n,
                             v_a - quarter + r_a,
@@ -397,7 +413,7 @@ def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     held : int
         1 if s(k-1) is kept; the costs are then still those a search would have found.
     deadlock : int
-        1 if the costs are deadlock costs (eq. 15) rather than J.
+        1 if the costs are those of the deadlock rule rather than J.
     best, second : float
         Least cost, and least cost over the other first positions; infinite where there is none.
     """

@@ -155,6 +155,10 @@ def parameters(controller: str) -> list[Word]:
             Word(f"o_{name}", rotor_flux_observer.WORD_WIDTH, True, f"Observer: {text}")
             for name, text in rotor_flux_observer.COEFFICIENTS.items()
         ]
+        # last, so that the addresses before it stay
+        words.append(
+            Word("deadlock_rule", 1, False, "1: weighted, 0: largest excess; fast variant only")
+        )
         return words
     width = mptc_formats.WORD_WIDTH
     names = [*mptc_coefficients.COEFFICIENTS, *mptc_observer.COEFFICIENTS[-2:]]

@@ -30,6 +30,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "flux_control": (9, 1, False),
                 "observer": (10, 1, False),
                 "second_level": (11, 1, False),
+                "weighted_deadlock": (12, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),
@@ -491,6 +492,12 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 18, True),
             },
         ),
+        "parameters.deadlock_rule": (
+            0x1D0,
+            {
+                "value": (0, 1, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {
@@ -613,6 +620,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "flux_control": (9, 1, False),
                 "observer": (10, 1, False),
                 "second_level": (11, 1, False),
+                "weighted_deadlock": (12, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),

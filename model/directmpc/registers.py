@@ -185,6 +185,8 @@ def values(
         parameters["method_mpfc"] = int(drive.control.method == "MPFC")
         controller = "mptc"
     words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
+    addresses = registers_of(controller)
+    words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
     return RegisterValues(controller, words, saturated)
 
 

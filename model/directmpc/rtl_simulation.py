@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc import simulator
-from directmpc.coefficients import second_level
+from directmpc.coefficients import second_level, weighted_deadlock
 from directmpc.drive import Drive
 from directmpc.plant import Plant
 from directmpc.simulator import ROOT, Answer
@@ -108,12 +108,18 @@ def simulate(
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    arguments = [str(explorers), variant, str(int(second_level(job.registers)))]
+    options = (second_level(job.registers), weighted_deadlock(job.registers))
+    arguments = [str(explorers), variant, *(str(int(option)) for option in options)]
     return simulator.simulate(job, "directmpc.rtl_simulation", arguments, progress)
 
 
-def generics(explorers: int, variant: str, second: bool) -> dict[str, int | str]:
-    """Generics of the bench around a core; `second`: SESE and delay compensation built in."""
+def generics(
+    explorers: int, variant: str, second: bool, weighted: bool = False
+) -> dict[str, int | str]:
+    """Generics of the bench around a core.
+
+    `second`: SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
+    """
     # Needed here alone: who only uses the models needs no budgets.
     from scripts import budgets
 
@@ -121,22 +127,27 @@ def generics(explorers: int, variant: str, second: bool) -> dict[str, int | str]
         "EXPLORERS": explorers,
         "FOLDED": str(variant == "paper").lower(),
         "SECOND_LEVEL": str(second).lower(),
+        "WEIGHTED_DEADLOCK": str(weighted).lower(),
         "MOST_CLOCKS": budgets.worst(explorers, variant),
         "SESE_CLOCKS": budgets.worst(explorers, "sese"),
         "PREDICTION_CLOCKS": budgets.clocks("mpdcc_core", "prediction", "sese"),
     }
 
 
-def build_and_run(job_path: Path, explorers: int, variant: str, second: bool) -> None:
+def build_and_run(
+    job_path: Path, explorers: int, variant: str, second: bool, weighted: bool
+) -> None:
     """Analyse the RTL and run the bench in this process's children."""
     simulator.build_and_run(
         job_path,
         core="mpdcc_core",
         toplevel=BENCH,
         module="cosimulation",
-        generics=generics(explorers, variant, second),
+        generics=generics(explorers, variant, second, weighted),
     )
 
 
 if __name__ == "__main__":
-    build_and_run(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1")
+    build_and_run(
+        Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1", sys.argv[5] == "1"
+    )

@@ -80,6 +80,16 @@ def _formats() -> list[str]:
         ("TOTAL_EFFORT_WIDTH", f.TOTAL_EFFORT_WIDTH, "bits, of two candidates in turn"),
         ("BASE_WIDTH", f.BASE_WIDTH, "bits, errors and slopes that successors start from, signed"),
         ("BUDGET_WIDTH", f.BUDGET_WIDTH, "bits, candidates of the second level, unsigned"),
+        (
+            "DEADLOCK_NEUTRAL_SHIFT",
+            f.DEADLOCK_NEUTRAL_SHIFT,
+            "bits, v_n's excess to the left, weighted rule",
+        ),
+        (
+            "DEADLOCK_CURRENT_SHIFT",
+            f.DEADLOCK_CURRENT_SHIFT,
+            "bits, worst excess to the left of the currents'",
+        ),
         ("RECIPROCAL_FRACTION", f.RECIPROCAL_FRACTION, "fractional bits of 1/L and of the cost"),
         ("CURVATURE_TERM_WIDTH", f.CURVATURE_TERM_WIDTH, "bits, curvature components, signed"),
         ("CURVATURE_WIDTH", f.CURVATURE_WIDTH, "bits, curvature of a phase, signed"),

@@ -24,6 +24,7 @@ entity board_top is
     EXPLORERS  : positive range 1 to 8 := 1;          -- of MPDCC
     FOLDED     : boolean               := false;      -- MPDCC: true: the paper's explorers
     SECOND_LEVEL : boolean := true; -- MPDCC: true: SESE and delay compensation, fast explorers alone
+    WEIGHTED_DEADLOCK : boolean := true; -- MPDCC: true: the weighted deadlock rule, fast explorers alone
     CLOCK_HZ   : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, Hz
     DIVIDE     : positive range 1 to 4 := 1;          -- 1, 2 or 4
     BAUD       : positive              := 3_000_000   -- UART, 1/s
@@ -227,8 +228,9 @@ begin
     i_system : entity work.mpdcc_system
       generic map (
         EXPLORERS    => EXPLORERS,
-        FOLDED       => FOLDED,
-        SECOND_LEVEL => SECOND_LEVEL
+        FOLDED            => FOLDED,
+        SECOND_LEVEL      => SECOND_LEVEL,
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
       )
       port map (
         clk            => core_clock,

@@ -25,6 +25,7 @@ entity mpdcc_system is
     EXPLORERS       : positive range 1 to 8    := 2;     -- number of explorers
     FOLDED          : boolean                  := false; -- true: the paper's explorer, false: the fast one
     SECOND_LEVEL    : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean                := true;  -- true: the weighted deadlock rule, fast explorer alone
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
@@ -136,6 +137,7 @@ architecture rtl of mpdcc_system is
   signal two_switchings_now               : std_logic;
   signal budget_now                       : std_logic_vector(11 downto 0);
   signal compensate_now                   : std_logic;
+  signal deadlock_rule_now                : std_logic;
   signal c_change_phase_now               : std_logic_vector(15 downto 0);
   signal c_change_midpoint_now            : std_logic_vector(15 downto 0);
   signal c_change_weight_now              : std_logic_vector(15 downto 0);
@@ -340,6 +342,7 @@ begin
         two_switchings_now               <= parameters.two_switchings.value.value;
         budget_now                       <= parameters.budget.value.value;
         compensate_now                   <= parameters.compensate.value.value;
+        deadlock_rule_now                <= parameters.deadlock_rule.value.value;
         c_change_phase_now               <= parameters.c_change_phase.value.value;
         c_change_midpoint_now            <= parameters.c_change_midpoint.value.value;
         c_change_weight_now              <= parameters.c_change_weight.value.value;
@@ -459,8 +462,9 @@ begin
   i_core : entity work.mpdcc_core
     generic map (
       EXPLORERS    => EXPLORERS,
-      FOLDED       => FOLDED,
-      SECOND_LEVEL => SECOND_LEVEL
+      FOLDED            => FOLDED,
+      SECOND_LEVEL      => SECOND_LEVEL,
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
     )
     port map (
       clk                         => clk,
@@ -519,6 +523,7 @@ begin
       two_switchings              => two_switchings_now,
       budget                      => budget_now,
       compensate                  => compensate_now,
+      deadlock_rule               => deadlock_rule_now,
       c_change_phase              => c_change_phase_now,
       c_change_midpoint           => c_change_midpoint_now,
       c_change_weight             => c_change_weight_now,
@@ -645,6 +650,7 @@ begin
   from_hardware.system.capabilities.explorers.next_q       <= std_logic_vector(to_unsigned(EXPLORERS, 4));
   from_hardware.system.capabilities.folded.next_q          <= '1' when FOLDED else '0';
   from_hardware.system.capabilities.second_level.next_q    <= '1' when SECOND_LEVEL and not FOLDED else '0';
+  from_hardware.system.capabilities.weighted_deadlock.next_q <= '1' when WEIGHTED_DEADLOCK and not FOLDED else '0';
   from_hardware.system.capabilities.flux_control.next_q    <= '0';
   from_hardware.system.capabilities.observer.next_q        <= '1';
   from_hardware.system.capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

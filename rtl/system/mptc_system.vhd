@@ -516,6 +516,7 @@ begin
   from_hardware.system.capabilities.explorers.next_q       <= "0000";
   from_hardware.system.capabilities.folded.next_q          <= '0';
   from_hardware.system.capabilities.second_level.next_q    <= '0';
+  from_hardware.system.capabilities.weighted_deadlock.next_q <= '0';
   from_hardware.system.capabilities.flux_control.next_q    <= '1' when FLUX_CONTROL else '0';
   from_hardware.system.capabilities.observer.next_q        <= '1';
   from_hardware.system.capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

@@ -197,6 +197,22 @@ def test_delay_compensation_needs_the_fast_variant(trace_file: Path, tmp_path: P
     assert command(*given).returncode == 0
 
 
+def test_the_weighted_deadlock_rule_needs_the_fast_variant(
+    trace_file: Path, tmp_path: Path
+) -> None:
+    drive = tmp_path / "drive.toml"
+    text = DRIVE.read_text()
+    drive.write_text(text.replace("[control]", '[control]\ndeadlock_rule = "weighted"'))
+    out = tmp_path / "out.csv"
+    given = ("--drive", drive, "--trace", trace_file, "--out", out)
+    for engine in ("model", "rtl"):
+        done = command(*given, "--engine", engine, "--variant", "paper")
+        assert_one_paragraph(done, tmp_path)
+        for word in (str(drive), "control.deadlock_rule", '"weighted"', "paper", '"largest" alone'):
+            assert word in done.stderr
+    assert command(*given, "--engine", "model").returncode == 0
+
+
 def test_a_drive_of_the_other_controller(trace_file: Path, tmp_path: Path) -> None:
     drive = tmp_path / "mptc.toml"
     drive.write_text(

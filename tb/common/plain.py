@@ -183,13 +183,14 @@ def common_terms(
 
 @dataclass
 class Limits:
-    """Bounds, horizon and scale of the cost, see ``mpdcc_types.limits_t``."""
+    """Bounds, horizon, scale of the cost, deadlock rule, see ``mpdcc_types.limits_t``."""
 
     bound_current: int
     bound_neutral: int
     bound_phase: int
     horizon: int
     weight_scale: int
+    deadlock_rule: int = 0
 
     @property
     def bounds(self) -> list[int]:
@@ -204,12 +205,13 @@ class Limits:
             | self.bound_phase << 32
             | self.horizon << 48
             | self.weight_scale << 54
+            | self.deadlock_rule << 56
         )
 
 
 @dataclass
 class Evaluation:
-    """What becomes of one candidate."""
+    """What becomes of one candidate; `excess` is what a deadlock compares."""
 
     length: int
     cost: int
@@ -312,7 +314,12 @@ def evaluate(
 ) -> Evaluation:
     """Length, cost and deadlock cost of one candidate."""
     slope, bounds = slopes(node, s), limits.bounds
-    excess = max(abs(e) - b for e, b in zip(after_one(node, s), bounds, strict=True))
+    outside = [abs(e) - b for e, b in zip(after_one(node, s), bounds, strict=True)]
+    excess = dead = max(outside)
+    if limits.deadlock_rule:
+        factors = (1, 1, 1, 8, 1, 1, 1)
+        weighted = max(w * e for w, e in zip(factors, outside, strict=True))
+        dead = 16 * weighted + max(outside[:3])
     lengths = [
         straight_exit(e, b, bound, limits.horizon)
         for e, b, bound in zip(node.error, slope, bounds, strict=True)
@@ -327,14 +334,14 @@ def evaluate(
                 lengths[x] = first_exit(node.error[x], start, node.curvature[x], bounds[x])
     length = min(*lengths, limits.horizon)
     if length == 0:
-        return Evaluation(0, 0, False, excess)
+        return Evaluation(0, 0, False, dead)
     slope_n = share(node, node.weight_slope, s)
     end = node.weight_start + floor(Fraction(length * slope_n, 2**f.WEIGHT_SLOPE_FRACTION))
     high = 2 ** (f.WEIGHT_WIDTH - 1) - 1
     clipped = max(-high - 1, min(high, end))
     inverse = int(f.RECIPROCALS[length])
     weight = floor(Fraction(clipped**2, 2 ** f.WEIGHT_SHIFTS[limits.weight_scale]))
-    return Evaluation(length, effort * inverse + weight, clipped != end, excess)
+    return Evaluation(length, effort * inverse + weight, clipped != end, dead)
 
 
 #: Fields of the band as a vector, see ``mpdcc_types.band_t``: name, words, bits.

@@ -149,7 +149,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
             *bounds,
             rng.choice([1, 63, rng.integers(1, 64)]),
             rng.integers(0, 4),
-            *(0, 0, 0),
+            *(0, 0, 0, 0),
         ],
         dtype=np.int64,
     )
@@ -189,7 +189,6 @@ def plain_node(registers_array: IntArray, row: IntArray, variant: str = "paper")
 
 
 def plain_limits(registers_array: IntArray) -> plain.Limits:
-    """Bounds, horizon and scale out of the registers."""
-    return plain.Limits(
-        *(int(v) for v in registers_array[len(COEFFICIENTS) : len(COEFFICIENTS) + 5])
-    )
+    """Bounds, horizon, scale and deadlock rule out of the registers."""
+    options = registers_array[len(COEFFICIENTS) :]
+    return plain.Limits(*(int(v) for v in options[:5]), deadlock_rule=int(options[8]))

@@ -154,8 +154,9 @@ def test_no_word_of_the_search_overflows() -> None:
     )
 
 
+@pytest.mark.parametrize("rule", [0, 1], ids=["largest", "weighted"])
 @pytest.mark.parametrize("kind", ["near", "wide", "any words", "any registers"])
-def test_decisions_are_those_of_the_documentation(kind: str) -> None:
+def test_decisions_are_those_of_the_documentation(kind: str, rule: int) -> None:
     rng = np.random.default_rng(len(kind))
     seen = np.zeros(3, dtype=int)
     for k in range(60):
@@ -165,6 +166,7 @@ def test_decisions_are_those_of_the_documentation(kind: str) -> None:
             if kind == "any registers"
             else co.registers(drive, "fast").array()
         )
+        array[-1] = rule
         trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
         row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
         s_prev = trace.s_prev[0]
@@ -176,6 +178,49 @@ def test_decisions_are_those_of_the_documentation(kind: str) -> None:
     if kind == "near":
         assert seen[0] >= 3
         assert seen[1] >= 3
+
+
+def test_no_rank_of_a_deadlock_overflows() -> None:
+    # what the explorer's header states: v_n's error and slope, the currents, and the bounds
+    neutral = 2 ** (f.TERM_WIDTH - 1) + 2 ** (f.CURRENT_TERM_WIDTH - 1)
+    other = 2 ** (f.TRAJECTORY_WIDTH - 1)
+    worst = max(neutral << f.DEADLOCK_NEUTRAL_SHIFT, other)
+    assert worst < 2 ** (f.TRAJECTORY_WIDTH + f.DEADLOCK_NEUTRAL_SHIFT - 1)
+    assert (worst << f.DEADLOCK_CURRENT_SHIFT) + other < 2 ** (f.COST_WIDTH - 1)
+    least = -(2**f.BOUND_WIDTH)
+    assert (least << f.DEADLOCK_CURRENT_SHIFT) + least >= -(2 ** (f.COST_WIDTH - 1))
+    ahead, bound = np.zeros(7, dtype=np.int64), np.zeros(7, dtype=np.int64)
+    ahead[:4] = -other, 0, other - 1, neutral
+    found = bit_true_fast._deadlock_rank(ahead, 0 * ahead, bound, 1)
+    assert found == 128 * neutral + other
+    assert bit_true_fast._deadlock_rank(ahead, 0 * ahead, bound, 0) == other
+
+
+def test_the_weighted_rule_changes_deadlocks_alone() -> None:
+    drive = states.changed(states.shipped("anpc5l_6kv"), bound_current=0.06)
+    weighted = states.changed(drive, deadlock_rule="weighted")
+    trace = states.recorded(drive, 4000, 0.2)
+    before, after = bit_true_fast.run(drive, trace), bit_true_fast.run(weighted, trace)
+    differs = np.any(before.s != after.s, axis=1)
+    assert differs.sum() >= 100
+    assert before.deadlock[differs].all()
+    for name in ("held", "deadlock", "length", "saturated"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(after, name))
+
+
+@pytest.mark.parametrize("horizon", ["SE", "SESE"])
+def test_the_weighted_rule_is_the_ideal_controllers(horizon: str) -> None:
+    drive = states.changed(
+        states.shipped("anpc5l_6kv"), deadlock_rule="weighted", switching_horizon=horizon
+    )
+    count = closed_loop.simulate(
+        drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(0.25), 6000,
+        settle=300, shadow=bit_true_fast.decide,
+        shadow_parameters=co.registers(drive, "fast").array(),
+    ).shadow_count()  # fmt: skip
+    print(f"{horizon}: {count.differing} of {count.steps} steps, {count.deadlocks} deadlocks")
+    assert count.deadlocks >= 20
+    assert count.differing / count.steps <= 0.012
 
 
 @pytest.mark.parametrize("name", states.SHIPPED)

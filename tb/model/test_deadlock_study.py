@@ -1,6 +1,7 @@
 """The deadlock study's experiments: by default they decide as the production model does.
 
-Sweep: both shipped drives, SE and SESE, speeds 0.2, 0.3 and 1.0, random drives.
+Sweep: both shipped drives, SE and SESE, both rules that are built in, speeds 0.2, 0.3 and 1.0,
+random drives.
 Stimulus: closed loops of the 6 kV drive that run into deadlocks, states near and beyond the bounds.
 Checks: every field of every decision against ``bit_true_fast``; the criteria and tie rules against
 plain Python on random errors; that weights and ties change decisions at all.
@@ -20,11 +21,17 @@ from directmpc.drive import Drive
 from directmpc.trace import MpdccTrace
 from tb.common import states
 
+#: The rule of every value of a drive file's `deadlock_rule`.
+BUILT_IN = {
+    "largest": Rule(),
+    "weighted": deadlock_study.CASES[deadlock_study.RECOMMENDED].rule,
+}
+
 
 def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
     """Decisions of both for every row of a trace; the number of deadlocks."""
     own = registers(drive, "fast").array()
-    given = deadlock_rules.parameters(drive, Rule())
+    given = deadlock_rules.parameters(drive, BUILT_IN[drive.control.deadlock_rule])
     words, _ = bit_true.encode(trace)
     deadlocks = 0
     for row, s_prev in zip(words, trace.s_prev.astype(np.int64), strict=True):
@@ -37,15 +44,17 @@ def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
 
 @pytest.mark.parametrize("horizon", ["SE", "SESE"])
 @pytest.mark.parametrize("speed", [0.2, 0.3, 1.0])
-def test_closed_loops_are_the_production_models(horizon: str, speed: float) -> None:
+@pytest.mark.parametrize("rule", BUILT_IN)
+def test_closed_loops_are_the_production_models(horizon: str, speed: float, rule: str) -> None:
     drive = states.changed(
-        states.shipped("anpc5l_6kv"), bound_current=0.06, switching_horizon=horizon
-    )
+        states.shipped("anpc5l_6kv"), bound_current=0.06, switching_horizon=horizon,
+        deadlock_rule=rule,
+    )  # fmt: skip
     runs = [
         closed_loop.simulate(drive, decide, values, OperatingPoint(speed), 4400, seed=0)
         for decide, values in (
             (bit_true_fast.decide, registers(drive, "fast").array()),
-            (deadlock_rules.decide, deadlock_rules.parameters(drive, Rule())),
+            (deadlock_rules.decide, deadlock_rules.parameters(drive, BUILT_IN[rule])),
         )
     ]
     wanted, found = runs[0].decisions, runs[1].decisions
@@ -58,11 +67,14 @@ def test_closed_loops_are_the_production_models(horizon: str, speed: float) -> N
 
 
 @pytest.mark.parametrize("horizon", ["SE", "SESE"])
-def test_random_drives_and_states(horizon: str) -> None:
+@pytest.mark.parametrize("rule", BUILT_IN)
+def test_random_drives_and_states(horizon: str, rule: str) -> None:
     rng = np.random.default_rng(17)
     deadlocks = 0
     for _ in range(60):
-        drive = states.changed(states.random_drive(rng), switching_horizon=horizon, budget=0)
+        drive = states.changed(
+            states.random_drive(rng), switching_horizon=horizon, budget=0, deadlock_rule=rule
+        )
         deadlocks += assert_alike(drive, states.near(drive, 8, rng))
         deadlocks += assert_alike(drive, states.wide(8, rng, beyond=1.2))
     assert deadlocks >= 50

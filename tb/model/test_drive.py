@@ -20,6 +20,7 @@ from directmpc.drive import (
 from directmpc.machine import InductionMachine
 
 DELAY = "delay_compensation"
+RULE = "control.deadlock_rule"
 
 MPTC = """
 controller = "mptc"
@@ -81,6 +82,11 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
     path.write_text(text.replace("switching_horizon", "# switching_horizon"))
     assert load_drive(path).control.switching_horizon == "SE"
     assert (drive.control.budget, drive.control.delay_compensation) == (0, False)
+    assert drive.control.deadlock_rule == "largest"
+    for rule in ("largest", "weighted"):
+        path.write_text(text.replace("[control]", f'[control]\ndeadlock_rule = "{rule}"'))
+        assert load_drive(path).control.deadlock_rule == rule
+    path.write_text(text)
     # both stand with either horizon: a budget without SESE limits nothing
     for budget, delay in ((0, "false"), (1, "true"), (4095, "true")):
         for kind in (text, text_of(drives_folder)):
@@ -128,6 +134,8 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
         ("[control]", f"[control]\n{DELAY} = 1", [f"control.{DELAY}", "got 1;", "true or false"]),
         ("[control]", f"[control]\n{DELAY} = 0", [f"control.{DELAY}", "got 0;", "true or false"]),
         ("[control]", f'[control]\n{DELAY} = "on"', [f"control.{DELAY}", '"on"', "true or false"]),
+        ("[control]", '[control]\ndeadlock_rule = "least"', [RULE, '"least"', '"largest" or "we']),
+        ("[control]", "[control]\ndeadlock_rule = 1", [RULE, "got 1;", '"largest" or "weighted"']),
         ("[base] ", f"{DELAY} = true\n[base] ", [DELAY, "unknown", "top level"]),
         ("[base] ", "budget = 9\n[base] ", ["budget", "unknown", "top level"]),
         ("lambda_n = 0.1", "lambda_n = -0.1", ["control.lambda_n", "0 to 100"]),

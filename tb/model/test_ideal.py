@@ -108,7 +108,10 @@ class Contract:
             if l1 == 0:
                 x_m = self.a @ self.x_m + self.b @ self.voltages(self.x_inv, s1)
                 x_inv = self.x_inv + self.slopes(self.x_m, s1)
-                excess = max(np.array(self.deviations(x_m, x_inv, 1)) - self.drive.bounds)
+                outside = np.array(self.deviations(x_m, x_inv, 1)) - self.drive.bounds
+                excess = max(outside)
+                if self.drive.control.deadlock_rule == "weighted":
+                    excess = max(outside * (1, 1, 1, 8, 1, 1, 1)) + max(outside[:3]) / 16
                 if best_dead is None or excess < best_dead[0]:
                     best_dead = excess, s1
                 continue
@@ -173,6 +176,8 @@ def as_rows(decisions) -> list[tuple[int, ...]]:
         ({"horizon": 6, "switching_horizon": "SESE"}, 16),
         ({"horizon": 4, "switching_horizon": "SESE", "lambda_n": 0.0}, 16),
         ({"horizon": 63, "switching_horizon": "SESE", "bound_current": 0.05}, 12),
+        ({"horizon": 9, "deadlock_rule": "weighted", "bound_current": 0.03}, 150),
+        ({"horizon": 3, "switching_horizon": "SESE", "deadlock_rule": "weighted"}, 60),
     ],
     ids=lambda value: ",".join(map(str, value.values())) if isinstance(value, dict) else None,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import random
 
 import cocotb
@@ -12,7 +13,7 @@ from directmpc import formats as f
 from scripts import budgets
 from tb.common import plain
 from tb.common.scoreboard import Clock, Scoreboard, arguments, number
-from tb.mpdcc.bench_mpdcc_explorer import example, pack_candidate, unpack_result
+from tb.mpdcc.bench_mpdcc_explorer import RANKED, example, pack_candidate, unpack_result
 
 #: Clocks after the clock in which something is taken, as the header declares.
 PROBE = budgets.clocks("mpdcc_explorer", "probe", "fast")
@@ -55,8 +56,10 @@ def bend(
 class Bench:
     """One fast explorer and the scheduler's side of its protocol."""
 
-    def __init__(self, dut, rng: random.Random) -> None:
+    def __init__(self, dut, rng: random.Random, weighted: bool) -> None:
         self.dut, self.rng = dut, rng
+        self.weighted = weighted  # whether the weighted deadlock rule is built in
+        self.rule = 0  # of this node
         self.board, self.clock = Scoreboard(), Clock(dut)
 
     async def start(self) -> None:
@@ -99,7 +102,8 @@ class Bench:
     def check_result(self, candidates: list[Candidate]) -> int:
         """Hold the result against the best of the candidates."""
         board, value = self.board, number(self.dut.result)
-        got = unpack_result(value)
+        # with the weighted rule built in excesses are counted in sixteenths, whatever the rule
+        got = unpack_result(value, 2 ** (f.COST_WIDTH - 1) if self.weighted else RANKED)
         alive = [c for c in candidates if c[2].feasible]
         if alive:
             index, s, want = min(alive, key=lambda c: c[2].cost)
@@ -118,8 +122,10 @@ class Bench:
             board.cover("weight saturated", int(want.saturated))
             board.cover("feasible")
         else:
-            board.check("excess", got["excess"], want.excess, context)
+            scale = 16 if self.weighted and not self.rule else 1
+            board.check("excess", got["excess"], scale * want.excess, context)
             board.cover("dead")
+            board.cover("weighted", self.rule)
         return value
 
     async def node(
@@ -214,14 +220,18 @@ async def random_nodes(dut) -> None:
     given = arguments()
     rng = random.Random(given["seed"])
     generator = np.random.default_rng(given["seed"])
-    bench = Bench(dut, rng)
+    bench = Bench(dut, rng, given["weighted"])
     await bench.start()
     for n in range(given["nodes"]):
         node, limits, s_prev = example(rng, generator, n, "fast")
         if n % 3 == 1:
             bend(rng, node, limits, s_prev)
         dut.node.value = plain.pack_node(node)
-        dut.limits.value = limits.pack()
+        # without the option the bit changes nothing
+        rule = n % 5 % 2
+        dut.limits.value = dataclasses.replace(limits, deadlock_rule=rule).pack()
+        bench.rule = int(rule and bench.weighted)
+        limits = dataclasses.replace(limits, deadlock_rule=bench.rule)
         dut.band.value = plain.pack(plain.band(node, limits, s_prev), plain.BAND_FIELDS)
         if rng.random() < 0.7:
             await bench.probe(node, limits, s_prev)

@@ -42,8 +42,8 @@ def pack_candidate(probe: int, index: int, s: tuple[int, ...], effort: int) -> i
 RANKED = 2 ** (f.TRAJECTORY_WIDTH - 1)
 
 
-def unpack_result(value: int) -> dict[str, int]:
-    """A result as the flat bench shows it."""
+def unpack_result(value: int, ranked: int = RANKED) -> dict[str, int]:
+    """A result as the flat bench shows it; `ranked` is what an excess has added."""
     fields = {}
     for name, width in (
         ("feasible", 1), ("saturated", 1), ("index", f.INDEX_WIDTH),
@@ -52,7 +52,7 @@ def unpack_result(value: int) -> dict[str, int]:
         fields[name] = value & ((1 << width) - 1)
         value >>= width
     if not fields["feasible"]:
-        fields["excess"] = fields.pop("cost") - RANKED
+        fields["excess"] = fields.pop("cost") - ranked
     return fields
 
 

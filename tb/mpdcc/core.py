@@ -11,7 +11,7 @@ import numpy as np
 
 from directmpc import bit_true, bit_true_fast
 from directmpc import formats as f
-from directmpc.coefficients import registers, second_level
+from directmpc.coefficients import registers, second_level, weighted_deadlock
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.rtl_simulation import Job, generics
 from scripts import budgets
@@ -31,7 +31,7 @@ SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
         [
             8388, 7265, -2097, 2097, 466, 403, -141, -122, -4318, 5008, -5128, 4474, -2628, -2276,
             3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 0, 0, 0, 0, 0, 0,
-            0, 0, 0, 0, 65535, 65535, 65535, 63, 0, 0, 0, 0,
+            0, 0, 0, 0, 65535, 65535, 65535, 63, 0, 0, 0, 0, 0,
         ],
     ),
 )  # fmt: skip
@@ -222,15 +222,18 @@ def simulate(
     rtl: Path = RTL,
     bound: int | None = None,
     second: bool | None = None,
+    weighted: bool | None = None,
     aborts: IntArray | None = None,
 ) -> Answers:
     """Decisions of the RTL; `bound` takes the place of the budget of clocks.
 
-    `second` builds the second level in, by default where the rows need it. Each row of `aborts` is
+    `second` builds the second level in, `weighted` the weighted deadlock rule, both by default
+    where the rows need it. Each row of `aborts` is
     a decision that a reset ends before one is made, see ``cosimulation_reset``.
     """
     bound = bound or budgets.worst(explorers, variant)
     second = second_level(rows.registers) if second is None else second
+    weighted = weighted_deadlock(rows.registers) if weighted is None else weighted
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
         folder = Path(name)
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
@@ -247,7 +250,7 @@ def simulate(
             folder,
             units=["mpdcc_core"],
             files=[BENCH / "mpdcc_core_bench.vhd"],
-            generics={**generics(explorers, variant, second), "MOST_CLOCKS": bound},
+            generics={**generics(explorers, variant, second, weighted), "MOST_CLOCKS": bound},
             environment=environment,
             rtl=rtl,
             timeout=240,

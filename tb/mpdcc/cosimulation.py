@@ -29,8 +29,8 @@ def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
     return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
 
 
-#: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction.
-_TAIL = (6, 2, 1, 12, 1)
+#: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction, rule.
+_TAIL = (6, 2, 1, 12, 1, 1)
 
 
 def pack_parameters(registers: np.ndarray) -> int:

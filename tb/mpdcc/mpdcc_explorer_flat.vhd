@@ -12,7 +12,8 @@ library work;
 
 entity mpdcc_explorer_flat is
   generic (
-    FOLDED : boolean := true -- variant of the explorer
+    FOLDED            : boolean := true; -- variant of the explorer
+    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule built in
   );
   port (
     clk             : in    std_logic;                                     -- rising edge
@@ -44,7 +45,8 @@ begin
 
   i_explorer : entity work.mpdcc_explorer
     generic map (
-      FOLDED => FOLDED
+      FOLDED            => FOLDED,
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
     )
     port map (
       clk             => clk,

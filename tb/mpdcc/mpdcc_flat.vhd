@@ -17,7 +17,7 @@ package mpdcc_flat is
                                        + 6 * CURRENT_TERM_WIDTH + 4 * WEIGHT_WIDTH + 3 * CURVATURE_WIDTH;
   constant BAND_BITS      : natural := 2 * TRAJECTORY_WIDTH + 6 * MARGIN_WIDTH + 3 * TURN_WIDTH + 15;
   constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
-  constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 2;
+  constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 3;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
   constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + COST_WIDTH;
   constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
@@ -295,8 +295,9 @@ package body mpdcc_flat is
     result.bound_current := unsigned(bits(BOUND_WIDTH - 1 downto 0));
     result.bound_neutral := unsigned(bits(2 * BOUND_WIDTH - 1 downto BOUND_WIDTH));
     result.bound_phase   := unsigned(bits(3 * BOUND_WIDTH - 1 downto 2 * BOUND_WIDTH));
-    result.horizon       := unsigned(bits(LIMITS_BITS - 3 downto 3 * BOUND_WIDTH));
-    result.weight_scale  := unsigned(bits(LIMITS_BITS - 1 downto LIMITS_BITS - 2));
+    result.horizon       := unsigned(bits(LIMITS_BITS - 4 downto 3 * BOUND_WIDTH));
+    result.weight_scale  := unsigned(bits(LIMITS_BITS - 2 downto LIMITS_BITS - 3));
+    result.deadlock_rule := bits(LIMITS_BITS - 1);
     return result;
 
   end function to_limits;

@@ -27,6 +27,7 @@ from tb.mpdcc import (
     test_capacitor_search,
     test_common_terms,
     test_core_reset,
+    test_deadlock_rule,
     test_explorer_fast,
     test_mac_block,
     test_mpdcc_explorer,
@@ -93,6 +94,8 @@ BENCHES: dict[str, Callable[[Path], object]] = {
     "core_fast": lambda rtl: core_bench("fast", rtl),
     "second_level": second_level_bench,
     "prediction": prediction_bench,
+    "weighted_explorer": lambda rtl: test_explorer_fast.bench(60, rtl=rtl, weighted=True),
+    "weighted_core": lambda rtl: test_deadlock_rule.bench(2, 0, (0,), 0, 10, rtl),
     "reset_fast": lambda rtl: reset_bench("fast", 3, rtl),
     "reset_second_level": lambda rtl: reset_bench("fast", 2, rtl, two=True),
     "reset_paper": lambda rtl: reset_bench("paper", 2, rtl),
@@ -238,6 +241,26 @@ FAULTS = [
     ),
     Fault("reset_paper", "explorer_paper.vhd", "back.count  <= 0;", "null;  -- result"),
     Fault("prediction", "node_base.vhd", "unfit <= found;", "unfit <= '0';"),
+    Fault(
+        "weighted_explorer",
+        "explorer_fast.vhd",
+        "shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT)",
+        "shift_left(weighed, 2)",
+    ),
+    Fault(
+        "weighted_explorer",
+        "explorer_fast.vhd",
+        "gated(current_9, limits.deadlock_rule)",
+        "current_9",
+    ),
+    # a place that belongs to the candidate behind, and the bit that a host sets
+    Fault(
+        "weighted_core",
+        "explorer_fast.vhd",
+        "best.index     <= unsigned(dead_index);",
+        "best.index     <= unsigned(index_dead);",
+    ),
+    Fault("weighted_core", "mpdcc_core.vhd", "<= deadlock_rule;", "<= '0';"),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
 ]
 

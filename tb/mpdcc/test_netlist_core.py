@@ -2,7 +2,8 @@
 
 Sweep: one, two and five explorers of the paper's variant, one and two of the fast one; the second
 level with two explorers: SESE with and without a budget, with and without the prediction of k + 1,
-the prediction alone, and one level after two in the same run.
+the prediction alone, and one level after two in the same run; there with either deadlock rule, the
+bit at random.
 Stimulus: recorded rows of both drives, random drives, full ranges, words and parameters of any
 content, the slowest decisions known; of SESE searches of closed loops and random drives and the
 longest there is; measurements random but at the start edge, random idle clocks,
@@ -25,13 +26,13 @@ from directmpc.replay import VARIANTS
 from scripts import netlist, netlist_check
 from scripts.tools import Generics
 from tb.common import states
-from tb.mpdcc import core, test_sese_core
+from tb.mpdcc import core, test_deadlock_rule, test_sese_core
 from tb.mpdcc.test_mpdcc_core import HELD
 
 HOLD = (
     *(f"c_{name}" for name in COEFFICIENTS),
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
-    "two_switchings", "budget", "compensate",
+    "two_switchings", "budget", "compensate", "deadlock_rule",
 )  # fmt: skip
 OUTPUTS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
 SECOND = 2  # explorers of the core with a second level; one netlist serves both tests of it
@@ -39,9 +40,9 @@ BOTH = 60  # rows that the VHDL simulation decides as well
 
 
 def generics_of(explorers: int, variant: str, second: bool) -> Generics:
-    """Generics of a core, those that differ from the defaults by name."""
+    """Generics of a core, those that differ from the defaults by name; `second`: all options."""
     found: Generics = {"EXPLORERS": explorers, "FOLDED": variant == "paper"}
-    return found | {"SECOND_LEVEL": True} if second else found
+    return found | {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True} if second else found
 
 
 @pytest.fixture(scope="session")
@@ -59,6 +60,14 @@ def many_rows() -> dict[str, core.Rows]:
             array = chosen.registers(drive).array()
             parts.append(core.of_trace(states.near(drive, 800, rng), array))
         found[variant] = core.join(parts)
+    return found
+
+
+def either_rule(rows: core.Rows) -> core.Rows:
+    """The same rows, every other one or so under the weighted deadlock rule."""
+    chosen = np.random.default_rng(5).integers(0, 2, len(rows))
+    found = test_deadlock_rule.with_rule(rows, chosen)
+    assert np.any(found.model("fast") != rows.model("fast"), axis=1).sum() >= 3
     return found
 
 
@@ -101,6 +110,8 @@ def test_the_netlist_decides_alike(
     many_rows: dict[str, core.Rows], variant: str, explorers: int, second: bool
 ) -> None:
     rows = many_rows[variant]
+    if second:
+        rows = either_rule(rows)
     expected = rows.model(variant)
     assert len(rows) >= 3000
     assert (expected[:, 4] == 1).sum() >= 300
@@ -140,7 +151,7 @@ def test_the_netlists_second_level_decides_alike() -> None:
     rows = core.join(parts)
     # the longest first, then every option after every other
     order = np.random.default_rng(3).permutation(np.arange(1, len(rows)))
-    rows = rows.pick(np.append(0, order))
+    rows = either_rule(rows.pick(np.append(0, order)))
     expected, schedule, nodes = test_sese_core.expected(rows, explorers)
     two = rows.registers[:, test_sese_core.TWO] == 1
     predicted = rows.registers[:, test_sese_core.COMPENSATE] == 1

@@ -42,7 +42,7 @@ def longest() -> core.Rows:
     measurement = dict.fromkeys(f.MEASUREMENTS, 0)
     measurement |= {"is_alpha": 200, "v_dc": 16000, "v_ph_a": 32000, "v_ph_b": 32000}
     measurement["v_ph_c"] = 32000
-    register = np.zeros(FIRST + 8, dtype=np.int64)
+    register = np.zeros(FIRST + 9, dtype=np.int64)
     register[COEFFICIENTS.index("stator_alpha")] = 32767
     register[COEFFICIENTS.index("forced_voltage")] = 1024
     register[FIRST : FIRST + 3] = 3700

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from directmpc import bit_true, closed_loop, formats, ideal
 from directmpc.closed_loop import OperatingPoint
-from directmpc.coefficients import OPTIONS, second_level
+from directmpc.coefficients import OPTIONS, second_level, weighted_deadlock
 from directmpc.common_terms import COEFFICIENTS
 from directmpc.fidelity.points import Point, Row, kept, points, stored
 from directmpc.machine import discretise
@@ -105,15 +105,17 @@ def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray
 
 
 def netlist_of(
-    variant: str, second: bool = False
+    variant: str, second: bool = False, weighted: bool = False
 ) -> tuple[str, dict[str, int | bool], dict[str, object]]:
     """Entity, generics and options of the compiled netlist; compiles it if need be.
 
-    `second`: with SESE and delay compensation built in.
+    `second`: with SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
     """
     generics: dict[str, int | bool] = {"EXPLORERS": EXPLORERS, "FOLDED": variant == "paper"}
     if second:
         generics["SECOND_LEVEL"] = True
+    if weighted:
+        generics["WEIGHTED_DEADLOCK"] = True
     verilog = netlist.cached("mpdcc_core", generics)
     found = netlist_check.ports_of(verilog, "mpdcc_core")
     ports = netlist_check.Ports(found.inputs, found.outputs, _PARAMETERS)
@@ -125,7 +127,9 @@ def decide_netlist(
     variant: str, measurements: IntArray, s_prev: IntArray, registers: IntArray
 ) -> IntArray:
     """Decisions of the netlist in Verilator: (n, 8), ``FIELDS`` and the cycles."""
-    top, generics, options = netlist_of(variant, second_level(registers))
+    top, generics, options = netlist_of(
+        variant, second_level(registers), weighted_deadlock(registers)
+    )
     n = len(measurements)
     inputs = {
         **{name: measurements[:, i] for i, name in enumerate(formats.MEASUREMENTS)},

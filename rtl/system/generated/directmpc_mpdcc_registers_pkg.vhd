@@ -36,6 +36,10 @@ package directmpc_mpdcc_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.capabilities.weighted_deadlock_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities.least_dead_time_in_t\ is record
         next_q : std_logic_vector(11 downto 0);
     end record;
@@ -47,6 +51,7 @@ package directmpc_mpdcc_registers_pkg is
         flux_control : \system_registers.capabilities.flux_control_in_t\;
         observer : \system_registers.capabilities.observer_in_t\;
         second_level : \system_registers.capabilities.second_level_in_t\;
+        weighted_deadlock : \system_registers.capabilities.weighted_deadlock_in_t\;
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
     end record;
 
@@ -1067,6 +1072,14 @@ package directmpc_mpdcc_registers_pkg is
         value : \mpdcc_parameters.o_output_current.value_out_t\;
     end record;
 
+    type \mpdcc_parameters.deadlock_rule.value_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mpdcc_parameters.deadlock_rule_out_t\ is record
+        value : \mpdcc_parameters.deadlock_rule.value_out_t\;
+    end record;
+
     type mpdcc_parameters_out_t is record
         c_error_alpha : \mpdcc_parameters.c_error_alpha_out_t\;
         c_error_beta : \mpdcc_parameters.c_error_beta_out_t\;
@@ -1120,6 +1133,7 @@ package directmpc_mpdcc_registers_pkg is
         o_excitation : \mpdcc_parameters.o_excitation_out_t\;
         o_output_flux : \mpdcc_parameters.o_output_flux_out_t\;
         o_output_current : \mpdcc_parameters.o_output_current_out_t\;
+        deadlock_rule : \mpdcc_parameters.deadlock_rule_out_t\;
     end record;
 
     type \mpdcc_measurements.is_alpha.value_out_t\ is record

@@ -3396,6 +3396,7 @@ begin
             readback_data_var(9) := hwif_in.system.capabilities.flux_control.next_q;
             readback_data_var(10) := hwif_in.system.capabilities.observer.next_q;
             readback_data_var(11) := hwif_in.system.capabilities.second_level.next_q;
+            readback_data_var(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
             readback_data_var(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
         end if;
         if rd_mux_addr = 16#C# then
