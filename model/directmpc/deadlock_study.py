@@ -8,7 +8,8 @@ bit-true model (`directmpc.deadlock_rules`, by default the contract's rule) and 
 * ``reports/deadlocks.md``: the tables of `docs/deadlocks.md`,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
 
-Models only: no rule but the contract's is in the RTL.
+The loops are the models'. The RTL has the contract's rule and the recommended one; its netlist
+decides anew on every step of one start of each point where the two stand side by side.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from directmpc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.coefficients import registers
 from directmpc.deadlock_rules import ONE, Rule
 from directmpc.drive import Drive, load_drive
+from directmpc.fidelity.decisions import EXPLORERS, FidelityError
 from directmpc.horizon_study import REPORTS, SETTLE, STEPS, Setting, interval
 from directmpc.machine import CLARKE_INVERSE, FloatArray
 from directmpc.replay import progress_bar
@@ -109,6 +111,9 @@ CASES: dict[str, Case] = {
     "bound_vph = 0.12": Case(control={"bound_vph": 0.12}),
 }
 """What is tried; names as in the tables."""
+
+BUILT_IN = {CONTRACT: "largest", RECOMMENDED: "weighted"}
+"""The rules that the RTL has: value of a drive file's ``control.deadlock_rule``."""
 
 RUN_FIELDS = (
     "case", "horizon", "speed", "bound", "start", "thd_pct", "fsw_hz", "deadlock_pct", "tied_pct",
@@ -411,6 +416,39 @@ def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> list[str]:
     return lines
 
 
+def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) -> tuple[int, int]:
+    """Let the RTL, converted to a netlist, decide on every step of the rules it has.
+
+    Parameters
+    ----------
+    points
+        Horizon, speed and bound of the loops; each is the first start of ``table_of_points``.
+
+    Returns
+    -------
+    tuple of int
+        How many decisions there were, all the loops', and the most clocks that one took.
+
+    Raises
+    ------
+    FidelityError
+        If one is another than the loop's.
+    """
+    count = most = 0
+    with progress_bar("decisions of the RTL", steps * len(points) * len(BUILT_IN)) as progress:
+        for name, rule in BUILT_IN.items():
+            for horizon, speed, bound in points:
+                setting = Setting(horizon, bound, speed, FRESH, deadlock_rule=rule)
+                drive, result = simulate(base, CASES[name], setting, steps)
+                try:
+                    most = max(most, horizon_study.decide_anew(drive, result))
+                except FidelityError as error:
+                    raise FidelityError(f"{error}: {setting}") from error
+                count += len(result)
+                progress(count)
+    return count, most
+
+
 def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
     """The contract's rule beside the recommended one, point by point, as Markdown."""
     lines = [
@@ -636,6 +674,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 progress(len(rows))
         _write(given.out / "deadlocks.csv", RUN_FIELDS, rows)
 
+    decided, most = verify(base, points, given.steps)
     signed = [
         f"{name}: {_mean([r for r in _pick(rows, case=name) if r['speed'] < LOW], key):+.3f} pu"
         for name in (CONTRACT, "ties to the latest")
@@ -664,6 +703,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"Point by point, {given.detailed} other starts, 95 % confidence intervals:",
         "",
         *table_of_points(rows),
+        "",
+        f"RTL: {decided} decisions of {len(points) * len(BUILT_IN)} of these loops (start {FRESH}; "
+        "both rules, SE and SESE, every bound and speed), decided by the netlist of `mpdcc_core` "
+        f"with {EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
         "",
         f"Elsewhere, bound 0.1 pu, {given.starts} starts:",
         "",

@@ -4,7 +4,8 @@ Sweep: both shipped drives, SE and SESE, both rules that are built in, speeds 0.
 random drives.
 Stimulus: closed loops of the 6 kV drive that run into deadlocks, states near and beyond the bounds.
 Checks: every field of every decision against ``bit_true_fast``; the criteria and tie rules against
-plain Python on random errors; that weights and ties change decisions at all.
+plain Python on random errors; that weights and ties change decisions at all; that the study fails
+where the RTL decides otherwise.
 Does not prove: anything about the RTL, or that a rule is good.
 """
 
@@ -18,14 +19,12 @@ from directmpc.closed_loop import OperatingPoint
 from directmpc.coefficients import registers
 from directmpc.deadlock_rules import Rule
 from directmpc.drive import Drive
+from directmpc.fidelity import decisions
 from directmpc.trace import MpdccTrace
 from tb.common import states
 
 #: The rule of every value of a drive file's `deadlock_rule`.
-BUILT_IN = {
-    "largest": Rule(),
-    "weighted": deadlock_study.CASES[deadlock_study.RECOMMENDED].rule,
-}
+BUILT_IN = {rule: deadlock_study.CASES[name].rule for name, rule in deadlock_study.BUILT_IN.items()}
 
 
 def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
@@ -123,6 +122,26 @@ def test_every_case_runs_and_most_change_something() -> None:
         _, result = deadlock_study.simulate(drive, case, setting, 1200)
         paths.add(result.positions.tobytes())
     assert len(paths) >= len(deadlock_study.CASES) - 2
+
+
+def test_the_rtl_verifies_the_table(monkeypatch) -> None:
+    # the production model stands in for the netlist; one wrong bit is an error
+    wrong = np.zeros(8, dtype=np.int64)
+
+    def decide(variant: str, words: np.ndarray, s_prev: np.ndarray, values: np.ndarray):
+        rows = [
+            (*bit_true_fast.decide_words(values, row, s.astype(np.int64)), 70)
+            for row, s in zip(words, s_prev, strict=True)
+        ]
+        return np.array(rows) ^ wrong
+
+    monkeypatch.setattr(decisions, "decide_netlist", decide)
+    drive = states.shipped("anpc5l_6kv")
+    points = [("SE", 0.2, 0.06), ("SESE", 0.3, 0.1)]
+    assert deadlock_study.verify(drive, points, 300) == (1200, 70)
+    wrong[4] = 1
+    with pytest.raises(decisions.FidelityError, match=r"300 of 300 .*horizon='SE'"):
+        deadlock_study.verify(drive, points, 300)
 
 
 def test_starts_needed() -> None:
