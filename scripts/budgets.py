@@ -246,6 +246,7 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
         explorers = int(one.generics["EXPLORERS"]) - 1
         if one.generics.get("SECOND_LEVEL"):
             return f"worst {table['sese']['worst'][explorers]}, SE as without"
+        table = table.get("fast", table)
         return f"hold {table['hold']}, worst {table['worst'][explorers]}"
     shown = [f"{k.replace('_', ' ')} {v}" for k, v in table.items() if isinstance(v, int)]
     if one.generics.get("FLUX_CONTROL") is False:
