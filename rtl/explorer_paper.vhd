@@ -94,6 +94,25 @@ architecture rtl of explorer_paper is
 
   subtype forced_sum_t is signed(FORCED_WIDTH + 2 downto 0);
 
+  type inverses_t is array (natural range 0 to 2 ** LENGTH_WIDTH - 1) of reciprocal_t;
+
+  -- 1/L for the lengths of one level: the whole table would become a block RAM, too slow for a sum in its clock
+  function first_reciprocals return inverses_t is
+
+    variable words : inverses_t;
+
+  begin
+
+    for l in natural range 0 to 2 ** LENGTH_WIDTH - 1 loop
+      words(l) := RECIPROCALS(l);
+    end loop;
+
+    return words;
+
+  end function first_reciprocals;
+
+  constant INVERSES : inverses_t := first_reciprocals;
+
   function shorter (a, b : std_logic_vector) return std_logic_vector is
   begin
 
@@ -536,7 +555,7 @@ begin
 
       when 1 =>
 
-        v.inverse := unsigned(RECIPROCALS(to_integer(back.length)));
+        v.inverse := unsigned(INVERSES(to_integer(back.length)));
 
       when 2 =>
 
