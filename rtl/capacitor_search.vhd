@@ -5,7 +5,7 @@
 -- serve all candidates of a node. They pass one pipeline, one line a clock, those of s(k-1) first,
 -- so that the hold test has its answer early.
 --
---   stage 0    which line
+--   stage 0    which line, and the current term that it is made of
 --   stage 1    slope and error at k of the line
 --   stage 2    room in the slope's direction, error at k+1
 --   stage 3-5  two bits of the length each: room - 2**m * abs(slope) >= 0
@@ -31,6 +31,9 @@ library work;
   use work.mpdcc_types.all;
 
 entity capacitor_search is
+  generic (
+    SECOND_LEVEL : boolean := false -- true: successors, whose terms are complete a clock later
+  );
   port (
     clk      : in    std_logic;   -- rising edge
     rst      : in    std_logic;   -- synchronous, active high
@@ -62,16 +65,47 @@ architecture rtl of capacitor_search is
 
   type ends_t is array (2 to STAGE_COUNT) of trajectory_t;
 
+  subtype phase_t is natural range 0 to 3; -- 3: neutral point
+
+  -- the current term that a line's slope is made of
+  function term_of (terms : node_t; phase : phase_t; single : std_logic_vector(2 downto 0)) return current_term_t is
+
+    variable result : current_term_t;
+
+  begin
+
+    result := (others => '0');
+
+    for x in 0 to 2 loop
+      if (phase = x) then
+        result := result or terms.phase_current(x);
+      end if;
+
+      if (phase = 3 and single(x) = '1') then
+        result := result or terms.neutral_current(x);
+      end if;
+    end loop;
+
+    return result;
+
+  end function term_of;
+
   signal line  : natural range 0 to LINES; -- LINES: idle
   signal valid     : std_logic_vector(0 to STAGE_COUNT);
   signal first     : std_logic_vector(0 to 2);     -- '1': a line of s(k-1)
-  signal phase_0   : natural range 0 to 3;         -- 3: neutral point
+  signal phase_0   : phase_t;
   signal kind_0    : unsigned(1 downto 0);
   signal pattern_0 : std_logic_vector(2 downto 0);
   signal flips     : unsigned(2 downto 0);         -- how the next pattern differs from that of s(k-1)
   signal bank_now  : std_logic;
   signal bank_row  : std_logic_vector(1 to STAGE_COUNT);
   signal row   : rows_t;
+
+  signal early_0    : current_term_t; -- term of the line, registered
+  signal term_0     : current_term_t; -- the same, or selected a clock later
+  signal moves_0    : std_logic;      -- '0': the line has no slope
+  signal opposite_0 : std_logic;      -- '1': the slope is the term's complement
+  signal negative_0 : std_logic;      -- '1': and one more
 
   signal slope_1 : trajectory_t;
   signal error_1 : trajectory_t;
@@ -86,11 +120,24 @@ architecture rtl of capacitor_search is
 
 begin
 
+  -- between the node's registers and the sum of stage 1, where the node is complete that early
+  g_early : if not SECOND_LEVEL generate
+    term_0 <= early_0;
+  end generate g_early;
+
+  g_late : if SECOND_LEVEL generate
+    term_0 <= term_of(node, phase_0, single_of(pattern_0));
+  end generate g_late;
+
   p_lines : process (clk) is
 
+    variable phase   : phase_t;
+    variable pattern : std_logic_vector(2 downto 0);
+    variable single  : std_logic_vector(2 downto 0);
     variable kind    : unsigned(1 downto 0);
-    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0); -- of a phase capacitor
-    variable current : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable term    : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable carry   : unsigned(0 downto 0);
     variable room_up : signed(TRAJECTORY_WIDTH downto 0);
     variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
     variable error   : trajectory_t;
@@ -113,15 +160,14 @@ begin
       -- lines 0 to 2: phases as at s(k-1); 3: neutral point as at s(k-1); 4 to 9: the phases' other
       -- kinds; 10 to 16: the other patterns of the neutral point
       -- 17 to 22: both kinds with a current of each phase; 23 to 29: all patterns but none
-      pattern_0 <= neutral_pattern(previous) xor std_logic_vector(flips);
+      pattern  := neutral_pattern(previous) xor std_logic_vector(flips);
+      phase    := 3;
+      kind     := "00";
+      first(0) <= to_std_logic(line < 4);
 
       if (line >= ROOT_LINES) then
-        pattern_0 <= std_logic_vector(flips);
+        pattern := std_logic_vector(flips);
       end if;
-
-      phase_0   <= 3;
-      kind      := "00";
-      first(0)  <= to_std_logic(line < 4);
 
       if ((line >= 10 and line < ROOT_LINES) or line >= 23) then
         flips <= flips + 1;
@@ -130,13 +176,13 @@ begin
       end if;
 
       if (line < 10) then
-        pattern_0 <= neutral_pattern(previous);
+        pattern := neutral_pattern(previous);
       end if;
 
       for x in 0 to 2 loop
         if (line = x or line = 4 + x or line = 7 + x or line = 17 + x or line = 20 + x) then
-          phase_0 <= x;
-          kind    := charge_kind(previous(x));
+          phase := x;
+          kind  := charge_kind(previous(x));
         end if;
       end loop;
 
@@ -153,30 +199,49 @@ begin
         kind := "10";
       end if;
 
-      kind_0 <= kind;
+      single    := single_of(pattern);
+      phase_0   <= phase;
+      pattern_0 <= pattern;
+      kind_0    <= kind;
+      early_0   <= term_of(node, phase, single);
+
+      -- charged, discharged or neither; two phases together are the complement of the third
+      if (phase = 3) then
+        moves_0    <= to_std_logic(single /= "000");
+        opposite_0 <= to_std_logic(single /= pattern);
+        negative_0 <= '0';
+      else
+        moves_0    <= to_std_logic(kind /= "00");
+        opposite_0 <= kind(0);
+        negative_0 <= kind(0);
+      end if;
 
       -- stage 1
       first(1) <= first(0);
       bank_row <= bank_now & bank_row(1 to STAGE_COUNT - 1);
 
       if (valid(0) = '1') then
+        term     := resize(term_0, term'length);
+        carry(0) := negative_0;
+
+        for i in term'range loop
+          term(i) := (term(i) xor opposite_0) and moves_0;
+        end loop;
+
+        slope   := signed(unsigned(term) + carry);
+        slope_1 <= resize(slope, TRAJECTORY_WIDTH);
+
         if (phase_0 = 3) then
-          slope_1 <= resize(share_of(node.neutral_current, pattern_0), TRAJECTORY_WIDTH);
           error_1 <= node.error(3);
           bound_1 <= limits.bound_neutral;
           row(1)  <= unsigned'("10") & unsigned(pattern_0);
         else
-          current := (others => '0');
-
           for x in 0 to 2 loop
             if (phase_0 = x) then
-              current := resize(node.phase_current(x), current'length);
               error_1 <= node.error(4 + x);
             end if;
           end loop;
 
-          slope   := adjusted((slope'range => '0'), current, kind_0(1), kind_0(0));
-          slope_1 <= resize(slope, TRAJECTORY_WIDTH);
           bound_1 <= limits.bound_phase;
           row(1)  <= to_unsigned(phase_0, 3) & kind_0;
         end if;

@@ -430,6 +430,9 @@ begin
     ask <= terms_issued;
 
     i_preparation : entity work.node_preparation
+      generic map (
+        SECOND_LEVEL => ADVANCES
+      )
       port map (
         clk             => clk,
         rst             => rst,

@@ -22,6 +22,9 @@ library work;
   use work.mpdcc_types.all;
 
 entity node_preparation is
+  generic (
+    SECOND_LEVEL : boolean := false -- true: successors besides
+  );
   port (
     clk             : in    std_logic;                    -- rising edge
     rst             : in    std_logic;                    -- synchronous, active high
@@ -135,6 +138,9 @@ begin
   band.margin_down <= margin_down;
 
   i_capacitors : entity work.capacitor_search
+    generic map (
+      SECOND_LEVEL => SECOND_LEVEL
+    )
     port map (
       clk      => clk,
       rst      => rst,
