@@ -161,7 +161,8 @@ architecture rtl of explorer_fast is
 
   subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 3 downto 0);
 
-  type multiples_t is array (natural range 0 to PRODUCTS * 2 ** REACH_BITS - 1) of multiple_t;
+  -- downwards: GHDL counts the addresses of an array from its last element, which takes inverters otherwise
+  type multiples_t is array (natural range PRODUCTS * 2 ** REACH_BITS - 1 downto 0) of multiple_t;
 
   type entries_t is array (0 to 2) of entry_t;
 
@@ -680,20 +681,32 @@ begin
     variable table_row   : unsigned(ROW_BITS - 1 downto 0);
     variable neutral_row : unsigned(NEUTRAL_BITS - 1 downto 0);
     variable weighed     : worst_t;
+    variable written_row : unsigned(NEUTRAL_BITS - 1 downto 0);
 
   begin
 
     if rising_edge(clk) then
+      place       := hangs_5(9) and to_std_logic(hangs_5(8 downto 6) /= "000");
+      neutral_row := resize(place & unsigned(hangs_5(8 downto 6)), NEUTRAL_BITS);
+      written_row := resize(capacitor.bank & capacitor.row(2 downto 0), NEUTRAL_BITS);
+
+      -- without a second level nothing is read while rows are written: a single port takes half the LUTs
+      if (not SECOND_LEVEL) then
+        if (capacitor.write = '1') then
+          neutral_row := written_row;
+        end if;
+
+        written_row := neutral_row;
+      end if;
+
       if (capacitor.write = '1') then
         row       := capacitor.bank & capacitor.row;
         table_row := resize(row, ROW_BITS);
         capacitors(to_integer(table_row)) <= std_logic_vector(capacitor.length) & std_logic_vector(capacitor.excess);
 
         if (capacitor.row(4) = '1') then
-          neutral_row := resize(capacitor.bank & capacitor.row(2 downto 0), NEUTRAL_BITS);
-
-          neutral_lengths(to_integer(neutral_row))  <= std_logic_vector(capacitor.length);
-          neutral_excesses(to_integer(neutral_row)) <= std_logic_vector(capacitor.excess);
+          neutral_lengths(to_integer(written_row))  <= std_logic_vector(capacitor.length);
+          neutral_excesses(to_integer(written_row)) <= std_logic_vector(capacitor.excess);
         end if;
       end if;
 
@@ -725,8 +738,6 @@ begin
           entry_6(x) <= capacitors(to_integer(table_row));
         end loop;
 
-        place            := hangs_5(9) and to_std_logic(hangs_5(8 downto 6) /= "000");
-        neutral_row      := resize(place & unsigned(hangs_5(8 downto 6)), NEUTRAL_BITS);
         neutral_length_6 <= unsigned(neutral_lengths(to_integer(neutral_row)));
         weighed          := resize(signed(neutral_excesses(to_integer(neutral_row))), WORST_WIDTH);
 
