@@ -14,8 +14,10 @@ import struct
 
 import pytest
 
+from directmpc.drive import load_drive
 from directmpc.host import examples, vhdl_package
 from directmpc.host import protocol as p
+from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, LinkError, RefusedError
 from directmpc.host.protocol import (
     Controller,
@@ -28,12 +30,16 @@ from directmpc.host.protocol import (
     Type,
 )
 from directmpc.host.reference import LinkModel
+from directmpc.registers import GuardSettings, registers_of, values
+from directmpc.rtl_simulation import ROOT
 
 
-def model(controls: bool = True) -> LinkModel:
-    words: dict[int, int] = {}
+def model(
+    controls: bool = True, controller: Controller = Controller.MPTC, words: dict | None = None
+) -> LinkModel:
+    words = {} if words is None else words
     return LinkModel(
-        Identity(p.VERSION, Controller.MPTC, 0, 1 + 2 * controls, 0, 25_000_000, 125_000),
+        Identity(p.VERSION, controller, 0, 1 + 2 * controls, 0, 25_000_000, 125_000),
         read=lambda address: (0, words.get(address, 0)),
         write=lambda address, word: words.update({address: word}) or 0,
         step=lambda payload: Decision(payload[0] & 7, 0, 0, 39, 0, 0),
@@ -167,6 +173,23 @@ def test_refusals_say_why() -> None:
     with pytest.raises(RefusedError, match="gives the steps to its other link") as refused:
         link_of(model(controls=False)).request(Type.STEP, bytes(18))
     assert refused.value.outcome is Outcome.LINK
+
+
+@pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
+                                     {"deadlock_rule": "weighted"}])  # fmt: skip
+def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
+    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    plain = values(drive, GuardSettings(clock=25e6), "fast")
+    asked = drive.model_copy(update={"control": drive.control.model_copy(update=control)})
+    found = values(asked, GuardSettings(clock=25e6), "fast")
+    address, fields = registers_of("mpdcc")["system.capabilities"]
+    lacking, complete = (
+        Board(link_of(model(controller=Controller.MPDCC, words={address: word})))
+        for word in (0, 1 << fields["second_level"][0] | 1 << fields["weighted_deadlock"][0])
+    )
+    assert complete.load(found) == lacking.load(plain) == len(found.writes())
+    with pytest.raises(RegisterError, match="this board ignores"):
+        lacking.load(found)
 
 
 def test_generated_texts_are_current() -> None:

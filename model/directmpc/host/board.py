@@ -12,6 +12,14 @@ from directmpc.registers import RegisterValues, registers_of
 _RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
 
 
+#: Registers that a board without the option reads and ignores, and the capability they need.
+_NEEDED = {
+    "parameters.two_switchings": "second_level",
+    "parameters.compensate": "second_level",
+    "parameters.deadlock_rule": "weighted_deadlock",
+}
+
+
 class RegisterError(RuntimeError):
     """A register cannot be read or written."""
 
@@ -83,11 +91,26 @@ class Board:
         self.write_word(address, word)
 
     def load(self, found: RegisterValues) -> int:
-        """Write a drive's registers and commit them; how many were written."""
+        """Write a drive's registers and commit them; how many were written.
+
+        Raises
+        ------
+        LinkError
+            If the drive is for the other controller.
+        RegisterError
+            If it asks for what was not built into this board.
+        """
         if found.controller != self.controller:
             raise LinkError(
                 f"the drive file is for {found.controller}, the board has {self.controller}"
             )
+        built = self.read("system.capabilities")
+        for name, capability in _NEEDED.items():
+            if found.words.get(name) and not built[capability]:
+                raise RegisterError(
+                    f"the drive sets {name}, which this board ignores: its capabilities lack "
+                    f"{capability}"
+                )
         writes = found.writes()
         for _, address, word in writes:
             self.write_word(address, word)
