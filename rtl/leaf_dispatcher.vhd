@@ -79,7 +79,7 @@ architecture rtl of leaf_dispatcher is
   signal choice_a : choice_t;
   signal choice_b : choice_t;
   signal choice_c : choice_t;                 -- of explorer 0
-  signal left     : natural range 0 to 16;    -- blocks after this one
+  signal left     : unsigned(3 downto 0);     -- blocks after this one
   signal end_c    : std_logic;
   signal finished : std_logic;
 
@@ -93,7 +93,7 @@ begin
 
   p_count : process (clk) is
 
-    variable blocks : natural range 0 to 16;
+    variable wide : natural range 0 to 2; -- phases a and b with four next positions
 
   begin
 
@@ -106,18 +106,15 @@ begin
         else
           choice_c <= 0;
 
-          if (left /= 0) then
-            left <= left - 1;
-          end if;
+          -- the last block leaves any count behind, nothing reads it
+          left <= left - 1;
 
           if (choice_b /= NEXT_LAST(to_integer(from(1)))) then
             choice_b <= choice_b + 1;
           else
             choice_b <= 0;
 
-            if (choice_a /= 3) then
-              choice_a <= choice_a + 1;
-            end if;
+            choice_a <= (choice_a + 1) mod 4;
           end if;
         end if;
 
@@ -139,26 +136,36 @@ begin
         choice_c <= 0;
 
         -- three or four next positions of phases a and b
-        if (NEXT_LAST(to_integer(position(0))) = 3) then
-          blocks := 12;
-        else
-          blocks := 9;
-        end if;
+        wide := 0;
 
-        if (NEXT_LAST(to_integer(position(1))) = 3) then
-          if (blocks = 12) then
-            blocks := 16;
-          else
-            blocks := 12;
+        for x in 0 to 1 loop
+          if (NEXT_LAST(to_integer(position(x))) = 3) then
+            wide := wide + 1;
           end if;
-        end if;
+        end loop;
 
-        left <= blocks - 1;
+        case wide is
+
+          when 0 =>
+
+            left <= to_unsigned(3 * 3 - 1, left'length);
+
+          when 1 =>
+
+            left <= to_unsigned(3 * 4 - 1, left'length);
+
+          when others =>
+
+            left <= to_unsigned(4 * 4 - 1, left'length);
+
+        end case;
+
       end if;
 
       if (rst = '1') then
         running <= '0';
         fresh   <= '0';
+        left    <= (others => '0');
       end if;
     end if;
 

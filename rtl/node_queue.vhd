@@ -72,8 +72,7 @@ architecture rtl of node_queue is
   signal place      : place_t;
   signal link       : link_t;
   signal slope_word : slopes_word_t;
-  signal effort     : unsigned(EFFORT_WIDTH - 1 downto 0);
-  signal list       : natural range 0 to EFFORTS - 1; -- whose head is read
+  signal list       : natural range 0 to EFFORTS - 1; -- whose head is read and written
   signal head       : place_t;
   signal whole_now  : std_logic;
 
@@ -99,14 +98,12 @@ begin
   p_lists : process (clk) is
 
     variable write      : std_logic;
-    variable write_list : natural range 0 to EFFORTS - 1;
     variable write_head : place_t;
 
   begin
 
     if rising_edge(clk) then
       write      := '0';
-      write_list := list;
       write_head := evaluated.index;
 
       -- in
@@ -132,8 +129,7 @@ begin
 
         when CHOOSE =>
 
-          place  <= head;
-          effort <= lowest;
+          place <= head;
 
           if (open_root = '1') then
             -- what a prediction under s(k-1) starts from: the probe's
@@ -150,17 +146,17 @@ begin
 
           if (taken = '1') then
             write      := '1';
-            write_list := to_integer(effort);
             write_head := unsigned(link(INDEX_WIDTH - 1 downto 0));
 
-            used(to_integer(effort)) <= link(INDEX_WIDTH);
-            stage                    <= CHOOSE;
+            -- still the lowest, nothing was put in since
+            used(list) <= link(INDEX_WIDTH);
+            stage      <= CHOOSE;
           end if;
 
       end case;
 
       if (write = '1') then
-        heads(write_list) <= write_head;
+        heads(list) <= write_head;
       end if;
 
       if (rst = '1' or clear = '1') then
@@ -178,7 +174,7 @@ begin
   empty <= to_std_logic(used = (used'range => '0'));
 
   entry.index  <= place;
-  entry.effort <= effort;
+  entry.effort <= lowest;
   entry.length <= unsigned(link(link'high downto INDEX_WIDTH + 1));
 
   g_phases : for x in 0 to 2 generate
