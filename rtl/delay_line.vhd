@@ -8,11 +8,13 @@
 -- Overflow: none. What comes out before CLOCKS clocks have passed since power-up is void; what a
 -- word means has to travel beside it (a valid flag that is reset).
 -- Tried and dropped: a chain of registers: one flip-flop per bit and clock, where the memory takes
--- one LUT per bit for up to sixteen clocks.
+-- one LUT per bit for up to sixteen clocks; the order of the places as a constant array, which for two
+-- places GHDL 2.0 turns into a netlist of zeros: a wide constant that is zero but beyond its 32nd bit.
 -- Licence: Apache-2.0
 
 library ieee;
   use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
 
 entity delay_line is
   generic (
@@ -31,9 +33,27 @@ architecture rtl of delay_line is
 
   constant PLACES : positive := CLOCKS - 1;
 
+  -- bits of a place
+  function bits_of (count : positive) return positive is
+  begin
+
+    if (count > 8) then
+      return 4;
+    elsif (count > 4) then
+      return 3;
+    elsif (count > 2) then
+      return 2;
+    else
+      return 1;
+    end if;
+
+  end function bits_of;
+
+  constant BITS : positive := bits_of(PLACES);
+
   type ring_t is array (0 to 15) of std_logic_vector(WIDTH - 1 downto 0);
 
-  type order_t is array (0 to 15) of natural range 0 to 15;
+  subtype place_t is natural range 0 to 2 ** BITS - 1;
 
   subtype feedback_t is std_logic_vector(0 to 15);
 
@@ -46,65 +66,61 @@ architecture rtl of delay_line is
     "1011100001000000", "1000101001010100", "1000101101010100", "1000111001110000", "1000111101110000"
   );
 
-  function order_of (count : positive) return order_t is
+  constant FEEDBACK : feedback_t := FEEDBACKS(PLACES);
 
-    variable size  : positive;
-    variable order : order_t;
-    variable place : natural;
+  function following (place : place_t) return place_t is
+
+    variable both : unsigned(BITS downto 0);
 
   begin
 
-    -- as few bits as count places take
-    if (count > 8) then
-      size := 16;
-    elsif (count > 4) then
-      size := 8;
-    elsif (count > 2) then
-      size := 4;
-    else
-      size := 2;
-    end if;
+    both := to_unsigned(place, BITS) & FEEDBACK(place);
 
-    for i in order'range loop
-      order(i) := (2 * i) mod size;
+    return to_integer(both(BITS - 1 downto 0));
 
-      if (FEEDBACKS(count)(i) = '1') then
-        order(i) := order(i) + 1;
-      end if;
-    end loop;
+  end function following;
+
+  -- whether the places are a cycle of that length through 0
+  function is_cycle (count : positive) return boolean is
+
+    variable place : place_t;
+
+  begin
 
     place := 0;
 
     for i in 1 to count loop
-      place := order(place);
+      place := following(place);
 
-      assert (place = 0) = (i = count)
-        report "delay_line: not a cycle of that many places"
-        severity failure;
+      if ((place = 0) /= (i = count)) then
+        return false;
+      end if;
     end loop;
 
-    return order;
+    return true;
 
-  end function order_of;
+  end function is_cycle;
 
-  constant ORDER : order_t := order_of(PLACES);
-
-  signal ring     : ring_t;
-  signal position : natural range 0 to 15;
+  signal ring  : ring_t;
+  signal place : place_t;
 
 begin
+
+  assert is_cycle(PLACES)
+    report "delay_line: not a cycle of that many places"
+    severity failure;
 
   p_ring : process (clk) is
   begin
 
     if rising_edge(clk) then
-      delayed        <= ring(position);
-      ring(position) <= word;
+      delayed     <= ring(place);
+      ring(place) <= word;
 
-      position       <= ORDER(position);
+      place <= following(place);
 
       if (rst = '1') then
-        position <= 0;
+        place <= 0;
       end if;
     end if;
 
