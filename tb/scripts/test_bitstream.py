@@ -129,6 +129,28 @@ def test_a_word_that_differs_when_unpacked_is_an_error(flow: Any) -> None:
         flow(lost="0101")
 
 
+def test_a_word_of_several_tiles_is_found_at_one_of_them() -> None:
+    placed = bitstream._words(
+        ".tile R1:LUT\nword: K0.INIT 0110\nword: K1.INIT 1111\n"
+        ".tile_group R2:EBR0 R2:EBR1\nword: EBR0.WID 1010\n.bram_init 3\n001 002\n003\n"
+    )
+    assert len(placed) == 3
+
+    def unpacked(number: str, tile: str = "R2:EBR1", contents: str = "001 002\n003") -> int:
+        return bitstream.differing(
+            placed,
+            bitstream._words(
+                f".tile R1:LUT\nword: K0.INIT 0110\n.tile {tile}\nword: EBR0.WID {number}\n"
+                f".bram_init 3\n{contents}\n"
+            ),
+        )
+
+    assert unpacked("1010") == unpacked("1011") == unpacked("1010", "R2:EBR0") == 0
+    assert unpacked("0010") == unpacked("1010", "R3:EBR0") == 2
+    assert unpacked("1010", contents="001 002\n004") == 2
+    assert bitstream.differing(placed, {}) == 3
+
+
 def test_the_second_build_converts_the_vhdl_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
