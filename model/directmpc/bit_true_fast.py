@@ -300,6 +300,23 @@ def _validity(error, first, slope, curvature, bound, threshold, horizon):
 
 
 @njit(cache=True)
+def _still(s, error, moving):
+    """Errors into `moving`, 0 for the voltages that do not move under s.
+
+    At the second level those are inside: they were at k + L1, by the length of the first level. The
+    predicted state may say otherwise by what it rounds.
+    """
+    moving[:] = error
+    hanging = 0
+    for x in range(3):
+        hanging += _NEUTRAL_CURRENT[s[x]]
+        if bit_true._CAPACITOR_CURRENT[s[x]] == 0:
+            moving[4 + x] = 0
+    if hanging == 0:
+        moving[3] = 0
+
+
+@njit(cache=True)
 def _deadlock_rank(first, slope, bound, weighted):
     """What a deadlock compares, less is better: the largest excess at k+1, or the weighted rule's.
 
@@ -329,6 +346,7 @@ def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
         threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
         sign[x] = 1 if phase[x] < 0 else 0
     slope = np.empty(7, dtype=np.int64)
+    moving = np.empty(7, dtype=np.int64)
     s = np.empty(3, dtype=np.int64)
     best, best_clipped = -1, False
     for ia in range(_COUNT[s1[0]]):
@@ -338,7 +356,8 @@ def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
             for ic in range(_COUNT[s1[2]]):
                 s[2] = _NEXT[s1[2], ic]
                 slopes(s, natural, forced, phase, midpoint, slope)
-                length = _validity(error, first, slope, curvature, bound, threshold, horizon)
+                _still(s, error, moving)
+                length = _validity(moving, first, slope, curvature, bound, threshold, horizon)
                 if length == 0:
                     continue
                 effort = effort1

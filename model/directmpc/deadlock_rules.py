@@ -186,6 +186,7 @@ def _best_leaf(rule, weight, register, t, s1, effort1, steps, bound, horizon, sc
         threshold[x] = fast.turn_threshold(error[x], curvature[x], bound[x])
         sign[x] = 1 if phase[x] < 0 else 0
     slope = np.empty(7, dtype=np.int64)
+    moving = np.empty(7, dtype=np.int64)
     s = np.empty(3, dtype=np.int64)
     best, best_clipped = -1, False
     for ia in range(_COUNT[s1[0]]):
@@ -195,7 +196,8 @@ def _best_leaf(rule, weight, register, t, s1, effort1, steps, bound, horizon, sc
             for ic in range(_COUNT[s1[2]]):
                 s[2] = _NEXT[s1[2], ic]
                 fast.slopes(s, natural, forced, phase, midpoint, slope)
-                length = _validity(rule, error, first, slope, curvature, bound, threshold, horizon)
+                fast._still(s, error, moving)
+                length = _validity(rule, moving, first, slope, curvature, bound, threshold, horizon)
                 if length == 0:
                     continue
                 effort = effort1
