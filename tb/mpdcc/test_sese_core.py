@@ -51,6 +51,21 @@ def longest() -> core.Rows:
     return core.Rows(np.array([list(measurement.values())]), np.array([[2, 5, 5]]), register[None])
 
 
+def rounded() -> core.Rows:
+    """A row of a closed loop: a node whose predicted v_n is rounded to beyond its bound.
+
+    Leaves that leave v_n alone have it inside nevertheless, and one of them is the best.
+    """
+    drive = states.changed(
+        states.shipped("anpc5l_6kv"), switching_horizon="SESE", bound_current=0.15
+    )
+    row = (
+        15487, -7893, -34, -8527, -3024, 17050, 18275, 13550, 32006, 14781, -6125, 9600, 9532
+    )  # fmt: skip
+    register = registers(drive, "fast").array()
+    return core.Rows(np.array([row]), np.array([[4, 0, 0]]), register[None])
+
+
 def with_options(rows: core.Rows, two: int, limits: tuple[int, ...], compensate: int) -> core.Rows:
     """The same rows under other options; limits of the second level in turn."""
     changed = rows.registers.copy()
@@ -110,7 +125,8 @@ def test_second_level_is_the_models(
     rows = rows_of(5, each, two, compensate)
     rows = with_options(rows, two, limits, compensate)
     if two:
-        rows = core.join([rows, with_options(longest(), 1, (0,), 0)])
+        last = core.join([rounded(), longest()])
+        rows = core.join([rows, with_options(last, 1, (0,), 0)])
     want, cycles, nodes = expected(rows, explorers)
     found = core.simulate(rows, explorers, "fast", throttle=explorers % 3)
     np.testing.assert_array_equal(found.decisions, want[:, :7])
@@ -125,6 +141,7 @@ def test_second_level_is_the_models(
     if any(limits):
         assert want[:, 7].sum() >= 1
     most = replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
+    assert tuple(want[-2, :3]) == (4, 2, 0)
     assert nodes[-1] == 63
     assert most - 8 <= found.cycles[-1] <= most
     assert explorers < 4 or most <= 1200
