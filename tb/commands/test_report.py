@@ -101,7 +101,7 @@ def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert coefficients.main([drive, "--csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "port,value,hex"
-    assert len(lines) == 1 + 41
+    assert len(lines) == 1 + 42
     for line in lines[1:]:
         port, value, word = line.split(",")
         assert int(value) % 16 ** len(word) == int(word, 16), port
