@@ -14,6 +14,8 @@
 -- and node.slope, which explorers read, only when they are told to.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
+-- Tried and dropped: the place in the program as a number, decoded before every operand and every
+-- result: 26 slices more, 125 with successors, and decoders before the multipliers.
 -- Weighed, not built (figures estimated): one product per clock on a single block takes 34 clocks instead of 9.
 -- Licence: Apache-2.0
 
@@ -81,14 +83,12 @@ architecture rtl of common_terms is
 
   end function step_count_of;
 
-  constant LAST_STEP : natural := step_count_of(ADVANCES); -- also: idle
+  constant LAST_STEP : natural := step_count_of(ADVANCES);
 
   constant LENGTH_AT : natural := COEFFICIENT_COUNT + 2; -- place of the first length among the factors
 
   -- step whose result comes with the natural slope of the successor: between its own and the next
   constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
-
-  type clocks_t is array (0 to STAGES) of natural range 0 to LAST_STEP;
 
   subtype accumulator_t is std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0);
 
@@ -118,7 +118,12 @@ architecture rtl of common_terms is
 
   signal operands     : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
-  signal clock_count  : clocks_t; -- LAST_STEP: idle
+  signal step         : std_logic_vector(0 to LAST_STEP - 1); -- '1': is issued
+  signal complete     : std_logic_vector(0 to LAST_STEP - 1); -- '1': its sum is in the accumulator
+  signal root         : std_logic_vector(0 to LENGTH_OF_PROGRAM - 1 + STAGES);
+  signal ahead        : std_logic_vector(LENGTH_OF_PROGRAM to LAST_STEP - 1 + STAGES);
+  signal begins_ahead : std_logic;                            -- '1': the successor's first sum is complete
+  signal slopes_ahead : std_logic;                            -- '1': its natural slope is due
   signal accumulators : accumulators_t;
   signal terms        : terms_t;
   signal curvature    : wide_curvatures_t;
@@ -165,80 +170,97 @@ begin
 
   g_blocks : for block_number in 0 to BLOCK_COUNT - 1 generate
 
-    signal a_inputs   : std_logic_vector(LAST_STEP * OPERAND_WIDTH - 1 downto 0);
-    signal b_inputs   : std_logic_vector(LAST_STEP * COEFFICIENT_WIDTH - 1 downto 0);
-    signal a_select   : std_logic_vector(selector_width(LAST_STEP) - 1 downto 0);
-    signal b_select   : std_logic_vector(selector_width(LAST_STEP) - 1 downto 0);
+    signal a_word     : std_logic_vector(OPERAND_WIDTH - 1 downto 0);
+    signal b_word     : std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);
     signal alignment  : std_logic_vector(1 downto 0);
     signal accumulate : std_logic;
     signal rounding   : accumulator_t; -- half an LSB of the result
-    signal enable     : std_logic;
 
   begin
 
-    g_words : for i in 0 to LAST_STEP - 1 generate
+    p_words : process (operands, factors, step) is
 
-      g_a : if PROGRAM_WORDS_A(VARIANT, block_number, i) >= 0 generate
-        a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH) <=
-          word(operands, maximum_of(PROGRAM_WORDS_A(VARIANT, block_number, i), 0), OPERAND_WIDTH);
-      end generate g_a;
+      variable a_steps : std_logic; -- a step that takes this word
+      variable b_steps : std_logic;
+      variable a_now   : std_logic_vector(OPERAND_WIDTH - 1 downto 0);
+      variable b_now   : std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);
 
-      g_no_a : if PROGRAM_WORDS_A(VARIANT, block_number, i) < 0 generate
-        a_inputs((i + 1) * OPERAND_WIDTH - 1 downto i * OPERAND_WIDTH) <= (others => '0');
-      end generate g_no_a;
-
-      g_b : if PROGRAM_WORDS_B(VARIANT, block_number, i) >= 0 generate
-        b_inputs((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <=
-          word(factors, maximum_of(PROGRAM_WORDS_B(VARIANT, block_number, i), 0), COEFFICIENT_WIDTH);
-      end generate g_b;
-
-      g_no_b : if PROGRAM_WORDS_B(VARIANT, block_number, i) < 0 generate
-        b_inputs((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <= (others => '0');
-      end generate g_no_b;
-
-    end generate g_words;
-
-    enable <= to_std_logic(clock_count(0) /= LAST_STEP);
-
-    p_controls : process (clock_count(0)) is
     begin
 
-      a_select   <= (others => '0');
-      b_select   <= (others => '0');
-      alignment  <= "00";
+      a_now := (others => '0');
+      b_now := (others => '0');
+
+      for w in 0 to LAST_STEP - 1 loop
+        a_steps := '0';
+        b_steps := '0';
+
+        for i in 0 to LAST_STEP - 1 loop
+          if (PROGRAM_SELECT_A(VARIANT, block_number, i) = w) then
+            a_steps := a_steps or step(i);
+          end if;
+
+          if (PROGRAM_SELECT_B(VARIANT, block_number, i) = w) then
+            b_steps := b_steps or step(i);
+          end if;
+        end loop;
+
+        if (a_steps = '1' and PROGRAM_WORDS_A(VARIANT, block_number, w) >= 0) then
+          a_now := a_now or word(operands, maximum_of(PROGRAM_WORDS_A(VARIANT, block_number, w), 0), OPERAND_WIDTH);
+        end if;
+
+        if (b_steps = '1' and PROGRAM_WORDS_B(VARIANT, block_number, w) >= 0) then
+          b_now := b_now or word(factors, maximum_of(PROGRAM_WORDS_B(VARIANT, block_number, w), 0), COEFFICIENT_WIDTH);
+        end if;
+      end loop;
+
+      a_word <= a_now;
+      b_word <= b_now;
+
+    end process p_words;
+
+    p_controls : process (step) is
+
+      variable shift : std_logic_vector(1 downto 0);
+
+    begin
+
+      shift      := "00";
       accumulate <= '0';
       rounding   <= (others => '0');
 
       for i in 0 to LAST_STEP - 1 loop
-        if (clock_count(0) = i) then
-          a_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_A(VARIANT, block_number, i), a_select'length));
-          b_select   <= std_logic_vector(to_unsigned(PROGRAM_SELECT_B(VARIANT, block_number, i), b_select'length));
-          alignment  <= std_logic_vector(to_unsigned(PROGRAM_ALIGNMENT(VARIANT, block_number, i), 2));
+        if (step(i) = '1' and PROGRAM_SELECT_A(VARIANT, block_number, i) >= 0) then
+          shift := shift or std_logic_vector(to_unsigned(PROGRAM_ALIGNMENT(VARIANT, block_number, i), 2));
 
-          rounding(PROGRAM_SHIFT(VARIANT, block_number, i) - 1) <= '1';
-
-          accumulate <= to_std_logic(PROGRAM_ACCUMULATE(VARIANT, block_number, i) = 1);
+          if (PROGRAM_ACCUMULATE(VARIANT, block_number, i) = 1) then
+            accumulate <= '1';
+          else
+            rounding(PROGRAM_SHIFT(VARIANT, block_number, i) - 1) <= '1';
+          end if;
         end if;
       end loop;
 
+      alignment <= shift;
+
     end process p_controls;
 
+    -- what is chosen is one word; between steps the block adds nothing to nothing
     i_mac : entity work.mac_block
       generic map (
         A_WIDTH           => OPERAND_WIDTH,
         B_WIDTH           => COEFFICIENT_WIDTH,
-        A_WORDS           => LAST_STEP,
-        B_WORDS           => LAST_STEP,
+        A_WORDS           => 1,
+        B_WORDS           => 1,
         ALIGNMENT_STEP    => ALIGNMENT_STEP,
         ACCUMULATOR_WIDTH => ACCUMULATOR_WIDTH
       )
       port map (
         clk         => clk,
-        enable      => enable,
-        a_inputs    => a_inputs,
-        a_select    => a_select,
-        b_inputs    => b_inputs,
-        b_select    => b_select,
+        enable      => '1',
+        a_inputs    => a_word,
+        a_select    => "0",
+        b_inputs    => b_word,
+        b_select    => "0",
         alignment   => alignment,
         accumulate  => accumulate,
         seed        => rounding,
@@ -254,7 +276,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (start = '1' or (ADVANCES and clock_count(STAGES) = SUCCESSOR_FIRST)) then
+      if (start = '1' or begins_ahead = '1') then
         overflow <= '0';
       end if;
 
@@ -266,7 +288,7 @@ begin
 
       for b in 0 to BLOCK_COUNT - 1 loop
         for i in 0 to LAST_STEP - 1 loop
-          if (PROGRAM_RESULT(VARIANT, b, i) >= 0 and clock_count(STAGES) = i) then
+          if (PROGRAM_RESULT(VARIANT, b, i) >= 0 and complete(i) = '1') then
             value := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
 
             terms(PROGRAM_RESULT(VARIANT, b, i)) <=
@@ -286,7 +308,7 @@ begin
 
       end loop;
 
-      if (ADVANCES and clock_count(STAGES) = SLOPE_STEP) then
+      if (slopes_ahead = '1') then
         terms(RESULT_SLOPE_ALPHA) <= slope_ahead(0);
         terms(RESULT_SLOPE_BETA)  <= slope_ahead(1);
       end if;
@@ -298,43 +320,56 @@ begin
     words((i + 1) * TERM_WIDTH - 1 downto i * TERM_WIDTH) <= std_logic_vector(terms(i));
   end generate g_results;
 
-  g_ahead : for x in 0 to 2 generate
+  g_error_ahead : for x in 0 to 2 generate
     error_ahead(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
-  end generate g_ahead;
+  end generate g_error_ahead;
 
   advanced   <= ended;
-  issued     <= to_std_logic(clock_count(0) = LENGTH_OF_PROGRAM - 1);
-  capacitors <= to_std_logic(clock_count(STAGES) = CAPACITOR_STEP);
+  issued     <= step(LENGTH_OF_PROGRAM - 1);
+  capacitors <= complete(CAPACITOR_STEP);
+
+  -- '1' where a program is, a bit for each step and three for those still in the blocks: what is
+  -- encoded would have to be decoded before every operand and every result
+  g_root : for i in 0 to LENGTH_OF_PROGRAM - 1 generate
+    step(i)     <= root(i);
+    complete(i) <= root(i + STAGES);
+  end generate g_root;
+
+  g_successor : if ADVANCES generate
+    begins_ahead <= complete(SUCCESSOR_FIRST);
+    slopes_ahead <= complete(SLOPE_STEP);
+  end generate g_successor;
+
+  g_alone : if not ADVANCES generate
+    begins_ahead <= '0';
+    slopes_ahead <= '0';
+  end generate g_alone;
+
+  g_ahead : for i in LENGTH_OF_PROGRAM to LAST_STEP - 1 generate
+    step(i)     <= ahead(i);
+    complete(i) <= ahead(i + STAGES);
+  end generate g_ahead;
 
   p_sequence : process (clk) is
   begin
 
     if rising_edge(clk) then
-      clock_count(1 to STAGES) <= clock_count(0 to STAGES - 1);
-      last                     <= to_std_logic(clock_count(STAGES) = LENGTH_OF_PROGRAM - 1);
-      done                     <= last;
-
-      ended                    <= to_std_logic(clock_count(STAGES) = LAST_STEP - 1);
-
-      if (start = '1') then
-        clock_count(0) <= 0;
-      elsif (ADVANCES and advance = '1') then
-        clock_count(0) <= SUCCESSOR_FIRST;
-      elsif (clock_count(0) = LENGTH_OF_PROGRAM - 1) then
-        clock_count(0) <= LAST_STEP;
-      elsif (clock_count(0) /= LAST_STEP) then
-        clock_count(0) <= clock_count(0) + 1;
-      end if;
+      root  <= start & root(0 to root'high - 1);
+      ahead <= (advance and to_std_logic(ADVANCES)) & ahead(ahead'low to ahead'high - 1);
+      last  <= complete(LENGTH_OF_PROGRAM - 1);
+      done  <= last;
+      ended <= complete(LAST_STEP - 1);
 
       if (ended = '1') then
         overflowed <= overflow;
       end if;
 
       if (rst = '1') then
-        clock_count <= (others => LAST_STEP);
-        last        <= '0';
-        ended       <= '0';
-        done        <= '0';
+        root  <= (others => '0');
+        ahead <= (others => '0');
+        last  <= '0';
+        ended <= '0';
+        done  <= '0';
       end if;
     end if;
 

@@ -604,6 +604,7 @@ begin
 
     p_bit : process (clk) is
 
+      variable cell    : cell_t;
       variable secant  : slope_t;
       variable curve   : slope_t; -- change of the slope over the steps tried
       variable tail    : signed(SLOPE_WIDTH - TURN_SHIFT - 1 downto 0);
@@ -641,11 +642,11 @@ begin
             accept  := not overflows(secant, SLOPE_WIDTH - m) and (trial(SLOPE_WIDTH) xnor side)
                        and not (exceeds and turned and to_std_logic(m > 0));
 
-            lanes(DECIDED)(x)           <= lanes(DECIDED - 1)(x);
-            lanes(DECIDED)(x).length(m) <= accept;
+            cell           := lanes(DECIDED - 1)(x);
+            cell.length(m) := accept;
 
             if (accept = '1') then
-              lanes(DECIDED)(x).margin <= unsigned(trial(MARGIN_WIDTH - 2 downto 0));
+              cell.margin := unsigned(trial(MARGIN_WIDTH - 2 downto 0));
             end if;
 
             -- half the steps next: 3/2 of the change on where these are taken, 1/2 back where not
@@ -659,7 +660,10 @@ begin
             change(0) := not accept;
             changed   := (unsigned(secant) & '1') + change;
 
-            lanes(DECIDED)(x).secant <= signed(changed(SLOPE_WIDTH downto 1));
+            cell.secant := signed(changed(SLOPE_WIDTH downto 1));
+
+            -- as a whole: of four assignments to parts of the signal GHDL 2.0 may lose one
+            lanes(DECIDED)(x) <= cell;
           end if;
         end loop;
       end if;

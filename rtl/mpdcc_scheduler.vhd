@@ -800,9 +800,9 @@ begin
             v.valid    := '1';
             v.decision := decided(incoming, s_before, decision_flag);
           end if;
-        elsif (r.started = '1' and enumerate_done = '1' and taken = '0'
-               and explorer_busy = (explorer_busy'range => '0')) then
-          -- the enumerator still shows the last search's end in the first clock; what arrived is compared now
+        elsif (r.started = '1' and enumerate_done = '1' and explorer_busy = (explorer_busy'range => '0')) then
+          -- the enumerator still shows the last search's end in the first clock; what arrived is compared
+          -- now, and what has not is busy
           v.phase := FINISH;
         end if;
 
@@ -841,7 +841,7 @@ begin
           end if;
         end if;
 
-        if (r.started = '1' and over = '1' and taken = '0' and explorer_busy = (explorer_busy'range => '0')) then
+        if (r.started = '1' and over = '1' and explorer_busy = (explorer_busy'range => '0')) then
           v.phase := FINISH;
         end if;
 

@@ -231,14 +231,14 @@ class _Program:
         return rows
 
     def select(self, field: str) -> list[list[int]]:
-        """Which of these words each step takes."""
+        """Which of these words each step takes, -1 where the block pauses."""
         table = self.operands if field == "a" else self.factors
         words = self.words(field)
         return [
             [
                 words[n].index(table.index(getattr(block[clock], field)))
                 if clock < len(block) and block[clock]
-                else 0
+                else -1
                 for clock in range(self.length)
             ]
             for n, block in enumerate(self.blocks)
@@ -352,8 +352,8 @@ def _program() -> list[str]:
     for name, tables, comment in (
         ("WORDS_A", [p.words("a") for p in programs], "operands A of each block, -1: unused"),
         ("WORDS_B", [p.words("b") for p in programs], "operands B of each block, -1: unused"),
-        ("SELECT_A", [p.select("a") for p in programs], "which of WORDS_A a step takes"),
-        ("SELECT_B", [p.select("b") for p in programs], "which of WORDS_B a step takes"),
+        ("SELECT_A", [p.select("a") for p in programs], "which of WORDS_A a step takes, -1: none"),
+        ("SELECT_B", [p.select("b") for p in programs], "which of WORDS_B a step takes, -1: none"),
         (
             "ALIGNMENT",
             [p.alignment() for p in programs],

@@ -152,8 +152,8 @@ FAULTS = [
     Fault(
         "mpdcc_scheduler",
         "mpdcc_scheduler.vhd",
-        "taken = '0'\n               and explorer_busy = (explorer_busy'range => '0')",
-        "taken = '0'",
+        "enumerate_done = '1' and explorer_busy = (explorer_busy'range => '0')",
+        "enumerate_done = '1'",
     ),
     Fault("mpdcc_explorer", "explorer_paper.vhd", "effort - 1);", "shift_left(effort, 1));"),
     Fault(
