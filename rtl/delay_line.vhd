@@ -9,7 +9,8 @@
 -- word means has to travel beside it (a valid flag that is reset).
 -- Tried and dropped: a chain of registers: one flip-flop per bit and clock, where the memory takes
 -- one LUT per bit for up to sixteen clocks; the order of the places as a constant array, which for two
--- places GHDL 2.0 turns into a netlist of zeros: a wide constant that is zero but beyond its 32nd bit.
+-- places GHDL 2.0 turns into a netlist of zeros: 64 bits, all zero but in their upper half, see
+-- scripts/netlist.py.
 -- Licence: Apache-2.0
 
 library ieee;

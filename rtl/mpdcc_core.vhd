@@ -29,10 +29,10 @@ library work;
 
 entity mpdcc_core is
   generic (
-    EXPLORERS    : positive range 1 to 8 := 2;     -- number of explorers
-    FOLDED       : boolean               := false; -- true: the paper's explorer, false: the fast one
-    SECOND_LEVEL : boolean               := false; -- true: SESE and delay compensation built in, fast explorer alone
-    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule built in, fast explorer alone
+    EXPLORERS         : positive range 1 to 8 := 2;     -- number of explorers
+    FOLDED            : boolean               := false; -- true: the paper's explorer, false: the fast one
+    SECOND_LEVEL      : boolean               := false; -- true: SESE and delay compensation, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean               := false  -- true: the weighted deadlock rule, fast explorer alone
   );
   port (
     clk                  : in    std_logic;                               -- rising edge

@@ -15,9 +15,9 @@ library work;
 
 entity mpdcc_explorer is
   generic (
-    FOLDED       : boolean := false; -- true: the paper's variant, false: the fast one
-    SECOND_LEVEL : boolean := false; -- true: fast variant with leaves of the second level
-    WEIGHTED_DEADLOCK : boolean := false -- true: fast variant with the weighted deadlock rule to choose
+    FOLDED            : boolean := false; -- true: the paper's variant, false: the fast one
+    SECOND_LEVEL      : boolean := false; -- true: fast variant with leaves of the second level
+    WEIGHTED_DEADLOCK : boolean := false  -- true: fast variant with the weighted deadlock rule to choose
   );
   port (
     clk          : in    std_logic; -- rising edge

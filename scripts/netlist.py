@@ -14,6 +14,14 @@ parts of the netlist that its VHDL writer, printing the very same netlist, keeps
 case with its VHDL twin, and refuses what it cannot match. Yosys then reads the result and must find
 no latch, no combinational loop and no undriven wire. The Verilog of newer GHDL versions is not in
 need of repair and passes through the same code unchanged.
+
+One loss is not the writer's, and nothing restores it: where a constant's width is a multiple of 32
+from 64 on, GHDL 2.0.0 does not look at its topmost 32 bits when it asks whether all of it is zero,
+or all X. If only they are otherwise, the whole becomes zero, or X, in the netlist and thus in both
+forms (GHDL issue 2011). An array of sixteen places of four bits is such a constant. `convert`
+therefore refuses every zero of such a width, those that are meant too, and so the contents of a
+memory; of X it cannot tell, since GHDL writes X where nothing is assigned. Simulation of the VHDL
+shows none of this: that of converted netlists does (tb/mpdcc/test_netlist_core.py and others).
 """
 
 from __future__ import annotations
@@ -370,6 +378,36 @@ def _synthesise(
     return tools.run(command).stdout
 
 
+_ZERO = re.compile(r"\b(\d+)'b(0+)\b")
+_MEMORY = re.compile(r"^ *reg \[(\d+):0\] (\w+)\[(\d+):0\] ; // memory$", re.M)
+
+
+def check_zeros(verilog: str) -> None:
+    """Refuse a constant of zeros whose topmost 32 bits GHDL 2.0 may have lost, see the module."""
+
+    def suspect(bits: int) -> bool:
+        return bits > 32 and bits % 32 == 0
+
+    for name, body in _MODULE.findall(verilog):
+        for match in _ZERO.finditer(body):
+            # `64'b0` with the one digit is how an extension is written
+            if suspect(len(match.group(2))):
+                raise NetlistError(
+                    f"{name}: a constant of {match.group(1)} bits is zero, or was but for its "
+                    "topmost 32, which GHDL 2.0 loses; assign zeros of that width in two parts, "
+                    "give a table another width"
+                )
+        for match in _MEMORY.finditer(body):
+            high, memory, last = match.groups()
+            words = re.findall(rf"^ *{memory}\[\d+\] = \d+'b(\w+);$", body, re.M)
+            bits = (int(high) + 1) * (int(last) + 1)
+            if words and suspect(bits) and set("".join(words)) == {"0"}:
+                raise NetlistError(
+                    f"{name}: memory {memory} of {bits} bits holds zeros, or did but for its "
+                    "topmost 32, which GHDL 2.0 loses"
+                )
+
+
 def check_structure(verilog: Path, top: str) -> None:
     """Refuse a latch, a combinational loop, an undriven wire or a second driver."""
     script = "; ".join(
@@ -410,6 +448,8 @@ def convert(
         if needs_vhdl(verilog):
             vhdl = _synthesise(top, generics, files, "vhdl", workdir, std)
     text, log = repair(verilog, vhdl, top)
+    if check and "GHDL 2.0" in tools.version("ghdl"):
+        check_zeros(text)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.
     text = re.sub(r"/\* (?:.*/)?(\S+)  \*/", r"/* \1 */", text)
     shown = " ".join(f"{k}={tools.generic_text(v)}" for k, v in generics.items())

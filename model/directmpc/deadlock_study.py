@@ -5,7 +5,7 @@ bit-true model (`directmpc.deadlock_rules`, by default the contract's rule) and 
 
 * ``reports/deadlocks.csv``: one row per closed loop,
 * ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
-* ``reports/deadlocks.md``: the tables of `docs/deadlocks.md`,
+* ``reports/deadlocks.md``: every table, and with it those of `docs/deadlocks.md`,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
 
 The loops are the models'. The RTL has the contract's rule and the recommended one; its netlist
@@ -37,6 +37,12 @@ from directmpc.horizon_study import REPORTS, SETTLE, STEPS, Setting, interval
 from directmpc.machine import CLARKE_INVERSE, FloatArray
 from directmpc.replay import progress_bar
 from directmpc.rtl_simulation import ROOT
+from scripts import budgets as budgets_file
+from scripts import tools
+
+PAGE = ROOT / "docs" / "deadlocks.md"
+BEGIN = "<!-- {}: begin (written by directmpc.deadlock_study) -->"
+END = "<!-- {}: end -->"
 
 SPEEDS = (0.2, 0.3, 0.6, 1.0)
 BOUNDS = (0.06, 0.10, 0.15)
@@ -538,6 +544,84 @@ def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
+#: What each table of the page begins with in the report, the text before it.
+SECTIONS = {
+    "what happens": "What happens in the deadlocks",
+    "positions": "Positions of the legs",
+    "low speeds": "Rules, 0.2 and 0.3 pu",
+    "high speeds": "Rules, 0.6 and 1 pu",
+    "points": "Point by point",
+    "rtl": "RTL:",
+    "elsewhere": "Elsewhere",
+    "starts": "Switching frequency saved by SESE",
+}
+
+#: Rules that the page shows at high speeds.
+AT_HIGH_SPEEDS = (
+    CONTRACT, "ties by current", RECOMMENDED, "inward admissible",
+    "inward admissible, v_n x 8, 1/16 of current", "lambda_n = 100", "bound_vn = 0.03",
+    "bound_vph = 0.12",
+)  # fmt: skip
+
+#: Columns of the first table that the page leaves to the report.
+LEFT_OUT = ("current given up to ties", "all inward")
+
+
+def _at_one_bound(table: Sequence[str]) -> list[str]:
+    """The first table at 0.1 pu bound alone, without the columns that are left out."""
+    rows = [line.strip("| ").split(" | ") for line in table if not line.startswith("|---")]
+    kept = [i for i, name in enumerate(rows[0]) if name not in LEFT_OUT]
+    lines = []
+    for row in rows:
+        first, _, bound = row[0].rpartition(", ")
+        if bound in ("bound", "0.1"):
+            lines.append(f"| {' | '.join([first, *(row[i] for i in kept[1:])])} |")
+    return [lines[0], "|" + "---|" * len(kept), *lines[1:]]
+
+
+def page(text: str, report: str) -> str:
+    """The page with its tables as the report has them.
+
+    Parameters
+    ----------
+    text : str
+        `docs/deadlocks.md`.
+    report : str
+        `reports/deadlocks.md`.
+
+    Raises
+    ------
+    ValueError
+        If the report lacks a table.
+    BudgetError
+        If the page lacks the markers around one.
+    """
+    blocks = report.strip().split("\n\n")
+    for name, heading in SECTIONS.items():
+        # a table is the block after its heading, the sentence about the RTL is one itself
+        start = 0 if name == "rtl" else 1
+        found = [
+            blocks[i + start] for i in range(len(blocks) - start) if blocks[i].startswith(heading)
+        ]
+        if len(found) != 1:
+            raise ValueError(f"reports/deadlocks.md: '{heading}' stands there {len(found)} times")
+        lines = found[0].split("\n")
+        if name == "what happens":
+            lines = _at_one_bound(lines)
+        elif name == "high speeds":
+            shown = tuple(
+                f"| {rule} | {horizon} |" for rule in AT_HIGH_SPEEDS for horizon in HORIZONS
+            )
+            lines = lines[:2] + [line for line in lines[2:] if line.startswith(shown)]
+        text = budgets_file.with_table(text, "\n".join(lines), BEGIN.format(name), END.format(name))
+    return text
+
+
+def write_page(report: str) -> None:
+    """Bring the tables of `docs/deadlocks.md` up to date."""
+    tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
+
+
 def _write(path: Path, fields: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
     with path.open("w", newline="", encoding="ascii") as stream:
         writer = csv.DictWriter(stream, fields)
@@ -642,7 +726,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
     )
+    parser.add_argument(
+        "--page", action="store_true", help="only the page's tables, from deadlocks.md as it is"
+    )
     given = parser.parse_args(arguments)
+    if given.page:
+        write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
+        return 0
     base = load_drive(given.drive)
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     given.out.mkdir(parents=True, exist_ok=True)
@@ -717,6 +807,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         *intervals(base, given.detailed, given.steps),
     ]
     (given.out / "deadlocks.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if given.out == REPORTS:
+        write_page("\n".join(lines))
     print("\n".join(lines))
     draw(base, rows, given.out / "deadlocks.png")
     return 0

@@ -22,11 +22,11 @@ library work;
 
 entity mpdcc_system is
   generic (
-    EXPLORERS       : positive range 1 to 8    := 2;     -- number of explorers
-    FOLDED          : boolean                  := false; -- true: the paper's explorer, false: the fast one
-    SECOND_LEVEL    : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
-    WEIGHTED_DEADLOCK : boolean                := true;  -- true: the weighted deadlock rule, fast explorer alone
-    LEAST_DEAD_TIME : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
+    EXPLORERS         : positive range 1 to 8    := 2;     -- number of explorers
+    FOLDED            : boolean                  := false; -- true: the paper's explorer, false: the fast one
+    SECOND_LEVEL      : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean                  := true;  -- true: the weighted deadlock rule, fast explorer alone
+    LEAST_DEAD_TIME   : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
     clk            : in    std_logic;                     -- rising edge
@@ -461,7 +461,7 @@ begin
 
   i_core : entity work.mpdcc_core
     generic map (
-      EXPLORERS    => EXPLORERS,
+      EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,
       SECOND_LEVEL      => SECOND_LEVEL,
       WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK

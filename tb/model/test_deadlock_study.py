@@ -5,7 +5,7 @@ random drives.
 Stimulus: closed loops of the 6 kV drive that run into deadlocks, states near and beyond the bounds.
 Checks: every field of every decision against ``bit_true_fast``; the criteria and tie rules against
 plain Python on random errors; that weights and ties change decisions at all; that the study fails
-where the RTL decides otherwise.
+where the RTL decides otherwise; that the page's tables are the report's.
 Does not prove: anything about the RTL, or that a rule is good.
 """
 
@@ -21,6 +21,7 @@ from directmpc.deadlock_rules import Rule
 from directmpc.drive import Drive
 from directmpc.fidelity import decisions
 from directmpc.trace import MpdccTrace
+from scripts.budgets import BudgetError
 from tb.common import states
 
 #: The rule of every value of a drive file's `deadlock_rule`.
@@ -148,3 +149,52 @@ def test_starts_needed() -> None:
     # t(0.975, 2) = 4.303: three starts of spread 1 give 2.484
     assert deadlock_study.starts_needed(1.0, 2.49) == 3
     assert deadlock_study.starts_needed(1.0, 2.48) == 4
+
+
+def test_the_page_shows_the_report() -> None:
+    text = deadlock_study.PAGE.read_text(encoding="utf-8")
+    report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
+    wanted = "python -m directmpc.deadlock_study --page"
+    assert deadlock_study.page(text, report) == text, wanted
+    # every row of the page that could be one of the report's is in a table that is held
+    held = outside = ""
+    for part in text.split("<!-- ")[1:]:
+        head, _, body = part.partition(" -->")
+        if head.endswith("begin (written by directmpc.deadlock_study)"):
+            held += body
+        else:
+            outside += body
+    assert held.count("\n| ") >= 150
+    assert not any(line.startswith("| ") and " pu |" in line for line in outside.split("\n"))
+
+
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [
+        ("| SE, 0.2, 0.1 | 3394 |", "| SE, 0.2, 0.1 | 3395 |"),
+        ("| SE, 0.2 | 45 / 9 % |", "| SE, 0.2 | 45 / 8 % |"),
+        ("| contract | SE | 99 %/pu |", "| contract | SE | 98 %/pu |"),
+        ("| bound_vph = 0.12 | SESE | 71 %/pu |", "| bound_vph = 0.12 | SESE | 72 %/pu |"),
+        ("| SESE, 1, 0.15 | contract | 11.5 ", "| SESE, 1, 0.15 | contract | 11.6 "),
+        ("RTL: 192000 decisions", "RTL: 192001 decisions"),
+        ("| 3.3 kV, 1 pu | SESE | contract | 7.4 % ", "| 3.3 kV, 1 pu | SESE | contract | 7.3 % "),
+        ("| 1 pu | 8 | 10.6 ", "| 1 pu | 8 | 10.7 "),
+    ],
+    ids=list(deadlock_study.SECTIONS),
+)
+def test_a_figure_that_differs_is_seen(was: str, now: str) -> None:
+    text = deadlock_study.PAGE.read_text(encoding="utf-8")
+    report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
+    assert report.count(was) == 1
+    changed = deadlock_study.page(text, report.replace(was, now))
+    assert changed != text
+    assert deadlock_study.page(changed, report) == text
+
+
+def test_a_table_that_is_missing_is_seen() -> None:
+    text = deadlock_study.PAGE.read_text(encoding="utf-8")
+    report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
+    with pytest.raises(ValueError, match="'Elsewhere' stands there 0 times"):
+        deadlock_study.page(text, report.replace("Elsewhere", "There"))
+    with pytest.raises(BudgetError, match="points: begin"):
+        deadlock_study.page(text.replace("<!-- points: begin", "<!-- points begin"), report)

@@ -14,6 +14,7 @@ Does not prove: anything about the RTL; `make fidelity` lets it decide every ste
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -129,6 +130,21 @@ def test_the_model_in_the_loop_is_the_fast_variant() -> None:
     decide, registers = loops.controller(Point(DRIVES[0], 0.1, 1.0), "fast")
     assert decide is bit_true_fast.decide
     assert registers.dtype == np.int64
+
+
+@pytest.mark.filterwarnings("error")
+def test_runs_without_a_search_have_no_mean_length() -> None:
+    assert math.isnan(loops.known_mean(np.empty(0, dtype=np.int64)))
+    assert loops.known_mean([2.0, math.nan, 5.0]) == 3.5
+    row: Row = {
+        "drive": "none", "bound_current_pu": 0.1, "omega_s_pu": 0.2, "steps": 4,
+        "fsw_hz": [100.0, 110.0], "thd_pct": [5.0, 6.0], "deadlocks_pct": [100.0, 100.0],
+        "length": [math.nan, math.nan],
+    }  # fmt: skip
+    found = loops.table([row | {"controller": "ideal"}, row | {"controller": "fast"}])
+    assert math.isnan(found[0]["length"])
+    assert math.isnan(found[0]["length_ideal"])
+    assert found[0]["deadlocks_pct"] == 100.0
 
 
 def test_pooled_differences_have_the_interval_they_should() -> None:

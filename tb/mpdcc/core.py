@@ -1,4 +1,4 @@
-"""Rows for ``mpdcc_core``, what the model answers to them, and the RTL's answers."""
+"""Rows for ``mpdcc_core``, what the model answers to them, and the RTL's answers; closed loops."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc import bit_true, bit_true_fast
+from directmpc import bit_true, bit_true_fast, rtl_simulation
 from directmpc import formats as f
+from directmpc.closed_loop import ClosedLoopResult
 from directmpc.coefficients import registers, second_level, weighted_deadlock
 from directmpc.common_terms import COEFFICIENTS
-from directmpc.rtl_simulation import Job, generics
+from directmpc.drive import Drive
+from directmpc.rtl_simulation import Job, Loop, generics
 from scripts import budgets
 from tb.common import states
 from tb.common.simulation import BENCH, RTL, execute
@@ -260,3 +262,44 @@ def simulate(
             shown = [0, 1, 2, 3, 4, 5, 7]
             early = None if aborts is None else data["early"][:, shown]
             return Answers(out[:, shown], out[:, 6], int(data["bound"]), out[:, 8], early)
+
+
+def in_closed_loop(
+    drive: Drive, array: IntArray, variant: str, expected: ClosedLoopResult
+) -> dict[str, np.ndarray]:
+    """A model's closed loop once more with two explorers of the RTL deciding; what it answered.
+
+    Every decision and every state has to be the model's.
+
+    Parameters
+    ----------
+    array
+        The drive's parameters of that variant, as the model had them.
+    expected
+        The model's loop, its controller without delay.
+
+    Raises
+    ------
+    AssertionError
+        If the two loops differ.
+    """
+    profile = expected.profile
+    loop = Loop(
+        drive=drive,
+        state=expected.state[0].copy(),
+        s_start=expected.positions[0].copy(),
+        vdc=profile.vdc,
+        omega_s=profile.omega_s,
+        omega_r=profile.omega_r,
+        iref=np.column_stack([profile.iref.real, profile.iref.imag]),
+    )
+    empty = np.empty((0, 0), dtype=np.int64)
+    found = rtl_simulation.simulate(Job(array, empty, empty, loop=loop), 2, variant)
+    decisions, wanted = found["decisions"], expected.decisions
+    assert len(decisions) == len(wanted.s) == len(expected.seen)
+    np.testing.assert_array_equal(decisions[:, :3], wanted.s)
+    np.testing.assert_array_equal(decisions[:, 3], wanted.held)
+    np.testing.assert_array_equal(decisions[:, 4], wanted.deadlock)
+    np.testing.assert_array_equal(decisions[:, 5], wanted.length)
+    np.testing.assert_allclose(found["states"], expected.state, rtol=0, atol=1e-9)
+    return found

@@ -135,7 +135,7 @@ begin
 
   i_core : entity work.mpdcc_core
     generic map (
-      EXPLORERS    => EXPLORERS,
+      EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,
       SECOND_LEVEL      => SECOND_LEVEL,
       WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK

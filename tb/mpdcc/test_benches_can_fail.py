@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from directmpc.replay import VARIANTS
+from scripts import tools
 from tb.common import states
 from tb.common.simulation import RTL, BenchError
 from tb.mpdcc import (
@@ -28,6 +29,7 @@ from tb.mpdcc import (
     test_common_terms,
     test_core_reset,
     test_deadlock_rule,
+    test_delay_line,
     test_explorer_fast,
     test_mac_block,
     test_mpdcc_explorer,
@@ -100,6 +102,10 @@ BENCHES: dict[str, Callable[[Path], object]] = {
     "reset_second_level": lambda rtl: reset_bench("fast", 2, rtl, two=True),
     "reset_paper": lambda rtl: reset_bench("paper", 2, rtl),
     "blocks": lambda rtl: test_candidate_enumerator.bench(positions=64, blocks=True, rtl=rtl),
+    "delay_line": lambda rtl: test_delay_line.bench(clocks=1000, rtl=rtl),
+    "delay_line_netlist": lambda rtl: test_delay_line.netlist_bench(
+        clocks=2000, rtl=rtl, check=False
+    ),
 }
 
 
@@ -115,6 +121,45 @@ class Fault:
     def __str__(self) -> str:
         return f"{self.bench}-{self.fault.strip()[:30]}"
 
+
+#: The delay line's process, and the same with the order of the places as a constant array.
+RING = """  p_ring : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      delayed     <= ring(place);
+      ring(place) <= word;
+
+      place <= following(place);
+"""
+TABLE_OF_PLACES = """  p_ring : process (clk) is
+
+    type order_t is array (0 to 15) of natural range 0 to 15;
+
+    function order_of return order_t is
+
+      variable order : order_t := (others => 0);
+
+    begin
+
+      for i in place_t loop
+        order(i) := following(i);
+      end loop;
+
+      return order;
+
+    end function order_of;
+
+    constant ORDER : order_t := order_of;
+
+  begin
+
+    if rising_edge(clk) then
+      delayed     <= ring(place);
+      ring(place) <= word;
+
+      place <= ORDER(place);
+"""
 
 FAULTS = [
     Fault("mac_block", "mac_block.vhd", "aligned + seed_2;", "aligned;"),
@@ -262,7 +307,15 @@ FAULTS = [
     ),
     Fault("weighted_core", "mpdcc_core.vhd", "<= deadlock_rule;", "<= '0';"),
     Fault("blocks", "candidate_enumerator.vhd", "return 1;", "return 2;"),
+    Fault("delay_line", "delay_line.vhd", "place <= 0;", "place <= place_t'high;"),
+    Fault(
+        "delay_line", "delay_line.vhd", "ring(place) <= word;", "ring(following(place)) <= word;"
+    ),
+    Fault("delay_line_netlist", "delay_line.vhd", "place <= 0;", "place <= place_t'high;"),
 ]
+if "GHDL 2.0" in tools.version("ghdl"):
+    # right in VHDL, but the order of two places becomes a constant of zeros, see scripts/netlist.py
+    FAULTS.append(Fault("delay_line_netlist", "delay_line.vhd", RING, TABLE_OF_PLACES))
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)

@@ -8,7 +8,8 @@ one to three steps; (d) the slowest decisions known.
 Other parameters in every row; back to back or with idle clocks; the bench shows the row at the
 start edge alone and random values at all others.
 Checks: all fields of all decisions; that holds, searches, deadlocks, saturation, the full horizon
-and 64 candidates occurred; a decision slower than the bound ends the simulation.
+and 64 candidates occurred; a decision slower than the bound ends the simulation; that without a
+second level no candidate of a fast explorer reads the neutral point's rows while one is written.
 Timing: the clocks of scripts/budgets.toml when held; searches within its bound, which replay
 publishes and which is below Paper A's cycles; the fast variant's is reached, and the time of its
 searches depends on s(k-1) alone.
@@ -18,13 +19,16 @@ it stands, in mpdcc_core_bench.
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from directmpc import anpc, replay
 from directmpc.common_terms import COEFFICIENTS
 from scripts import budgets
-from tb.common.simulation import VARIANTS
+from tb.common.simulation import RTL, VARIANTS, BenchError
 from tb.mpdcc import core
 
 #: Cycles in the worst case, Paper A, Table IV, by number of explorers.
@@ -103,3 +107,41 @@ def test_every_decision_is_the_models(
         searched.setdefault(tuple(count), set()).add(cycles)
     assert all(len(cycles) == 1 for cycles in searched.values())
     assert len(searched) >= (8 if explorers in ALL_ROWS else 4)
+
+
+#: Where a fast explorer without a second level reads the row that is being written instead.
+SHARED_PORT = "neutral_row := written_row;"
+#: When a candidate reads; what a probe reads is not used.
+READING = "valid(SEARCH) = '1' and probe(SEARCH) = '0'"
+
+
+def asserting(condition: str, rtl: Path) -> Path:
+    """A copy of the design that ends the simulation if that holds while a row is written."""
+    shutil.copytree(RTL, rtl)
+    path = rtl / "explorer_fast.vhd"
+    text = path.read_text(encoding="utf-8")
+    assert text.count(SHARED_PORT) == 1
+    check = f'assert not ({condition}) report "a row is read" severity failure;'
+    path.write_text(text.replace(SHARED_PORT, f"{check} {SHARED_PORT}"), encoding="utf-8")
+    return rtl
+
+
+@pytest.mark.parametrize("explorers", [1, 2, 4, 8])
+def test_rows_are_not_read_while_they_are_written(explorers: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(37)
+    rows = core.join([core.recorded_rows(2, rng, "fast"), core.random_rows(20, rng, "fast")])
+    expected = rows.model("fast")
+    assert (expected[:, 3] == 0).sum() >= 20
+    found = core.simulate(
+        rows, explorers, "fast", throttle=3, second=False, rtl=asserting(READING, tmp_path / "rtl")
+    )
+    np.testing.assert_array_equal(found.decisions, expected)
+
+
+def test_that_rows_are_read_would_be_seen(tmp_path: Path) -> None:
+    # rows are written at all, and probes are under way then
+    rows = core.random_rows(8, np.random.default_rng(37), "fast")
+    for condition in ("true", "valid(SEARCH) = '1'"):
+        rtl = asserting(condition, tmp_path / condition[:5] / "rtl")
+        with pytest.raises(BenchError, match="a row is read"):
+            core.simulate(rows, 2, "fast", second=False, rtl=rtl)

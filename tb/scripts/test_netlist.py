@@ -3,7 +3,8 @@
 Sweep: every operator the design may use, cases whose default matters, tables, memories, instances.
 Stimulus: random operands through Verilator, held against Python's integers.
 Checks: values; that the unrepaired text is refused; that a case whose arms differ between the two
-forms of the netlist is refused; that text in no need of repair passes unchanged.
+forms of the netlist is refused; that text in no need of repair passes unchanged; that a zero of
+which GHDL may have lost a part is refused, and that it loses nothing at other widths.
 Does not prove: operators GHDL prints by itself (rotation by more than the width is wrong there).
 """
 
@@ -297,6 +298,54 @@ def test_vhdl_latch_is_refused(tmp_path):
     with pytest.raises(tools.ToolError):
         netlist.convert("latch", {}, tmp_path / "latch.v", files=[path])
     assert not (tmp_path / "latch.v").exists(), "a refused netlist leaves no file"
+
+
+CONSTANT = """library ieee;
+use ieee.std_logic_1164.all;
+entity fixed is
+  port (a : in std_logic_vector({high} downto 0); y : out std_logic_vector({high} downto 0));
+end entity;
+architecture rtl of fixed is
+  constant WORD : std_logic_vector({high} downto 0) := ({one} => '1', others => '0');
+begin
+  y <= WORD xor a;
+end architecture;
+"""
+
+
+@pytest.mark.skipif("GHDL 2.0" not in tools.version("ghdl"), reason="mended in newer GHDL")
+@pytest.mark.parametrize(
+    ("width", "one", "lost"),
+    [
+        (64, 31, False), (64, 32, True), (64, 63, True), (96, 63, False), (96, 95, True),
+        (41, 40, False), (63, 62, False), (65, 64, False), (80, 79, False), (128, 120, True),
+    ],
+)  # fmt: skip
+def test_what_ghdl_may_have_lost_is_refused(tmp_path, width, one, lost):
+    path = tmp_path / "fixed.vhd"
+    path.write_text(CONSTANT.format(high=width - 1, one=one))
+    out, _ = netlist.convert("fixed", {}, tmp_path / "raw.v", files=[path], check=False)
+    bits = f"{1 << one:0{width}b}"
+    assert (f"{width}'b{bits}" in out.read_text()) != lost
+    if lost:
+        assert f"{width}'b{'0' * width}" in out.read_text()
+        with pytest.raises(netlist.NetlistError, match=f"constant of {width} bits is zero"):
+            netlist.convert("fixed", {}, tmp_path / "fixed.v", files=[path])
+        assert not (tmp_path / "fixed.v").exists()
+    else:
+        netlist.convert("fixed", {}, tmp_path / "fixed.v", files=[path])
+
+
+def test_zeros_that_lost_nothing_are_accepted():
+    text = "module m\n  assign y = {body};\nendmodule"
+    for body in (f"40'b{'0' * 40}", "{64'b0, a}", f"64'b{'0' * 63}1", f"164'b{'0' * 164}"):
+        netlist.check_zeros(text.replace("{body}", body))
+    memory = "module m\n  reg [15:0] n1[3:0] ; // memory\n  initial begin\n{}    end\nendmodule"
+    words = [f"    n1[{i}] = 16'b{i == 3:016b};\n" for i in range(4)]
+    netlist.check_zeros(memory.format("".join(words)))
+    netlist.check_zeros(memory.format(""))
+    with pytest.raises(netlist.NetlistError, match="memory n1 of 64 bits"):
+        netlist.check_zeros(memory.format("".join(words[:3])))
 
 
 def test_core_that_looks_at_its_inputs_late_is_found_out(tmp_path):

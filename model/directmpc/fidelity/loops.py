@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from directmpc import closed_loop, ideal, metrics
 from directmpc.closed_loop import OperatingPoint
@@ -52,6 +53,13 @@ def controller(point: Point, name: str) -> tuple[Any, Any]:
     return VARIANTS[name].decide, VARIANTS[name].registers(drive).array()
 
 
+def known_mean(values: ArrayLike) -> float:
+    """Mean of the values that are not nan; nan where there is none, in all-deadlock runs."""
+    array = np.asarray(values, dtype=np.float64)
+    known = array[~np.isnan(array)]
+    return float(known.mean()) if len(known) else math.nan
+
+
 def run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
     """Figures of every start of one block of one controller at one point."""
     drive = point.load()
@@ -67,7 +75,7 @@ def run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
         found["thd_pct"].append(100 * summary.thd_mean)
         found["deadlocks_pct"].append(100 * float(result.decisions.deadlock.mean()))
         searches = (result.decisions.held == 0) & (result.decisions.deadlock == 0)
-        found["length"].append(float(result.decisions.length[searches].mean()))
+        found["length"].append(known_mean(result.decisions.length[searches]))
     return {**point.row(), "controller": name, "steps": starts * steps, **found}
 
 
@@ -137,8 +145,8 @@ def table(rows: list[Row]) -> list[Row]:
             }
         for key in ("deadlocks_pct", "length"):
             row |= {
-                f"{key}_ideal": round(float(np.nanmean(reference[key])), 2),
-                key: round(float(np.nanmean(ours[key])), 2),
+                f"{key}_ideal": round(known_mean(reference[key]), 2),
+                key: round(known_mean(ours[key]), 2),
             }
         result.append(row)
     return result
