@@ -358,6 +358,13 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
                 assert core == there[top]
 
 
+def test_what_both_controllers_share_is_the_same_in_both() -> None:
+    one, other = (modules_of("board_top", ULX3S.generics(name)) for name in ("mpdcc", "mptc"))
+    common = one.keys() & other.keys()
+    assert common >= {"spi_slave", "frame_transmitter", "gate_supervisor_10", "write_gate"}
+    assert {n for n in common if one[n] != other[n]} == {"board_top"}
+
+
 def test_unnamed_nets_are_all_that_may_differ_in_a_module() -> None:
     text = "module a\n  (input x);\n  assign n{0}_o = x;\n  assign y = n{0}_o;\nendmodule\n"
     assert netlist.modules(text.format(7)) == netlist.modules(text.format(123))
