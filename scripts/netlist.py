@@ -487,6 +487,26 @@ def meaning(verilog: str) -> str:
     return re.sub(r"^\s*(?:/\*.*\*/|//.*)\n", "", verilog, flags=re.M)
 
 
+_UNNAMED = re.compile(r"\bn\d+(?:_\w+)?\b")
+
+
+def modules(verilog: str) -> dict[str, str]:
+    """Modules by name, unnamed nets numbered anew in each.
+
+    GHDL numbers such nets throughout a design. But for that a module is the same text in every
+    design that holds it with the same generics, or its conversion depends on what is around it.
+    """
+    found = {}
+    for match in _MODULE.finditer(meaning(verilog)):
+        numbers: dict[str, str] = {}
+
+        def number(name: re.Match[str], numbers: dict[str, str] = numbers) -> str:
+            return numbers.setdefault(name.group(0), f"n{len(numbers)}")
+
+        found[match.group(1)] = _UNNAMED.sub(number, match.group(2))
+    return found
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Command line of the conversion."""
     parser = argparse.ArgumentParser(prog="netlist", description=__doc__.splitlines()[0])

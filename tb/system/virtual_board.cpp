@@ -1,7 +1,9 @@
 // The simulated board's pins, driven from outside: see scripts/virtual_board.py.
 //
-//   board pty LINK GATES CLOCKS_PER_BIT SPI   its UART on a pseudo-terminal, LINK a symbolic link to it
-//   board script CLOCKS_PER_BIT               orders on standard input, what came of each on standard output
+//   board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI   its UART on a pseudo-terminal, LINK a symbolic link to it
+//   board script CLOCKS_PER_BIT DIVIDE               orders on standard input, what came of each on standard output
+//
+// Clocks are the core's: DIVIDE of the oscillator's.
 //
 // Licence: Apache-2.0
 
@@ -26,6 +28,7 @@ double sc_time_stamp() { return 0; }
 
 static Vboard *m;
 static uint64_t clocks = 0;
+static int divide = 1;              // clocks of the oscillator to one of the core
 static uint32_t gates_before = 0;
 static uint64_t gate_changes = 0;
 static FILE *gate_log = nullptr;
@@ -93,14 +96,25 @@ static void watch_gates() {
     }
 }
 
+// What the pins are set to is seen at the first rising edge; the rest of the core's clock.
+static void finish() {
+    m->clock = 1;
+    m->eval();
+    for (int i = 1; i < divide; i++) {
+        m->clock = 0;
+        m->eval();
+        m->clock = 1;
+        m->eval();
+    }
+    clocks++;
+    watch_gates();
+}
+
 static void cycle() {
     m->clock = 0;
     uart.tick();
     m->eval();
-    m->clock = 1;
-    m->eval();
-    clocks++;
-    watch_gates();
+    finish();
 }
 
 // One byte over SPI, mode 0, SCK as fast as the clock; returns what came back.
@@ -114,12 +128,9 @@ static uint8_t spi_byte(uint8_t out) {
         in = in << 1 | m->spi_miso;
         m->spi_sck = 1;
         m->eval();
-        m->clock = 1;
-        m->eval();
+        finish();
         m->spi_sck = 0;
         m->eval();
-        clocks++;
-        watch_gates();
     }
     return in;
 }
@@ -180,7 +191,8 @@ static int run_pty(const char *link, const char *gates_file, bool over_spi) {
     printf("virtual board: UART at %s -> %s\n", link, name);
     fflush(stdout);
     // Time runs while the line is in use, and a little longer: a reply takes less than that to begin.
-    const uint64_t patience = 4000, rest = 60;
+    // Between two bytes of a reply the board may be idle for half a stop bit and a little longer.
+    const uint64_t patience = 4000, rest = 60 + (uint64_t)uart.period;
     uint8_t buffer[256];
     for (;;) {
         bool quiet = uart.idle() && clocks > uart.last_busy + (uart.asked ? patience : rest);
@@ -265,16 +277,18 @@ static int run_script() {
 
 int main(int argc, char **argv) {
     Verilated::commandArgs(argc, argv);
-    if (argc >= 6 && !strcmp(argv[1], "pty")) {
-        uart.period = atof(argv[4]);
-        start();
-        return run_pty(argv[2], argv[3], argv[5][0] == '1');
-    }
-    if (argc >= 3 && !strcmp(argv[1], "script")) {
+    if (argc >= 4) {
         uart.period = atof(argv[2]);
+        divide = atoi(argv[3]);
+    }
+    if (argc >= 7 && !strcmp(argv[1], "pty")) {
+        start();
+        return run_pty(argv[4], argv[5], argv[6][0] == '1');
+    }
+    if (argc >= 4 && !strcmp(argv[1], "script")) {
         start();
         return run_script();
     }
-    fprintf(stderr, "usage: board pty LINK GATES CLOCKS_PER_BIT SPI | board script CLOCKS_PER_BIT\n");
+    fprintf(stderr, "usage: board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI | board script CLOCKS_PER_BIT DIVIDE\n");
     return 2;
 }
