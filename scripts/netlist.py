@@ -22,6 +22,13 @@ forms (GHDL issue 2011). An array of sixteen places of four bits is such a const
 therefore refuses every zero of such a width, those that are meant too, and so the contents of a
 memory; of X it cannot tell, since GHDL writes X where nothing is assigned. Simulation of the VHDL
 shows none of this: that of converted netlists does (tb/mpdcc/test_netlist_core.py and others).
+
+Another loss depends on what surrounds a statement: of an assignment to a whole and others to parts
+of it in the same process, one to a part is gone, in both forms, here and there one in a design of
+ten thousand lines. Which one, and whether any, changes with what is converted before; a table that
+moves when it grows would explain it, but we have not looked. `convert` therefore converts every
+design at least twice, the second time behind assignments of no use, and takes what two conversions
+agree on in every module.
 """
 
 from __future__ import annotations
@@ -378,6 +385,116 @@ def _synthesise(
     return tools.run(command).stdout
 
 
+#: Assignments to parts ahead of the design, one conversion each; the first is the design alone.
+PADDINGS = (0, 10, 700, 3000, 5000)
+_PADDED = "netlist_padded"
+_PADDING = """
+library ieee;
+  use ieee.std_logic_1164.all;
+
+entity netlist_padding is
+end entity netlist_padding;
+
+architecture padding of netlist_padding is
+
+  signal given  : std_logic_vector(0 to {last});
+  signal turned : std_logic_vector(0 to {last});
+
+begin
+
+  p_parts : process (given) is
+    variable parts : std_logic_vector(0 to {last});
+  begin
+    parts := given;
+    for i in 0 to {last} loop
+      parts(i) := not given(i);
+    end loop;
+    turned <= parts;
+  end process p_parts;
+
+end architecture padding;
+
+{context}
+entity netlist_padded is
+{declarations}
+end entity netlist_padded;
+
+architecture padding of netlist_padded is
+begin
+
+  i_padding : entity work.netlist_padding;
+
+  i_design : entity work.{top}
+{maps};
+
+end architecture padding;
+"""
+_INTERFACE = re.compile(r"[(;]\s*(?:signal\s+)?(\w+(?:\s*,\s*\w+)*)\s*:(?!=)", re.I)
+
+
+def _padded(top: str, files: Sequence[Path], padding: int) -> str:
+    """VHDL of an entity with the interface of `top` that holds padding and, after it, `top`."""
+    entity = re.compile(
+        rf"((?:\b(?:library|use)\b[^;]*;\s*)*)"
+        rf"\bentity\s+{top}\s+is\b(.*?)\bend\s+(?:entity\b|{top}\b|;)",
+        re.I | re.S,
+    )
+    texts = (re.sub(r"--[^\n]*", "", file.read_text(encoding="utf-8")) for file in files)
+    found = next(filter(None, map(entity.search, texts)), None)
+    if found is None:
+        raise NetlistError(f"{top}: no file holds this entity")
+    context, declarations = found.groups()
+    generics, keyword, ports = declarations.partition(
+        next(iter(re.findall(r"\bport\b(?=\s*\()", declarations, re.I)), "port")
+    )
+    maps = [
+        f"{kind} map ({', '.join(f'{name} => {name}' for name in names)})"
+        for kind, text in (("generic", generics), ("port", keyword + ports))
+        if (names := re.findall(r"\w+", ",".join(_INTERFACE.findall(text))))
+    ]
+    return _PADDING.format(
+        last=padding, context=context, declarations=declarations, top=top, maps=" ".join(maps)
+    )
+
+
+def _behind(top: str, files: Sequence[Path], padding: int, workdir: Path, std: str) -> str:
+    """Analyse `top` behind that much padding and return the entity to convert."""
+    if not padding:
+        return top
+    extra = workdir / "padding.vhd"
+    extra.write_text(_padded(top, files, padding), encoding="utf-8")
+    _synthesise(_PADDED, {}, [extra], "analyse", workdir, std)
+    return _PADDED
+
+
+def _agreed(
+    top: str, generics: Generics, files: Sequence[Path], workdir: Path, std: str
+) -> tuple[str, int]:
+    """Verilog of a conversion that another confirms, as GHDL writes it, and its padding."""
+    seen: list[tuple[dict[str, str], str, int]] = []
+    for padding in PADDINGS:
+        name = _behind(top, files, padding, workdir, std)
+        verilog = _synthesise(name, generics, files, "verilog", workdir, std)
+        if "GHDL 2.0" not in tools.version("ghdl"):
+            return verilog, padding
+        found = modules(_unpadded(verilog, top) if padding else verilog)
+        for earlier, text, which in seen:
+            if earlier == found:
+                return text, which
+        seen.append((found, verilog, padding))
+    raise NetlistError(f"{top}: of {len(PADDINGS)} conversions no two agree in every module")
+
+
+def _unpadded(verilog: str, top: str) -> str:
+    """The modules of `top` without those around it, under the names they have on their own."""
+    name = re.search(r"^\s*(\w+) i_design \(", verilog, re.M)
+    if name is None:
+        raise NetlistError(f"{top}: not found behind its padding")
+    for around in ("netlist_padding", _PADDED):
+        verilog = re.sub(rf"^module {around}\b.*?^endmodule\n", "", verilog, flags=re.M | re.S)
+    return re.sub(rf"\b{name.group(1)}\b", top.lower(), verilog)
+
+
 _ZERO = re.compile(r"\b(\d+)'b(0+)\b")
 _MEMORY = re.compile(r"^ *reg \[(\d+):0\] (\w+)\[(\d+):0\] ; // memory$", re.M)
 
@@ -443,11 +560,14 @@ def convert(
     with tempfile.TemporaryDirectory(prefix="netlist-") as name:
         workdir = Path(name)
         _synthesise(top, generics, files, "analyse", workdir, std)
-        verilog = _synthesise(top, generics, files, "verilog", workdir, std)
+        verilog, padding = _agreed(top, generics, files, workdir, std)
+        name = _behind(top, files, padding, workdir, std)
         vhdl = ""
         if needs_vhdl(verilog):
-            vhdl = _synthesise(top, generics, files, "vhdl", workdir, std)
-    text, log = repair(verilog, vhdl, top)
+            vhdl = _synthesise(name, generics, files, "vhdl", workdir, std)
+    text, log = repair(verilog, vhdl, name)
+    if padding:
+        text = _unpadded(text, top)
     if check and "GHDL 2.0" in tools.version("ghdl"):
         check_zeros(text)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.

@@ -380,3 +380,69 @@ def test_a_signal_that_only_has_a_first_value_leaves_registers_alone() -> None:
     assert "    q <= d;\n" in changed
     assert "1'b0: v = a;" in changed
     assert "default: v = b;" in changed
+
+
+WHOLE = """library ieee;
+use ieee.std_logic_1164.all;
+entity whole is
+  generic (
+    WIDTH : positive := 3; -- bits
+    TURN  : natural  := 0  -- place
+  );
+  port (
+    clk, given : in std_logic_vector(WIDTH - 1 downto 0);
+    taken : out std_logic_vector(WIDTH - 1 downto 0) -- late
+  );
+end entity whole;
+architecture rtl of whole is
+begin
+  p_parts : process (given, clk) is
+    variable parts : std_logic_vector(WIDTH - 1 downto 0);
+  begin
+    parts := given;
+    parts(TURN) := clk(0);
+    taken <= parts;
+  end process p_parts;
+end architecture rtl;
+"""
+
+
+@pytest.fixture
+def whole(tmp_path, monkeypatch):
+    """Convert `whole` with a part lost in the conversions named; returns the text."""
+    path = tmp_path / "whole.vhd"
+    path.write_text(WHOLE)
+    real = netlist._synthesise
+
+    def convert(*faulty: int) -> str:
+        count = iter(range(10))
+
+        def lossy(top, generics, files, form, workdir, std):
+            text = real(top, generics, files, form, workdir, std)
+            if form == "verilog" and (number := next(count)) in faulty:
+                text, lost = re.subn(r"= clk\[0\];", f"= given[{number % 3}];", text)
+                assert lost == 1
+            return text
+
+        monkeypatch.setattr(netlist, "_synthesise", lossy)
+        generics = {"WIDTH": 5, "TURN": 1}
+        out, _ = netlist.convert("whole", generics, tmp_path / "whole.v", files=[path])
+        return netlist.meaning(out.read_text())
+
+    return convert
+
+
+@pytest.mark.skipif("GHDL 2.0" not in tools.version("ghdl"), reason="newer GHDL is converted once")
+def test_what_one_conversion_loses_another_brings_back(whole):
+    want = whole()
+    assert "= clk[0];" in want
+    assert "padd" not in want
+    for faulty in ((0,), (1,), (0, 1), (2, 1), (0, 1, 2)):
+        assert netlist.modules(whole(*faulty)) == netlist.modules(want)
+
+
+@pytest.mark.skipif("GHDL 2.0" not in tools.version("ghdl"), reason="newer GHDL is converted once")
+def test_conversions_that_never_agree_are_refused(whole, monkeypatch):
+    monkeypatch.setattr(netlist, "PADDINGS", (0, 10, 700))
+    with pytest.raises(netlist.NetlistError, match="no two agree"):
+        whole(0, 1, 2)
