@@ -331,13 +331,20 @@ KINDS = {
 
 
 def page(text: str, results: list[dict[str, Any]]) -> str:
-    """The page on boards with its table of bitstreams written anew."""
+    """The page on boards; rows of bitstreams that are not among the results stay as they are."""
+    mark = "<!-- bitstreams: {} -->"
+    start = mark.format("begin (written by scripts/bitstream.py --page)")
+    before, found_start, rest = text.partition(start)
+    old, found_end, after = rest.partition(mark.format("end"))
+    if not (found_start and found_end):
+        raise ToolError("the marks of the table of bitstreams are missing")
     kinds = list(KINDS)
-    rows = [
+    head = [
         "| bitstream | " + " | ".join(KINDS.values()) + " | clock, worst seed | SCK, worst seed | "
         "seeds | bytes | sha256 | commit |",
         "| --- |" + " ---: |" * (len(kinds) + 4) + " --- | --- |",
     ]
+    rows = {}
     for found in results:
         used = [found["used"].get(kind, (0, 0)) for kind in kinds]
         name = f"{found['board']}, {found['controller'].upper()}"
@@ -345,25 +352,22 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
             name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
         cells = [f"{n} of {m}" if m else "0" for n, m in used]
         reproduced = ", twice" if found.get("reproduced") else ""
-        rows.append(
+        rows[name] = (
             f"| {name} | {' | '.join(cells)} | {found['fmax_worst_mhz']} MHz of "
             f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {boards.SCK_MHZ} | "
             f"{found['seeds']} | {found['bytes']} | `{found['sha256'][:16]}`{reproduced} | "
             f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''} |"
         )
+    for line in old.splitlines():
+        if line.startswith(tuple(f"| {board}, " for board in BOARDS)):
+            rows.setdefault(line.split(" | ")[0].removeprefix("| "), line)
     tool_names = sorted({", ".join(f["tools"].values()) for f in results})
-    body = "\n".join([*rows, "", *tool_names]) + "\n"
-    mark = "<!-- bitstreams: {} -->"
-    start = mark.format("begin (written by scripts/bitstream.py --page)")
-    before, found_start, rest = text.partition(start)
-    _, found_end, after = rest.partition(mark.format("end"))
-    if not (found_start and found_end):
-        raise ToolError("the marks of the table of bitstreams are missing")
+    body = "\n".join([*head, *rows.values(), "", *tool_names]) + "\n"
     return f"{before}{start}\n{body}{mark.format('end')}{after}"
 
 
 def write_page() -> None:
-    """Table of all bitstreams built since the last `make clean`."""
+    """Table of bitstreams, anew for those built since the last `make clean`."""
     results = [
         json.loads(path.read_text(encoding="utf-8"))
         for path in sorted(FOLDER.glob("*.result.json"), reverse=True)
