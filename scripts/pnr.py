@@ -208,6 +208,10 @@ class Origins:
 
     def words(self, name: str) -> str:
         """Entity and signal of a cell, with the line of the VHDL; what is known of them."""
+        # Yosys numbers the block RAMs that a memory takes
+        cell, memory = re.subn(r"(?:\.\d+)+$", "", name)
+        if memory:
+            return f"a block RAM of {self.words(cell)}"
         module = self._module(name)
         if not module:
             return "the wrapper's register"

@@ -159,6 +159,8 @@ def test_evaluation_names_the_path():
     assert got["to_vhdl"] == "", "the last register is the wrapper's"
     assert got["words"] == ("from leaf.count (leaf.vhd:12) through 1 LUT to the wrapper's register")
     assert pnr.Origins(VERILOG, "top").of("u_core.n2_o_LUT4_Z_1") == "top.vhd:7"
+    memory = pnr.Origins(VERILOG, "top").words("u_core.u_a.n1_q.0.0")
+    assert memory == "a block RAM of leaf.count (leaf.vhd:12)"
 
 
 def test_what_a_path_goes_through_is_counted():
