@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 
 from directmpc import bit_true, bit_true_fast, replay, trace
-from directmpc.drive import load_any_drive
+from directmpc.drive import Drive, load_any_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import lockstep
 from directmpc.host import protocol as p
@@ -122,6 +122,17 @@ def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path
     assert len(log.read_text().splitlines()) > 500
 
 
+def exhausted_of(drive: Drive, seen: MpdccTrace) -> list[int]:
+    """Whether the budget ends the model's search, for every row that was seen."""
+    register = VARIANTS["fast"].registers(drive).array()
+    measured, _ = bit_true.encode(seen)
+    order = np.empty((64, 5), dtype=np.int64)
+    return [
+        int(bit_true_fast.search_words(register, row, s, order)[7])
+        for row, s in zip(measured, seen.s_prev, strict=True)
+    ]
+
+
 def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
     drive = states.changed(load_any_drive(MPDCC), switching_horizon="SESE", budget=BUDGET)
     with VirtualBoard(generics("mpdcc"), tmp_path / "board") as running:
@@ -132,13 +143,7 @@ def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
         run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, 300, "fast")
         stream.close()
     assert run.differing == 0
-    register = VARIANTS["fast"].registers(drive).array()
-    measured, _ = bit_true.encode(seen)
-    order = np.empty((64, 5), dtype=np.int64)
-    wanted = [
-        bit_true_fast.search_words(register, row, s, order)[7]
-        for row, s in zip(measured, seen.s_prev, strict=True)
-    ]
+    wanted = exhausted_of(drive, seen)
     # what it tells, and what the file of the host's command says
     path = tmp_path / "board.csv"
     trace.write_decisions(path, decisions)

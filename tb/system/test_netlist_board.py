@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc import bit_true, bit_true_fast, trace
+from directmpc import trace
 from directmpc.drive import Drive, MptcDrive, load_any_drive
 from directmpc.gate_guard import FAULTS as FAULT_NAMES
 from directmpc.gate_guard import anpc_gates, two_level_gates
@@ -46,7 +46,15 @@ from scripts.boards import BOARDS
 from scripts.tools import Generics
 from scripts.virtual_board import Script, VirtualBoard
 from tb.common import states
-from tb.system.test_board import MPDCC, MPTC, Hostile, replayed, rows_of, script_gates
+from tb.system.test_board import (
+    MPDCC,
+    MPTC,
+    Hostile,
+    exhausted_of,
+    replayed,
+    rows_of,
+    script_gates,
+)  # fmt: skip
 
 ULX3S = BOARDS["ulx3s-85f"]
 STEPS = {"mpdcc": 400, "mptc": 300}
@@ -225,13 +233,7 @@ def check_options(board: Board, steps: int) -> None:
     loaded(board, drive)
     run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, steps, "fast")
     assert run.differing == 0
-    register = VARIANTS["fast"].registers(drive).array()
-    measured, _ = bit_true.encode(seen)
-    order = np.empty((64, 5), dtype=np.int64)
-    wanted = [
-        bit_true_fast.search_words(register, row, s, order)[7]
-        for row, s in zip(measured, seen.s_prev, strict=True)
-    ]
+    wanted = exhausted_of(drive, seen)
     assert decisions.exhausted is not None
     assert decisions.exhausted.tolist() == wanted
     assert sum(wanted) > 0
