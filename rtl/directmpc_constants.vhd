@@ -40,6 +40,7 @@ package directmpc_constants is
   constant TURN_SHIFT : natural := 8; -- bits of the slope that the test for a turn leaves out
   constant TURN_WIDTH : natural := 19; -- bits, slope beyond which a trajectory leaves first, signed
   constant COST_WIDTH : natural := 31; -- bits, unsigned
+  constant RANK_WIDTH : natural := 31; -- bits, a cost or the excess of a deadlock, unsigned
   constant WEIGHT_WIDTH : natural := 18; -- bits, sqrt(lambda_n)*v_n, signed
   constant WEIGHT_SLOPE_WIDTH : natural := 17; -- bits, its slope per step, signed
   constant WEIGHT_SLOPE_FRACTION : natural := 2; -- extra fractional bits of the slope

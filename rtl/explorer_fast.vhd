@@ -34,7 +34,7 @@
 -- its block is taken; initiation interval one clock per candidate.
 -- Overflow: a slope beyond START_SLOPE_WIDTH leaves in one step, so the search may run on what is
 -- left of it; sqrt(lambda_n)*v_n saturates and flags. The weighted rule's word holds every sum: an error of v_n
--- at k has TERM_WIDTH bits, its slope CURRENT_TERM_WIDTH + 1 at most, so that 128 * e_n is below 2**(COST_WIDTH - 1).
+-- at k has TERM_WIDTH bits, its slope CURRENT_TERM_WIDTH + 1 at most, so that 128 * e_n is below 2**(RANK_WIDTH - 1).
 -- Weighed, not built (figures estimated): carrying e(l) and testing both bounds takes a comparison more in each of the
 -- 18 search cells, 330 LUTs, and is wrong after the first exit; two clocks per search stage double
 -- the registers and bring no clock rate where the cell is margin, slope and two chained adders.
@@ -51,7 +51,7 @@ library work;
 
 entity explorer_fast is
   generic (
-    SECOND_LEVEL : boolean := false; -- true: leaves of the second level besides
+    SECOND_LEVEL      : boolean := false; -- true: leaves of the second level besides
     WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule besides
   );
   port (
@@ -180,7 +180,7 @@ architecture rtl of explorer_fast is
 
   type effort_stages_t is array (SHORTEST + 3 to STAGE_COUNT) of effort_t;
 
-  subtype key_t is unsigned(COST_WIDTH + INDEX_WIDTH downto 0);
+  subtype key_t is unsigned(RANK_WIDTH + INDEX_WIDTH downto 0);
 
   function length_of (entry : entry_t) return length_t is
   begin
@@ -296,7 +296,7 @@ architecture rtl of explorer_fast is
 
   -- a dead candidate as it is compared
   signal dead_valid : std_logic;
-  signal dead_rank  : cost_t;
+  signal dead_rank  : rank_t;
   signal dead_index : std_logic_vector(INDEX_WIDTH - 1 downto 0);
 
   signal capacitors : table_t;         -- rows of the phases; one block RAM for each that reads it
@@ -336,8 +336,7 @@ begin
     report "explorer_fast: signals are named for lengths of six bits"
     severity failure;
 
-  assert TERM_WIDTH + DEADLOCK_NEUTRAL_SHIFT + DEADLOCK_CURRENT_SHIFT < COST_WIDTH
-         and CURRENT_TERM_WIDTH + 3 < TERM_WIDTH
+  assert CURRENT_TERM_WIDTH + 3 < TERM_WIDTH and TERM_WIDTH < TRAJECTORY_WIDTH
     report "explorer_fast: the weighted excess does not fit a rank"
     severity failure;
 
@@ -811,8 +810,8 @@ begin
           share := gated(current_9, limits.deadlock_rule);
           sum   := excess_9 + share(TRAJECTORY_WIDTH - 1 downto DEADLOCK_CURRENT_SHIFT);
 
-          dead_rank  <= (not sum(WORST_WIDTH - 1)) & unsigned(sum(WORST_WIDTH - 2 downto 0))
-                        & unsigned(share(DEADLOCK_CURRENT_SHIFT - 1 downto 0));
+          dead_rank  <= resize((not sum(WORST_WIDTH - 1)) & unsigned(sum(WORST_WIDTH - 2 downto 0))
+                               & unsigned(share(DEADLOCK_CURRENT_SHIFT - 1 downto 0)), RANK_WIDTH);
           dead_index <= index_dead;
         end if;
       end if;
@@ -913,12 +912,12 @@ begin
 
   -- candidates of a node come in order, but nodes do not
   g_ties : if SECOND_LEVEL generate
-    key_now  <= cost_16 & unsigned(index_last) & flagged;
+    key_now  <= resize(cost_16, RANK_WIDTH) & unsigned(index_last) & flagged;
     key_best <= best.rank & best.index & best.saturated;
   end generate g_ties;
 
   g_in_order : if not SECOND_LEVEL generate
-    key_now  <= cost_16 & (INDEX_WIDTH downto 0 => '0');
+    key_now  <= resize(cost_16, RANK_WIDTH) & (INDEX_WIDTH downto 0 => '0');
     key_best <= best.rank & (INDEX_WIDTH downto 0 => '0');
   end generate g_in_order;
 
@@ -944,7 +943,7 @@ begin
         best.saturated <= flagged;
         best.index     <= unsigned(index_last);
         best.length    <= length(STAGE_COUNT);
-        best.rank      <= cost_16;
+        best.rank      <= resize(cost_16, RANK_WIDTH);
 
         if (reached.second = '1') then
           best.length <= reached.length;

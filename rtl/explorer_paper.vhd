@@ -81,7 +81,7 @@ architecture rtl of explorer_paper is
     weight    : weight_t;
     inverse   : unsigned(RECIPROCAL_FRACTION downto 0);
     rate      : unsigned(RECIPROCAL_FRACTION + EFFORT_WIDTH downto 0);
-    rank      : cost_t;
+    rank      : rank_t;
   end record cost_state_t;
 
   type outputs_t is array (1 to STAGE_COUNT) of natural range 0 to OUTPUTS - 1;
@@ -575,7 +575,7 @@ begin
 
       when 8 =>
 
-        v.rank := resize(back.rate, COST_WIDTH) + square;
+        v.rank := resize(resize(back.rate, COST_WIDTH) + square, RANK_WIDTH);
 
       when others =>
 

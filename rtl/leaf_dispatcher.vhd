@@ -79,7 +79,7 @@ architecture rtl of leaf_dispatcher is
   signal choice_a : choice_t;
   signal choice_b : choice_t;
   signal choice_c : choice_t;                 -- of explorer 0
-  signal left     : unsigned(3 downto 0);     -- blocks after this one
+  signal left     : unsigned(3 downto 0);     -- blocks after this one, void after the last
   signal end_c    : std_logic;
   signal finished : std_logic;
 
@@ -113,7 +113,6 @@ begin
             choice_b <= choice_b + 1;
           else
             choice_b <= 0;
-
             choice_a <= (choice_a + 1) mod 4;
           end if;
         end if;

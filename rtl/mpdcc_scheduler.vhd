@@ -663,7 +663,7 @@ begin
           arrival.saturated <= evaluated.saturated;
           arrival.index     <= evaluated.index;
           arrival.length    <= evaluated.length;
-          arrival.rank      <= evaluated.cost;
+          arrival.rank      <= resize(evaluated.cost, RANK_WIDTH);
         end if;
 
         if (rst = '1') then
@@ -887,7 +887,7 @@ begin
   last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerate_done)
                 or (to_std_logic(r.phase = LEAVES) and r.started and over);
   best_valid <= r.best.feasible;
-  best_cost  <= r.best.rank;
+  best_cost  <= resize(r.best.rank, COST_WIDTH);
   valid      <= r.valid;
   decision   <= r.decision;
   busy       <= to_std_logic(r.phase /= IDLE);

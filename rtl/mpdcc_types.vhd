@@ -31,6 +31,8 @@ package mpdcc_types is
 
   subtype cost_t is unsigned(COST_WIDTH - 1 downto 0);
 
+  subtype rank_t is unsigned(RANK_WIDTH - 1 downto 0);
+
   subtype position_t is unsigned(2 downto 0);
 
   subtype curvature_t is signed(CURVATURE_WIDTH - 1 downto 0);
@@ -151,7 +153,7 @@ package mpdcc_types is
     saturated : std_logic;                          -- '1': the weight on v_n saturated
     index     : unsigned(INDEX_WIDTH - 1 downto 0); -- as in candidate_t; its order is the contract's
     length    : length_t;                           -- L*, steps
-    rank      : cost_t;                             -- J, RECIPROCAL_FRACTION fractional bits; or ranked J_dl
+    rank      : rank_t;                             -- J, RECIPROCAL_FRACTION fractional bits; or ranked J_dl
   end record result_t;
 
   type results_t is array (natural range <>) of result_t;
@@ -308,7 +310,7 @@ package mpdcc_types is
   ) return unsigned;
 
   -- J_dl in trajectory units as an unsigned number of the same order
-  function ranked (excess : trajectory_t) return cost_t;
+  function ranked (excess : trajectory_t) return rank_t;
 
   -- '1' where a is better than b: feasible first, then cost or excess, then place, then not saturated
   function better (a, b : result_t) return std_logic;
@@ -547,7 +549,7 @@ package body mpdcc_types is
 
   end function transition_weight;
 
-  function ranked (excess : trajectory_t) return cost_t is
+  function ranked (excess : trajectory_t) return rank_t is
 
     variable result : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
 
@@ -556,7 +558,7 @@ package body mpdcc_types is
     -- signed order becomes unsigned order with the sign bit inverted
     result                       := unsigned(excess);
     result(TRAJECTORY_WIDTH - 1) := not result(TRAJECTORY_WIDTH - 1);
-    return resize(result, COST_WIDTH);
+    return resize(result, RANK_WIDTH);
 
   end function ranked;
 

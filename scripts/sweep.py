@@ -280,6 +280,7 @@ def simulated(point: Point) -> dict[str, Any]:
     import numpy as np
 
     from directmpc import formats as f
+    from directmpc.coefficients import COEFFICIENTS, OPTIONS
 
     if point.is_default:
         return {
@@ -298,7 +299,8 @@ def simulated(point: Point) -> dict[str, Any]:
             *(_near(core, states, rng, point.variant) for _ in range(20)),
         ]
     )
-    rows.registers[:, -2] = np.minimum(rows.registers[:, -2], 2**f.LENGTH_WIDTH - 1)
+    horizon = [*COEFFICIENTS, *OPTIONS].index("horizon")
+    rows.registers[:, horizon] = np.minimum(rows.registers[:, horizon], 2**f.LENGTH_WIDTH - 1)
     expected = rows.model(point.variant)
     found = core.simulate(rows, point.explorers, point.variant, bound=budgets.PATIENCE)
     wrong = int(np.any(found.decisions != expected, axis=1).sum())

@@ -124,6 +124,8 @@ CHANGE_FRACTION = -4  # change of a current on the way to a successor: 16 trajec
 BUDGET_WIDTH = 12  # candidates of the second level, 0: no limit
 DEADLOCK_NEUTRAL_SHIFT = 3  # weighted deadlock rule: the excess of v_n counts 2**3 times
 DEADLOCK_CURRENT_SHIFT = 4  # and the currents' is added to the worst excess as 1/2**4 of it
+#: What candidates are compared by: a cost, or the excess of one in a deadlock by either rule.
+RANK_WIDTH = max(COST_WIDTH, TRAJECTORY_WIDTH + DEADLOCK_NEUTRAL_SHIFT + DEADLOCK_CURRENT_SHIFT)
 
 #: Largest bound (trajectory units) by variant.  The fast search keeps 17-bit margins: a trajectory
 #: that does not leave before it turns goes at most 1.125 * (bound + |error|) beyond the error.

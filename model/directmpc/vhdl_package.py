@@ -99,6 +99,7 @@ def _formats() -> list[str]:
         ("TURN_SHIFT", f.TURN_SHIFT, "bits of the slope that the test for a turn leaves out"),
         ("TURN_WIDTH", f.TURN_WIDTH, "bits, slope beyond which a trajectory leaves first, signed"),
         ("COST_WIDTH", f.COST_WIDTH, "bits, unsigned"),
+        ("RANK_WIDTH", f.RANK_WIDTH, "bits, a cost or the excess of a deadlock, unsigned"),
         ("WEIGHT_WIDTH", f.WEIGHT_WIDTH, "bits, sqrt(lambda_n)*v_n, signed"),
         ("WEIGHT_SLOPE_WIDTH", f.WEIGHT_SLOPE_WIDTH, "bits, its slope per step, signed"),
         ("WEIGHT_SLOPE_FRACTION", f.WEIGHT_SLOPE_FRACTION, "extra fractional bits of the slope"),

@@ -186,9 +186,9 @@ def test_no_rank_of_a_deadlock_overflows() -> None:
     other = 2 ** (f.TRAJECTORY_WIDTH - 1)
     worst = max(neutral << f.DEADLOCK_NEUTRAL_SHIFT, other)
     assert worst < 2 ** (f.TRAJECTORY_WIDTH + f.DEADLOCK_NEUTRAL_SHIFT - 1)
-    assert (worst << f.DEADLOCK_CURRENT_SHIFT) + other < 2 ** (f.COST_WIDTH - 1)
+    assert (worst << f.DEADLOCK_CURRENT_SHIFT) + other < 2 ** (f.RANK_WIDTH - 1)
     least = -(2**f.BOUND_WIDTH)
-    assert (least << f.DEADLOCK_CURRENT_SHIFT) + least >= -(2 ** (f.COST_WIDTH - 1))
+    assert (least << f.DEADLOCK_CURRENT_SHIFT) + least >= -(2 ** (f.RANK_WIDTH - 1))
     ahead, bound = np.zeros(7, dtype=np.int64), np.zeros(7, dtype=np.int64)
     ahead[:4] = -other, 0, other - 1, neutral
     found = bit_true_fast._deadlock_rank(ahead, 0 * ahead, bound, 1)

@@ -103,7 +103,7 @@ class Bench:
         """Hold the result against the best of the candidates."""
         board, value = self.board, number(self.dut.result)
         # with the weighted rule built in excesses are counted in sixteenths, whatever the rule
-        got = unpack_result(value, 2 ** (f.COST_WIDTH - 1) if self.weighted else RANKED)
+        got = unpack_result(value, 2 ** (f.RANK_WIDTH - 1) if self.weighted else RANKED)
         alive = [c for c in candidates if c[2].feasible]
         if alive:
             index, s, want = min(alive, key=lambda c: c[2].cost)

@@ -47,7 +47,7 @@ def unpack_result(value: int, ranked: int = RANKED) -> dict[str, int]:
     fields = {}
     for name, width in (
         ("feasible", 1), ("saturated", 1), ("index", f.INDEX_WIDTH),
-        ("length", f.LENGTH_WIDTH), ("cost", f.COST_WIDTH),
+        ("length", f.LENGTH_WIDTH), ("cost", f.RANK_WIDTH),
     ):  # fmt: skip
         fields[name] = value & ((1 << width) - 1)
         value >>= width

@@ -29,7 +29,7 @@ TO_PROBE = {v: budgets.clocks("mpdcc_scheduler", "to_probe", v) for v in ("paper
 FROM_PROBE = {v: budgets.clocks("mpdcc_scheduler", "from_probe", v) for v in ("paper", "fast")}
 FROM_LAST = {v: budgets.clocks("mpdcc_scheduler", "from_last", v) for v in ("paper", "fast")}
 
-RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.COST_WIDTH
+RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.RANK_WIDTH
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Answer:
         for field, width in (
             (self.feasible, 1), (self.saturated, 1), (self.index, f.INDEX_WIDTH),
             (self.length, f.LENGTH_WIDTH),
-            (self.cost if self.feasible else self.excess + RANKED, f.COST_WIDTH),
+            (self.cost if self.feasible else self.excess + RANKED, f.RANK_WIDTH),
         ):  # fmt: skip
             value |= (int(field) & ((1 << width) - 1)) << offset
             offset += width

@@ -19,7 +19,7 @@ package mpdcc_flat is
   constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
   constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 3;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
-  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + COST_WIDTH;
+  constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + RANK_WIDTH;
   constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
 
   function to_vector (value : node_t) return std_logic_vector;
