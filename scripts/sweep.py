@@ -59,7 +59,7 @@ STEPS = 20_000  # of the closed loop, per speed
 #: Seeds of placement: a trend is asked for here, `make report` takes five.
 SEEDS = 2
 #: Variants and explorers that are placed: a placement takes minutes per seed.
-PLACED = (("fast", 1), ("paper", 2))
+PLACED = (("fast", 1), ("fast", 2), ("fast", 4), ("paper", 2))
 DRIVE = "anpc5l_6kv"
 
 #: Words that hold trajectory units, by their width in the default design; they get longer and
