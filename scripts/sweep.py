@@ -583,9 +583,9 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
             times.plot(x, y, "o", color=colours[row["variant"]], fillstyle="none", markersize=4)
             times.annotate(
                 f"{row['dimension']} {row['setting']}: {row['fmax_worst_mhz']:.0f} MHz",
-                (x, y), textcoords="offset points", xytext=(4, -10), fontsize=7,
+                (x, y), textcoords="offset points", xytext=(-14, 20), fontsize=7,
             )  # fmt: skip
-    times.margins(x=0.2)
+    times.margins(x=0.3)
     times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
     _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
     times.set_title("placed points: explorers, Fmax of the worst seed", fontsize=8)
