@@ -74,7 +74,13 @@ def digest(*parts: str | bytes | Path) -> str:
 
 @contextlib.contextmanager
 def replacing(out: Path) -> Iterator[Path]:
-    """Yield a temporary name beside `out` that becomes `out` only when the block succeeds."""
+    """Yield a temporary name beside `out` that becomes `out` only when the block succeeds.
+
+    A link stays, what it points at is replaced; devices and pipes are refused.
+    """
+    out = out.resolve()
+    if out.exists() and not out.is_file():
+        raise ToolError(f"{out}: cannot be written; the path of an ordinary file is needed")
     out.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.", suffix=out.suffix)
     os.close(handle)

@@ -250,7 +250,7 @@ def _explain(model: type[BaseModel], error: Any) -> str:
 def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a TOML file, all that can fail turned into a `DriveFileError`."""
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         reason = error.strerror or str(error)
         raise DriveFileError(

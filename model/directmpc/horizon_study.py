@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc import anpc, bit_true, bit_true_fast, closed_loop, ideal, metrics, sese_cycles
+from directmpc import bit_true, bit_true_fast, closed_loop, ideal, metrics, sese_cycles
 from directmpc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.coefficients import registers
 from directmpc.drive import Drive, load_drive
@@ -346,7 +346,7 @@ def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) ->
 
     figure, (above, below) = plt.subplots(2, 1, figsize=(6.4, 6), sharex=True, layout="constrained")
     for explorers, colour in ((1, "#b3472d"), (2, "#c9a227"), (4, "#1b6ca8")):
-        clocks = [worst_with_budget(explorers, budget) for budget, *_ in found]
+        clocks = [sese_cycles.bound(explorers, budget) for budget, *_ in found]
         above.errorbar(
             clocks, [f for _, _, f, _ in found], yerr=[h for *_, h in found], color=colour,
             marker="o", markersize=3, linewidth=1, label=f"n = {explorers}",
@@ -439,7 +439,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         fsw, half = interval([r["fsw_hz"] for r in found])
         dead = np.mean([r["deadlock_pct"] for r in found])
         budgets.append((budget, float(thd), fsw, half))
-        clocks = " / ".join(str(worst_with_budget(n, budget)) for n in (1, 2, 4))
+        clocks = " / ".join(str(sese_cycles.bound(n, budget)) for n in (1, 2, 4))
         lines.append(
             f"| {budget or 'all'} | {clocks} | {thd:.2f} % | {fsw:.0f} ± {half:.0f} Hz "
             f"| {dead:.1f} % |"
@@ -535,25 +535,6 @@ def _resources() -> dict[str, dict[str, int]]:
         unpacked, packed = budgets_file.slices(row)
         found[str(explorers)] = {**row, "slices_packed": packed, "slices_unpacked": unpacked}
     return found
-
-
-def worst_with_budget(explorers: int, budget: int) -> int:
-    """Most cycles over all s(k-1) of a search that may look at so many candidates."""
-    if budget == 0:
-        return sese_cycles.worst(explorers)[0]
-    most = 0
-    for index in range(512):
-        s = (index >> 6, index >> 3 & 7, index & 7)
-        left, kept, cut = budget, [], False
-        for node in sese_cycles.nodes_below(s):
-            if int(np.prod(node)) > left:
-                cut = True
-                break
-            left -= int(np.prod(node))
-            kept.append(node)
-        found = sese_cycles.search(explorers, len(anpc.candidates(s)), kept, cut=cut)
-        most = max(most, found)
-    return most
 
 
 if __name__ == "__main__":

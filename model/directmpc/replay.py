@@ -306,18 +306,34 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 """Who replays a trace, by the drive file's key `controller`."""
 
 
-def replay(request: Request) -> None:
-    """Do what was asked for; raises the errors that `main` reports."""
-    drive = load_any_drive(request.drive)
-    folder = request.out.parent
-    if request.out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+def clear_output(out: Path, *inputs: Path) -> None:
+    """Remove an earlier run's output, so that it never passes for the output of a run that fails.
+
+    Raises
+    ------
+    ReplayError
+        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
+    """
+    folder = out.parent
+    if out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
         raise ReplayError(
-            f"{request.out}: cannot be written (a folder, or in none that is writable); a path in "
+            f"{out}: cannot be written (a folder, or in none that is writable); a path in "
             "a writable folder is needed"
         )
-    for used in (request.drive, request.trace):
-        if request.out.exists() and used.exists() and request.out.samefile(used):
-            raise ReplayError(f"{request.out}: is an input of this replay; another path is needed")
+    if not out.exists():
+        return
+    if not out.is_file():
+        raise ReplayError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
+    for used in inputs:
+        if used.exists() and out.samefile(used):
+            raise ReplayError(f"{out}: is an input of this replay; another path is needed")
+    out.resolve().unlink()
+
+
+def replay(request: Request) -> None:
+    """Do what was asked for; raises the errors that `main` reports."""
+    clear_output(request.out, request.drive, request.trace)
+    drive = load_any_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)
 
 

@@ -7,7 +7,6 @@ model on the states that the plant went through, and compared with the ideal con
 from __future__ import annotations
 
 import math
-import os
 import signal
 import sys
 import time
@@ -35,6 +34,7 @@ from directmpc.replay import (
     VARIANTS,
     OneParagraphParser,
     ReplayError,
+    clear_output,
     decisions_of,
     progress_bar,
     report_error,
@@ -42,6 +42,7 @@ from directmpc.replay import (
 from directmpc.rtl_simulation import Job, Loop
 from directmpc.simulator import ROOT, SimulationError, terminable
 from directmpc.trace import Decisions, MpdccTrace
+from scripts import tools
 
 FloatArray = NDArray[np.float64]
 
@@ -115,12 +116,10 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
     Raises
     ------
     ValueError
-        If there is no such operating point, or the drive cannot be represented.
+        If the variant does not serve the drive, or the drive cannot be represented.
     SimulationError
         If the simulation fails.
     """
-    if speed == 0.0:
-        raise ReplayError("--speed: got 0; a stator frequency other than 0 is needed")
     if drive.control.switching_horizon not in VARIANTS[variant].switching_horizons:
         raise ReplayError(
             f'control.switching_horizon: got "{drive.control.switching_horizon}"; the variant '
@@ -317,9 +316,8 @@ def save_png(figure: object, path: Path) -> None:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     image = Image.open(buffer).convert("RGB").quantize(128, dither=Image.Dither.NONE)
-    temporary = path.with_name(f".{path.name}.tmp")
-    image.save(temporary, format="PNG", optimize=True)
-    os.replace(temporary, path)
+    with tools.replacing(path) as temporary:
+        image.save(temporary, format="PNG", optimize=True)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -339,8 +337,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(width=None if sys.stdout.isatty() else 110)
     try:
         drive = load_drive(given.drive)
+        if given.speed == 0.0:
+            raise ReplayError("--speed: got 0; a stator frequency other than 0 is needed")
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        clear_output(given.out, given.drive)
         with terminable():
-            run = simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+            try:
+                run = simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+            except ValueError as error:  # names the key, but does not know the file
+                raise ReplayError(f"{given.drive}: {error}") from error
         draw(run, given.out)
     except (ValueError, SimulationError, OSError) as error:
         report_error("run", error)

@@ -20,6 +20,16 @@ from directmpc import anpc
 ROOT = 46
 """Clocks of a search of one explorer but for one for each candidate."""
 
+PREPARATION = 16
+"""Clocks from one node's preparation to the next: what even a node of few leaves costs."""
+
+BEHIND = (3, 1)
+"""Clocks more where such a node follows one whose leaves keep the dispatcher until then; with four
+explorers and more none keeps it longer than a preparation."""
+
+AROUND = 49
+"""Clocks before the first node's leaves and behind the last one's, with one explorer."""
+
 Counts = tuple[int, int, int]
 
 
@@ -103,6 +113,39 @@ def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
         if found > most:
             most, where = found, np.array(s)
     return most, where
+
+
+def bound(explorers: int, budget: int) -> int:
+    """Clocks that no search with a budget exceeds, whichever candidates live; a few above the worst.
+
+    Each node costs what the dispatcher takes to hand out its leaves, or its preparation; the dearest
+    choice of nodes within the budget is found over all s(k-1). `worst` is exact instead,
+    since without a budget more nodes always take longer.
+
+    Parameters
+    ----------
+    explorers
+        1 to 8.
+    budget
+        Candidates of the second level, 0: no limit.
+    """
+    if budget == 0:
+        return worst(explorers)[0]
+    in_step = min(explorers, 4)
+    least = PREPARATION + BEHIND[in_step == 4]
+    alike = {
+        (len(anpc.candidates(s)), tuple(sorted(nodes_below(s))))
+        for s in itertools.product(range(anpc.POSITIONS), repeat=3)
+    }
+    most = 0
+    for root, nodes in alike:
+        dearest = np.zeros(budget + 1, dtype=np.int64)  # clocks by leaves spent
+        for a, b, c in nodes:
+            leaves, clocks = a * b * c, max(a * b * -(-c // in_step), least)
+            if leaves <= budget:
+                dearest[leaves:] = np.maximum(dearest[leaves:], dearest[:-leaves] + clocks)
+        most = max(most, ROOT + root + int(dearest[-1]))
+    return min(most + AROUND + in_step - 1, worst(explorers)[0])
 
 
 def nodes_below(s: tuple[int, ...]) -> list[Counts]:

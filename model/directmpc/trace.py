@@ -340,8 +340,13 @@ def _integers(table: dict[str, list[str]], name: str) -> IntArray:
 
 
 def _write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Write a CSV file whole or not at all: a temporary file in the same folder, then renamed."""
-    target = Path(path)
+    """Write a CSV file whole or not at all: a temporary file in the same folder, then renamed.
+
+    A link stays, what it points at is written; devices and pipes are refused.
+    """
+    target = Path(path).resolve()
+    if target.exists() and not target.is_file():
+        raise TraceError(f"{path}: cannot be written; the path of an ordinary file is needed")
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
         with open(temporary, "x", encoding="utf-8", newline="") as file:

@@ -252,6 +252,26 @@ def test_bad_arguments(
     assert trace_file.read_bytes() == before
 
 
+def test_an_earlier_runs_decisions_do_not_outlive_a_failure(
+    trace_file: Path, tmp_path: Path
+) -> None:
+    out, link, pipe = tmp_path / "out.csv", tmp_path / "link.csv", tmp_path / "pipe.csv"
+    link.symlink_to(out)
+    os.mkfifo(pipe)
+    good = ["--drive", DRIVE, "--trace", trace_file, "--engine", "model", "--out"]
+    done = command(*good, link)
+    assert done.returncode == 0, done.stderr
+    assert link.is_symlink()
+    assert out.read_text(encoding="utf-8").startswith("s_a,")
+    done = command("--drive", DRIVE, "--trace", DRIVE, "--engine", "model", "--out", link)
+    assert done.returncode == 2
+    assert not out.exists()
+    done = command(*good, pipe)
+    assert done.returncode == 2
+    assert "ordinary file" in done.stderr
+    assert pipe.is_fifo()
+
+
 def test_a_simulator_that_is_missing(trace_file: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("GHDL", "no-such-ghdl")
     done = command("--drive", DRIVE, "--trace", trace_file, "--out", tmp_path / "out.csv")

@@ -166,6 +166,13 @@ def test_bad_files(
         assert part in message
 
 
+def test_a_byte_order_mark_is_no_key(drives_folder: Path, tmp_path: Path) -> None:
+    text = (drives_folder / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    path = tmp_path / "drive.toml"
+    path.write_text(text, encoding="utf-8-sig")
+    assert load_drive(path) == load_drive(drives_folder / "anpc5l_6kv.toml")
+
+
 def test_unreadable_files(tmp_path: Path) -> None:
     with pytest.raises(DriveFileError, match=r"none\.toml: cannot be read"):
         load_drive(tmp_path / "none.toml")

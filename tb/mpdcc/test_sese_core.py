@@ -153,6 +153,41 @@ def test_the_published_bound_is_the_schedules(explorers: int) -> None:
     assert replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True) == most
 
 
+def _climb(explorers: int, budget: int, rng: np.random.Generator) -> int:
+    """Most cycles found by changing which of the first level's candidates live, from one s(k-1)."""
+    s = tuple(int(p) for p in rng.integers(0, anpc.POSITIONS, 3))
+    nodes, root = sese_cycles.nodes_below(s), int(anpc.NEXT_COUNT[list(s)].prod())
+
+    def cycles(alive: np.ndarray) -> int:
+        left, kept = budget, []
+        for node in (node for node, lives in zip(nodes, alive, strict=True) if lives):
+            if int(np.prod(node)) > left:
+                return sese_cycles.search(explorers, root, kept, cut=True)
+            left -= int(np.prod(node))
+            kept.append(node)
+        return sese_cycles.search(explorers, root, kept)
+
+    best = rng.random(len(nodes)) < rng.random()
+    most = cycles(best)
+    for _ in range(120):
+        tried = best ^ (rng.random(len(nodes)) < 2 / len(nodes))
+        if (found := cycles(tried)) >= most:
+            best, most = tried, found
+    return most
+
+
+@pytest.mark.parametrize("explorers", [1, 2, 3, 4, 8])
+def test_no_search_with_a_budget_exceeds_its_bound(explorers: int) -> None:
+    rng = np.random.default_rng(explorers)
+    nearest = 0.0
+    for budget in (75, 250, 980, *(int(b) for b in rng.integers(27, 2500, 4))):
+        bound = sese_cycles.bound(explorers, budget)
+        most = max(_climb(explorers, budget, rng) for _ in range(15))
+        assert most <= bound, budget
+        nearest = max(nearest, most / bound)
+    assert nearest > 0.95  # a bound that says something
+
+
 @pytest.mark.parametrize("two", [0, 1])
 def test_the_rails_are_the_models(two: int) -> None:
     # states of any size, words and registers of any content: many are too far out to be predicted
