@@ -125,7 +125,7 @@ virtual-board: $(READY) ## the board top in simulation, its UART on a pseudo-ter
 
 bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
 	$(call need,BOARD,the board)
-	@'$(PY)' -m scripts.bitstream --jobs '$(JOBS)' --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+	@'$(PY)' -m scripts.bitstream --jobs '$(JOBS)' --seeds '$(SEEDS)' --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
 netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)

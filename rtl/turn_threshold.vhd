@@ -11,7 +11,7 @@
 -- is dead whatever the threshold, so that l is left out.
 --
 -- Formats: trajectory units; threshold unsigned, 0 to 2**18 - 1.
--- Latency: done LENGTH_WIDTH clocks after start, and threshold is stable until the next start.
+-- Latency: threshold is valid LENGTH_WIDTH + 1 clocks after start and stable until the next start.
 -- Overflow: none as long as the margins are those of an error inside its band, elsewhere the threshold
 -- is void (and unused).
 -- Tried and dropped: 2 * sqrt(M * abs(c)) changes no more decisions but needs a product and a root;

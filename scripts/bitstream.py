@@ -390,6 +390,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--page", action="store_true", help="write docs/boards.md's table")
     parser.add_argument("--netlist", action="store_true", help="netlists for the vendor's tools")
     given = parser.parse_args(arguments)
+    if given.seeds < 1:
+        parser.error(f"argument --seeds: got {given.seeds}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
     try:
         if given.page:

@@ -380,6 +380,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to this one")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args(arguments)
+    if given.seeds < 1:
+        parser.error(f"argument --seeds: got {given.seeds}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 140)
     problems: list[str] = []
     summaries: list[dict[str, Any]] = []
@@ -395,7 +397,7 @@ def main(arguments: list[str] | None = None) -> int:
             )
         ]
         if not chosen:
-            raise ToolError("no configuration has that in its name")
+            parser.error("no configuration has that in its name")
         for one in chosen:
             if one.entity.lower() not in known:
                 problems.append(f"{one.entity} is not in rtl/")

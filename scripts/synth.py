@@ -311,7 +311,7 @@ def main(arguments: list[str] | None = None) -> int:
             and (not given.only or any(w in one.name for w in given.only))
         ]
         if not chosen:
-            raise ToolError("no configuration of an existing entity has that in its name")
+            parser.error("no configuration of an existing entity has that in its name")
         work = [(one, family) for one in chosen for family in one.families if family in wanted]
         # Conversions first, one each: the families of a configuration share its netlist.
         with Progress(console=Console(stderr=True), transient=True) as progress:

@@ -201,6 +201,16 @@ def _rounded_bounds(
     return [round(bound * unit * round(error) / error) for bound, error in pairs]
 
 
+def _curvature_unit(drive: Drive) -> float:
+    """Finest unit in which a phase's curvature fits its word, at rated speed, flux and current.
+
+    Control periods below about 100 us leave room; beyond, a finer unit would clip the curvature.
+    """
+    q = fit_parabola(drive.machine, drive.ts_pu)
+    largest = abs(q.curvature_emf) + abs(q.curvature_flux) + abs(q.curvature_reference)
+    return (2 ** (f.CURVATURE_WIDTH - 1) - 1) / largest
+
+
 def _successor(
     drive: Drive, real: dict[str, float], weight: dict[str, float], unit: float, variant: str
 ) -> dict[str, float]:
@@ -255,6 +265,7 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
     unit = min(
         min(_HIGH / abs(value) for value in real.values() if value != 0.0),
         f.BOUND_HIGH[variant] / max(bounds),
+        _curvature_unit(drive) if variant == "fast" else math.inf,
     )
     # a bound in the rounded gain of its error may come out a little above the word
     while max(_rounded_bounds(bounds, real, unit)) > f.BOUND_HIGH[variant]:

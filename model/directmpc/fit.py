@@ -11,6 +11,7 @@ matches no realistic leakage this way, so p is fitted here to the drive at hand.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -214,18 +215,18 @@ def format_table(drive: Drive) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table for a drive file; returns the process exit status."""
-    if len(arguments) != 1:
-        print("usage: python -m directmpc.fit DRIVE.toml", file=sys.stderr)
-        return 2
+    parser = argparse.ArgumentParser(prog="fit", description=__doc__.splitlines()[0])
+    parser.add_argument("drive", help="drive file (TOML) of an MPDCC drive")
+    given = parser.parse_args(arguments)
     try:
-        print(format_table(load_drive(arguments[0])))
+        print(format_table(load_drive(given.drive)))
     except DriveFileError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+        print(f"fit: {error}", file=sys.stderr)
+        return 2
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

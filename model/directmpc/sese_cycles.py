@@ -116,11 +116,11 @@ def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
 
 
 def bound(explorers: int, budget: int) -> int:
-    """Clocks that no search with a budget exceeds, whichever candidates live; a few above the worst.
+    """Clocks that no search with a budget exceeds, whichever candidates live.
 
-    Each node costs what the dispatcher takes to hand out its leaves, or its preparation; the dearest
-    choice of nodes within the budget is found over all s(k-1). `worst` is exact instead,
-    since without a budget more nodes always take longer.
+    A few clocks above the worst: each node costs what the dispatcher takes to hand out its leaves,
+    or its preparation, and the dearest choice of nodes within the budget is found over all s(k-1).
+    Without a budget more nodes always take longer, so that `worst` is exact.
 
     Parameters
     ----------

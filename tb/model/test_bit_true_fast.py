@@ -260,3 +260,11 @@ def test_fast_enough(drive: Drive) -> None:
         bit_true_fast.run(drive, trace)
         best = min(best, time.perf_counter() - began)
     assert len(trace) / best > 20_000
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "anpc5l_3kv3"])
+def test_the_unit_leaves_room_for_the_curvature_of_a_long_period(name: str) -> None:
+    # the curvature goes with the square of the period; a finer unit would clip one row in five
+    drive = states.changed(states.shipped(name), ts=200e-6)
+    found = bit_true_fast.run(drive, states.near(drive, 600, np.random.default_rng(3)))
+    assert found.saturated.sum() < 18  # states beyond rated speed and flux

@@ -56,6 +56,7 @@ def test_nothing_to_fit(drive: Drive, length: int, speeds: list[float]) -> None:
 def test_command(drives_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert fit.main([str(drives_folder / "anpc5l_6kv.toml")]) == 0
     assert "<- chosen" in capsys.readouterr().out
-    assert fit.main([str(tmp_path / "none.toml")]) == 1
+    assert fit.main([str(tmp_path / "none.toml")]) == 2
     assert "none.toml" in capsys.readouterr().err
-    assert fit.main([]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        fit.main([])

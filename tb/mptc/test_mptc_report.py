@@ -18,6 +18,7 @@ import pytest
 
 from directmpc.mptc import closed_loop, report, study
 from directmpc.reporting import ReportError
+from scripts import budgets, tools
 from tb.mptc import core
 
 
@@ -61,6 +62,17 @@ def test_metrics_have_the_promised_shape(figures: dict) -> None:
     for tour in figures["tour"].values():
         assert tour["saturated"] == 0
         assert abs(tour["end_rpm"] + 1500.0) < 30.0
+
+
+def test_published_resources_are_those_that_are_held(figures: dict) -> None:
+    held = budgets.load().resources
+    compared = 0
+    for key, entity, generics in report.DESIGNS:
+        one = figures[key] if key else figures
+        for family, row in held[tools.configuration_name(entity, generics)].items():
+            assert {name: one[family][name] for name in row} == row, (key, family)
+            compared += 1
+    assert compared >= 14
 
 
 def test_paper_b_is_reproduced(figures: dict) -> None:
