@@ -15,7 +15,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from directmpc import coefficients, formats
@@ -81,15 +81,55 @@ class RegisterValues:
     saturated: list[str] = field(default_factory=list)
 
     def writes(self) -> list[tuple[str, int, int]]:
-        """Name, address and 32-bit word of every write; the commit is the last."""
+        """Name, address and 32-bit word of every write; the commit is the last.
+
+        Raises
+        ------
+        ValueError
+            If a value does not fit its register.
+        """
         registers = registers_of(self.controller)
         rows = []
         for name, value in self.words.items():
             address, fields = registers[name]
-            ((low, width, _),) = fields.values()
-            rows.append((name, address, (value & ((1 << width) - 1)) << low))
+            (only,) = fields
+            rows.append((name, address, packed(name, fields, {only: value})))
         address, fields = registers["system.command"]
-        return [*rows, ("system.command", address, 1 << fields["commit"][0])]
+        return [*rows, ("system.command", address, packed("system.command", fields, {"commit": 1}))]
+
+
+def packed(
+    register: str, fields: Mapping[str, tuple[int, int, bool]], given: Mapping[str, int]
+) -> int:
+    """Word of a register; fields that are not given are 0.
+
+    Parameters
+    ----------
+    register
+        Its name, for messages.
+    fields
+        As in the map: lowest bit, bits, signed.
+    given
+        Values by field.
+
+    Raises
+    ------
+    KeyError
+        If there is no such field.
+    ValueError
+        If a value does not fit its field; it would become another one, or reach into the next.
+    """
+    word = 0
+    for field_name, value in given.items():
+        low, width, signed = fields[field_name]
+        least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
+        if not least <= value <= most:
+            raise ValueError(
+                f"{register}: {field_name} = {value} does not fit; it must be an integer from "
+                f"{least} to {most}"
+            )
+        word |= (value & (1 << width) - 1) << low
+    return word
 
 
 def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]:

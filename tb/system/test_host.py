@@ -2,8 +2,8 @@
 
 Stimulus: random frames and bytes; a line that loses, repeats, breaks and delays replies.
 Checks: stuffing both ways, what a receiver makes of every single changed bit and lost byte, what
-the host makes of a bad line; the page's examples; that generated files are what their generators
-write.
+the host makes of a bad line; what it refuses before anything is sent; the page's examples; that
+generated files are what their generators write.
 Does not prove: anything about the RTL, see test_host_link and test_board.
 """
 
@@ -14,7 +14,8 @@ import struct
 
 import pytest
 
-from directmpc.drive import load_drive
+from directmpc.drive import load_any_drive, load_drive
+from directmpc.host import __main__ as commands
 from directmpc.host import examples, vhdl_package
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError
@@ -122,6 +123,9 @@ class Line:
         data, self.waiting = self.waiting, b""
         return data
 
+    def close(self) -> None:
+        """Nothing to give back."""
+
 
 def link_of(board: LinkModel, **options) -> Link:
     clock = iter(range(10**9))
@@ -190,6 +194,80 @@ def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     assert complete.load(found) == lacking.load(plain) == len(found.writes())
     with pytest.raises(RegisterError, match="this board ignores"):
         lacking.load(found)
+
+
+@pytest.mark.parametrize(
+    ("controller", "register", "field", "least", "most"),
+    [
+        (Controller.MPTC, "guard.dead_time", "clocks", 0, 4095),
+        (Controller.MPTC, "system.control", "enable", 0, 1),
+        (Controller.MPTC, "parameters.c_speed", "value", -(2**17), 2**17 - 1),
+        (Controller.MPDCC, "parameters.c_error_alpha", "value", -(2**15), 2**15 - 1),
+        (Controller.MPDCC, "parameters.bound_neutral", "value", 0, 2**16 - 1),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused_before_anything_is_sent(
+    controller: Controller, register: str, field: str, least: int, most: int
+) -> None:
+    words: dict[int, int] = {}
+    line = model(controller=controller, words=words)
+    board = Board(link_of(line))
+    address = registers_of(board.controller)[register][0]
+    for value in (least, most):
+        board.write(register, **{field: value})
+        assert board.read(register)[field] == value
+    sent, kept = dict(line.counters), words[address]
+    for value in (least - 1, most + 1, 10**12):
+        with pytest.raises(
+            RegisterError, match=f"{register}: {field} = {value} .*{least} to {most}"
+        ):
+            board.write(register, **{field: value})
+    for word in (-1, 2**32):
+        with pytest.raises(RegisterError, match="32 bits"):
+            board.write_word(address, word)
+    assert (dict(line.counters), words[address]) == (sent, kept)
+
+
+def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:
+    words: dict[int, int] = {}
+    found = values(
+        load_any_drive(ROOT / "drives" / "induction_2kw2.toml"), GuardSettings(clock=25e6)
+    )
+    found.words["guard.watchdog"] = 70_000
+    with pytest.raises(RegisterError, match=r"guard.watchdog: clocks = 70000 .*0 to 65535"):
+        Board(link_of(model(words=words))).load(found)
+    assert not words
+
+
+@pytest.fixture
+def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Run the host's command on a model of a board: status, output, complaints."""
+
+    def run(board: LinkModel, *arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(commands, "SerialStream", lambda port, baud: Line(board))
+        status = commands.main(["--port", "a line", *map(str, arguments)])
+        shown = capsys.readouterr()
+        return status, shown.out, shown.err
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (("guard.dead_time", "clocks=5000"), "guard.dead_time: clocks = 5000 does not fit"),
+        (("guard.dead_time", "clocks=-1"), "from 0 to 4095"),
+        (("system.control", "enable=2"), "from 0 to 1"),
+        (("system.control", "enable=yes"), "'yes'"),
+        (("system.control", "enable"), "'enable' is not FIELD=VALUE"),
+    ],
+)
+def test_the_command_writes_nothing_that_does_not_fit(host, given, reason) -> None:
+    words: dict[int, int] = {}
+    status, text, complaints = host(model(words=words), "write", *given)
+    assert (status, text, words) == (2, "", {})
+    assert len(complaints.splitlines()) == 1
+    assert reason in complaints
 
 
 def test_generated_texts_are_current() -> None:

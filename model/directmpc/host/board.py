@@ -7,7 +7,7 @@ import struct
 from directmpc.host import protocol as p
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Identity, Outcome, Type
-from directmpc.registers import RegisterValues, registers_of
+from directmpc.registers import RegisterValues, packed, registers_of
 
 _RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
 
@@ -65,8 +65,10 @@ class Board:
 
     def write_word(self, address: int, word: int) -> None:
         """Write a register's word."""
+        if not 0 <= word < 1 << 32:
+            raise RegisterError(f"write to 0x{address:03X}: {word} is not a word of 32 bits")
         _, response = struct.unpack(
-            "<HB", self.link.request(Type.WRITE, struct.pack("<HI", address, word & 0xFFFFFFFF))
+            "<HB", self.link.request(Type.WRITE, struct.pack("<HI", address, word))
         )
         if response:
             raise RegisterError(f"write to 0x{address:03X}: {_RESPONSES.get(response, response)}")
@@ -82,12 +84,18 @@ class Board:
         return found
 
     def write(self, name: str, **values: int) -> None:
-        """Write fields of a register; those not given are written as 0."""
+        """Write fields of a register; those not given are written as 0.
+
+        Raises
+        ------
+        RegisterError
+            If a value does not fit its field; nothing is sent then.
+        """
         address, fields = self._map[name]
-        word = 0
-        for field, value in values.items():
-            low, width, _ = fields[field]
-            word |= (value & (1 << width) - 1) << low
+        try:
+            word = packed(name, fields, values)
+        except ValueError as error:
+            raise RegisterError(str(error)) from None
         self.write_word(address, word)
 
     def load(self, found: RegisterValues) -> int:
@@ -98,7 +106,8 @@ class Board:
         LinkError
             If the drive is for the other controller.
         RegisterError
-            If it asks for what was not built into this board.
+            If it asks for what was not built into this board, or a value does not fit its register;
+            nothing is written then.
         """
         if found.controller != self.controller:
             raise LinkError(
@@ -111,7 +120,10 @@ class Board:
                     f"the drive sets {name}, which this board ignores: its capabilities lack "
                     f"{capability}"
                 )
-        writes = found.writes()
+        try:
+            writes = found.writes()
+        except ValueError as error:
+            raise RegisterError(str(error)) from None
         for _, address, word in writes:
             self.write_word(address, word)
         return len(writes)
