@@ -283,6 +283,30 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
     )
 
 
+def refuse_unserved(drive: Drive, variant: str) -> None:
+    """Refuse a drive that asks for what the explorers of a variant cannot do.
+
+    Raises
+    ------
+    ValueError
+        Naming the drive file's key.
+    """
+    if variant == "fast":
+        return
+    # left out in silence, nobody would notice: the core decides all the same
+    control = drive.control
+    for key, asked, given, served in (
+        ("switching_horizon", control.switching_horizon != "SE", '"SESE"', '"SE"'),
+        ("budget", control.budget != 0, control.budget, "0"),
+        ("delay_compensation", control.delay_compensation, "true", "false"),
+        ("deadlock_rule", control.deadlock_rule != "largest", '"weighted"', '"largest"'),
+    ):
+        if asked:
+            raise ValueError(
+                f"control.{key}: got {given}; the variant {variant} serves {served} alone"
+            )
+
+
 def registers(drive: Drive, variant: str) -> Registers:
     """Register values of a drive.
 
@@ -300,17 +324,13 @@ def registers(drive: Drive, variant: str) -> Registers:
     Raises
     ------
     ValueError
-        Where a value cannot be represented; the message names the drive file's key.
+        Where a value cannot be represented, or the variant does not serve the drive's settings;
+        the message names the drive file's key.
     """
+    refuse_unserved(drive, variant)
     exact = unrounded(drive, variant)
     coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
     bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
-    fast = variant == "fast"
-    weighted = drive.control.deadlock_rule == "weighted"
-    if weighted and not fast:
-        raise ValueError(
-            f'control.deadlock_rule: got "weighted"; the variant {variant} serves "largest" alone'
-        )
     return Registers(
         coefficients=coefficients,
         bound_current=bounds[0],
@@ -318,10 +338,10 @@ def registers(drive: Drive, variant: str) -> Registers:
         bound_phase=bounds[2],
         horizon=drive.control.horizon,
         weight_scale=exact.weight_scale,
-        two_switchings=int(fast and drive.control.switching_horizon == "SESE"),
-        budget=drive.control.budget if fast else 0,
-        compensate=int(fast and drive.control.delay_compensation),
-        deadlock_rule=int(weighted),
+        two_switchings=int(drive.control.switching_horizon == "SESE"),
+        budget=drive.control.budget,
+        compensate=int(drive.control.delay_compensation),
+        deadlock_rule=int(drive.control.deadlock_rule == "weighted"),
         unit=exact.unit,
         extrapolation=exact.extrapolation,
         correction=exact.correction,

@@ -204,7 +204,8 @@ def values(
     Raises
     ------
     ValueError
-        Where a coefficient cannot be represented; the message names the drive file's key.
+        Where a coefficient cannot be represented, or the variant does not serve the drive's
+        settings; the message names the drive file's key.
     """
     saturated: list[str] = []
     guard = guard_words(drive, settings or GuardSettings(), saturated)

@@ -52,8 +52,6 @@ class Variant:
         The same for one step, compiled: the signature of `ideal.decide`.
     decide_words
         The same on the words of the core's ports: the signature of `bit_true.decide_words`.
-    switching_horizons
-        Values of ``control.switching_horizon`` it decides with.
     worst_cycles
         Most clock cycles of a decision for a number of explorers, any input: the published bound
         of scripts/budgets.toml, counted as `cycles` of the decisions file; the fast variant's with
@@ -64,7 +62,6 @@ class Variant:
     run: Callable[[Drive, MpdccTrace], Decisions]
     decide: Any
     decide_words: Any
-    switching_horizons: tuple[str, ...]
     worst_cycles: Callable[..., int]
 
 
@@ -82,7 +79,6 @@ VARIANTS = {
         bit_true_fast.run,
         bit_true_fast.decide,
         bit_true_fast.decide_words,
-        ("SE", "SESE"),
         _fast_worst,
     ),
     "paper": Variant(
@@ -90,7 +86,6 @@ VARIANTS = {
         bit_true.run,
         bit_true.decide,
         bit_true.decide_words,
-        ("SE",),
         lambda explorers: budgets.worst(explorers, "paper"),
     ),
 }
@@ -234,25 +229,13 @@ def decide_mpdcc(
     Raises
     ------
     ValueError
-        If the drive's registers cannot be represented.
-    ReplayError
-        If the variant does not serve the drive's switching horizon.
+        If the drive's registers cannot be represented, or the variant does not serve its settings.
     SimulationError
         If the simulation fails.
     """
     if engine == "ideal":
         return ideal.run(drive, rows)
     chosen = VARIANTS[variant]
-    wanted = drive.control.switching_horizon
-    if wanted not in chosen.switching_horizons:
-        raise ReplayError(
-            f'control.switching_horizon: got "{wanted}"; the variant {variant} serves '
-            f"{' and '.join(chosen.switching_horizons)} alone, the engine ideal all"
-        )
-    if drive.control.delay_compensation and variant != "fast":
-        raise ReplayError(
-            f"control.delay_compensation: got true; the variant {variant} serves false alone"
-        )
     # A number near the largest float leaves its range when scaled; it saturates all the same.
     with np.errstate(over="ignore"):
         if engine == "model":

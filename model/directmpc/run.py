@@ -120,15 +120,6 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
     SimulationError
         If the simulation fails.
     """
-    if drive.control.switching_horizon not in VARIANTS[variant].switching_horizons:
-        raise ReplayError(
-            f'control.switching_horizon: got "{drive.control.switching_horizon}"; the variant '
-            f"{variant} does not serve it"
-        )
-    if drive.control.delay_compensation and variant != "fast":
-        raise ReplayError(
-            f"control.delay_compensation: got true; the variant {variant} serves false alone"
-        )
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)

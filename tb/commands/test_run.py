@@ -16,6 +16,7 @@ from directmpc import closed_loop, ideal, run
 from directmpc.drive import load_drive
 from directmpc.replay import VARIANTS
 from directmpc.simulator import ROOT
+from tb.common import states
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,6 +51,14 @@ def test_the_rtl_makes_the_same_loop(modelled: run.Run) -> None:
     np.testing.assert_array_equal(found.result.positions, modelled.result.positions)
     np.testing.assert_allclose(found.result.state, modelled.result.state, atol=1e-12)
     assert found.result.shadow_count() == modelled.result.shadow_count()
+
+
+def test_what_the_paper_variant_cannot_do_is_an_error() -> None:
+    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    for setting in ({"switching_horizon": "SESE"}, {"delay_compensation": True}):
+        (key,) = setting
+        with pytest.raises(ValueError, match=rf"control\.{key}: got .*variant paper serves"):
+            run.simulate(states.changed(drive, **setting), 1.0, 3, 2, "paper")
 
 
 def test_a_difference_is_an_error(

@@ -300,6 +300,26 @@ def test_registers_refuse_what_does_not_fit(
         co.registers(with_control(drive, lambda_n=1e6), "paper")
 
 
+@pytest.mark.parametrize(
+    ("setting", "port", "value"),
+    [
+        ({"switching_horizon": "SESE"}, "two_switchings", 1),
+        ({"budget": 7}, "budget", 7),
+        ({"delay_compensation": True}, "compensate", 1),
+        ({"deadlock_rule": "weighted"}, "deadlock_rule", 1),
+    ],
+)
+def test_registers_refuse_what_the_paper_variant_cannot_do(
+    drive: Drive, with_control: Callable[..., Drive], setting: dict, port: str, value: int
+) -> None:
+    asked = with_control(drive, **setting)
+    assert co.registers(asked, "fast").ports()[port] == value
+    assert co.registers(drive, "paper").ports()[port] == 0
+    (key,) = setting
+    with pytest.raises(ValueError, match=rf"^control\.{key}: got .*; the variant paper serves"):
+        co.registers(asked, "paper")
+
+
 def test_the_generated_package_is_up_to_date() -> None:
     path = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl" / "directmpc_constants.vhd"
     assert path.read_text(encoding="utf-8") == vhdl_package.text()

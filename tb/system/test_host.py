@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import random
 import struct
+from pathlib import Path
 
 import pytest
 
@@ -250,6 +251,31 @@ def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
         return status, shown.out, shown.err
 
     return run
+
+
+@pytest.mark.parametrize(
+    ("setting", "key"),
+    [
+        ('switching_horizon = "SESE"', "switching_horizon"),
+        ("budget = 7", "budget"),
+        ("delay_compensation = true", "delay_compensation"),
+    ],
+)
+@pytest.mark.parametrize("order", ["load", "run"])
+def test_a_board_with_the_papers_explorers_is_not_given_what_they_cannot_do(
+    host, tmp_path: Path, setting: str, key: str, order: str
+) -> None:
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = text.replace("switching_horizon", "# switching_horizon")
+    drive = tmp_path / "drive.toml"
+    drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
+    words: dict[int, int] = {}
+    board = model(controller=Controller.MPDCC, words=words)
+    assert board.identity.options & 1
+    status, shown, complaints = host(board, order, drive)
+    assert (status, shown, words) == (2, "", {})
+    assert complaints.startswith(f"host: {drive}: control.{key}: got")
+    assert len(complaints.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

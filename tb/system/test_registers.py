@@ -147,6 +147,18 @@ def test_a_bad_drive_is_one_line(tmp_path: Path) -> None:
     assert "bad.toml" in complaints
 
 
+def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> None:
+    drive = tmp_path / "sese.toml"
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    assert '"SE"   #' in text
+    drive.write_text(text.replace('"SE"   #', '"SESE" #', 1), encoding="utf-8")
+    assert command(str(drive))[0] == 0
+    status, text, complaints = command(str(drive), "--variant", "paper")
+    assert (status, text) == (2, "")
+    assert complaints.startswith(f"registers: {drive}: control.switching_horizon")
+    assert len(complaints.splitlines()) == 1
+
+
 def test_ports_of_a_register_block_without_a_known_meaning_are_an_error() -> None:
     block = "    port (\n        clk : in std_logic;\n        irq : out std_logic\n    );\n"
     with pytest.raises(ValueError, match="clk, irq"):

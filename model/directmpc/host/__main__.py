@@ -83,7 +83,10 @@ def _settings(board: Board, given: argparse.Namespace) -> GuardSettings:
 
 def _load(board: Board, console: Console, drive: Drive | MptcDrive, given: Any) -> RegisterValues:
     variant = "paper" if board.is_mpdcc() and board.identity.options & 1 else "fast"
-    found = values(drive, _settings(board, given), variant)
+    try:
+        found = values(drive, _settings(board, given), variant)
+    except ValueError as error:  # names the key, but does not know the file
+        raise ValueError(f"{given.drive}: {error}") from None
     for problem in found.saturated:
         console.print(f"saturated: {problem}", style="yellow")
     if given.lock_step:

@@ -12,7 +12,7 @@ from directmpc.registers import RegisterValues, packed, registers_of
 _RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
 
 
-#: Registers that a board without the option reads and ignores, and the capability they need.
+#: Registers that a board without the option takes and ignores, and the capability they need.
 _NEEDED = {
     "parameters.two_switchings": "second_level",
     "parameters.compensate": "second_level",
