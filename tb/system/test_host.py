@@ -253,6 +253,20 @@ def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     return run
 
 
+def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
+    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
+    control = drive.control.model_copy(update={"method": "MPFC"})
+    found = values(drive.model_copy(update={"control": control}), GuardSettings(clock=25e6))
+    address, fields = registers_of("mptc")["system.capabilities"]
+    words: dict[int, int] = {}
+    lacking = Board(link_of(model(words=words)))
+    with pytest.raises(RegisterError, match=r"sets parameters.method_mpfc, .*lack flux_control"):
+        lacking.load(found)
+    assert not words
+    words[address] = 1 << fields["flux_control"][0]
+    assert lacking.load(found) == len(found.writes())
+
+
 @pytest.mark.parametrize(
     ("setting", "key"),
     [

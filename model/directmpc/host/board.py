@@ -17,6 +17,7 @@ _NEEDED = {
     "parameters.two_switchings": "second_level",
     "parameters.compensate": "second_level",
     "parameters.deadlock_rule": "weighted_deadlock",
+    "parameters.method_mpfc": "flux_control",
 }
 
 
