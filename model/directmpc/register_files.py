@@ -48,6 +48,10 @@ Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words
 [registers/directmpc.rdl](../registers/directmpc.rdl). A drive file becomes register values with
 `make registers DRIVE=drives/anpc5l_6kv.toml`, see `python -m directmpc.registers --help`.
 
+**Clock.** The gate guard counts its times in clocks of the core. They are made for 25 MHz, the
+core's clock on every board; for a core with another one give it, `ARGS='--clock 50e6'` for 50 MHz.
+A clock above the core's own makes watchdogs longer than asked for, one below it dead times shorter.
+
 **Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
 when `command.commit` is written; until then decisions and gate guard see the old values. What the
 reset puts there takes effect by itself. `status.commit_pending` tells that a commit still waits

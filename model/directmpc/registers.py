@@ -24,6 +24,9 @@ from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
 
+#: Clock of the core on every board of scripts/boards.py, Hz.
+CORE_CLOCK = 25e6
+
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
 GUARD_MINIMUM_TIME = 200
@@ -36,7 +39,7 @@ class GuardSettings:
     Attributes
     ----------
     clock : float
-        Clock frequency of the system, Hz.
+        Clock frequency of the core, Hz: the guard's times are counted in it.
     dead_time, minimum_on, minimum_off : float
         s.
     current : float or None
@@ -51,7 +54,7 @@ class GuardSettings:
         Longest time between two decisions, control periods.
     """
 
-    clock: float = 50e6
+    clock: float = CORE_CLOCK
     dead_time: float = 2e-6
     minimum_on: float = 4e-6
     minimum_off: float = 4e-6
@@ -284,7 +287,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     defaults = GuardSettings()
     unset = {"current": "1.8 pu, or 0.95 of full scale", "decision_limit": "0.9, MPTC 1.1"}
     for name, unit in (
-        ("clock", "Hz"),
+        ("clock", "clock of the core that its times are counted in, Hz"),
         ("dead_time", "s"),
         ("minimum_on", "s"),
         ("minimum_off", "s"),

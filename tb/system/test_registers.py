@@ -70,8 +70,10 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
     if found.controller == "mpdcc":
         for port, value in mpdcc_registers(drive, "fast").ports().items():
             assert found.words[f"parameters.{port}"] == value
-    # a period of 50 us at 50 MHz
-    assert found.words["guard.dead_time"] == 100
+    # 2 us, and one and a half control periods, at the boards' 25 MHz
+    assert drive.control.ts == 50e-6
+    assert found.words["guard.dead_time"] == 50
+    assert found.words["guard.watchdog"] == 1875
     assert found.writes()[-1][0] == "system.command"
 
 
@@ -88,7 +90,7 @@ def test_what_does_not_fit_is_named_and_safe() -> None:
     assert found.words["guard.current_limit"] == 2**15 - 1
     # rounded to the safe side
     found = registers.values(drive, registers.GuardSettings(dead_time=2.01e-6, current=1.00001))
-    assert found.words["guard.dead_time"] == 101
+    assert found.words["guard.dead_time"] == 51
     assert found.words["guard.current_limit"] == 16_000
 
 
@@ -107,6 +109,18 @@ def test_make_runs_the_command() -> None:
     assert done.stdout == command(drive.removeprefix("DRIVE="), "--csv")[1]
     done = subprocess.run(make, capture_output=True, text=True, check=False)
     assert "registers: DRIVE is not set" in done.stderr
+
+
+def test_the_command_takes_the_clock() -> None:
+    drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
+    found = {}
+    for clock, given in ((25e6, ()), (50e6, ("--clock", "50e6"))):
+        rows = csv.DictReader(io.StringIO(command(drive, "--csv", *given)[1]))
+        found[clock] = {row["register"]: int(row["value"]) for row in rows}
+        assert found[clock]["guard.dead_time"] == round(2e-6 * clock)
+        assert found[clock]["guard.watchdog"] == round(75e-6 * clock)
+    for name in found[25e6]:
+        assert name.startswith("guard.") or found[25e6][name] == found[50e6][name]
 
 
 def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
