@@ -52,6 +52,12 @@ Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words
 core's clock on every board; for a core with another one give it, `ARGS='--clock 50e6'` for 50 MHz.
 A clock above the core's own makes watchdogs longer than asked for, one below it dead times shorter.
 
+**What does not fit.** The gate guard is never set less safe than asked for. `dead_time`,
+`minimum_on`, `minimum_off` and `link_low` are rounded up; where one does not fit its register, that
+is an error, exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
+`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down; where one does not
+fit, the largest there is becomes its value, which is safer, and a line on standard error says so.
+
 **Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
 when `command.commit` is written; until then decisions and gate guard see the old values. What the
 reset puts there takes effect by itself. `status.commit_pending` tells that a commit still waits

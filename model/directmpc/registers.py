@@ -1,12 +1,13 @@
 """A drive file as register values: what a host writes into a system, as C, CSV or a table.
 
 ``python -m directmpc.registers drives/anpc5l_6kv.toml --c`` prints a C array of addresses and words
-that ends with the commit; ``--csv`` the same for a program to read.  Whatever does not fit its
-register is set to the nearest value that does and named, on standard error and in the C comment.
+that ends with the commit; ``--csv`` the same for a program to read.
 
 The gate guard's settings are not in a drive file, they belong to the switches and the clock; they
-have options here.  Times become clocks, rounded up, trip levels are rounded towards zero (a lower
-limit up): never less safe than asked for.
+have options here.  What the guard gets is never less safe than asked for: dead and minimum times
+and lower limits are rounded up, longest times and upper limits down.  What does not fit its
+register is an error where the nearest value that does is less safe; where it is safer, it is
+written and named, on standard error and in the C comment.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class RegisterValues:
     words : dict of int
         Register name as in the map -> integer, signed where the register is; in address order.
     saturated : list of str
-        One sentence per value that did not fit.
+        One sentence per value that did not fit, and is safer or less exact than asked for.
     """
 
     controller: str
@@ -142,52 +143,97 @@ def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, i
     return MAPS[controller]
 
 
-def _clipped(name: str, value: int, width: int, unit: str, saturated: list[str]) -> int:
-    """Value in an unsigned register; a sentence where it does not fit."""
-    high = (1 << width) - 1
-    inside = min(max(value, 0), high)
-    if inside != value:
-        saturated.append(f"{name}: {value} {unit} do not fit, {inside} written")
-    return inside
+@dataclass(frozen=True)
+class _Setting:
+    """A setting of the gate guard on its way to a register.
+
+    Attributes
+    ----------
+    asked : float
+        In the unit of ``GuardSettings``.
+    unit : str
+        Its name.
+    scale : float
+        Counts of the register in one of them.
+    counts : str
+        What the register counts.
+    width : int
+        Bits of the register, unsigned.
+    more_is_safer : bool
+        True of times that have to pass and of lower limits, false of longest times and of upper
+        limits. It is rounded to the safe side.
+    """
+
+    asked: float
+    unit: str
+    scale: float
+    counts: str
+    width: int
+    more_is_safer: bool
+
+    def word(self, name: str, saturated: list[str]) -> int:
+        """Register value; a sentence in ``saturated`` where the nearest one is safer.
+
+        Raises
+        ------
+        ValueError
+            Where the nearest one is less safe, or this is no number.
+        """
+        exact = self.asked * self.scale
+        if not math.isfinite(exact):
+            raise ValueError(f"{name}: {self.asked:g} {self.unit} cannot be counted")
+        # what is a whole number of counts but for the last bit stays that number
+        counts = math.ceil(exact - 1e-6) if self.more_is_safer else math.floor(exact + 1e-6)
+        most = (1 << self.width) - 1
+        inside = min(max(counts, 0), most)
+        if inside == counts:
+            return counts
+        if (inside > counts) is self.more_is_safer:
+            saturated.append(f"{name}: {counts:.12g} {self.counts} do not fit, {inside} written")
+            return inside
+        allowed = f"at most {most / self.scale:.12g} {self.unit}, {most} {self.counts}"
+        raise ValueError(
+            f"{name}: got {self.asked:g} {self.unit}, {counts:.12g} {self.counts}; it must be "
+            f"{allowed if counts > most else 'at least 0'}"
+        )
 
 
 def guard_words(
     drive: Drive | MptcDrive, settings: GuardSettings, saturated: list[str]
 ) -> dict[str, int]:
-    """Registers of the gate guard; appends to ``saturated``."""
-    limit = settings.decision_limit
-    if limit is None:
-        limit = 0.9 if isinstance(drive, Drive) else 1.1
-    times = {
-        "dead_time": (settings.dead_time, 12),
-        "minimum_on": (settings.minimum_on, 12),
-        "minimum_off": (settings.minimum_off, 12),
-        "decision_limit": (limit * drive.control.ts, 16),
-        "watchdog": (settings.watchdog * drive.control.ts, 16),
-    }
-    found = {
-        # a time that is a whole number of clocks but for the last bit stays that number
-        name: _clipped(
-            f"guard.{name}", math.ceil(time * settings.clock - 1e-6), width, "clocks", saturated
-        )
-        for name, (time, width) in times.items()
-    }
+    """Registers of the gate guard; appends to ``saturated``.
+
+    Raises
+    ------
+    ValueError
+        Where the nearest value that fits would be less safe than what is asked for.
+    """
+    clock = settings.clock
+    if not 0.0 < clock < math.inf:
+        raise ValueError(f"clock: got {clock:g} Hz; it must be a number above 0")
+    limit, current = settings.decision_limit, settings.current
     if isinstance(drive, Drive):
-        current = 1.8 if settings.current is None else settings.current
-        level, link = current * formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
-        nominal, full = drive.inverter.vdc, 15
+        limit = 0.9 if limit is None else limit
+        current, unit = 1.8 if current is None else current, "pu"
+        current_scale, link = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
     else:
         form = mptc_formats.measurement_formats(drive)
-        current = 0.95 * drive.control.current_max if settings.current is None else settings.current
-        level, link = current * form["is_alpha"].scale, form["v_dc"].scale
-        nominal, full = drive.inverter.vdc, 15
-    found["current_limit"] = _clipped(
-        "guard.current_limit", math.floor(level), full, "of the current's unit", saturated
-    )
-    high, low = settings.link_high * nominal * link, settings.link_low * nominal * link
-    found["link_high"] = _clipped("guard.link_high", math.floor(high), 16, "of v_dc", saturated)
-    found["link_low"] = _clipped("guard.link_low", math.ceil(low), 16, "of v_dc", saturated)
-    return found
+        limit = 1.1 if limit is None else limit
+        current, unit = 0.95 * drive.control.current_max if current is None else current, "A"
+        current_scale, link = form["is_alpha"].scale, form["v_dc"].scale
+    period, clocks = clock * drive.control.ts, f"clocks of {clock / 1e6:g} MHz"
+    voltage = "of the nominal dc-link voltage", link * drive.inverter.vdc, "of v_dc", 16
+    chosen = {
+        "dead_time": _Setting(settings.dead_time, "s", clock, clocks, 12, True),
+        "minimum_on": _Setting(settings.minimum_on, "s", clock, clocks, 12, True),
+        "minimum_off": _Setting(settings.minimum_off, "s", clock, clocks, 12, True),
+        "decision_limit": _Setting(limit, "control periods", period, clocks, 16, False),
+        "watchdog": _Setting(settings.watchdog, "control periods", period, clocks, 16, False),
+        "current_limit": _Setting(current, unit, current_scale, "of its unit", 15, False),
+        "link_high": _Setting(settings.link_high, *voltage, False),
+        "link_low": _Setting(settings.link_low, *voltage, True),
+    }
+    return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
 
 
 def values(
@@ -208,7 +254,8 @@ def values(
     ------
     ValueError
         Where a coefficient cannot be represented, or the variant does not serve the drive's
-        settings; the message names the drive file's key.
+        settings; the message names the drive file's key. Where a setting of the gate guard does not
+        fit and the nearest that does is less safe; the message names the register.
     """
     saturated: list[str] = []
     guard = guard_words(drive, settings or GuardSettings(), saturated)

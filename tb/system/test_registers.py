@@ -3,7 +3,8 @@
 Sweep: both controllers, all shipped drives.
 Checks: every parameter port of the cores has a register of its width and no two share an
 address; the fixed lower half is alike; values are those of the cores' own tables; what does not fit
-saturates, is named, and never on the unsafe side; the C array compiles and holds the CSV's words.
+saturates and is named on the safe side, and is refused on the other; the C array compiles and holds
+the CSV's words.
 Does not prove: what the registers do, see test_system.
 """
 
@@ -12,13 +13,14 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import math
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from directmpc import register_files, registers
+from directmpc import formats, register_files, registers
 from directmpc.coefficients import registers as mpdcc_registers
 from directmpc.drive import load_any_drive
 from directmpc.register_map import MAPS
@@ -79,19 +81,63 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
 
 def test_what_does_not_fit_is_named_and_safe() -> None:
     drive = load_any_drive(ROOT / "drives" / "anpc5l_6kv.toml")
-    settings = registers.GuardSettings(dead_time=1.0, current=5.0, link_high=9.0)
+    settings = registers.GuardSettings(
+        decision_limit=90.0, watchdog=60.0, current=5.0, link_high=9.0
+    )
     found = registers.values(drive, settings)
-    assert [text.partition(":")[0] for text in found.saturated] == [
-        "guard.dead_time",
-        "guard.current_limit",
-        "guard.link_high",
-    ]
-    assert found.words["guard.dead_time"] == 4095
-    assert found.words["guard.current_limit"] == 2**15 - 1
+    clipped = ["decision_limit", "watchdog", "current_limit", "link_high"]
+    assert [text.partition(":")[0] for text in found.saturated] == [f"guard.{n}" for n in clipped]
+    for name in clipped:
+        assert found.words[f"guard.{name}"] == (2**15 if name == "current_limit" else 2**16) - 1
     # rounded to the safe side
-    found = registers.values(drive, registers.GuardSettings(dead_time=2.01e-6, current=1.00001))
+    settings = registers.GuardSettings(
+        dead_time=2.01e-6, watchdog=1.5005, current=1.00001, link_high=1.25, link_low=0.75
+    )
+    found = registers.values(drive, settings)
+    assert found.saturated == []
     assert found.words["guard.dead_time"] == 51
+    assert found.words["guard.watchdog"] == 1875
     assert found.words["guard.current_limit"] == 16_000
+    level = drive.inverter.vdc * formats.LINK_VOLTAGE.scale
+    assert found.words["guard.link_high"] == math.floor(1.25 * level) < 1.25 * level
+    assert found.words["guard.link_low"] == math.ceil(0.75 * level) > 0.75 * level
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "allowed"),
+    [
+        ("dead_time", 1e-3, "25000 clocks of 25 MHz; it must be at most 0.0001638 s, 4095 clocks"),
+        ("minimum_on", 163.81e-6, "at most 0.0001638 s"),
+        ("minimum_off", 1e300, "at most 0.0001638 s"),
+        ("minimum_off", 1e305, "cannot be counted"),
+        ("link_low", 2.0, "65536 of v_dc; it must be at most 1.99996948242 of the nominal dc-link"),
+        ("clock", 0.0, "clock: got 0 Hz; it must be a number above 0"),
+    ],
+)
+def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: str) -> None:
+    path = ROOT / "drives" / "induction_2kw2.toml"
+    with pytest.raises(ValueError, match=name) as refused:
+        registers.values(load_any_drive(path), registers.GuardSettings(**{name: asked}))
+    assert allowed in str(refused.value)
+    status, text, complaints = command(str(path), f"--{name.replace('_', '-')}", str(asked), "--c")
+    assert (status, text) == (2, "")
+    assert complaints == f"registers: {path}: {refused.value}\n"
+
+
+def test_the_longest_times_fit() -> None:
+    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
+    longest = 0.0001638
+    settings = registers.GuardSettings(
+        dead_time=longest, minimum_on=longest, minimum_off=longest, link_low=1.99996948242
+    )
+    found = registers.values(drive, settings)
+    assert found.saturated == []
+    for name in ("dead_time", "minimum_on", "minimum_off"):
+        assert found.words[f"guard.{name}"] == 4095
+    assert found.words["guard.link_low"] == 65535
+    # a negative trip level would become one of 0
+    with pytest.raises(ValueError, match=r"guard.current_limit: .* at least 0"):
+        registers.values(drive, registers.GuardSettings(current=-1.0))
 
 
 def command(*arguments: str) -> tuple[int, str, str]:
@@ -132,9 +178,9 @@ def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
         "word": "0x00000001",
         "value": "1",
     }
-    _, text, complaints = command(drive, "--c", "--dead-time", "1")
-    assert "saturated: guard.dead_time" in text
-    assert "saturated: guard.dead_time" in complaints
+    _, text, complaints = command(drive, "--c", "--watchdog", "100")
+    assert "saturated: guard.watchdog" in text
+    assert "saturated: guard.watchdog" in complaints
     source = tmp_path / "registers.c"
     source.write_text(
         command(drive, "--c")[1]
