@@ -27,7 +27,7 @@ endif
 
 # Processes at a time, tests and synthesis alike
 JOBS ?= 2
-# Further arguments of run, test, synth, pnr and report
+# Further arguments of run, test, registers, synth, pnr and report
 ARGS ?=
 export JOBS
 
@@ -97,7 +97,7 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
 	$(call need,DRIVE,the drive file)
 	$(call readable,DRIVE)
-	@'$(PY)' -m directmpc.registers "$$DRIVE" $(or $(ARGS),--csv)
+	@'$(PY)' -m directmpc.registers "$$DRIVE" $(ARGS)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)
 	@'$(PY)' -m scripts.synth --jobs '$(JOBS)' $(ARGS)

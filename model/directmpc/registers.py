@@ -1,7 +1,7 @@
-"""A drive file as register values: what a host writes into a system, as C, CSV or a table.
+"""A drive file as register values: what a host writes into a system, as CSV, C or a table.
 
-``python -m directmpc.registers drives/anpc5l_6kv.toml --c`` prints a C array of addresses and words
-that ends with the commit; ``--csv`` the same for a program to read.
+``python -m directmpc.registers drives/anpc5l_6kv.toml`` prints addresses and words as CSV, the
+commit last; ``--c`` the same as a C array, ``--table`` for people.
 
 The gate guard's settings are not in a drive file, they belong to the switches and the clock; they
 have options here.  What the guard gets is never less safe than asked for: dead and minimum times
@@ -328,8 +328,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("drive", help="drive file (TOML)")
     layout = parser.add_mutually_exclusive_group()
+    layout.add_argument("--csv", action="store_true", help="comma-separated; the default")
     layout.add_argument("--c", action="store_true", help="a C array")
-    layout.add_argument("--csv", action="store_true", help="comma-separated")
+    layout.add_argument("--table", action="store_true", help="columns for people")
     parser.add_argument("--variant", choices=("fast", "paper"), default="fast", help="MPDCC only")
     defaults = GuardSettings()
     unset = {"current": "1.8 pu, or 0.95 of full scale", "decision_limit": "0.9, MPTC 1.1"}
@@ -361,7 +362,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.c:
             text = format_c(found, os.path.basename(given.drive))
         else:
-            text = format_csv(found) if given.csv else format_table(found)
+            text = format_table(found) if given.table else format_csv(found)
         print(text, flush=True)
     except BrokenPipeError:  # a reader such as head has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

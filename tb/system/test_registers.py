@@ -152,7 +152,13 @@ def test_make_runs_the_command() -> None:
     make = ["make", "-s", "-C", str(ROOT), "registers"]
     drive = f"DRIVE={ROOT / 'drives' / 'induction_2kw2.toml'}"
     done = subprocess.run([*make, drive], capture_output=True, text=True, check=False)
-    assert done.stdout == command(drive.removeprefix("DRIVE="), "--csv")[1]
+    path = drive.removeprefix("DRIVE=")
+    assert done.stdout == command(path)[1] == command(path, "--csv")[1]
+    # an option that has nothing to do with the layout leaves it alone
+    slower = [*make, drive, "ARGS=--clock 20e6"]
+    done = subprocess.run(slower, capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("register,address,word,value\n")
+    assert "\nguard.dead_time,0x040,0x00000028,40\n" in done.stdout
     done = subprocess.run(make, capture_output=True, text=True, check=False)
     assert "registers: DRIVE is not set" in done.stderr
 
@@ -167,6 +173,14 @@ def test_the_command_takes_the_clock() -> None:
         assert found[clock]["guard.watchdog"] == round(75e-6 * clock)
     for name in found[25e6]:
         assert name.startswith("guard.") or found[25e6][name] == found[50e6][name]
+
+
+def test_the_command_prints_a_table() -> None:
+    drive = str(ROOT / "drives" / "induction_2kw2.toml")
+    _, text, _ = command(drive, "--table")
+    rows = [tuple(line.split()) for line in text.splitlines()]
+    parts = csv.reader(io.StringIO(command(drive)[1]))
+    assert [tuple(row) for row in parts][1:] == rows
 
 
 def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
