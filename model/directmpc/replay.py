@@ -309,7 +309,7 @@ def clear_output(out: Path, *inputs: Path) -> None:
         raise ReplayError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
     for used in inputs:
         if used.exists() and out.samefile(used):
-            raise ReplayError(f"{out}: is an input of this replay; another path is needed")
+            raise ReplayError(f"{out}: is an input; another path is needed")
     out.resolve().unlink()
 
 

@@ -34,6 +34,7 @@ from directmpc.host.protocol import (
 from directmpc.host.reference import LinkModel
 from directmpc.registers import GuardSettings, registers_of, values
 from directmpc.rtl_simulation import ROOT
+from directmpc.trace import read_decisions
 
 
 def model(
@@ -308,6 +309,47 @@ def test_the_command_writes_nothing_that_does_not_fit(host, given, reason) -> No
     assert (status, text, words) == (2, "", {})
     assert len(complaints.splitlines()) == 1
     assert reason in complaints
+
+
+@pytest.mark.parametrize(
+    ("controller", "name", "out", "reason"),
+    [
+        (Controller.MPTC, "induction_2kw2", "out.csv", "--out: {drive} is an mptc drive"),
+        (
+            Controller.MPDCC,
+            "anpc5l_6kv",
+            "none/out.csv",
+            "{folder}/none/out.csv: cannot be written",
+        ),
+        (Controller.MPDCC, "anpc5l_6kv", ".", "{folder}: cannot be written"),
+        (Controller.MPDCC, "anpc5l_6kv", "drive.toml", "{folder}/drive.toml: is an input"),
+    ],
+)
+def test_what_cannot_be_written_is_found_before_the_first_step(
+    host, tmp_path: Path, controller: Controller, name: str, out: str, reason: str
+) -> None:
+    drive, words = tmp_path / "drive.toml", {}
+    text = (ROOT / "drives" / f"{name}.toml").read_text(encoding="utf-8")
+    drive.write_text(text, encoding="utf-8")
+    board = model(controller=controller, words=words)
+    given = ("run", drive, "--steps", 2, "--out", tmp_path / out)
+    status, shown, complaints = host(board, *given)
+    assert (status, shown, words) == (2, "", {})
+    assert complaints.startswith("host: " + reason.format(drive=drive, folder=tmp_path))
+    assert len(complaints.splitlines()) == 1
+    assert sorted(tmp_path.iterdir()) == [drive]
+    assert drive.read_text(encoding="utf-8") == text
+
+
+def test_run_writes_the_decisions(host, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    # the model of a board answers every step alike: the decisions differ from the bit-true model's
+    board = model(controller=Controller.MPDCC)
+    status, _, _ = host(
+        board, "run", ROOT / "drives" / "anpc5l_6kv.toml", "--steps", 3, "--out", out
+    )
+    assert status == 1
+    assert len(read_decisions(out)) == 3
 
 
 def test_generated_texts_are_current() -> None:

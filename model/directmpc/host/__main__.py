@@ -29,7 +29,7 @@ from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import Outcome
 from directmpc.registers import GuardSettings, RegisterValues, values
-from directmpc.replay import OneParagraphParser, progress_bar, report_error
+from directmpc.replay import OneParagraphParser, clear_output, progress_bar, report_error
 from directmpc.trace import write_decisions
 
 LONGEST_TIME = 0xFFFF
@@ -108,6 +108,13 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Close the loop with a plant here."""
     drive = load_any_drive(given.drive)
+    if given.out:  # found out after the last step, all of them would have been for nothing
+        if not isinstance(drive, Drive):
+            raise ValueError(
+                f"--out: {given.drive} is an {drive.controller} drive; the decisions of mpdcc "
+                "drives alone are written"
+            )
+        clear_output(given.out, given.drive)
     _load(board, console, drive, given)
     variant = "paper" if board.identity.options & 1 else "fast"
     board.write("system.control", enable=0, own_positions=0)
