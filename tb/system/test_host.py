@@ -38,11 +38,12 @@ from directmpc.trace import read_decisions
 
 
 def model(
-    controls: bool = True, controller: Controller = Controller.MPTC, words: dict | None = None
-) -> LinkModel:
+    controls: bool = True, controller: Controller = Controller.MPTC, words: dict | None = None,
+    explorers: int = 0,
+) -> LinkModel:  # fmt: skip
     words = {} if words is None else words
     return LinkModel(
-        Identity(p.VERSION, controller, 0, 1 + 2 * controls, 0, 25_000_000, 125_000),
+        Identity(p.VERSION, controller, explorers, 1 + 2 * controls, 0, 25_000_000, 125_000),
         read=lambda address: (0, words.get(address, 0)),
         write=lambda address, word: words.update({address: word}) or 0,
         step=lambda payload: Decision(payload[0] & 7, 0, 0, 39, 0, 0),
@@ -350,6 +351,13 @@ def test_run_writes_the_decisions(host, tmp_path: Path) -> None:
     )
     assert status == 1
     assert len(read_decisions(out)) == 3
+
+
+@pytest.mark.parametrize(("count", "shown"), [(1, "1 explorer,"), (2, "2 explorers,")])
+def test_identify_counts_explorers(host, count: int, shown: str) -> None:
+    status, text, _ = host(model(controller=Controller.MPDCC, explorers=count), "identify")
+    assert status == 0
+    assert shown in text
 
 
 def test_generated_texts_are_current() -> None:

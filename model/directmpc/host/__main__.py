@@ -39,7 +39,8 @@ LONGEST_TIME = 0xFFFF
 def _facts(board: Board) -> Table:
     identity = board.identity
     table = Table(show_header=False)
-    explorers = f", {identity.explorers} explorers" if identity.explorers else ""
+    count = identity.explorers
+    explorers = f", {count} explorer{'s' if count > 1 else ''}" if count else ""
     folded = ", the paper's" if board.is_mpdcc() and identity.options & 1 else ""
     table.add_row("controller", f"{identity.controller.name}{explorers}{folded}")
     version = board.read("system.version")
