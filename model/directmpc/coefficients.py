@@ -293,11 +293,11 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
     """
     if variant == "fast":
         return
-    # left out in silence, nobody would notice: the core decides all the same
+    # left out in silence, nobody would notice: the core decides all the same;
+    # a budget limits SESE alone and has no effect without it in any variant
     control = drive.control
     for key, asked, given, served in (
         ("switching_horizon", control.switching_horizon != "SE", '"SESE"', '"SE"'),
-        ("budget", control.budget != 0, control.budget, "0"),
         ("delay_compensation", control.delay_compensation, "true", "false"),
         ("deadlock_rule", control.deadlock_rule != "largest", '"weighted"', '"largest"'),
     ):
@@ -339,7 +339,7 @@ def registers(drive: Drive, variant: str) -> Registers:
         horizon=drive.control.horizon,
         weight_scale=exact.weight_scale,
         two_switchings=int(drive.control.switching_horizon == "SESE"),
-        budget=drive.control.budget,
+        budget=drive.control.budget if variant == "fast" else 0,
         compensate=int(drive.control.delay_compensation),
         deadlock_rule=int(drive.control.deadlock_rule == "weighted"),
         unit=exact.unit,

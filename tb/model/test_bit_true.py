@@ -304,7 +304,6 @@ def test_registers_refuse_what_does_not_fit(
     ("setting", "port", "value"),
     [
         ({"switching_horizon": "SESE"}, "two_switchings", 1),
-        ({"budget": 7}, "budget", 7),
         ({"delay_compensation": True}, "compensate", 1),
         ({"deadlock_rule": "weighted"}, "deadlock_rule", 1),
     ],
@@ -318,6 +317,12 @@ def test_registers_refuse_what_the_paper_variant_cannot_do(
     (key,) = setting
     with pytest.raises(ValueError, match=rf"^control\.{key}: got .*; the variant paper serves"):
         co.registers(asked, "paper")
+
+
+def test_a_budget_without_sese_has_no_effect(drive: Drive, with_control) -> None:
+    asked = with_control(drive, budget=7)
+    assert co.registers(asked, "fast").ports()["budget"] == 7
+    assert co.registers(asked, "paper") == co.registers(drive, "paper")
 
 
 def test_the_generated_package_is_up_to_date() -> None:
