@@ -169,11 +169,13 @@ def registers_of(drive_name: str) -> Registers:
 def recorded(
     drive: Drive, steps: int, speed: float, generating: bool = False, seed: int = 0
 ) -> MpdccTrace:
-    """What the bit-true controller saw in a closed loop of its own."""
+    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for."""
+    plain_settings = changed(
+        drive, switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
+    )
+    values = registers(plain_settings, "paper").array()
     point = OperatingPoint(speed, current=1.0 if not generating else 0.7, generating=generating)
-    return closed_loop.simulate(
-        drive, bit_true.decide, registers(drive, "paper").array(), point, steps, seed=seed
-    ).trace()
+    return closed_loop.simulate(drive, bit_true.decide, values, point, steps, seed=seed).trace()
 
 
 def named_measurement(row: IntArray) -> dict[str, int]:

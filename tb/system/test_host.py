@@ -273,7 +273,6 @@ def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
     ("setting", "key"),
     [
         ('switching_horizon = "SESE"', "switching_horizon"),
-        ("budget = 7", "budget"),
         ("delay_compensation = true", "delay_compensation"),
     ],
 )
