@@ -79,7 +79,7 @@ architecture rtl of leaf_dispatcher is
   signal choice_a : choice_t;
   signal choice_b : choice_t;
   signal choice_c : choice_t;                 -- of explorer 0
-  signal left     : unsigned(3 downto 0);     -- blocks after this one, void after the last
+  signal left     : unsigned(3 downto 0);     -- blocks after this one
   signal end_c    : std_logic;
   signal finished : std_logic;
 

@@ -56,7 +56,8 @@ A clock above the core's own makes watchdogs longer than asked for, one below it
 `minimum_on`, `minimum_off` and `link_low` are rounded up; where one does not fit its register, that
 is an error, exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
 `decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down; where one does not
-fit, the largest there is becomes its value, which is safer, and a line on standard error says so.
+fit, the largest there is becomes its value, no less safe, and a line on standard error says so. A
+`current_limit` or `link_high` at full scale never trips: nothing above it can be measured.
 
 **Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
 when `command.commit` is written; until then decisions and gate guard see the old values. What the

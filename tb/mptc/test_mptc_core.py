@@ -9,8 +9,10 @@ Checks: vector, switch states, both flags bit for bit; the twin itself against f
 test_mptc_model; the RTL in GHDL, and its converted netlist in Verilator, a second simulator.
 Timing: 39 clocks for MPTC and 78 for MPFC from start to valid, always; the bench ends a simulation
 in which a decision takes more than 40 or 80.
-Faults: one in the tie rule, one in the torque's sign, one in MPFC's clamp, one in the latency: each
-must turn the comparison red.
+Resets: at every edge of a decision of either method; the next one, with other parameters, is the
+twin's and takes the clocks it takes without.
+Faults: in the tie rule, the torque's sign, MPFC's clamp, the latency, three in MPFC's program
+decoded a clock ahead, two in the reset: each must turn the comparison red.
 Does not prove: parameters that change between start and valid, which is forbidden.
 """
 
@@ -25,7 +27,7 @@ from directmpc.mptc import rtl_simulation
 from directmpc.mptc.rtl_simulation import Job
 from directmpc.simulator import SimulationError
 from scripts import netlist, netlist_check
-from tb.common.simulation import RTL
+from tb.common.simulation import RTL, BenchError, Outcome, run
 from tb.mptc import core
 
 
@@ -118,6 +120,9 @@ FAULTS = {
     "tie rule": ("mptc_core.vhd", "best_cost & wins_tie", "best_cost & '0'"),
     "torque sign": ("mptc_core.vhd", "negative_beta(number) xor mpfc", "negative_beta(number)"),
     "clamp": ("mptc_core.vhd", "beyond <= not radicand_fits", "beyond <= '0'"),
+    "first products": ("mptc_core.vhd", "start = '1' and active = '0';", "start = '1';"),
+    "fork": ("mptc_core.vhd", "address = FORK - 1 and mpfc = '1'", "address = FORK - 1"),
+    "decoded late": ("mptc_core.vhd", "address = PROGRAM(i, 0) - 1", "address = PROGRAM(i, 0)"),
     "latency": ("mptc_constants.vhd", "LAST_MPTC : natural := 38", "LAST_MPTC : natural := 37"),
 }
 
@@ -137,6 +142,46 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         nothing = np.zeros_like(rows.measurements)
         rows = core.Rows(rows.registers, nothing, rows.u)
     assert wrong(rows, ghdl(rows, rtl=tmp_path)) > 0
+
+
+def resets(rtl: Path = RTL) -> Outcome:
+    return run(
+        "mptc_core_bench",
+        "tb.mptc.bench_mptc_core_reset",
+        units=["mptc_core"],
+        files=[Path(__file__).with_name("mptc_core_bench.vhd")],
+        generics={"FLUX_CONTROL": "true"},
+        rtl=rtl,
+    )
+
+
+def test_a_reset_leaves_nothing_behind() -> None:
+    assert resets().checks["decision"] == 117
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (
+            "        address <= PARKED;\n        valid   <= '0';\n      end if;",
+            "address <= PARKED; end if;",
+        ),
+        (
+            "        active  <= '0';\n        address <= PARKED;\n        valid",
+            "active <= '0'; valid",
+        ),
+    ],
+    ids=["valid", "address"],
+)
+def test_a_reset_that_forgets_is_found(old: str, new: str, tmp_path: Path) -> None:
+    for path in RTL.glob("*.vhd"):
+        text = path.read_text(encoding="utf-8")
+        if path.name == "mptc_core.vhd":
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    with pytest.raises(BenchError, match="reset at edge"):
+        resets(tmp_path)
 
 
 def test_a_simulation_that_fails_says_so(tmp_path: Path) -> None:

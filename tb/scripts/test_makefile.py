@@ -7,11 +7,14 @@ Does not prove: what the started programs do.
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from scripts import bitstream, pnr, synth, tools
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -98,6 +101,39 @@ def test_replay_says_what_is_wrong(project, change, message):
     assert done.returncode != 0
     assert message in done.stderr
     assert "<" not in done.stdout, "nothing may be started"
+
+
+def test_seeds_and_layouts_reach_the_programs(project):
+    done = make(project, "bitstream", "BOARD=ulx3s-85f", "SEEDS=3")
+    assert "<--seeds>\n<3>\n" in done.stdout
+    done = make(project, "registers", "DRIVE=drive.toml", "ARGS=--clock 20e6")
+    assert done.stdout.splitlines()[-3:] == ["<drive.toml>", "<--clock>", "<20e6>"]
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments"),
+    [
+        (pnr, ["--seeds", "0"]),
+        (pnr, ["no such name"]),
+        (synth, ["no such name"]),
+        (bitstream, ["--board", "ulx3s-85f", "--seeds", "0"]),
+    ],
+)
+def test_what_cannot_be_meant_ends_with_code_2(program, arguments, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        program.main(arguments)
+    assert "error: " in capsys.readouterr().err
+
+
+def test_writers_follow_links_and_refuse_what_is_no_file(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    tools.write(tmp_path / "link", "text")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "text"
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(tools.ToolError, match="ordinary file"):
+        tools.write(tmp_path / "pipe", "text")
+    assert (tmp_path / "pipe").is_fifo()
 
 
 def test_set_up_chatter_does_not_reach_stdout(project):
