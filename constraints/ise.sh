@@ -7,7 +7,7 @@
 #
 # This script has not been run: ISE is not part of this project's tool chain. Ports, pins and clock
 # constraints (constraints/pipistrello.ucf, constraints/spartan3_starter.ucf) are checked by
-# tb/system/test_boards.py. ISE reads no VHDL-2008, hence the netlist.
+# tb/tools/test_boards.py. ISE reads no VHDL-2008, hence the netlist.
 # Licence: Apache-2.0
 set -eu
 

@@ -4,7 +4,7 @@
 #   vivado -mode batch -source constraints/vivado.tcl -tclargs mpdcc
 #
 # This script has not been run: Vivado is not part of this project's tool chain. Ports, pins and clock
-# constraints are checked by tb/system/test_boards.py.
+# constraints are checked by tb/tools/test_boards.py.
 # Licence: Apache-2.0
 
 set controller [expr {$argc > 0 ? [lindex $argv 0] : "mpdcc"}]

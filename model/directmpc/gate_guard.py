@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from directmpc import anpc
+from directmpc.mpdcc import inverter as anpc
 
 #: Faults, bit 0 first.
 FAULTS: tuple[str, ...] = (

@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc import closed_loop, ideal, replay, trace
-from directmpc.drive import load_drive
-from directmpc.trace import MpdccTrace
+from directmpc.drive_file import load_drive
+from directmpc.mpdcc import closed_loop, ideal, trace
+from directmpc.mpdcc.trace import MpdccTrace
+from scripts.commands import replay
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
@@ -46,7 +47,7 @@ def trace_file(tmp_path: Path, rows: MpdccTrace) -> Path:
 
 def command(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "directmpc.replay", *map(str, arguments)],
+        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
@@ -283,7 +284,7 @@ def test_an_interrupt_leaves_nothing(trace_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     arguments = ["--drive", DRIVE, "--trace", trace_file, "--out", out]
     process = subprocess.Popen(
-        [sys.executable, "-m", "directmpc.replay", *map(str, arguments)],
+        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive import MptcDrive, load_mptc_drive
+from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.mpdcc.trace import MptcDecisions, MptcTrace, read_mptc_decisions, write_mptc_trace
 from directmpc.mptc import closed_loop
-from directmpc.trace import MptcDecisions, MptcTrace, read_mptc_decisions, write_mptc_trace
-from scripts import budgets
+from scripts.measure import budgets
 from tb.commands.test_replay import assert_one_paragraph, command
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -300,7 +300,7 @@ def test_a_signal_ends_the_simulators(tmp_path: Path, number: signal.Signals, mo
         [
             sys.executable,
             "-m",
-            "directmpc.replay",
+            "scripts.commands.replay",
             "--drive",
             drive,
             "--trace",

@@ -12,9 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from directmpc import coefficients, horizon_study, observer_study, report
-from directmpc.drive import load_drive
-from directmpc.simulator import ROOT
+from directmpc.drive_file import load_drive
+from directmpc.mpdcc import coefficients
+from scripts.hdl.simulator import ROOT
+from scripts.publish import report
+from scripts.studies import horizon as horizon_study
+from scripts.studies import observer as observer_study
 
 
 @pytest.fixture(scope="module")

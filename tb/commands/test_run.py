@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc import closed_loop, ideal, run
-from directmpc.drive import load_drive
-from directmpc.replay import VARIANTS
-from directmpc.simulator import ROOT
-from tb.common import states
+from directmpc.drive_file import load_drive
+from directmpc.mpdcc import closed_loop, ideal
+from scripts.commands import run
+from scripts.commands.replay import VARIANTS
+from scripts.hdl import states
+from scripts.hdl.simulator import ROOT
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "model"))
 
-from directmpc.drive import Drive, load_drive  # noqa: E402
+from directmpc.drive_file import Drive, load_drive  # noqa: E402
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from directmpc import anpc
+from directmpc.mpdcc import inverter as anpc
 
 # Phase voltage, capacitor current and neutral current per position, as sets: the drive model's
 # table in another form, so that a slip in one of the two shows.

@@ -19,13 +19,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from directmpc import anpc, bit_true, closed_loop, ideal, vhdl_package
-from directmpc import coefficients as co
-from directmpc import formats as f
-from directmpc.closed_loop import OperatingPoint
-from directmpc.common_terms import PROGRAMS, TERMS, result_width
-from directmpc.drive import Drive
-from tb.common import plain, states
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc import coefficients as co
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.program import PROGRAMS, TERMS, result_width
+from scripts.generate import mpdcc_package as vhdl_package
+from scripts.hdl import states
+from tb.helpers import plain, plain_states
 
 Interval = tuple[int, int]
 
@@ -188,7 +192,9 @@ def test_decisions_are_those_of_the_documentation(kind: str) -> None:
         row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
         s_prev = trace.s_prev[0]
         expected = plain.decide(
-            states.plain_node(array, row), states.plain_limits(array), [int(p) for p in s_prev]
+            plain_states.plain_node(array, row),
+            plain_states.plain_limits(array),
+            [int(p) for p in s_prev],
         )
         found = bit_true.decide_words(array, row, s_prev)
         assert tuple(int(v) for v in found) == tuple(int(v) for v in expected), (k, row, s_prev)
@@ -326,7 +332,12 @@ def test_a_budget_without_sese_has_no_effect(drive: Drive, with_control) -> None
 
 
 def test_the_generated_package_is_up_to_date() -> None:
-    path = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl" / "directmpc_constants.vhd"
+    path = (
+        vhdl_package.Path(vhdl_package.__file__).parents[2]
+        / "rtl"
+        / "mpdcc"
+        / "directmpc_constants.vhd"
+    )
     assert path.read_text(encoding="utf-8") == vhdl_package.text()
 
 

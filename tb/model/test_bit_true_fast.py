@@ -19,14 +19,16 @@ import time
 import numpy as np
 import pytest
 
-from directmpc import bit_true_fast, closed_loop, ideal
-from directmpc import coefficients as co
-from directmpc import formats as f
-from directmpc.closed_loop import OperatingPoint
-from directmpc.common_terms import COEFFICIENTS
-from directmpc.drive import Drive
-from directmpc.second_order import fit_parabola
-from tb.common import plain, states
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc import coefficients as co
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.parabola import fit_parabola
+from directmpc.mpdcc.program import COEFFICIENTS
+from scripts.hdl import states
+from tb.helpers import plain, plain_states
 
 BOUND = f.BOUND_HIGH["fast"]
 Parabola = tuple[int, int, int, int]  # error, slope, curvature, bound
@@ -170,7 +172,7 @@ def test_decisions_are_those_of_the_documentation(kind: str, rule: int) -> None:
         trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
         row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
         s_prev = trace.s_prev[0]
-        node, limits = states.plain_node(array, row, "fast"), states.plain_limits(array)
+        node, limits = plain_states.plain_node(array, row, "fast"), plain_states.plain_limits(array)
         expected = plain.decide(node, limits, [int(p) for p in s_prev], "fast")
         found = bit_true_fast.decide_words(array, row, s_prev)
         assert tuple(int(v) for v in found) == tuple(int(v) for v in expected), (k, row, s_prev)

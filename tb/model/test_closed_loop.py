@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from directmpc import closed_loop, ideal, metrics
-from directmpc.closed_loop import OperatingPoint
-from directmpc.drive import Drive
-from directmpc.machine import CLARKE_INVERSE
-from directmpc.plant import Plant
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import closed_loop, ideal, metrics
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.machine import CLARKE_INVERSE
+from directmpc.mpdcc.plant import Plant
 
 RATED = OperatingPoint(1.0, current=1.0, voltage=1.0)
 

@@ -14,15 +14,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc import bit_true, bit_true_fast, closed_loop, deadlock_rules, deadlock_study
-from directmpc.closed_loop import OperatingPoint
-from directmpc.coefficients import registers
-from directmpc.deadlock_rules import Rule
-from directmpc.drive import Drive
-from directmpc.fidelity import decisions
-from directmpc.trace import MpdccTrace
-from scripts.budgets import BudgetError
-from tb.common import states
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import closed_loop
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.trace import MpdccTrace
+from scripts.hdl import states
+from scripts.measure.budgets import BudgetError
+from scripts.studies import deadlock_rules
+from scripts.studies import deadlocks as deadlock_study
+from scripts.studies.deadlock_rules import Rule
+from scripts.studies.fidelity import decisions
 
 #: The rule of every value of a drive file's `deadlock_rule`.
 BUILT_IN = {rule: deadlock_study.CASES[name].rule for name, rule in deadlock_study.BUILT_IN.items()}
@@ -154,13 +158,13 @@ def test_starts_needed() -> None:
 def test_the_page_shows_the_report() -> None:
     text = deadlock_study.PAGE.read_text(encoding="utf-8")
     report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
-    wanted = "python -m directmpc.deadlock_study --page"
+    wanted = "python -m scripts.studies.deadlocks --page"
     assert deadlock_study.page(text, report) == text, wanted
     # every row of the page that could be one of the report's is in a table that is held
     held = outside = ""
     for part in text.split("<!-- ")[1:]:
         head, _, body = part.partition(" -->")
-        if head.endswith("begin (written by directmpc.deadlock_study)"):
+        if head.endswith("begin (written by scripts.studies.deadlocks)"):
             held += body
         else:
             outside += body

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from directmpc.drive import (
+from directmpc.drive_file import (
     Drive,
     DriveFileError,
     MptcDrive,
@@ -17,7 +17,7 @@ from directmpc.drive import (
     load_drive,
     load_mptc_drive,
 )
-from directmpc.machine import InductionMachine
+from directmpc.mpdcc.machine import InductionMachine
 
 DELAY = "delay_compensation"
 RULE = "control.deadlock_rule"

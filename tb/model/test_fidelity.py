@@ -19,11 +19,12 @@ import math
 import numpy as np
 import pytest
 
-from directmpc import bit_true_fast, ideal
-from directmpc.fidelity import __main__ as command
-from directmpc.fidelity import budget, decisions, loops, plots, pooling, replica
-from directmpc.fidelity.points import BOUNDS, DRIVES, Point, Row
-from directmpc.rtl_simulation import ROOT
+from directmpc.mpdcc import ideal
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.studies.fidelity import __main__ as command
+from scripts.studies.fidelity import budget, decisions, loops, plots, pooling, replica
+from scripts.studies.fidelity.points import BOUNDS, DRIVES, Point, Row
 
 STEPS = 5_000
 SPEEDS = (1.0, -0.775, 0.55, -0.325)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from directmpc import fit
-from directmpc.drive import Drive
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import extrapolation as fit
 
 
 def test_short_steps_give_the_analytic_correction(drive: Drive, verified_drive: Drive) -> None:

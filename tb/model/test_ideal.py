@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from directmpc import ideal
-from directmpc.drive import Drive
-from directmpc.trace import MpdccTrace
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import ideal
+from directmpc.mpdcc.trace import MpdccTrace
 
 NEXT = [[0, 1, 2], [0, 1, 3], [0, 2, 3, 4], [1, 2, 3, 5], [2, 4, 5, 6], [3, 4, 5, 7], [4, 6, 7],
         [5, 6, 7]]  # fmt: skip

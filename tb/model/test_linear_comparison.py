@@ -12,10 +12,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc import bit_true, bit_true_fast, linear_comparison
-from directmpc.coefficients import registers
-from directmpc.linear_comparison import CONTROLLERS, Difference, straight
-from tb.common import states
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.coefficients import registers
+from scripts.hdl import states
+from scripts.studies import linear_comparison
+from scripts.studies.linear_comparison import CONTROLLERS, Difference, straight
 
 FIELDS = ("s", "held", "deadlock", "length", "saturated")
 

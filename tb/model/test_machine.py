@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from directmpc.machine import CLARKE, CLARKE_INVERSE, InductionMachine, discretise
+from directmpc.mpdcc.machine import CLARKE, CLARKE_INVERSE, InductionMachine, discretise
 
 MACHINE = InductionMachine(rs=0.0108, rr=0.0091, xls=0.1493, xlr=0.1104, xm=2.3489)
 EXTREMES = [

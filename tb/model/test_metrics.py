@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc import metrics
+from directmpc.mpdcc import metrics
 
 TS = 0.015707963267948967
 

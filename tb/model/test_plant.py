@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from directmpc import anpc
-from directmpc.drive import Drive
-from directmpc.machine import CLARKE_INVERSE
-from directmpc.plant import Plant, stator_voltage
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.machine import CLARKE_INVERSE
+from directmpc.mpdcc.plant import Plant, stator_voltage
 
 POSITIONS = [(0, 7, 3), (1, 2, 5), (6, 4, 2), (5, 5, 1), (3, 4, 7)]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive import Drive
-from directmpc.trace import (
+from directmpc.drive_file import Drive
+from directmpc.mpdcc.trace import (
     Decisions,
     MpdccTrace,
     TraceError,

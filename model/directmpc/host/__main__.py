@@ -23,14 +23,14 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from directmpc.drive import Drive, MptcDrive, load_any_drive
+from directmpc.drive_file import Drive, MptcDrive, load_any_drive
 from directmpc.host import lockstep
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import Outcome
-from directmpc.registers import GuardSettings, RegisterValues, values
-from directmpc.replay import OneParagraphParser, clear_output, progress_bar, report_error
-from directmpc.trace import write_decisions
+from directmpc.host.registers import GuardSettings, RegisterValues, values
+from directmpc.mpdcc.trace import write_decisions
+from scripts.commands.replay import OneParagraphParser, clear_output, progress_bar, report_error
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""

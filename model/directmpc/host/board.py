@@ -7,7 +7,7 @@ import struct
 from directmpc.host import protocol as p
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Identity, Outcome, Type
-from directmpc.registers import RegisterValues, packed, registers_of
+from directmpc.host.registers import RegisterValues, packed, registers_of
 
 _RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
 

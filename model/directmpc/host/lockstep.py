@@ -14,21 +14,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc import bit_true
-from directmpc.closed_loop import OperatingPoint, constant_profile, initial_conditions
-from directmpc.drive import Drive, MptcDrive
+from directmpc.drive_file import Drive, MptcDrive
 from directmpc.host.board import Board
 from directmpc.host.link import LinkError
 from directmpc.host.protocol import Flag, packed_positions
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
+from directmpc.mpdcc.plant import Plant
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import closed_loop as mptc_closed_loop
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.plant import step as mptc_step
-from directmpc.plant import Plant
-from directmpc.replay import VARIANTS, decisions_of
-from directmpc.rtl_simulation import FIELDS
-from directmpc.run import count_differences
-from directmpc.trace import Decisions, MpdccTrace
+from scripts.commands.replay import VARIANTS, decisions_of
+from scripts.commands.run import count_differences
+from scripts.hdl.mpdcc_simulation import FIELDS
 
 IntArray = NDArray[np.int64]
 

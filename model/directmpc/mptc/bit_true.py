@@ -16,11 +16,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from directmpc.drive import MptcDrive
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.trace import IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, Registers, registers
-from directmpc.mptc.vectors import ZERO_FROM
-from directmpc.trace import IntArray, MptcDecisions, MptcTrace
+from directmpc.mptc.inverter import ZERO_FROM
 
 _HIGH = f.WORD_HIGH
 _FRACTION = f.FRACTION

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from directmpc.drive import MptcDrive
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step, torque
-from directmpc.trace import FloatArray, IntArray, MptcTrace
 
 RPM = 2.0 * np.pi / 60.0
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive import MptcDrive
+from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
 
 #: Coefficient ports in port order; all 18 bits signed.

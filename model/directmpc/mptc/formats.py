@@ -34,8 +34,8 @@ from __future__ import annotations
 
 import math
 
-from directmpc.drive import MptcDrive
-from directmpc.formats import Format
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.formats import Format
 
 WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
 FRACTION = 17  # fractional bits of a word

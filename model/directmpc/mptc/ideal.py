@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from directmpc.drive import MptcDrive
-from directmpc.mptc.vectors import UNIT, ZERO_FROM
-from directmpc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
+from directmpc.mptc.inverter import UNIT, ZERO_FROM
 
 
 class IdealParameters(NamedTuple):

@@ -24,12 +24,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from directmpc.drive import MptcDrive
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import formats as f
 from directmpc.mptc import ideal
 from directmpc.mptc.bit_true import _ALPHA, _BETA, to_word
 from directmpc.mptc.coefficients import Registers, registers
-from directmpc.trace import IntArray
 
 GAIN = -40.0  # b of eq. 9, 1/s
 GUARD = 8  # bits of a state below a word's LSB

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from directmpc.drive import MptcDrive
-from directmpc.mptc.vectors import UNIT
+from directmpc.drive_file import MptcDrive
+from directmpc.mptc.inverter import UNIT
 
 
 class PlantParameters(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from directmpc.drive import MptcDrive
+from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
 
 VECTOR = 1  # the fixed non-zero vector; zero voltage is u_0, one commutation away

@@ -1,0 +1,338 @@
+"""Drive files: the TOML a user writes, checked and turned into frozen objects.
+
+Accepted ranges. Those of the contract where it names one; the rest are chosen here, wide enough
+for any drive the cores can serve and narrow enough to catch a slip of units.
+
+=====================  ==========================  =============================================
+key                    allowed                     origin
+=====================  ==========================  =============================================
+base.voltage           1 to 1e6 V                  display only; chosen
+base.current           0.01 to 1e6 A               display only; chosen
+base.frequency         1 to 1000 Hz                sets the time base; chosen
+machine.rs, rr         0.001 to 0.05 pu            contract
+machine.xls, xlr       0.03 to 0.3 pu              contract
+machine.xm             1 to 5 pu                   contract
+inverter.topology      "anpc5l"                    contract
+inverter.vdc           1.5 to 2.5 pu               contract
+inverter.xdc, xph      0.5 to 10 pu                contract
+control.ts             0.006 to 0.063 pu, in s     contract (20 to 200 us at 50 Hz)
+control.bound_*        0.02 to 0.5 pu              contract
+control.lambda_n       0 to 100                    contract
+control.horizon        1 to 63, an integer         contract
+switching_horizon      "SE" (default) or "SESE"    contract
+control.budget         0 (default) to 4095         chosen; candidates of SESE's second level
+delay_compensation     false (default) or true     chosen
+deadlock_rule          "largest" (default) or      contract (section 2); "weighted":
+                       "weighted"                  docs/deadlocks.md, not with the paper variant
+---------------------  --------------------------  ---------------------------------------------
+MPTC: machine.rs, rr   1e-6 to 1e3 ohm             chosen
+machine.lm, ls, lr     1e-6 to 1e3 H               chosen; ls and lr above lm, leakage factor 1e-4
+machine.pole_pairs     1 to 64, an integer         chosen
+inverter.topology      "two_level"                 contract
+inverter.vdc           1 to 1e5 V                  chosen
+control.ts             1e-6 to 1e-2 s              chosen
+control.k_psi          0 to 1e6 N*m/Wb             chosen
+control.psi_max        1e-4 to 1e4 Wb              chosen
+control.current_max    1e-3 to 1e6 A               chosen
+control.torque_max     1e-4 to 1e8 N*m             chosen
+control.speed_max      1 to 1e5 rad/s, electrical  chosen
+control.method         "MPTC" (default), "MPFC"    contract
+=====================  ==========================  =============================================
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
+from pydantic.fields import FieldInfo
+
+from directmpc.mpdcc.machine import InductionMachine
+
+TS_PU_MIN = 0.006
+TS_PU_MAX = 0.063
+LEAKAGE_MIN = 1e-4
+
+
+class DriveFileError(ValueError):
+    """A drive file cannot be used; the message names file, key and what is allowed."""
+
+
+def _number(low: float, high: float, unit: str) -> Any:
+    """Annotate a finite number with its closed range and, in words, what is allowed."""
+    words = f"a number from {low:g} to {high:g} {unit}".rstrip()
+    return Annotated[
+        float, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
+    ]
+
+
+def _integer(low: int, high: int) -> Any:
+    """Annotate an integer with its closed range and, in words, what is allowed."""
+    words = f"an integer from {low} to {high}"
+    return Annotated[int, Field(strict=True, ge=low, le=high, description=words)]
+
+
+class _Section(BaseModel):
+    """A table of a drive file: frozen, without room for unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Base(_Section):
+    """Base values: voltage (V, peak phase) and current (A, peak) for display, frequency (Hz)."""
+
+    voltage: _number(1.0, 1e6, "V")
+    current: _number(0.01, 1e6, "A")
+    frequency: _number(1.0, 1000.0, "Hz")
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Machine(InductionMachine):
+    """Machine parameters, per unit (Paper A, Table I), with the equations of their machine."""
+
+    rs: _number(0.001, 0.05, "pu")
+    rr: _number(0.001, 0.05, "pu")
+    xls: _number(0.03, 0.3, "pu")
+    xlr: _number(0.03, 0.3, "pu")
+    xm: _number(1.0, 5.0, "pu")
+
+
+class Inverter(_Section):
+    """Five-level ANPC inverter, per unit; xdc is one half of the dc-link."""
+
+    topology: Literal["anpc5l"]
+    vdc: _number(1.5, 2.5, "pu")
+    xdc: _number(0.5, 10.0, "pu")
+    xph: _number(0.5, 10.0, "pu")
+
+
+class Control(_Section):
+    """Settings of the MPDCC controller: ts in s, bounds as half widths in pu.
+
+    `budget` limits the second level of SESE to so many candidates (0: no limit), in the cores and
+    their model; `delay_compensation` decides for k + 1 from the state predicted under s(k-1).
+    `deadlock_rule` says what is chosen where no candidate stays inside its bounds: "largest" takes
+    the least of the largest excesses, "weighted" weighs v_n's and adds a share of the currents'.
+    """
+
+    ts: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+    bound_current: _number(0.02, 0.5, "pu")
+    bound_vn: _number(0.02, 0.5, "pu")
+    bound_vph: _number(0.02, 0.5, "pu")
+    lambda_n: _number(0.0, 100.0, "")
+    horizon: _integer(1, 63)
+    switching_horizon: Literal["SE", "SESE"] = "SE"
+    budget: _integer(0, 4095) = 0
+    delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
+    deadlock_rule: Literal["largest", "weighted"] = "largest"
+
+
+class Drive(_Section):
+    """An MPDCC drive as its file describes it, per unit."""
+
+    controller: Literal["mpdcc"]
+    base: Base
+    machine: Machine
+    inverter: Inverter
+    control: Control
+
+    @property
+    def ts_pu(self) -> float:
+        """Sampling interval in units of 1/(2 pi f_base)."""
+        return 2 * math.pi * self.base.frequency * self.control.ts
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Half widths y_bnd on [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], shape (7,)."""
+        c = self.control
+        return np.array([c.bound_current] * 3 + [c.bound_vn] + [c.bound_vph] * 3)
+
+
+class MptcMachine(_Section):
+    """Machine parameters of an MPTC drive, SI (Paper B)."""
+
+    rs: _number(1e-6, 1e3, "ohm")
+    rr: _number(1e-6, 1e3, "ohm")
+    lm: _number(1e-6, 1e3, "H")
+    ls: _number(1e-6, 1e3, "H")
+    lr: _number(1e-6, 1e3, "H")
+    pole_pairs: _integer(1, 64)
+
+
+class MptcInverter(_Section):
+    """Two-level inverter, SI."""
+
+    topology: Literal["two_level"]
+    vdc: _number(1.0, 1e5, "V")
+
+
+class MptcControl(_Section):
+    """Settings and full scales of the MPTC controller, SI."""
+
+    ts: _number(1e-6, 1e-2, "s")
+    k_psi: _number(0.0, 1e6, "N*m/Wb")
+    psi_max: _number(1e-4, 1e4, "Wb")
+    current_max: _number(1e-3, 1e6, "A")
+    torque_max: _number(1e-4, 1e8, "N*m")
+    speed_max: _number(1.0, 1e5, "rad/s (electrical)")
+    method: Literal["MPTC", "MPFC"] = "MPTC"
+
+
+class MptcDrive(_Section):
+    """An MPTC drive as its file describes it, SI."""
+
+    controller: Literal["mptc"]
+    machine: MptcMachine
+    inverter: MptcInverter
+    control: MptcControl
+
+
+_DriveModel = TypeVar("_DriveModel", Drive, MptcDrive)
+
+
+def _describe(value: Any) -> str:
+    """Show a value as a TOML user knows it, shortened."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, str):
+        text = f'"{value}"'
+    else:
+        try:
+            text = repr(value)
+        except ValueError:  # an integer too long for Python to print
+            return "an overlong integer"
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _keys(table: Any) -> dict[str, FieldInfo]:
+    """Keys of a table by name; empty if it is none."""
+    return getattr(table, "__pydantic_fields__", {})
+
+
+def _allowed(table: type, key: str) -> str:
+    """What a key of a table may be, in words."""
+    field = _keys(table)[key]
+    if field.description:
+        return field.description
+    annotation = field.annotation
+    if get_origin(annotation) is Literal:
+        return " or ".join(f'"{choice}"' for choice in get_args(annotation))
+    if _keys(annotation):
+        return f"a table [{key}] with the keys {', '.join(_keys(annotation))}"
+    return f"a number of seconds, {TS_PU_MIN} to {TS_PU_MAX} pu of the base frequency"
+
+
+def _explain(model: type[BaseModel], error: Any) -> str:
+    """Turn one pydantic error into "key: what is wrong, what is allowed"."""
+    location = [str(part) for part in error["loc"]]
+    dotted = ".".join(location)
+    table: Any = model
+    for part in location[:-1]:
+        table = _keys(table)[part].annotation
+    name = f"[{'.'.join(location[:-1])}]" if location[:-1] else "the file's top level"
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{dotted}: unknown key; {name} may hold {', '.join(_keys(table))}"
+    allowed = _allowed(table, location[-1])
+    if error["type"] == "missing":
+        return f"{dotted}: missing; it must be {allowed}"
+    return f"{dotted}: got {_describe(error['input'])}; it must be {allowed}"
+
+
+def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a TOML file, all that can fail turned into a `DriveFileError`."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DriveFileError(
+            f"{path}: cannot be read ({reason}); a readable TOML drive file is needed"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise DriveFileError(
+            f"{path}: not a TOML file ({error}); a drive file is TOML in UTF-8"
+        ) from error
+
+
+def _check(path: str | os.PathLike[str], model: type[_DriveModel], data: Any) -> _DriveModel:
+    """Validate the tables of a drive file against a model."""
+    try:
+        drive = model.model_validate(data)
+    except ValidationError as error:
+        problems = "; ".join(_explain(model, e) for e in error.errors(include_url=False))
+        raise DriveFileError(f"{path}: {problems}") from None
+    if isinstance(drive, Drive) and not TS_PU_MIN <= drive.ts_pu <= TS_PU_MAX:
+        unit = 2 * math.pi * drive.base.frequency
+        raise DriveFileError(
+            f"{path}: control.ts: got {drive.control.ts:g} s; it must be a number from "
+            f"{TS_PU_MIN / unit:.4g} to {TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) "
+            f"with base.frequency = {drive.base.frequency:g} Hz"
+        )
+    if isinstance(drive, MptcDrive):
+        for key in ("ls", "lr"):
+            if getattr(drive.machine, key) <= drive.machine.lm:
+                raise DriveFileError(
+                    f"{path}: machine.{key}: got {getattr(drive.machine, key):g}; it must be "
+                    f"above machine.lm = {drive.machine.lm:g} H (self above mutual inductance)"
+                )
+        leakage = 1.0 - drive.machine.lm**2 / (drive.machine.ls * drive.machine.lr)
+        if leakage < LEAKAGE_MIN:
+            raise DriveFileError(
+                f"{path}: machine.lm: got {drive.machine.lm!r}; it must be at most "
+                f"{math.sqrt((1.0 - LEAKAGE_MIN) * drive.machine.ls * drive.machine.lr):.7g} H "
+                f"with these ls and lr (a leakage factor 1 - lm**2/(ls*lr) of {LEAKAGE_MIN:g})"
+            )
+    return drive
+
+
+def load_any_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
+    """Load a drive file of either controller.
+
+    Parameters
+    ----------
+    path
+        TOML file as described in the module's table.
+
+    Returns
+    -------
+    Drive or MptcDrive
+        As the file's key `controller` says.
+
+    Raises
+    ------
+    DriveFileError
+        If the file cannot be read, is not TOML, or a key is unknown, missing, of the wrong type
+        or out of range. The message is one paragraph: file, dotted key, what is allowed.
+    """
+    data = _read_toml(path)
+    controller = data.get("controller")
+    if controller == "mpdcc":
+        return _check(path, Drive, data)
+    if controller == "mptc":
+        return _check(path, MptcDrive, data)
+    found = f"got {_describe(controller)}" if "controller" in data else "missing"
+    raise DriveFileError(f'{path}: controller: {found}; it must be "mpdcc" or "mptc"')
+
+
+def load_drive(path: str | os.PathLike[str]) -> Drive:
+    """Load an MPDCC drive file; raises `DriveFileError` as `load_any_drive`, or if it is MPTC."""
+    drive = load_any_drive(path)
+    if not isinstance(drive, Drive):
+        raise DriveFileError(f'{path}: controller: got "mptc"; it must be "mpdcc" here')
+    return drive
+
+
+def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
+    """Load an MPTC drive file; raises `DriveFileError` as `load_any_drive`, or if it is MPDCC."""
+    drive = load_any_drive(path)
+    if not isinstance(drive, MptcDrive):
+        raise DriveFileError(f'{path}: controller: got "mpdcc"; it must be "mptc" here')
+    return drive

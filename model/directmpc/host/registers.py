@@ -1,0 +1,380 @@
+"""A drive file as register values: what a host writes into a system, as CSV, C or a table.
+
+``python -m directmpc.host.registers drives/anpc5l_6kv.toml`` prints addresses and words as CSV, the
+commit last; ``--c`` the same as a C array, ``--table`` for people.
+
+The gate guard's settings are not in a drive file, they belong to the switches and the clock; they
+have options here.  What the guard gets is never less safe than asked for: dead and minimum times
+and lower limits are rounded up, longest times and upper limits down.  What does not fit its
+register is an error where the nearest value that does is less safe; where it is safer, it is
+written and named, on standard error and in the C comment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.mpdcc import coefficients, formats
+from directmpc.mptc import coefficients as mptc_coefficients
+from directmpc.mptc import formats as mptc_formats
+from directmpc.mptc import observer as mptc_observer
+
+#: Clock of the core on every board of scripts/generate/boards.py, Hz.
+CORE_CLOCK = 25e6
+
+#: Clocks that the guard's times have after a reset.
+GUARD_DEAD_TIME = 100
+GUARD_MINIMUM_TIME = 200
+
+
+@dataclass(frozen=True)
+class GuardSettings:
+    """What the gate guard is set to.
+
+    Attributes
+    ----------
+    clock : float
+        Clock frequency of the core, Hz: the guard's times are counted in it.
+    dead_time, minimum_on, minimum_off : float
+        s.
+    current : float or None
+        Trip level of the phase currents, pu (MPDCC) or A (MPTC); by default 1.8 pu, or 0.95 of the
+        full scale.
+    link_high, link_low : float
+        Trip levels of the dc-link voltage, of the nominal one.
+    decision_limit : float or None
+        Longest time from start to decision, control periods; by default 0.9, for MPTC, whose
+        decisions reach the guard with the next start, 1.1.
+    watchdog : float
+        Longest time between two decisions, control periods.
+    """
+
+    clock: float = CORE_CLOCK
+    dead_time: float = 2e-6
+    minimum_on: float = 4e-6
+    minimum_off: float = 4e-6
+    current: float | None = None
+    link_high: float = 1.25
+    link_low: float = 0.75
+    decision_limit: float | None = None
+    watchdog: float = 1.5
+
+
+@dataclass
+class RegisterValues:
+    """Register values of a drive.
+
+    Attributes
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+    words : dict of int
+        Register name as in the map -> integer, signed where the register is; in address order.
+    saturated : list of str
+        One sentence per value that did not fit, and is safer or less exact than asked for.
+    """
+
+    controller: str
+    words: dict[str, int]
+    saturated: list[str] = field(default_factory=list)
+
+    def writes(self) -> list[tuple[str, int, int]]:
+        """Name, address and 32-bit word of every write; the commit is the last.
+
+        Raises
+        ------
+        ValueError
+            If a value does not fit its register.
+        """
+        registers = registers_of(self.controller)
+        rows = []
+        for name, value in self.words.items():
+            address, fields = registers[name]
+            (only,) = fields
+            rows.append((name, address, packed(name, fields, {only: value})))
+        address, fields = registers["system.command"]
+        return [*rows, ("system.command", address, packed("system.command", fields, {"commit": 1}))]
+
+
+def packed(
+    register: str, fields: Mapping[str, tuple[int, int, bool]], given: Mapping[str, int]
+) -> int:
+    """Word of a register; fields that are not given are 0.
+
+    Parameters
+    ----------
+    register
+        Its name, for messages.
+    fields
+        As in the map: lowest bit, bits, signed.
+    given
+        Values by field.
+
+    Raises
+    ------
+    KeyError
+        If there is no such field.
+    ValueError
+        If a value does not fit its field; it would become another one, or reach into the next.
+    """
+    word = 0
+    for field_name, value in given.items():
+        low, width, signed = fields[field_name]
+        least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
+        if not least <= value <= most:
+            raise ValueError(
+                f"{register}: {field_name} = {value} does not fit; it must be an integer from "
+                f"{least} to {most}"
+            )
+        word |= (value & (1 << width) - 1) << low
+    return word
+
+
+def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]:
+    """Register map of a controller: name -> (address, fields)."""
+    from directmpc.host.register_map import MAPS  # generated: register_files runs without it
+
+    return MAPS[controller]
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """A setting of the gate guard on its way to a register.
+
+    Attributes
+    ----------
+    asked : float
+        In the unit of ``GuardSettings``.
+    unit : str
+        Its name.
+    scale : float
+        Counts of the register in one of them.
+    counts : str
+        What the register counts.
+    width : int
+        Bits of the register, unsigned.
+    more_is_safer : bool
+        True of times that have to pass and of lower limits, false of longest times and of upper
+        limits. It is rounded to the safe side.
+    """
+
+    asked: float
+    unit: str
+    scale: float
+    counts: str
+    width: int
+    more_is_safer: bool
+
+    def word(self, name: str, saturated: list[str]) -> int:
+        """Register value; a sentence in ``saturated`` where the nearest one is safer.
+
+        Raises
+        ------
+        ValueError
+            Where the nearest one is less safe, or this is no number.
+        """
+        exact = self.asked * self.scale
+        if not math.isfinite(exact):
+            raise ValueError(f"{name}: {self.asked:g} {self.unit} cannot be counted")
+        # what is a whole number of counts but for the last bit stays that number
+        counts = math.ceil(exact - 1e-6) if self.more_is_safer else math.floor(exact + 1e-6)
+        most = (1 << self.width) - 1
+        inside = min(max(counts, 0), most)
+        if inside == counts:
+            return counts
+        if (inside > counts) is self.more_is_safer:
+            saturated.append(f"{name}: {counts:.12g} {self.counts} do not fit, {inside} written")
+            return inside
+        allowed = f"at most {most / self.scale:.12g} {self.unit}, {most} {self.counts}"
+        raise ValueError(
+            f"{name}: got {self.asked:g} {self.unit}, {counts:.12g} {self.counts}; it must be "
+            f"{allowed if counts > most else 'at least 0'}"
+        )
+
+
+def guard_words(
+    drive: Drive | MptcDrive, settings: GuardSettings, saturated: list[str]
+) -> dict[str, int]:
+    """Registers of the gate guard; appends to ``saturated``.
+
+    Raises
+    ------
+    ValueError
+        Where the nearest value that fits would be less safe than what is asked for.
+    """
+    clock = settings.clock
+    if not 0.0 < clock < math.inf:
+        raise ValueError(f"clock: got {clock:g} Hz; it must be a number above 0")
+    limit, current = settings.decision_limit, settings.current
+    if isinstance(drive, Drive):
+        limit = 0.9 if limit is None else limit
+        current, unit = 1.8 if current is None else current, "pu"
+        current_scale, link = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
+    else:
+        form = mptc_formats.measurement_formats(drive)
+        limit = 1.1 if limit is None else limit
+        current, unit = 0.95 * drive.control.current_max if current is None else current, "A"
+        current_scale, link = form["is_alpha"].scale, form["v_dc"].scale
+    period, clocks = clock * drive.control.ts, f"clocks of {clock / 1e6:g} MHz"
+    voltage = "of the nominal dc-link voltage", link * drive.inverter.vdc, "of v_dc", 16
+    chosen = {
+        "dead_time": _Setting(settings.dead_time, "s", clock, clocks, 12, True),
+        "minimum_on": _Setting(settings.minimum_on, "s", clock, clocks, 12, True),
+        "minimum_off": _Setting(settings.minimum_off, "s", clock, clocks, 12, True),
+        "decision_limit": _Setting(limit, "control periods", period, clocks, 16, False),
+        "watchdog": _Setting(settings.watchdog, "control periods", period, clocks, 16, False),
+        "current_limit": _Setting(current, unit, current_scale, "of its unit", 15, False),
+        "link_high": _Setting(settings.link_high, *voltage, False),
+        "link_low": _Setting(settings.link_low, *voltage, True),
+    }
+    return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
+
+
+def values(
+    drive: Drive | MptcDrive, settings: GuardSettings | None = None, variant: str = "fast"
+) -> RegisterValues:
+    """Register values of a drive.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Validated drive file.
+    settings : GuardSettings, optional
+        Gate guard; the defaults without it.
+    variant : str
+        "fast" or "paper", for MPDCC.
+
+    Raises
+    ------
+    ValueError
+        Where a coefficient cannot be represented, or the variant does not serve the drive's
+        settings; the message names the drive file's key. Where a setting of the gate guard does not
+        fit and the nearest that does is less safe; the message names the register.
+    """
+    saturated: list[str] = []
+    guard = guard_words(drive, settings or GuardSettings(), saturated)
+    words = {f"guard.{name}": guard[name] for name in guard}
+    if isinstance(drive, Drive):
+        from directmpc.mpdcc import observer as rotor_flux_observer
+
+        parameters = dict(coefficients.registers(drive, variant).ports())
+        observer, problems = rotor_flux_observer.coefficients(drive)
+        parameters |= {f"o_{name}": value for name, value in observer.items()}
+        saturated += problems
+        controller = "mpdcc"
+    else:
+        chosen = mptc_coefficients.registers(drive)
+        parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
+        gains = mptc_observer.coefficients(drive)
+        parameters |= {f"c_{name}": gains[name] for name in mptc_observer.COEFFICIENTS[-2:]}
+        parameters["method_mpfc"] = int(drive.control.method == "MPFC")
+        controller = "mptc"
+    words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
+    addresses = registers_of(controller)
+    words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
+    return RegisterValues(controller, words, saturated)
+
+
+def format_csv(found: RegisterValues) -> str:
+    """Lay out the writes as CSV: register, address, word, value."""
+    lines = ["register,address,word,value"]
+    for name, address, word in found.writes():
+        lines.append(f"{name},0x{address:03X},0x{word:08X},{found.words.get(name, word)}")
+    return "\n".join(lines)
+
+
+def format_c(found: RegisterValues, source: str) -> str:
+    """Lay out the writes as a C array."""
+    lines = [
+        f"/* Registers of {source}: write them in this order, the last commits them. */",
+        *(f"/* saturated: {problem} */" for problem in found.saturated),
+        "#include <stdint.h>",
+        "",
+        "static const struct { uint16_t address; uint32_t word; } directmpc_registers[] = {",
+        *(
+            f"  {{0x{address:03X}, 0x{word:08X}u}}, /* {name} */"
+            for name, address, word in found.writes()
+        ),
+        "};",
+    ]
+    return "\n".join(lines)
+
+
+def format_table(found: RegisterValues) -> str:
+    """Lay out the writes as text."""
+    return "\n".join(
+        f"{name:42} 0x{address:03X}  0x{word:08X} {found.words.get(name, word):>9}"
+        for name, address, word in found.writes()
+    )
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 0 on")
+    return value
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the register values of a drive file; 2 when it cannot be used."""
+    parser = argparse.ArgumentParser(
+        prog="registers", description="Register values of a system for a drive file."
+    )
+    parser.add_argument("drive", help="drive file (TOML)")
+    layout = parser.add_mutually_exclusive_group()
+    layout.add_argument("--csv", action="store_true", help="comma-separated; the default")
+    layout.add_argument("--c", action="store_true", help="a C array")
+    layout.add_argument("--table", action="store_true", help="columns for people")
+    parser.add_argument("--variant", choices=("fast", "paper"), default="fast", help="MPDCC only")
+    defaults = GuardSettings()
+    unset = {"current": "1.8 pu, or 0.95 of full scale", "decision_limit": "0.9, MPTC 1.1"}
+    for name, unit in (
+        ("clock", "clock of the core that its times are counted in, Hz"),
+        ("dead_time", "s"),
+        ("minimum_on", "s"),
+        ("minimum_off", "s"),
+        ("current", "trip level, pu (MPDCC) or A (MPTC)"),
+        ("link_high", "trip level, of the nominal dc-link voltage"),
+        ("link_low", "trip level, of the nominal dc-link voltage"),
+        ("decision_limit", "control periods"),
+        ("watchdog", "control periods"),
+    ):
+        value = getattr(defaults, name)
+        shown = f"{value:g}" if value is not None else unset[name]
+        parser.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=_positive,
+            default=value,
+            help=f"gate guard: {unit}; {shown} by default",
+        )
+    given = parser.parse_args(arguments)
+    settings = GuardSettings(
+        **{name: getattr(given, name) for name in GuardSettings.__dataclass_fields__}
+    )
+    try:
+        found = values(load_any_drive(given.drive), settings, given.variant)
+        if given.c:
+            text = format_c(found, os.path.basename(given.drive))
+        else:
+            text = format_table(found) if given.table else format_csv(found)
+        print(text, flush=True)
+    except BrokenPipeError:  # a reader such as head has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except ValueError as error:
+        shown = str(error)
+        shown = shown if shown.startswith(given.drive) else f"{given.drive}: {shown}"
+        print(f"registers: {shown}", file=sys.stderr)
+        return 2
+    for problem in found.saturated:
+        print(f"registers: saturated: {problem}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

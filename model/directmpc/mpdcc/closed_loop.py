@@ -1,0 +1,500 @@
+"""A controller in closed loop with the exact plant.
+
+The loop is compiled for the controller it is given, any compiled function with the arguments and
+results of `ideal.decide`. Every state is recorded, so that a run gives the trace of what the
+controller saw, to be replayed by any other engine.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import ideal
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState, discretise
+from directmpc.mpdcc.plant import STATES, plant_data, plant_step
+from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
+
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where the drive runs, per unit.
+
+    Attributes
+    ----------
+    omega_s
+        Stator frequency, signed.
+    current, torque
+        Load: peak stator current (1 if neither is given), or torque.
+    flux, voltage
+        Magnetisation: rotor flux linkage, or peak stator phase voltage. If neither is given, the
+        flux of current 1 and voltage 1 at omega_s = 1, weakened as 1/|omega_s| above that speed.
+    generating
+        With `current`: whether the machine brakes.
+    """
+
+    omega_s: float = 1.0
+    current: float | None = None
+    torque: float | None = None
+    flux: float | None = None
+    voltage: float | None = None
+    generating: bool = False
+
+    def steady_state(self, machine: InductionMachine) -> SteadyState:
+        """Steady state of a machine at this point.
+
+        Raises
+        ------
+        ValueError
+            If both of a pair are given, or there is no such steady state.
+        """
+        flux, current = self.flux, self.current
+        if flux is None and self.voltage is None:
+            flux = abs(machine.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
+            flux /= max(1.0, abs(self.omega_s))
+        if current is None and self.torque is None:
+            current = 1.0
+        return machine.steady_state(
+            self.omega_s,
+            current=current,
+            torque=self.torque,
+            flux=flux,
+            voltage=self.voltage,
+            generating=self.generating,
+        )
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What the controller is asked for and what the load does, step by step, per unit.
+
+    Attributes
+    ----------
+    start : SteadyState
+        Where the run starts.
+    omega_s, omega_r, vdc : (n,)
+        Stator and rotor speed and dc-link voltage.
+    iref : (n,) complex
+        Current reference in alpha-beta.
+    """
+
+    start: SteadyState
+    omega_s: FloatArray
+    omega_r: FloatArray
+    vdc: FloatArray
+    iref: ComplexArray
+
+    def __len__(self) -> int:
+        return len(self.omega_s)
+
+
+def constant_profile(
+    drive: Drive, point: OperatingPoint, steps: int, phase: float = 0.0
+) -> Profile:
+    """Hold one operating point; the reference starts at angle `phase` (rad)."""
+    return ramp_profile(drive, point, point, steps, 0, 0, phase)
+
+
+def ramp_profile(
+    drive: Drive,
+    start: OperatingPoint,
+    stop: OperatingPoint,
+    steps: int,
+    begin: int,
+    end: int,
+    phase: float = 0.0,
+) -> Profile:
+    """Go from one operating point to another.
+
+    Parameters
+    ----------
+    drive
+        Its machine tells speeds and currents of the points; its v_dc is constant.
+    start, stop
+        Operating points before `begin` and from `end` on; in between both speeds and the current
+        (in the frame of the rotor flux) change linearly. ``end <= begin`` makes a step at `begin`.
+    steps
+        Length of the profile.
+    begin, end
+        Steps at which the change begins and ends.
+    phase
+        Angle of the reference at the start, rad.
+    """
+    first, last = start.steady_state(drive.machine), stop.steady_state(drive.machine)
+    k = np.arange(steps)
+    share = np.clip((k - begin) / (end - begin), 0.0, 1.0) if end > begin else 1.0 * (k >= begin)
+    omega_s = first.omega_s + share * (last.omega_s - first.omega_s)
+    omega_r = first.omega_r + share * (last.omega_r - first.omega_r)
+    # Seen from the rotor flux, so that torque and flux currents change rather than one phasor.
+    frame = [s.i_s * cmath.exp(-1j * cmath.phase(s.psi_r)) for s in (first, last)]
+    vector = frame[0] + share * (frame[1] - frame[0])
+    angle = np.concatenate([[0.0], np.cumsum(omega_s * drive.ts_pu)[:-1]])
+    offset = phase + cmath.phase(first.psi_r) - cmath.phase(first.i_s)
+    return Profile(
+        start=first,
+        omega_s=omega_s,
+        omega_r=omega_r,
+        vdc=np.full(steps, float(drive.inverter.vdc)),
+        iref=vector * np.exp(1j * (angle + offset)),
+    )
+
+
+@dataclass(frozen=True)
+class ShadowCount:
+    """How a second controller would have decided on the same states.
+
+    Attributes
+    ----------
+    steps, differing
+        All control steps, and those where the decisions differ.
+    held, held_differing
+        Steps in which the first controller held, and those of them that differ.
+    searched, searched_differing
+        Steps in which the first controller searched, and those of them that differ.
+    deadlocks
+        Steps in which the first controller was in a deadlock.
+    near_ties
+        Differing steps that the first controller decided by less than the tolerance given.
+    """
+
+    steps: int
+    differing: int
+    held: int
+    held_differing: int
+    searched: int
+    searched_differing: int
+    deadlocks: int
+    near_ties: int
+
+
+@dataclass(frozen=True)
+class ClosedLoopResult:
+    """A recorded run; every array has one row per recorded step.
+
+    Attributes
+    ----------
+    ts
+        Sampling interval, per unit.
+    state : (n + 1, 8)
+        Plant state at each step and after the last (see `plant`).
+    positions : (n + 1, 3)
+        Positions applied before the first step, then during each step.
+    seen : MpdccTrace
+        What the controller saw.
+    decisions : Decisions
+        What it decided; with a delay, row k is applied in step k + 1.
+    shadow : Decisions or None
+        What the shadow controller would have decided on the same inputs.
+    profile : Profile
+        References and speeds of the recorded steps.
+    """
+
+    ts: float
+    state: FloatArray
+    positions: IntArray
+    seen: MpdccTrace
+    decisions: Decisions
+    shadow: Decisions | None
+    profile: Profile
+
+    def __len__(self) -> int:
+        return len(self.decisions)
+
+    def trace(self) -> MpdccTrace:
+        """Return what the controller saw, ready for `trace.write_trace`."""
+        return self.seen
+
+    def shadow_count(
+        self, reference: ideal.IdealParameters | None = None, tolerance: float = 1e-3
+    ) -> ShadowCount:
+        """Count where the shadow decides differently.
+
+        Parameters
+        ----------
+        reference
+            Ideal parameters to judge near ties with; none are counted without.
+        tolerance
+            A near tie is a search whose two cheapest candidates differ by at most this share of
+            the cheaper one's cost.
+
+        Raises
+        ------
+        ValueError
+            If the run had no shadow.
+        """
+        if self.shadow is None:
+            raise ValueError("the run had no shadow controller")
+        differs = np.any(self.decisions.s != self.shadow.s, axis=1)
+        held = self.decisions.held == 1
+        ties = 0
+        if reference is not None:
+            rows = self.seen
+            for k in np.flatnonzero(differs & ~held):
+                _, _, best, second = ideal.margins(
+                    reference, rows.x_m[k], rows.x_inv[k], rows.vdc[k], rows.iref[k],
+                    rows.omega_s[k], rows.omega_r[k], rows.s_prev[k],
+                )  # fmt: skip
+                ties += int(second - best <= tolerance * abs(best))
+        return ShadowCount(
+            steps=len(differs),
+            differing=int(differs.sum()),
+            held=int(held.sum()),
+            held_differing=int((differs & held).sum()),
+            searched=int((~held).sum()),
+            searched_differing=int((differs & ~held).sum()),
+            deadlocks=int(self.decisions.deadlock.sum()),
+            near_ties=ties,
+        )
+
+
+@njit
+def _loop(
+    decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
+    omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
+    shadow_out,
+):  # fmt: skip
+    """Run the loop; compiled for the controllers passed, and therefore not cached on disk."""
+    x = np.empty(8)
+    reference = np.empty(2)
+    decided = applied.copy()
+    for k in range(len(vdc)):
+        states[k] = state
+        if delay:
+            # What was decided a step ago takes effect now; what is decided now, a step later.
+            applied[:] = decided
+        x[:] = state
+        reference[0], reference[1] = iref[k].real, iref[k].imag
+        if delay and compensate:
+            _predict(predictor, x, applied, omega_r[k], vdc[k])
+            turned = iref[k] * cmath.exp(1j * omega_s[k] * predictor[0])
+            reference[0], reference[1] = turned.real, turned.imag
+        seen[k] = x
+        seen_s[k] = applied
+        seen_iref[k] = reference
+        d = decide(parameters, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied)
+        for column in range(7):
+            out[k, column] = d[column]
+        if use_shadow:
+            e = shadow(
+                shadow_parameters, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied
+            )
+            for column in range(7):
+                shadow_out[k, column] = e[column]
+        decided[0], decided[1], decided[2] = d[0], d[1], d[2]
+        if not delay:
+            applied[:] = decided
+        positions[k + 1] = applied
+        plant_step(plant, state, applied, omega_r[k], vdc[k])
+    states[len(vdc)] = state
+
+
+@njit(cache=True)
+def _predict(predictor, x, s_abc, omega_r, vdc):
+    """Take the state one step on as the ideal controller's model does, in place."""
+    h, tau_s, tau_r, xm, xr, d = predictor[:6]
+    a11, a12, a21, a22, b1, b2 = discretise(tau_s, tau_r, xm, xr, d, omega_r, h)
+    half_dc, neutral, capacitor, from_neutral, from_capacitor = predictor[8:]
+    current, flux = complex(x[0], x[1]), complex(x[2], x[3])
+    root = 0.8660254037844386 * current.imag
+    phases = (current.real, -0.5 * current.real + root, -0.5 * current.real - root)
+    voltage = 0j
+    drawn = 0.0
+    for phase in range(3):
+        s = s_abc[phase]
+        v = half_dc[s] * 0.5 * vdc + neutral[s] * x[4] + capacitor[s] * x[5 + phase]
+        voltage += 2.0 / 3.0 * v * cmath.exp(2j * cmath.pi / 3.0 * phase)
+        drawn += from_neutral[s] * phases[phase]
+    for phase in range(3):
+        x[5 + phase] += predictor[7] * from_capacitor[s_abc[phase]] * phases[phase]
+    x[4] += predictor[6] * drawn
+    current, flux = (
+        a11 * current + a12 * flux + b1 * voltage,
+        a21 * current + a22 * flux + b2 * voltage,
+    )
+    x[0], x[1], x[2], x[3] = current.real, current.imag, flux.real, flux.imag
+
+
+@njit(cache=True)
+def _no_shadow(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Stand in where no shadow is wanted."""
+    return 0, 0, 0, 0, 0, 0, 0
+
+
+def _nearest_positions(voltage: complex, vdc: float) -> IntArray:
+    """Positions whose levels come nearest to a stator voltage, the first of each level."""
+    phases = [(voltage * cmath.exp(-2j * cmath.pi / 3 * x)).real for x in range(3)]
+    levels = np.clip(np.rint(np.array(phases) / (vdc / 4)), -2, 2).astype(np.int64)
+    return np.array([anpc.LEVEL.tolist().index(level) for level in levels.tolist()])
+
+
+def initial_conditions(
+    profile: Profile, rng: np.random.Generator | None = None, disturbance: float = 0.0
+) -> tuple[FloatArray, IntArray]:
+    """Steady state in which a profile starts.
+
+    Parameters
+    ----------
+    profile
+        Its first step counts.
+    rng
+        Source of the disturbance; without it there is none.
+    disturbance
+        Standard deviation of what is added to the currents and capacitor voltages, per unit.
+
+    Returns
+    -------
+    state : (8,)
+        Plant state, see `plant`: currents on their references, capacitors balanced.
+    positions : (3,)
+        Positions whose levels come nearest to the stator voltage.
+    """
+    start, turn = profile.start, profile.iref[0] / profile.start.i_s
+    flux = start.psi_r * turn
+    state = np.array([profile.iref[0].real, profile.iref[0].imag, flux.real, flux.imag] + [0.0] * 4)
+    state[5:] = profile.vdc[0] / 4
+    if rng is not None:
+        state[:2] += disturbance * rng.standard_normal(2)
+        state[4:] += disturbance * rng.standard_normal(4)
+    return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
+
+
+def _decisions(out: IntArray) -> Decisions:
+    return Decisions(
+        s=out[:, :3].copy(),
+        held=out[:, 3].copy(),
+        deadlock=out[:, 4].copy(),
+        length=out[:, 5].copy(),
+        cycles=None,
+        saturated=out[:, 6].copy(),
+    )
+
+
+def simulate(
+    drive: Drive,
+    decide: Any,
+    parameters: Any,
+    point: OperatingPoint | Profile,
+    steps: int,
+    *,
+    settle: int = 0,
+    seed: int = 0,
+    disturbance: float = 0.01,
+    plant_drive: Drive | None = None,
+    shadow: Any = None,
+    shadow_parameters: Any = None,
+    delay: bool = False,
+    compensate: bool = True,
+) -> ClosedLoopResult:
+    """Run a controller in closed loop with the exact plant.
+
+    Parameters
+    ----------
+    drive
+        What the controller is set up for; also what references and speeds are computed from.
+    decide, parameters
+        Compiled controller with the arguments and results of `ideal.decide`, and its first one.
+    point
+        Constant operating point, or a profile of at least ``settle + steps`` steps.
+    steps
+        Control steps to record.
+    settle
+        Steps to run before those, not recorded.
+    seed
+        Of the angle at the start (operating points only) and the disturbance.
+    disturbance
+        Standard deviation of what is added to the steady state's currents and capacitor voltages
+        at the start, per unit.
+    plant_drive
+        Machine and inverter of the plant if they differ from the controller's; ts is the drive's.
+    shadow, shadow_parameters
+        Second controller that decides on the same inputs without effect.
+    delay
+        Whether a decision takes effect one step after the state it is based on.
+    compensate
+        With `delay`: whether the controller is shown the state its model predicts for the step in
+        which the decision takes effect, rather than the measured one.
+
+    Returns
+    -------
+    ClosedLoopResult
+        `steps` recorded steps.
+
+    Raises
+    ------
+    ValueError
+        If steps or settle do not make sense or a profile is too short.
+    """
+    total = settle + steps
+    if steps < 1 or settle < 0:
+        raise ValueError(f"at least one step is needed, got steps {steps} after settle {settle}")
+    rng = np.random.default_rng(seed)
+    if isinstance(point, Profile):
+        profile = point
+        if len(profile) < total:
+            raise ValueError(f"a profile of {total} steps is needed, got {len(profile)}")
+    else:
+        profile = constant_profile(drive, point, total, rng.uniform(0.0, 2 * math.pi))
+    real = plant_drive or drive
+    m = real.machine
+    plant = plant_data(
+        InductionMachine(m.rs, m.rr, m.xls, m.xlr, m.xm),
+        real.inverter.xdc,
+        real.inverter.xph,
+        drive.ts_pu,
+    )
+    state, applied = initial_conditions(profile, rng, disturbance)
+
+    own = ideal.ideal_parameters(drive)
+    predictor = (
+        own.ts, own.tau_s, own.tau_r, own.xm, own.xr, own.d,
+        own.neutral_slope, own.capacitor_slope,
+        anpc.HALF_DC, anpc.NEUTRAL, anpc.CAPACITOR, anpc.NEUTRAL_CURRENT, anpc.CAPACITOR_CURRENT,
+    )  # fmt: skip
+    states = np.empty((total + 1, STATES))
+    positions = np.empty((total + 1, 3), np.int64)
+    positions[0] = applied
+    seen = np.empty((total, STATES))
+    seen_s = np.empty((total, 3), np.int64)
+    seen_iref = np.empty((total, 2))
+    out = np.zeros((total, 7), np.int64)
+    shadow_out = np.zeros((total if shadow is not None else 1, 7), np.int64)
+    omega_s, omega_r, vdc, iref = (
+        np.ascontiguousarray(a[:total])
+        for a in (profile.omega_s, profile.omega_r, profile.vdc, profile.iref)
+    )
+    _loop(
+        decide, parameters,
+        _no_shadow if shadow is None else shadow, 0 if shadow is None else shadow_parameters,
+        shadow is not None, plant, delay, compensate, predictor,
+        omega_s, omega_r, vdc, iref, state, applied, states, positions,
+        seen, seen_s, seen_iref, out, shadow_out,
+    )  # fmt: skip
+
+    keep = slice(settle, total)
+    return ClosedLoopResult(
+        ts=drive.ts_pu,
+        state=states[settle:],
+        positions=positions[settle:],
+        seen=MpdccTrace(
+            x_m=seen[keep, :4].copy(),
+            x_inv=seen[keep, 4:].copy(),
+            vdc=vdc[keep],
+            iref=seen_iref[keep],
+            omega_s=omega_s[keep],
+            omega_r=omega_r[keep],
+            s_prev=seen_s[keep],
+        ),
+        decisions=_decisions(out[keep]),
+        shadow=_decisions(shadow_out[keep]) if shadow is not None else None,
+        profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
+    )

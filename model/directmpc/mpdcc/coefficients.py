@@ -1,0 +1,397 @@
+"""From a drive to register values: what a host computes and writes once per drive.
+
+Nothing here depends on the state, the speeds or the dc-link voltage; those products are formed in
+fabric every step.  ``python -m directmpc.mpdcc.coefficients drive.toml`` prints them.
+
+The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
+bounds allow, see ``formats``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.extrapolation import choose_extrapolation
+from directmpc.mpdcc.parabola import FAR, fit_parabola
+from directmpc.mpdcc.program import COEFFICIENTS
+
+#: Right shift that a product of each alignment undergoes on its way to the result.
+_COARSE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[1])
+_FINE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[0])
+_ERROR = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[2])
+
+#: Scales (LSB per unit) of the products that are fed back as operands.
+_REFERENCE_SPEED = f.CURRENT.scale * f.SPEED.scale / _COARSE
+_FLUX_SPEED = f.FLUX.scale * f.SPEED.scale / _COARSE
+_FLUX_SPEED2 = _FLUX_SPEED * f.SPEED.scale / _FINE
+_REFERENCE_SPEED2 = _REFERENCE_SPEED * f.SPEED.scale / _FINE
+
+_HIGH = 2 ** (f.COEFFICIENT_WIDTH - 1) - 1
+_SQRT3_2 = math.sqrt(3.0) / 2.0
+
+#: Parameters of the core besides the coefficients, in port order.
+OPTIONS = (
+    "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
+    "two_switchings", "budget", "compensate", "deadlock_rule",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Registers:
+    """Run-time parameters of ``mpdcc_core`` as integers.
+
+    Parameters
+    ----------
+    coefficients : dict of int
+        One signed 16-bit value per name of ``common_terms.COEFFICIENTS``.
+    bound_current, bound_neutral, bound_phase : int
+        Half widths in trajectory units, unsigned 16 bits.
+    horizon : int
+        N in steps, 1..63.
+    weight_scale : int
+        Index into ``formats.WEIGHT_FRACTIONS``.
+    two_switchings : int
+        1 for the switching horizon SESE, fast variant alone.
+    budget : int
+        Candidates of the second level that may be looked at, 0 without limit.
+    compensate : int
+        1 to decide for k+1, fast variant alone.
+    deadlock_rule : int
+        1 for the weighted rule in deadlocks, fast variant alone.
+    unit : float
+        U, trajectory units per unit; for reports only, no register.
+    extrapolation : int
+        L in steps that the correction p was fitted for; for reports only.
+    correction : float
+        p; for reports only.
+    """
+
+    coefficients: dict[str, int]
+    bound_current: int
+    bound_neutral: int
+    bound_phase: int
+    horizon: int
+    weight_scale: int
+    two_switchings: int
+    budget: int
+    compensate: int
+    deadlock_rule: int
+    unit: float
+    extrapolation: int
+    correction: float
+
+    def ports(self) -> dict[str, int]:
+        """Every parameter port of the core: name -> integer, in port order."""
+        return {
+            **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
+            **{name: int(getattr(self, name)) for name in OPTIONS},
+        }
+
+    def array(self) -> NDArray[np.int64]:
+        """``ports`` as an array, for compiled code."""
+        return np.array(list(self.ports().values()), dtype=np.int64)
+
+
+def second_level(values: NDArray[np.int64]) -> bool:
+    """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in."""
+    return _any(values, "two_switchings", "compensate")
+
+
+def weighted_deadlock(values: NDArray[np.int64]) -> bool:
+    """Whether such values need WEIGHTED_DEADLOCK built in."""
+    return _any(values, "deadlock_rule")
+
+
+def _any(values: NDArray[np.int64], *options: str) -> bool:
+    """Whether one of the options is set in a row of register values."""
+    names = [*COEFFICIENTS, *OPTIONS]
+    return bool(np.atleast_2d(values)[:, [names.index(option) for option in options]].any())
+
+
+def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:
+    """Real coefficients of slopes and curvatures for U = 1; L and p for reports."""
+    m, h = drive.machine, drive.ts_pu
+    if variant == "fast":
+        q = fit_parabola(drive.machine, h)
+        real = {
+            "stator_alpha": q.stator * _FINE / f.CURRENT.scale,
+            "rotor_alpha": q.rotor * _FINE / f.FLUX.scale,
+            "reference_alpha": -q.reference * _FINE / _REFERENCE_SPEED,
+            "emf_alpha": -q.emf * _COARSE / _FLUX_SPEED,
+            "correction_alpha": 0.0,
+            "curvature_emf_alpha": -q.curvature_emf * _FINE / _FLUX_SPEED,
+            "curvature_flux_alpha": -q.curvature_flux * _FINE / _FLUX_SPEED2,
+            "curvature_reference_alpha": -q.curvature_reference * _FINE / _REFERENCE_SPEED2,
+        }
+        return real | {"forced": q.forced}, FAR, 0.0
+    length, correction = choose_extrapolation(drive)
+    real = {
+        "stator_alpha": h / m.tau_s * _FINE / f.CURRENT.scale,
+        "rotor_alpha": -h * m.xm / (m.d * m.tau_r) * _FINE / f.FLUX.scale,
+        "reference_alpha": -h * _FINE / _REFERENCE_SPEED,
+        "emf_alpha": -h * m.xm / m.d * _COARSE / _FLUX_SPEED,
+        "correction_alpha": -correction * length * h * h * _COARSE / _FLUX_SPEED2,
+        "curvature_emf_alpha": 0.0,
+        "curvature_flux_alpha": 0.0,
+        "curvature_reference_alpha": 0.0,
+    }
+    return real | {"forced": h * m.xr / m.d}, length, correction
+
+
+def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
+    """Add what the prediction does not depend on, and the beta components."""
+    h = drive.ts_pu
+    result = dict(real)
+    forced = result.pop("forced") / 3.0 * 2.0**f.FORCED_FRACTION
+    result |= {
+        "error_alpha": _ERROR / f.CURRENT.scale,
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale,
+        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale),
+        "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
+        "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
+        "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
+        "midpoint_alpha": h / (2.0 * drive.inverter.xdc) * _FINE / f.CURRENT.scale,
+    }
+    for name in [n.removesuffix("_alpha") for n in result if n.endswith("_alpha")]:
+        # cross terms change sign between the components
+        sign = -1.0 if name in ("reference", "emf", "curvature_emf") else 1.0
+        result[f"{name}_beta"] = sign * _SQRT3_2 * result[f"{name}_alpha"]
+    return result
+
+
+def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
+    """Finest scale of sqrt(lambda_n)*v_n that fits, and its three coefficients."""
+    root = math.sqrt(drive.control.lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION)
+    slope = -root * drive.ts_pu / (2.0 * drive.inverter.xdc)
+    for scale in reversed(range(len(f.WEIGHT_FRACTIONS))):
+        unit = 2.0 ** f.WEIGHT_FRACTIONS[scale]
+        alpha = slope * unit * 2.0**f.WEIGHT_SLOPE_FRACTION * _COARSE / f.CURRENT.scale
+        values = {
+            "weight": root * unit * _COARSE / f.NEUTRAL_VOLTAGE.scale,
+            "weight_alpha": alpha,
+            "weight_beta": _SQRT3_2 * alpha,
+        }
+        if all(abs(v) <= _HIGH for v in values.values()):
+            return scale, values
+    raise ValueError(
+        f"control.lambda_n = {drive.control.lambda_n} with inverter.xdc = {drive.inverter.xdc} "
+        "does not fit the weight on v_n; a smaller lambda_n is needed"
+    )
+
+
+def _rounded_bounds(
+    bounds: tuple[float, float, float], real: dict[str, float], unit: float
+) -> list[int]:
+    """Bounds as integers, each with the gain that rounding leaves the error it is compared with.
+
+    `bounds` and the error coefficients of `real` are per 1/`unit`.
+    """
+    errors = (real[name] * unit for name in ("error_alpha", "error_neutral", "error_phase"))
+    pairs = zip(bounds, errors, strict=True)
+    return [round(bound * unit * round(error) / error) for bound, error in pairs]
+
+
+def _curvature_unit(drive: Drive) -> float:
+    """Finest unit in which a phase's curvature fits its word, at rated speed, flux and current.
+
+    Control periods below about 100 us leave room; beyond, a finer unit would clip the curvature.
+    """
+    q = fit_parabola(drive.machine, drive.ts_pu)
+    largest = abs(q.curvature_emf) + abs(q.curvature_flux) + abs(q.curvature_reference)
+    return (2 ** (f.CURVATURE_WIDTH - 1) - 1) / largest
+
+
+def _successor(
+    drive: Drive, real: dict[str, float], weight: dict[str, float], unit: float, variant: str
+) -> dict[str, float]:
+    """Coefficients of the successor's program: ratios, so they do not scale with U.
+
+    A change of the current is counted in 2**-CHANGE_FRACTION trajectory units.  ``change_weight``
+    makes sqrt(lambda_n)*v_n of the error of v_n. It is clipped where lambda_n is at its largest and
+    the unit coarse: it only bends the weight on v_n at the second level.
+    """
+    if variant != "fast":
+        return dict.fromkeys(
+            ("change_phase", "change_midpoint", "change_weight", "error_forced"), 0
+        )
+    change = 2.0**-f.CHANGE_FRACTION
+    h = drive.ts_pu
+    turned = -weight["weight"] * f.NEUTRAL_VOLTAGE.scale / unit
+    return {
+        "change_phase": h / drive.inverter.xph * change * _COARSE,
+        "change_midpoint": h / (2.0 * drive.inverter.xdc) * change * _COARSE,
+        "change_weight": max(-_HIGH, min(_HIGH, turned)),
+        "error_forced": -real["forced_voltage"] * f.CAPACITOR_VOLTAGE.scale,
+    }
+
+
+@dataclass(frozen=True)
+class Unrounded:
+    """Register values before they are rounded; names as in ``Registers``.
+
+    Attributes
+    ----------
+    coefficients : dict of float
+        One value per name of ``common_terms.COEFFICIENTS``.
+    bounds : tuple of float
+        Half widths of currents, v_n and v_ph, trajectory units.
+    weight_scale, unit, extrapolation, correction
+        As in ``Registers``.
+    """
+
+    coefficients: dict[str, float]
+    bounds: tuple[float, float, float]
+    weight_scale: int
+    unit: float
+    extrapolation: int
+    correction: float
+
+
+def unrounded(drive: Drive, variant: str) -> Unrounded:
+    """Register values of a drive in full precision; arguments and errors as ``registers``."""
+    prediction, length, correction = _prediction(drive, variant)
+    real = _per_unit(drive, prediction)
+    bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
+    unit = min(
+        min(_HIGH / abs(value) for value in real.values() if value != 0.0),
+        f.BOUND_HIGH[variant] / max(bounds),
+        _curvature_unit(drive) if variant == "fast" else math.inf,
+    )
+    # a bound in the rounded gain of its error may come out a little above the word
+    while max(_rounded_bounds(bounds, real, unit)) > f.BOUND_HIGH[variant]:
+        unit *= 1.0 - 2.0**-16
+    scale, weight = _weight(drive)
+    return Unrounded(
+        coefficients={name: value * unit for name, value in real.items()}
+        | weight
+        | _successor(drive, real, weight, unit, variant),
+        bounds=(bounds[0] * unit, bounds[1] * unit, bounds[2] * unit),
+        weight_scale=scale,
+        unit=unit,
+        extrapolation=length,
+        correction=correction,
+    )
+
+
+def refuse_unserved(drive: Drive, variant: str) -> None:
+    """Refuse a drive that asks for what the explorers of a variant cannot do.
+
+    Raises
+    ------
+    ValueError
+        Naming the drive file's key.
+    """
+    if variant == "fast":
+        return
+    # left out in silence, nobody would notice: the core decides all the same;
+    # a budget limits SESE alone and has no effect without it in any variant
+    control = drive.control
+    for key, asked, given, served in (
+        ("switching_horizon", control.switching_horizon != "SE", '"SESE"', '"SE"'),
+        ("delay_compensation", control.delay_compensation, "true", "false"),
+        ("deadlock_rule", control.deadlock_rule != "largest", '"weighted"', '"largest"'),
+    ):
+        if asked:
+            raise ValueError(
+                f"control.{key}: got {given}; the variant {variant} serves {served} alone"
+            )
+
+
+def registers(drive: Drive, variant: str) -> Registers:
+    """Register values of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Validated drive file.
+    variant : str
+        "paper" or "fast": which explorers the core has.
+
+    Returns
+    -------
+    Registers
+
+    Raises
+    ------
+    ValueError
+        Where a value cannot be represented, or the variant does not serve the drive's settings;
+        the message names the drive file's key.
+    """
+    refuse_unserved(drive, variant)
+    exact = unrounded(drive, variant)
+    coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
+    bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
+    return Registers(
+        coefficients=coefficients,
+        bound_current=bounds[0],
+        bound_neutral=bounds[1],
+        bound_phase=bounds[2],
+        horizon=drive.control.horizon,
+        weight_scale=exact.weight_scale,
+        two_switchings=int(drive.control.switching_horizon == "SESE"),
+        budget=drive.control.budget if variant == "fast" else 0,
+        compensate=int(drive.control.delay_compensation),
+        deadlock_rule=int(drive.control.deadlock_rule == "weighted"),
+        unit=exact.unit,
+        extrapolation=exact.extrapolation,
+        correction=exact.correction,
+    )
+
+
+def format_csv(values: Registers) -> str:
+    """Lay out the registers as CSV: port, value, and the word to write in hexadecimal."""
+    lines = ["port,value,hex"]
+    for port, value in values.ports().items():
+        digits = 4 if port.startswith(("c_", "bound")) else 2
+        lines.append(f"{port},{value},{value & (16**digits - 1):0{digits}x}")
+    return "\n".join(lines)
+
+
+def format_table(values: Registers) -> str:
+    """Lay out the registers as text."""
+    rows = [line.split(",") for line in format_csv(values).splitlines()]
+    lines = [f"{port:20} {value:>8} {word:>6}" for port, value, word in rows]
+    lines += [
+        "",
+        f"trajectory unit: 1/{values.unit:.6g} pu; extrapolation over L = {values.extrapolation} "
+        f"steps with p = {values.correction:.5f}",
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the register values of a drive file; 2 when it cannot be used."""
+    parser = argparse.ArgumentParser(
+        prog="coefficients", description="Parameter ports of mpdcc_core for a drive file."
+    )
+    parser.add_argument("drive", help="drive file (TOML)")
+    parser.add_argument("--csv", action="store_true", help="comma-separated, for a program to read")
+    parser.add_argument(
+        "--variant", choices=sorted(f.BOUND_HIGH), default="fast", help="explorers of the core"
+    )
+    given = parser.parse_args(arguments)
+    try:
+        values = registers(load_drive(given.drive), given.variant)
+        print(format_csv(values) if given.csv else format_table(values), flush=True)
+    except BrokenPipeError:  # a reader such as head has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except ValueError as error:
+        text = str(error)
+        shown = text if text.startswith(given.drive) else f"{given.drive}: {text}"
+        print(f"coefficients: {shown}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

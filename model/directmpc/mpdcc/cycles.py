@@ -1,0 +1,162 @@
+"""Clock cycles of a SESE search of the fast variant: its schedule, clock for clock.
+
+The cycles depend on nothing but how many candidates follow s(k-1) and each node that is looked at,
+in the order in which they are: explorers are in step and never wait. `worst` is the bound that the
+RTL's bench asserts: every candidate of the first level stays inside its bounds for less than the
+horizon, all but s(k-1) itself, which the hold test has just seen leave.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from directmpc.mpdcc import inverter as anpc
+
+ROOT = 46
+"""Clocks of a search of one explorer but for one for each candidate."""
+
+PREPARATION = 16
+"""Clocks from one node's preparation to the next: what even a node of few leaves costs."""
+
+BEHIND = (3, 1)
+"""Clocks more where such a node follows one whose leaves keep the dispatcher until then; with four
+explorers and more none keeps it longer than a preparation."""
+
+AROUND = 49
+"""Clocks before the first node's leaves and behind the last one's, with one explorer."""
+
+Counts = tuple[int, int, int]
+
+
+@njit(cache=True)
+def _schedule(explorers, root, nodes, cut):
+    """Clock for clock; see ``search``."""
+    level = ROOT + root
+    if len(nodes) == 0 and not cut:
+        return level + 3
+    in_step = min(explorers, 4)
+    spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)  # blocks
+    clock = level + 2  # the queue shows its first entry
+    begun = loaded = 0  # nodes
+    begins = np.zeros(len(nodes) + 1, dtype=np.int64)
+    free = clock  # the dispatcher takes a node from here on
+    shortly = clock  # and says so from here on
+    last_leaf = np.zeros(explorers, dtype=np.int64)  # of each explorer, 0: none
+    cut_at = 0
+    while loaded < len(nodes) or (cut and cut_at == 0):
+        pending = begun - loaded
+        cool = begun == 0 or clock >= begins[begun - 1] + 16
+        may = cool and (pending == 0 or (pending == 1 and clock >= shortly))
+        if loaded < begun and clock >= begins[loaded] + 24 and clock >= free:
+            a, b, c = nodes[loaded]
+            each = (c + in_step - 1) // in_step
+            free = clock + a * b * each
+            shortly = clock + 1 + max(0, a * b - spare) * each
+            for explorer in range(in_step):
+                if explorer < c:
+                    # the last round that still holds a next position for it
+                    last_leaf[explorer] = free + 1 - (each - 1 - (c - 1 - explorer) // in_step)
+            loaded += 1
+        if may and begun < len(nodes):
+            begins[begun] = clock
+            begun += 1
+        elif may and cut and cut_at == 0:
+            cut_at = clock
+        clock += 1
+    if len(nodes) == 0:
+        return cut_at + 3
+    over = max(free + 2, cut_at + 1)
+    # results are taken one a clock, of the first explorer that has one
+    taken = over - 1
+    done = np.zeros(explorers, dtype=np.bool_)
+    left = 0
+    for explorer in range(explorers):
+        left += last_leaf[explorer] > 0
+    while left > 0:
+        taken += 1
+        for explorer in range(explorers):
+            if last_leaf[explorer] > 0 and not done[explorer] and last_leaf[explorer] + 19 <= taken:
+                done[explorer] = True
+                left -= 1
+                break
+    return taken + 3
+
+
+def search(explorers: int, root: int, nodes: Sequence[Counts], *, cut: bool = False) -> int:
+    """Cycles of a search with a second level.
+
+    Parameters
+    ----------
+    explorers
+        1 to 8.
+    root
+        Candidates that follow s(k-1).
+    nodes
+        For each node looked at, in turn, the next positions of phases a, b, c.
+    cut
+        Whether the budget ended it.
+    """
+    array = np.array(nodes, dtype=np.int64).reshape(-1, 3)
+    return int(_schedule(explorers, root, array, cut))
+
+
+def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
+    """Most cycles over all s(k-1), and the position that takes them."""
+    most, where = 0, np.zeros(3, np.int64)
+    for s in itertools.product(range(anpc.POSITIONS), repeat=3):
+        found = search(explorers, len(anpc.candidates(s)), nodes_below(s))
+        if found > most:
+            most, where = found, np.array(s)
+    return most, where
+
+
+def bound(explorers: int, budget: int) -> int:
+    """Clocks that no search with a budget exceeds, whichever candidates live.
+
+    A few clocks above the worst: each node costs what the dispatcher takes to hand out its leaves,
+    or its preparation, and the dearest choice of nodes within the budget is found over all s(k-1).
+    Searched for by hill climbing, not proven: no choice was found to exceed it (test_sese_core).
+    Without a budget it is `worst`. Delay compensation adds its clocks, see ``mpdcc_core``.
+
+    Parameters
+    ----------
+    explorers
+        1 to 8.
+    budget
+        Candidates of the second level, 0: no limit.
+    """
+    if budget == 0:
+        return worst(explorers)[0]
+    in_step = min(explorers, 4)
+    least = PREPARATION + BEHIND[in_step == 4]
+    alike = {
+        (len(anpc.candidates(s)), tuple(sorted(nodes_below(s))))
+        for s in itertools.product(range(anpc.POSITIONS), repeat=3)
+    }
+    most = 0
+    for root, nodes in alike:
+        dearest = np.zeros(budget + 1, dtype=np.int64)  # clocks by leaves spent
+        for a, b, c in nodes:
+            leaves, clocks = a * b * c, max(a * b * -(-c // in_step), least)
+            if leaves <= budget:
+                dearest[leaves:] = np.maximum(dearest[leaves:], dearest[:-leaves] + clocks)
+        most = max(most, ROOT + root + int(dearest[-1]))
+    return min(most + AROUND + in_step - 1, worst(explorers)[0])
+
+
+def nodes_below(s: tuple[int, ...]) -> list[Counts]:
+    """All nodes that can follow s(k-1), by effort, the latest first: the order of the queue."""
+    weight = anpc.TRANSITION_WEIGHT[0]
+    found = [
+        (sum(int(weight[p, q]) for p, q in zip(s, candidate, strict=True)), candidate)
+        for candidate in anpc.candidates(s)
+        if candidate != tuple(s)
+    ]
+    found.reverse()  # sorting keeps the order among equals
+    found.sort(key=lambda pair: pair[0])
+    return [tuple(int(anpc.NEXT_COUNT[p]) for p in candidate) for _, candidate in found]

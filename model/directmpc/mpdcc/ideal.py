@@ -1,0 +1,489 @@
+"""The ideal MPDCC controller: the contract's decision in float64, nothing approximated.
+
+Paper A, Sections III to VI, with what it leaves open settled by the contract (section 2): the
+machine by matrix exponential with v_abc held over the horizon, the inverter voltages linear with
+the currents at k (eq. 8c), the reference rotated exactly, L* by looking at every step, bounds
+inclusive. `decide` is compiled code and depends on nothing but its arguments.
+
+The compiled cache notices changes of this file, not of `machine.py`; the tables of `anpc.py` are
+passed as arguments, so a change there takes effect at once.
+"""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.machine import FloatArray, discretise
+from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
+
+SQRT3_2 = math.sqrt(3.0) / 2.0
+
+NEUTRAL_WEIGHT = 8.0
+"""Of the excess of v_n under the weighted deadlock rule."""
+
+CURRENT_SHARE = 1.0 / 16.0
+"""Of the currents' largest excess that this rule adds."""
+
+
+class IdealParameters(NamedTuple):
+    """All that `decide` needs to know about a drive, as numbers and arrays, per unit.
+
+    The arrays from `next_count` on are the tables of `anpc`; `bounds` has shape (7,).
+    """
+
+    ts: float
+    tau_s: float
+    tau_r: float
+    xm: float
+    xr: float
+    d: float
+    neutral_slope: float
+    capacitor_slope: float
+    bounds: FloatArray
+    lambda_n: float
+    horizon: int
+    two_switchings: bool
+    weighted_deadlock: bool
+    next_count: IntArray
+    next_table: IntArray
+    half_dc: IntArray
+    neutral: IntArray
+    capacitor: IntArray
+    neutral_current: IntArray
+    capacitor_current: IntArray
+    weight: IntArray
+
+
+def ideal_parameters(drive: Drive) -> IdealParameters:
+    """Collect the parameters of the ideal controller from a drive."""
+    m = drive.machine
+    return IdealParameters(
+        ts=drive.ts_pu,
+        tau_s=m.tau_s,
+        tau_r=m.tau_r,
+        xm=m.xm,
+        xr=m.xr,
+        d=m.d,
+        neutral_slope=-drive.ts_pu / (2.0 * drive.inverter.xdc),
+        capacitor_slope=drive.ts_pu / drive.inverter.xph,
+        bounds=drive.bounds,
+        lambda_n=float(drive.control.lambda_n),
+        horizon=int(drive.control.horizon),
+        two_switchings=drive.control.switching_horizon == "SESE",
+        weighted_deadlock=drive.control.deadlock_rule == "weighted",
+        next_count=anpc.NEXT_COUNT,
+        next_table=anpc.NEXT_TABLE,
+        half_dc=anpc.HALF_DC,
+        neutral=anpc.NEUTRAL,
+        capacitor=anpc.CAPACITOR,
+        neutral_current=anpc.NEUTRAL_CURRENT,
+        capacitor_current=anpc.CAPACITOR_CURRENT,
+        weight=anpc.TRANSITION_WEIGHT,
+    )
+
+
+@njit(cache=True)
+def _phases(vector):
+    """K^-1 of eq. (1) on a complex space vector."""
+    half = -0.5 * vector.real
+    root = SQRT3_2 * vector.imag
+    return vector.real, half + root, half - root
+
+
+@njit(cache=True)
+def _inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
+    """Stator voltage vector of a position and what it adds to the inverter voltages each step."""
+    half = 0.5 * vdc
+    u_a = p.half_dc[s_a] * half + p.neutral[s_a] * v_n + p.capacitor[s_a] * v_a
+    u_b = p.half_dc[s_b] * half + p.neutral[s_b] * v_n + p.capacitor[s_b] * v_b
+    u_c = p.half_dc[s_c] * half + p.neutral[s_c] * v_n + p.capacitor[s_c] * v_c
+    voltage = complex((2.0 * u_a - u_b - u_c) / 3.0, (u_b - u_c) * (SQRT3_2 * 2.0 / 3.0))
+    from_neutral = (
+        p.neutral_current[s_a] * i_a + p.neutral_current[s_b] * i_b + p.neutral_current[s_c] * i_c
+    )
+    return (
+        voltage,
+        p.neutral_slope * from_neutral,
+        p.capacitor_slope * p.capacitor_current[s_a] * i_a,
+        p.capacitor_slope * p.capacitor_current[s_b] * i_b,
+        p.capacitor_slope * p.capacitor_current[s_c] * i_c,
+    )
+
+
+@njit(cache=True)
+def _inside(bounds, error, v_n, d_a, d_b, d_c):
+    """Whether every output is within its bound; d_x is the deviation of v_ph_x from v_dc/4."""
+    if not (abs(v_n) <= bounds[3] and abs(d_a) <= bounds[4]):
+        return False
+    if not (abs(d_b) <= bounds[5] and abs(d_c) <= bounds[6]):
+        return False
+    e_a, e_b, e_c = _phases(error)
+    return abs(e_a) <= bounds[0] and abs(e_b) <= bounds[1] and abs(e_c) <= bounds[2]
+
+
+@njit(cache=True)
+def _excess(bounds, weighted, error, v_n, d_a, d_b, d_c):
+    """Largest amount by which an output exceeds its bound, negative inside (eq. 15).
+
+    With `weighted` v_n's counts eight times, and a sixteenth of the currents' largest is added.
+    """
+    e_a, e_b, e_c = _phases(error)
+    current = abs(e_a) - bounds[0]
+    current = max(current, abs(e_b) - bounds[1])
+    current = max(current, abs(e_c) - bounds[2])
+    neutral = abs(v_n) - bounds[3]
+    if weighted:
+        neutral *= NEUTRAL_WEIGHT
+    worst = max(current, neutral)
+    worst = max(worst, abs(d_a) - bounds[4])
+    worst = max(worst, abs(d_b) - bounds[5])
+    worst = max(worst, abs(d_c) - bounds[6])
+    return worst + CURRENT_SHARE * current if weighted else worst
+
+
+@njit(cache=True)
+def _natural(a11, a12, a21, a22, current, flux, horizon, natural):
+    """Fill natural[l] with the stator current l steps on without stator voltage, l = 0..N."""
+    for step in range(horizon + 1):
+        natural[step] = current
+        current, flux = a11 * current + a12 * flux, a21 * current + a22 * flux
+
+
+@njit(cache=True)
+def _extend(
+    bounds, horizon, natural, forced, reference, offset,
+    voltage, v_n, d_a, d_b, d_c, r_n, r_a, r_b, r_c,
+):  # fmt: skip
+    """L* (eqs. 8, 22): last step 0..N before the first violation, looking at every step."""
+    for step in range(horizon + 1):
+        error = reference[offset + step] - (natural[step] + forced[step] * voltage)
+        if not _inside(
+            bounds, error, v_n + step * r_n, d_a + step * r_a, d_b + step * r_b, d_c + step * r_c
+        ):
+            return max(step - 1, 0)
+    return horizon
+
+
+@njit(cache=True)
+def _prepare(p, x_m, iref, omega_s, omega_r, steps):
+    """What all candidates share: discretised machine, responses and reference over `steps`."""
+    a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    n = p.horizon
+    natural = np.empty(n + 1, np.complex128)
+    _natural(a11, a12, a21, a22, complex(x_m[0], x_m[1]), complex(x_m[2], x_m[3]), n, natural)
+    forced = np.empty(n + 1, np.complex128)
+    forced_flux = np.empty(n + 1, np.complex128)
+    current, flux = 0j, 0j
+    for step in range(n + 1):
+        forced[step] = current
+        forced_flux[step] = flux
+        current, flux = a11 * current + a12 * flux + b1, a21 * current + a22 * flux + b2
+    reference = np.empty(steps + 1, np.complex128)
+    turn = cmath.exp(1j * omega_s * p.ts)
+    vector = complex(iref[0], iref[1])
+    for step in range(steps + 1):
+        reference[step] = vector
+        vector *= turn
+    return a11, a12, a21, a22, natural, forced, forced_flux, reference
+
+
+@njit(cache=True)
+def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Whether s(k-1) keeps every output within its bound at k + 1 (Algorithm 1, line 1)."""
+    a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    current = complex(x_m[0], x_m[1])
+    i_a, i_b, i_c = _phases(current)
+    voltage, r_n, r_a, r_b, r_c = _inputs(
+        p, vdc, x_inv[0], x_inv[1], x_inv[2], x_inv[3], i_a, i_b, i_c,
+        s_prev[0], s_prev[1], s_prev[2],
+    )  # fmt: skip
+    following = a11 * current + a12 * complex(x_m[2], x_m[3]) + b1 * voltage
+    error = complex(iref[0], iref[1]) * cmath.exp(1j * omega_s * p.ts) - following
+    quarter = 0.25 * vdc
+    return _inside(
+        p.bounds,
+        error,
+        x_inv[0] + r_n,
+        x_inv[1] - quarter + r_a,
+        x_inv[2] - quarter + r_b,
+        x_inv[3] - quarter + r_c,
+    )
+
+
+@njit(cache=True)
+def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
+    """Search all candidates.
+
+    Returns
+    -------
+    s_a, s_b, s_c, deadlock, length
+        As `decide`.
+    best, second
+        Cost of the choice and the least cost of any other s1; infinite where there is none. In a
+        deadlock both are what `_excess` says rather than J. `second` is right only if `prune`
+        is false.
+
+    Notes
+    -----
+    Pruning skips what cannot be cheaper than the best so far, which a later candidate must be to
+    win. The bounds hold after rounding too: division and addition are monotonic in floating point.
+    """
+    n = p.horizon
+    a11, a12, a21, a22, natural, forced, forced_flux, reference = _prepare(
+        p, x_m, iref, omega_s, omega_r, 2 * n
+    )
+    natural2 = np.empty(n + 1, np.complex128)
+    current = complex(x_m[0], x_m[1])
+    flux = complex(x_m[2], x_m[3])
+    i_a, i_b, i_c = _phases(current)
+    quarter = 0.25 * vdc
+    v_n, v_a, v_b, v_c = x_inv[0], x_inv[1], x_inv[2], x_inv[3]
+    weight_a = p.weight[1 if i_a < 0.0 else 0, s_prev[0]]
+    weight_b = p.weight[1 if i_b < 0.0 else 0, s_prev[1]]
+    weight_c = p.weight[1 if i_c < 0.0 else 0, s_prev[2]]
+
+    # Three contests at once: the switching horizon's, SE's (needed if every s1 is a dead end), and
+    # that of the deadlock (needed if no L* is above 0).
+    first = (p.next_table[s_prev[0], 0], p.next_table[s_prev[1], 0], p.next_table[s_prev[2], 0])
+    deep, deep_second, deep_s, deep_length = np.inf, np.inf, first, 0
+    flat, flat_second, flat_s, flat_length = np.inf, np.inf, first, 0
+    dead, dead_second, dead_s = np.inf, np.inf, first
+
+    for k_a in range(p.next_count[s_prev[0]]):
+        s_a = p.next_table[s_prev[0], k_a]
+        for k_b in range(p.next_count[s_prev[1]]):
+            s_b = p.next_table[s_prev[1], k_b]
+            for k_c in range(p.next_count[s_prev[2]]):
+                s_c = p.next_table[s_prev[2], k_c]
+                f1 = float(weight_a[s_a] + weight_b[s_b] + weight_c[s_c])
+                if prune and (deep <= f1 / (2 * n) if p.two_switchings else flat <= f1 / n):
+                    continue
+                voltage, r_n, r_a, r_b, r_c = _inputs(
+                    p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c
+                )
+                length = _extend(
+                    p.bounds, n, natural, forced, reference, 0, voltage,
+                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                )  # fmt: skip
+                if length == 0:
+                    if flat_length == 0:
+                        excess = _excess(
+                            p.bounds,
+                            p.weighted_deadlock,
+                            reference[1] - (natural[1] + forced[1] * voltage),
+                            v_n + r_n,
+                            v_a - quarter + r_a,
+                            v_b - quarter + r_b,
+                            v_c - quarter + r_c,
+                        )
+                        if excess < dead:
+                            dead, dead_second, dead_s = excess, dead, (s_a, s_b, s_c)
+                        elif excess < dead_second:
+                            dead_second = excess
+                    continue
+                v_n1 = v_n + length * r_n
+                cost = f1 / length + p.lambda_n * (v_n1 * v_n1)
+                if cost < flat or flat_length == 0:
+                    flat, flat_second, flat_s, flat_length = cost, flat, (s_a, s_b, s_c), length
+                elif cost < flat_second:
+                    flat_second = cost
+                if not p.two_switchings:
+                    continue
+
+                if length < n:
+                    if prune and deep <= f1 / (length + n):
+                        continue
+                    cost = _best_leaf(
+                        p, a11, a12, a21, a22, reference, forced, natural2, length, f1,
+                        natural[length] + forced[length] * voltage,
+                        _flux_at(a11, a12, a21, a22, current, flux, length)
+                        + forced_flux[length] * voltage,
+                        vdc, v_n1, v_a + length * r_a, v_b + length * r_b, v_c + length * r_c,
+                        s_a, s_b, s_c, deep if prune else np.inf,
+                    )  # fmt: skip
+                if cost < deep:
+                    deep, deep_second, deep_s, deep_length = cost, deep, (s_a, s_b, s_c), length
+                elif cost < deep_second:
+                    deep_second = cost
+
+    if deep_length > 0:
+        return deep_s[0], deep_s[1], deep_s[2], 0, deep_length, deep, deep_second
+    if flat_length > 0:
+        return flat_s[0], flat_s[1], flat_s[2], 0, flat_length, flat, flat_second
+    return dead_s[0], dead_s[1], dead_s[2], 1, 0, dead, dead_second
+
+
+@njit(cache=True)
+def _flux_at(a11, a12, a21, a22, current, flux, steps):
+    """Rotor flux `steps` steps on without stator voltage."""
+    for _ in range(steps):
+        current, flux = a11 * current + a12 * flux, a21 * current + a22 * flux
+    return flux
+
+
+@njit(cache=True)
+def _best_leaf(
+    p, a11, a12, a21, a22, reference, forced, natural2, length, f1,
+    current, flux, vdc, v_n, v_a, v_b, v_c, s_a, s_b, s_c, limit,
+):  # fmt: skip
+    """Cost of the cheapest leaf below s1 = (s_a, s_b, s_c), infinite for a dead end.
+
+    State, phase voltages and slopes are those at k + length; leaves that cannot get below `limit`
+    may be skipped.
+    """
+    n = p.horizon
+    _natural(a11, a12, a21, a22, current, flux, n, natural2)
+    i_a, i_b, i_c = _phases(current)
+    quarter = 0.25 * vdc
+    weight_a = p.weight[1 if i_a < 0.0 else 0, s_a]
+    weight_b = p.weight[1 if i_b < 0.0 else 0, s_b]
+    weight_c = p.weight[1 if i_c < 0.0 else 0, s_c]
+    best = np.inf
+    for k_a in range(p.next_count[s_a]):
+        t_a = p.next_table[s_a, k_a]
+        for k_b in range(p.next_count[s_b]):
+            t_b = p.next_table[s_b, k_b]
+            for k_c in range(p.next_count[s_c]):
+                t_c = p.next_table[s_c, k_c]
+                f = f1 + float(weight_a[t_a] + weight_b[t_b] + weight_c[t_c])
+                if min(best, limit) <= f / (length + n):
+                    continue
+                voltage, r_n, r_a, r_b, r_c = _inputs(
+                    p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, t_a, t_b, t_c
+                )
+                more = _extend(
+                    p.bounds, n, natural2, forced, reference, length, voltage,
+                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                )  # fmt: skip
+                if more == 0:
+                    continue
+                v_n2 = v_n + more * r_n
+                best = min(best, f / (length + more) + p.lambda_n * (v_n2 * v_n2))
+    return best
+
+
+@njit(cache=True)
+def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Decide on the next switch positions (contract, section 2; Paper A, Algorithm 1).
+
+    Parameters
+    ----------
+    parameters : IdealParameters
+        From `ideal_parameters`.
+    x_m : (4,) float
+        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit, as are all others.
+    x_inv : (4,) float
+        v_n, v_ph_a, v_ph_b, v_ph_c at k.
+    vdc : float
+        dc-link voltage.
+    iref : (2,) float
+        Current reference at k.
+    omega_s, omega_r : float
+        Stator and rotor angular speed.
+    s_prev : (3,) int
+        Positions s(k-1), 0..7.
+
+    Returns
+    -------
+    s_a, s_b, s_c, held, deadlock, length, saturated : int
+        Positions to apply, flags, L* of the choice (L1 for SESE). `saturated` is always 0.
+    """
+    if _first_step(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+        return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, 0
+    s_a, s_b, s_c, deadlock, length, _, _ = _search(
+        parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, True
+    )
+    return s_a, s_b, s_c, 0, deadlock, length, 0
+
+
+@njit(cache=True)
+def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Tell how clear a decision is; arguments as `decide`.
+
+    Returns
+    -------
+    held : int
+        1 if s(k-1) is kept; the costs are then still those a search would have found.
+    deadlock : int
+        1 if the costs are those of the deadlock rule rather than J.
+    best, second : float
+        Least cost, and least cost over the other first positions; infinite where there is none.
+    """
+    held = _first_step(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev)
+    _, _, _, deadlock, _, best, second = _search(
+        parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, False
+    )
+    return int(held), deadlock, best, second
+
+
+@njit(cache=True)
+def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
+    for k in range(len(vdc)):
+        row = decide(
+            parameters, x_m[k], x_inv[k], vdc[k], iref[k], omega_s[k], omega_r[k], s_prev[k]
+        )
+        out[k, 0], out[k, 1], out[k, 2] = row[0], row[1], row[2]
+        out[k, 3], out[k, 4], out[k, 5] = row[3], row[4], row[5]
+
+
+def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
+    """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it."""
+    x_m, x_inv, iref = trace.x_m.copy(), trace.x_inv.copy(), trace.iref.copy()
+    p = parameters
+    for k in range(len(trace)):
+        a11, a12, a21, a22, b1, b2 = discretise(
+            p.tau_s, p.tau_r, p.xm, p.xr, p.d, trace.omega_r[k], p.ts
+        )
+        current, flux = complex(*trace.x_m[k, :2]), complex(*trace.x_m[k, 2:])
+        s = trace.s_prev[k]
+        voltage, *slopes = _inputs(
+            p, trace.vdc[k], *trace.x_inv[k], *_phases(current), s[0], s[1], s[2]
+        )
+        following = a11 * current + a12 * flux + b1 * voltage
+        flux = a21 * current + a22 * flux + b2 * voltage
+        x_m[k] = following.real, following.imag, flux.real, flux.imag
+        x_inv[k] += slopes
+        turned = complex(*iref[k]) * cmath.exp(1j * trace.omega_s[k] * p.ts)
+        iref[k] = turned.real, turned.imag
+    return dataclasses.replace(trace, x_m=x_m, x_inv=x_inv, iref=iref)
+
+
+def run(drive: Drive, trace: MpdccTrace) -> Decisions:
+    """Decide on every row of a trace.
+
+    Parameters
+    ----------
+    drive
+        Drive to control; its switching horizon says whether SE or SESE.
+    trace
+        n rows, independent of one another.
+
+    Returns
+    -------
+    Decisions
+        n rows; no cycles, never saturated.
+    """
+    n = len(trace)
+    out = np.zeros((n, 6), np.int64)
+    if drive.control.delay_compensation:
+        trace = one_step_on(ideal_parameters(drive), trace)
+    _run(
+        ideal_parameters(drive), trace.x_m, trace.x_inv, trace.vdc, trace.iref,
+        trace.omega_s, trace.omega_r, trace.s_prev, out,
+    )  # fmt: skip
+    return Decisions(
+        s=out[:, :3].copy(),
+        held=out[:, 3].copy(),
+        deadlock=out[:, 4].copy(),
+        length=out[:, 5].copy(),
+        cycles=None,
+        saturated=np.zeros(n, np.int64),
+    )

@@ -1,0 +1,177 @@
+"""Figures of merit of a closed-loop run: distortion, switching frequency, bounds, shares."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.closed_loop import ClosedLoopResult
+from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
+from directmpc.mpdcc.trace import IntArray
+
+
+@dataclass(frozen=True)
+class SwitchingFrequency:
+    """Average switching frequency, from turn-on counts, Hz.
+
+    Attributes
+    ----------
+    per_device_24_logical
+        Over the 24 logical devices of three legs.
+    per_device_36_physical
+        Over the 36 physical devices: each of the 12 ANPC devices is two in series.
+    per_fc_device, per_anpc_device
+        Over the 12 flying-capacitor devices and over the 12 logical ANPC devices.
+    """
+
+    per_device_24_logical: float
+    per_device_36_physical: float
+    per_fc_device: float
+    per_anpc_device: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Figures of merit of one run.
+
+    Attributes
+    ----------
+    thd : (3,)
+        Total harmonic distortion of each phase current, a ratio (0.05 is 5 %).
+    thd_mean
+        Root mean square of the three.
+    switching
+        Average switching frequencies, Hz.
+    violations : (7,)
+        Largest excess over the bound per output [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], per
+        unit; 0 where the bound was never exceeded.
+    held_share
+        Share of steps in which the positions were held without a search.
+    deadlock_share
+        Share of searches that ended in a deadlock; 0 if there was no search.
+    """
+
+    thd: FloatArray
+    thd_mean: float
+    switching: SwitchingFrequency
+    violations: FloatArray
+    held_share: float
+    deadlock_share: float
+
+
+def thd(currents: FloatArray, omega_s: float, ts: float) -> FloatArray:
+    """Total harmonic distortion over whole fundamental periods.
+
+    The signal is cut to the largest number of samples that comes nearest to a whole number of
+    periods, the fundamental (and the mean) fitted to it by least squares, and
+
+        THD = rms(signal - mean - fundamental) / rms(fundamental).
+
+    Sampled once per control step, so ripple within a step is not seen; subharmonics and
+    interharmonics count as distortion, a dc part does not.
+
+    Parameters
+    ----------
+    currents : (n,) or (n, m)
+        Samples, one column per signal.
+    omega_s
+        Fundamental frequency, per unit, not zero.
+    ts
+        Sampling interval, per unit.
+
+    Returns
+    -------
+    (m,) or scalar array
+        A ratio for each column.
+
+    Raises
+    ------
+    ValueError
+        If the samples do not cover one period.
+    """
+    samples = np.asarray(currents, dtype=np.float64)
+    period = 2 * math.pi / abs(omega_s * ts) if omega_s else math.inf
+    periods = math.floor((len(samples) + 0.5) / period)
+    if periods < 1:
+        raise ValueError(f"{len(samples)} samples do not cover one period of {period:g}")
+    count = min(round(periods * period), len(samples))
+    angle = omega_s * ts * np.arange(count)
+    basis = np.column_stack([np.cos(angle), np.sin(angle), np.ones(count)])
+    signal = samples[:count]
+    fitted, *_ = np.linalg.lstsq(basis, signal, rcond=None)
+    residual = np.sqrt(np.mean((signal - basis @ fitted) ** 2, axis=0))
+    return residual / (np.hypot(fitted[0], fitted[1]) / math.sqrt(2))
+
+
+def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
+    """Average switching frequency of a sequence of positions.
+
+    Parameters
+    ----------
+    positions : (n + 1, 3)
+        Positions before the first step and during each of n steps.
+    ts
+        Sampling interval in seconds.
+
+    Raises
+    ------
+    ValueError
+        If the sequence is shorter than one step or holds a transition the graph does not have.
+    """
+    before, after = positions[:-1], positions[1:]
+    if not len(after):
+        raise ValueError("at least one step is needed")
+    stage, cell = anpc.COMMUTATIONS_ANPC[before, after], anpc.COMMUTATIONS_FC[before, after]
+    if np.any(stage == anpc.INADMISSIBLE):
+        step = int(np.argmax(np.any(stage == anpc.INADMISSIBLE, axis=1)))
+        raise ValueError(f"inadmissible transition {before[step]} to {after[step]} in step {step}")
+    time = len(after) * ts
+    n_stage, n_cell = int(stage.sum()), int(cell.sum())
+    return SwitchingFrequency(
+        per_device_24_logical=(n_stage + n_cell) / (anpc.LOGICAL_DEVICES * time),
+        per_device_36_physical=(2 * n_stage + n_cell) / (anpc.PHYSICAL_DEVICES * time),
+        per_fc_device=n_cell / (12 * time),
+        per_anpc_device=n_stage / (12 * time),
+    )
+
+
+def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray:
+    """Largest excess over the bound per output, shape (7,), per unit; 0 where there is none.
+
+    Outputs at every recorded step are compared with the reference of that step.
+    """
+    n = len(result)
+    reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
+    currents = (reference - result.state[:n, :2]) @ CLARKE_INVERSE.T
+    neutral = result.state[:n, 4:5]
+    capacitors = result.state[:n, 5:] - result.profile.vdc[:, None] / 4
+    deviation = np.abs(np.hstack([currents, neutral, capacitors])).max(axis=0)
+    return np.maximum(deviation - bounds, 0.0)
+
+
+def summarise(drive: Drive, result: ClosedLoopResult) -> Summary:
+    """Collect the figures of merit of a run at constant omega_s.
+
+    Raises
+    ------
+    ValueError
+        If omega_s varies, or the run does not cover one fundamental period.
+    """
+    omega_s = result.profile.omega_s
+    if np.ptp(omega_s) != 0.0:
+        raise ValueError("distortion is defined for a constant fundamental frequency only")
+    currents = result.state[: len(result), :2] @ CLARKE_INVERSE.T
+    distortion = thd(currents, float(omega_s[0]), result.ts)
+    searches = len(result) - int(result.decisions.held.sum())
+    return Summary(
+        thd=distortion,
+        thd_mean=float(np.sqrt(np.mean(distortion**2))),
+        switching=switching_frequency(result.positions, drive.control.ts),
+        violations=bound_violations(result, drive.bounds),
+        held_share=float(result.decisions.held.mean()),
+        deadlock_share=int(result.decisions.deadlock.sum()) / searches if searches else 0.0,
+    )

@@ -1,0 +1,225 @@
+"""Rotor-flux observer of the MPDCC drive: coefficients, bit-true twin, and the same in float64.
+
+Two models of the rotor flux, each good where the other is not (per unit, stationary coordinates):
+
+    psi_c' = -(1/tau_r - j omega_r) psi_c + xm/tau_r i_s                          current model
+    psi_s' = v - rs i_s + k (xm/xr psi_c + D/xr i_s - psi_s)                      voltage model
+    psi_r  = xr/xm psi_s - D/xm i_s
+
+The current model needs no voltage and works at standstill, but follows errors of the rotor's
+resistance and of the speed.  The voltage model has no rotor parameter, but is an integrator, and at
+low speed all that is left of the voltage is the drop over rs.  k is the frequency where one gives
+way to the other: what the current model has wrong enters with k/(j omega_s + k), what the voltage
+model has wrong with j omega_s/(j omega_s + k).  Both are open chains but for that pull, so that the
+estimate cannot be unstable.  Full-order observers, as the MPTC side's, weigh the innovation of the
+current instead; how their error depends on the speed follows from a matrix, here from one weight.
+
+One step takes the estimate from k-1 to k with what is measured at k and the positions that were
+applied between: mean current and all voltages of the interval are known, nothing is extrapolated.
+Heun's method for the current model, because Euler's would make a turning flux grow; the voltages
+and the mean current are held.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.formats import CURRENT, FLUX, LINK_VOLTAGE, SPEED
+from directmpc.mpdcc.machine import InductionMachine
+from directmpc.mpdcc.trace import IntArray
+
+WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
+GUARD = 12  # bits of a state below a word's LSB: a step of the slowest drive adds 1/25 of a word's
+STATE_WIDTH = WORD_WIDTH + GUARD
+
+#: Coefficients of ``rotor_flux_observer`` in port order and what they are.
+COEFFICIENTS: dict[str, str] = {
+    "speed": "speed times T_s, 19 fractional bits",
+    "voltage_alpha": "2*v_a - v_b - v_c in the stator flux's step, 19 fractional bits",
+    "voltage_beta": "v_b - v_c in the stator flux's step, 19 fractional bits",
+    "drop": "-rs: current in the stator flux's step, 25 fractional bits",
+    "pull": "-crossover: stator flux in its own step, 22 fractional bits",
+    "pull_flux": "current model's flux in the stator flux's step, 22 fractional bits",
+    "pull_current": "current in the stator flux's step by the crossover, 22 fractional bits",
+    "decay": "-1/tau_r: current model's flux in its own step, 25 fractional bits",
+    "excitation": "xm/tau_r: current in the current model's step, 25 fractional bits",
+    "output_flux": "xr/xm: stator flux in the rotor flux, 16 fractional bits",
+    "output_current": "-D/xm: current in the rotor flux, 16 fractional bits",
+}
+
+CROSSOVER = 0.03  # pu: current model below, voltage model above
+
+FLUX_SCALE = 4.0 * FLUX.scale  # LSB of a flux word per unit
+CURRENT_SCALE = 4.0 * CURRENT.scale
+SPEED_SCALE = 4.0 * SPEED.scale
+VOLTAGE_SCALE = LINK_VOLTAGE.scale
+
+_HIGH = 2 ** (WORD_WIDTH - 1) - 1
+#: Fractional bits of the four alignments of a product, and of the angle.
+FINE, MIDDLE, COARSE, WHOLE = 25, 22, 19, 16
+ANGLE_SHIFT = 17
+
+
+def coefficients(drive: Drive, crossover: float = CROSSOVER) -> tuple[dict[str, int], list[str]]:
+    """Coefficients of ``rotor_flux_observer`` for a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Machine and control period the observer is set up for.
+    crossover : float
+        Frequency below which the current model and above which the voltage model rules, pu.
+
+    Returns
+    -------
+    words : dict of int
+        Name -> signed 18-bit word, in port order.
+    problems : list of str
+        One sentence per word that did not fit and was saturated.
+    """
+    m, h = drive.machine, drive.ts_pu
+    current = FLUX_SCALE / CURRENT_SCALE
+    voltage = FLUX_SCALE / VOLTAGE_SCALE
+    real = {
+        "speed": h * 2.0 ** (COARSE + ANGLE_SHIFT) / SPEED_SCALE,
+        "voltage_alpha": h / 3.0 * voltage * 2.0**COARSE,
+        "voltage_beta": h / math.sqrt(3.0) * voltage * 2.0**COARSE,
+        "drop": -h * m.rs * current * 2.0**FINE,
+        "pull": -h * crossover * 2.0**MIDDLE,
+        "pull_flux": h * crossover * m.xm / m.xr * 2.0**MIDDLE,
+        "pull_current": h * crossover * m.d / m.xr * current * 2.0**MIDDLE,
+        "decay": -h * m.rr / m.xr * 2.0**FINE,
+        "excitation": h * m.rr * m.xm / m.xr * current * 2.0**FINE,
+        "output_flux": m.xr / m.xm * 2.0**WHOLE,
+        "output_current": -m.d / m.xm * current * 2.0**WHOLE,
+    }
+    words, problems = {}, []
+    for name in COEFFICIENTS:
+        word = round(real[name])
+        words[name] = max(-_HIGH, min(_HIGH, word))
+        if words[name] != word:
+            problems.append(f"observer coefficient {name}: {word} does not fit 18 bits")
+    return words, problems
+
+
+def array(words: dict[str, int]) -> IntArray:
+    """Coefficients in port order, for compiled code."""
+    return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
+
+
+#: State of the twin: psi_c alpha, beta, psi_s alpha, beta, last current alpha, beta, overflow.
+STATE_WORDS = 7
+
+_STATE_HIGH = 2 ** (STATE_WIDTH - 1) - 1
+_STATE_SHIFT = FINE - GUARD
+_STATE_HALF = 2 ** (_STATE_SHIFT - 1)
+_ALIGN_MIDDLE, _ALIGN_COARSE, _ALIGN_WHOLE = FINE - MIDDLE, FINE - COARSE, FINE - WHOLE
+_PORT_SHIFT = FINE + 2
+_PORT_HALF = 2 ** (_PORT_SHIFT - 1)
+_PORT_HIGH = 2 ** (FLUX.width - 1) - 1
+_WORD_HIGH = 2 ** (WORD_WIDTH - 1) - 1
+_ANGLE_SHIFT = ANGLE_SHIFT
+_ANGLE_HALF = 2 ** (ANGLE_SHIFT - 1)
+_HALF_DC = np.asarray(anpc.HALF_DC, dtype=np.int64)
+_NEUTRAL = np.asarray(anpc.NEUTRAL, dtype=np.int64)
+_CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
+
+
+@njit(cache=True)
+def _clip(value, high):
+    """Saturate; the value, and 1 where it did not fit."""
+    if value > high:
+        return high, 1
+    if value < -high - 1:
+        return -high - 1, 1
+    return value, 0
+
+
+@njit(cache=True)
+def step_words(c, state, m, s):
+    """One step of ``rotor_flux_observer``.
+
+    Parameters
+    ----------
+    c : ndarray of int64
+        Coefficients in port order.
+    state : ndarray of int64, shape (7,)
+        See ``STATE_WORDS``; replaced by the next.
+    m : ndarray of int64, shape (8,)
+        is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc, omega_r as the core's ports take them.
+    s : ndarray of int64, shape (3,)
+        Positions applied until now.
+
+    Returns
+    -------
+    psir_alpha, psir_beta : int
+        Rotor flux at k as the core's ports take it.
+    saturated : int
+    """
+    guard = GUARD
+    q, o = _clip((m[7] * 4 * c[0] + _ANGLE_HALF) >> _ANGLE_SHIFT, _WORD_HIGH)
+    over = state[6] | o
+    v = np.empty(3, dtype=np.int64)
+    for x in range(3):
+        v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
+    v_a, o0 = _clip((2 * v[0] - v[1] - v[2] + 2) >> 2, _WORD_HIGH)
+    v_b, o1 = _clip((v[1] - v[2] + 2) >> 2, _WORD_HIGH)
+    over |= o0 | o1
+    volts = (v_a * c[1], v_b * c[2])
+    flux = np.empty(2, dtype=np.int64)
+    ahead = np.empty(2, dtype=np.int64)
+    out = np.empty(2, dtype=np.int64)
+    for x in range(2):
+        mean, last = (m[x] + state[4 + x]) * 2, state[4 + x] * 4
+        psi_c, psi_s = state[x] >> guard, state[2 + x] >> guard
+        cross = ~(state[1] >> guard) if x == 0 else state[0] >> guard
+        total = (state[2 + x] << _STATE_SHIFT) + _STATE_HALF
+        total += (volts[x] << _ALIGN_COARSE) + mean * c[3]
+        total += (last * c[6] + psi_c * c[5] + psi_s * c[4]) << _ALIGN_MIDDLE
+        flux[x], o0 = _clip(total >> _STATE_SHIFT, _STATE_HIGH)
+        total = (state[x] << _STATE_SHIFT) + _STATE_HALF + psi_c * c[7] + mean * c[8]
+        ahead[x], o1 = _clip((total + (cross * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
+        total = (flux[x] >> guard) * c[9] + m[x] * 4 * c[10]
+        out[x], o2 = _clip(((total << _ALIGN_WHOLE) + _PORT_HALF) >> _PORT_SHIFT, _PORT_HIGH)
+        over |= o0 | o1 | o2
+    half_a, half_b = (ahead[0] - state[0]) >> (guard + 1), (ahead[1] - state[1]) >> (guard + 1)
+    total = (ahead[0] << _STATE_SHIFT) + _STATE_HALF + half_a * c[7]
+    state[0], o0 = _clip((total + (~half_b * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
+    total = (ahead[1] << _STATE_SHIFT) + _STATE_HALF + half_b * c[7]
+    state[1], o1 = _clip((total + (half_a * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
+    state[2], state[3], state[4], state[5] = flux[0], flux[1], m[0], m[1]
+    state[6] = o0 | o1
+    return out[0], out[1], over
+
+
+class IdealState(NamedTuple):
+    """Current model's rotor flux, voltage model's stator flux, last current; per unit."""
+
+    rotor: complex = 0j
+    stator: complex = 0j
+    current: complex = 0j
+
+
+def step_ideal(
+    machine: InductionMachine,
+    h: float,
+    crossover: float,
+    state: IdealState,
+    current: complex,
+    voltage: complex,
+    omega_r: float,
+) -> tuple[complex, IdealState]:
+    """One step in float64: rotor flux at k, next state; per unit, ``voltage`` over the interval."""
+    m, mean = machine, 0.5 * (current + state.current)
+    pole = -m.rr / m.xr + 1j * omega_r
+    rate = pole * state.rotor + m.rr * m.xm / m.xr * mean
+    rotor = state.rotor + h * rate + 0.5 * h * h * pole * rate
+    pull = m.xm / m.xr * state.rotor + m.d / m.xr * state.current - state.stator
+    stator = state.stator + h * (voltage - m.rs * mean + crossover * pull)
+    return m.xr / m.xm * stator - m.d / m.xm * current, IdealState(rotor, stator, current)

@@ -1,0 +1,252 @@
+"""The exact plant: inverter and machine as one linear system while a position is applied.
+
+With the positions s and the rotor speed constant, the state
+
+    x = [i_alpha, i_beta, psi_alpha, psi_beta, v_n, v_ph_a, v_ph_b, v_ph_c]
+
+obeys x' = A(s, omega_r) x + b(s) v_dc: the capacitors carry the actual currents all the time, and
+the currents see the actual capacitor voltages. That is the truth the controllers only approximate
+(they hold v_abc over the horizon and the currents in eq. 8c). The matrix exponential over T_s is
+exact; it is computed once for each pair of (s, omega_r) and kept.
+
+The plant has a parameter set of its own, never the controller's object, so that a controller can be
+tried on a machine it does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.machine import CLARKE, CLARKE_INVERSE, FloatArray, InductionMachine
+
+STATES = 8
+POSITIONS_ABC = anpc.POSITIONS**3
+
+
+class PlantData(NamedTuple):
+    """The plant for compiled code.
+
+    Attributes
+    ----------
+    machine, speed : (4, 4)
+        The machine's A is machine + omega_r * speed.
+    voltage : (4, 3), currents : (3, 2)
+        The machine's B on v_abc; K^-1 of eq. (1).
+    steps : (512, 8, 9)
+        Discretised plant [A_d | b_d] per position 64 s_a + 8 s_b + s_c.
+    speeds : (512,)
+        omega_r that each entry of `steps` is for; NaN before the first use.
+    """
+
+    ts: float
+    machine: FloatArray
+    speed: FloatArray
+    voltage: FloatArray
+    currents: FloatArray
+    xdc: float
+    xph: float
+    half_dc: FloatArray
+    neutral: FloatArray
+    capacitor: FloatArray
+    neutral_current: FloatArray
+    capacitor_current: FloatArray
+    steps: FloatArray
+    speeds: FloatArray
+
+
+def plant_data(machine: InductionMachine, xdc: float, xph: float, ts: float) -> PlantData:
+    """Build the plant's data from its own parameters, per unit (ts too)."""
+    standstill = machine.system_matrix(0.0)
+    return PlantData(
+        ts=float(ts),
+        machine=standstill,
+        speed=machine.system_matrix(1.0) - standstill,
+        voltage=machine.input_matrix(),
+        currents=np.ascontiguousarray(CLARKE_INVERSE),
+        xdc=float(xdc),
+        xph=float(xph),
+        half_dc=anpc.HALF_DC / 2.0,
+        neutral=anpc.NEUTRAL.astype(np.float64),
+        capacitor=anpc.CAPACITOR.astype(np.float64),
+        neutral_current=anpc.NEUTRAL_CURRENT.astype(np.float64),
+        capacitor_current=anpc.CAPACITOR_CURRENT.astype(np.float64),
+        steps=np.zeros((POSITIONS_ABC, STATES, STATES + 1)),
+        speeds=np.full(POSITIONS_ABC, np.nan),
+    )
+
+
+@njit(cache=True)
+def _continuous(data, s_abc, omega_r, matrix):
+    """Fill the (8, 9) matrix [A | b] of x' = A x + b v_dc."""
+    matrix[:] = 0.0
+    for row in range(4):
+        for column in range(4):
+            matrix[row, column] = data.machine[row, column] + omega_r * data.speed[row, column]
+    for phase in range(3):
+        s = s_abc[phase]
+        for row in range(2):
+            gain = data.voltage[row, phase]
+            matrix[row, 4] += gain * data.neutral[s]
+            matrix[row, 5 + phase] = gain * data.capacitor[s]
+            matrix[row, 8] += gain * data.half_dc[s]
+        for axis in range(2):
+            current = data.currents[phase, axis]
+            matrix[4, axis] -= data.neutral_current[s] * current / (2.0 * data.xdc)
+            matrix[5 + phase, axis] = data.capacitor_current[s] * current / data.xph
+
+
+@njit(cache=True)
+def _product(left, right, out):
+    """Multiply (8, 9) matrices that stand for (9, 9) ones with a last row of zeros."""
+    for row in range(8):
+        for column in range(9):
+            total = 0.0
+            for k in range(8):
+                total += left[row, k] * right[k, column]
+            out[row, column] = total
+
+
+@njit(cache=True)
+def _exponential(matrix, h, out):
+    """First eight rows of exp(h [A b; 0 0]): Taylor to 16 terms at norm <= 1/2, then doublings."""
+    norm = 0.0
+    for row in range(8):
+        total = 0.0
+        for column in range(9):
+            total += abs(matrix[row, column])
+        norm = max(norm, total * h)
+    doublings = 0
+    while norm > 0.5 and doublings < 60:
+        norm *= 0.5
+        doublings += 1
+    scaled = matrix * (h * 0.5**doublings)
+    term = scaled.copy()
+    work = np.empty((8, 9))
+    # `out` is the exponential less the identity until the end: no digits are lost to the 1.
+    out[:] = scaled
+    for m in range(2, 17):
+        _product(term, scaled, work)
+        for row in range(8):
+            for column in range(9):
+                term[row, column] = work[row, column] / m
+                out[row, column] += term[row, column]
+    for _ in range(doublings):
+        _product(out, out, work)
+        for row in range(8):
+            for column in range(9):
+                out[row, column] = 2.0 * out[row, column] + work[row, column]
+    for row in range(8):
+        out[row, row] += 1.0
+
+
+@njit(cache=True)
+def plant_step(data, state, s_abc, omega_r, vdc):
+    """Advance the state by T_s, in place.
+
+    Parameters
+    ----------
+    data : PlantData
+        From `plant_data`; its cache is filled as positions come up.
+    state : (8,) float
+        Changed in place.
+    s_abc : (3,) int
+        Positions applied, 0..7.
+    omega_r, vdc : float
+        Rotor speed and dc-link voltage, constant over the step, per unit.
+    """
+    index = 64 * s_abc[0] + 8 * s_abc[1] + s_abc[2]
+    step = data.steps[index]
+    if data.speeds[index] != omega_r:
+        matrix = np.empty((8, 9))
+        _continuous(data, s_abc, omega_r, matrix)
+        _exponential(matrix, data.ts, step)
+        data.speeds[index] = omega_r
+    following = np.empty(8)
+    for row in range(8):
+        total = step[row, 8] * vdc
+        for column in range(8):
+            total += step[row, column] * state[column]
+        following[row] = total
+    state[:] = following
+
+
+class Plant:
+    """The exact plant as an object, for step-by-step use (a co-simulation, for instance).
+
+    Parameters
+    ----------
+    drive
+        Whose machine and inverter to copy; the drive itself is not kept.
+    omega_r
+        Rotor speed, per unit; may be changed between steps.
+    vdc
+        dc-link voltage, per unit; the drive's if not given.
+    state
+        (8,) state to start from; all zero but v_ph = v_dc/4 if not given.
+
+    Attributes
+    ----------
+    state : (8,)
+        [i_alpha, i_beta, psi_alpha, psi_beta, v_n, v_ph_a, v_ph_b, v_ph_c], per unit.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        omega_r: float = 0.0,
+        vdc: float | None = None,
+        state: Sequence[float] | FloatArray | None = None,
+    ) -> None:
+        m = drive.machine
+        self._data = plant_data(
+            InductionMachine(rs=m.rs, rr=m.rr, xls=m.xls, xlr=m.xlr, xm=m.xm),
+            drive.inverter.xdc,
+            drive.inverter.xph,
+            drive.ts_pu,
+        )
+        self.omega_r = float(omega_r)
+        self.vdc = float(drive.inverter.vdc if vdc is None else vdc)
+        if state is None:
+            self.state = np.zeros(STATES)
+            self.state[5:] = self.vdc / 4
+        else:
+            self.state = np.array(state, dtype=np.float64)
+        if self.state.shape != (STATES,):
+            raise ValueError(f"the plant has {STATES} states, got shape {self.state.shape}")
+
+    @property
+    def currents(self) -> FloatArray:
+        """Phase currents i_abc, shape (3,), per unit."""
+        return CLARKE_INVERSE @ self.state[:2]
+
+    def system(self, s_abc: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Continuous-time A (8, 8) and b (8,) on v_dc at the present speed."""
+        matrix = np.empty((STATES, STATES + 1))
+        _continuous(self._data, np.asarray(s_abc, np.int64), self.omega_r, matrix)
+        return matrix[:, :STATES].copy(), matrix[:, STATES].copy()
+
+    def step(self, s_abc: Sequence[int]) -> FloatArray:
+        """Apply positions for one T_s and return the new state.
+
+        Raises
+        ------
+        ValueError
+            If there are not three positions 0..7.
+        """
+        s = np.asarray(s_abc, dtype=np.int64)
+        if s.shape != (3,) or s.min() < 0 or s.max() >= anpc.POSITIONS:
+            raise ValueError(f"three switch positions 0..7 are needed, got {tuple(s_abc)}")
+        plant_step(self._data, self.state, s, self.omega_r, self.vdc)
+        return self.state
+
+
+def stator_voltage(s_abc: Sequence[int], state: FloatArray, vdc: float) -> complex:
+    """Stator voltage vector of a position at a state, per unit."""
+    alpha, beta = CLARKE @ anpc.phase_voltages(s_abc, vdc, state[4], state[5:])
+    return complex(alpha, beta)

@@ -1,0 +1,62 @@
+"""Replay of a recorded MPTC trace through the RTL or one of its models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from directmpc.drive_file import MptcDrive
+from directmpc.mpdcc.trace import IntArray, MptcDecisions, MptcTrace
+from directmpc.mptc import bit_true, ideal
+from directmpc.mptc.coefficients import registers
+from scripts.hdl import mptc_simulation as rtl_simulation
+from scripts.hdl.mptc_simulation import Job
+from scripts.hdl.simulator import in_parallel
+
+
+def decide(
+    drive: MptcDrive,
+    trace: MptcTrace,
+    engine: str,
+    progress: Callable[[int], None] | None = None,
+) -> MptcDecisions:
+    """Decisions of one engine on every row of a trace.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Drive the controller is set up for.
+    trace : MptcTrace
+        n independent rows.
+    engine : str
+        "rtl", "model" or "ideal".
+    progress : callable, optional
+        Called now and then with the number of decisions made; RTL only.
+
+    Returns
+    -------
+    MptcDecisions
+
+    Raises
+    ------
+    ValueError
+        If the drive's registers cannot be represented; the message names the key.
+    SimulationError
+        If the simulation fails.
+    """
+    if engine == "ideal":
+        return ideal.run(drive, trace)
+    if engine == "model":
+        return bit_true.run(drive, trace)
+    measurements, clipped = bit_true.encode(drive, trace)
+    values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
+
+    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        job = Job(values, measurements[rows], u[rows])
+        return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
+
+    out = in_parallel(len(trace), run, progress)
+    return MptcDecisions(
+        u=out[:, 0], cycles=out[:, 1], saturated=out[:, 2] | out[:, 3] | clipped.astype(np.int64)
+    )

@@ -1,0 +1,377 @@
+"""`make replay`: run a recorded trace through the RTL or one of its models.
+
+Rows are independent of one another, so a long trace is split over two simulators. Which columns a
+trace and its decisions have, and who decides, follows from the drive file's `controller`: one entry
+of ``CONTROLLERS`` each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.mpdcc import ideal, trace
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from scripts.commands import mptc_replay
+from scripts.hdl import mpdcc_simulation as rtl_simulation
+from scripts.hdl.mpdcc_simulation import Job
+from scripts.hdl.simulator import SimulationError, in_parallel, terminable
+from scripts.measure import budgets
+
+IntArray = NDArray[np.int64]
+
+ENGINES = ("rtl", "model", "ideal")
+EXPLORERS = range(1, 9)
+DEFAULT_EXPLORERS = 2
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What belongs to one variant of the MPDCC core.
+
+    Attributes
+    ----------
+    registers
+        Register values of a drive.
+    run
+        Its bit-true model over a trace.
+    decide
+        The same for one step, compiled: the signature of `ideal.decide`.
+    decide_words
+        The same on the words of the core's ports: the signature of `bit_true.decide_words`.
+    worst_cycles
+        Most clock cycles of a decision for a number of explorers, any input: the published bound
+        of scripts/measure/budgets.toml, counted as `cycles` of the decisions file; the fast
+        variant's with `two_switchings` for SESE without a budget and `compensate` for the
+        prediction of k + 1.
+    """
+
+    registers: Callable[[Drive], Registers]
+    run: Callable[[Drive, MpdccTrace], Decisions]
+    decide: Any
+    decide_words: Any
+    worst_cycles: Callable[..., int]
+
+
+def _fast_worst(explorers: int, two_switchings: bool = False, compensate: bool = False) -> int:
+    """Of scripts/measure/budgets.toml."""
+    most = budgets.worst(explorers, "fast")
+    if two_switchings:
+        most = budgets.worst(explorers, "sese")
+    return most + (budgets.clocks("mpdcc_core", "prediction", "sese") if compensate else 0)
+
+
+VARIANTS = {
+    "fast": Variant(
+        lambda drive: registers(drive, "fast"),
+        bit_true_fast.run,
+        bit_true_fast.decide,
+        bit_true_fast.decide_words,
+        _fast_worst,
+    ),
+    "paper": Variant(
+        lambda drive: registers(drive, "paper"),
+        bit_true.run,
+        bit_true.decide,
+        bit_true.decide_words,
+        lambda explorers: budgets.worst(explorers, "paper"),
+    ),
+}
+DEFAULT_VARIANT = "fast"
+
+
+class ReplayError(ValueError):
+    """What was asked for cannot be done; the message is for a user."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a replay was asked for, apart from its drive."""
+
+    drive: Path
+    trace: Path
+    out: Path
+    engine: str
+    explorers: int
+    variant: str
+
+
+@contextmanager
+def progress_bar(text: str, total: int, stream: TextIO | None = None) -> Iterator[Any]:
+    """Yield a function that takes how many are done; a bar, or plain lines off a terminal.
+
+    Parameters
+    ----------
+    text
+        What is under way.
+    total
+        How many there are.
+    stream
+        Where to show it; stderr if not given.
+    """
+    console = Console(file=stream or sys.stderr)
+    if console.is_terminal:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(text, total=total)
+            yield lambda done: bar.update(task, completed=done)
+        return
+    shown = -1
+
+    def line(done: int) -> None:
+        nonlocal shown
+        if done * 10 // total > shown:
+            shown = done * 10 // total
+            print(f"{text}: {done} of {total}", file=console.file, flush=True)
+
+    line(0)
+    yield line
+
+
+def simulate_rows(
+    measurements: IntArray,
+    s_prev: IntArray,
+    values: IntArray,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+    processes: int | None = None,
+) -> IntArray:
+    """Let the RTL decide on independent rows.
+
+    Parameters
+    ----------
+    measurements : (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : (n, 3)
+        s(k-1).
+    values
+        ``Registers.array()``.
+    explorers, variant
+        Configuration of the core.
+    progress
+        Called now and then with the number of decisions made.
+    processes
+        Simulators to split the rows over, see `simulator.in_parallel`.
+
+    Returns
+    -------
+    (n, 8)
+        In the order of ``rtl_simulation.FIELDS``.
+
+    Raises
+    ------
+    SimulationError
+        If a simulator is missing or fails.
+    """
+
+    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        job = Job(values, measurements[rows], s_prev[rows])
+        answer = rtl_simulation.simulate(job, explorers, variant, advance)
+        return np.asarray(answer["decisions"], dtype=np.int64)
+
+    return in_parallel(len(measurements), run, progress, processes)
+
+
+def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:
+    """Turn what the RTL answered into decisions; `clipped` marks rows whose inputs saturated."""
+    fields = {name: rows[:, i] for i, name in enumerate(rtl_simulation.FIELDS)}
+    return Decisions(
+        s=rows[:, 0:3],
+        held=fields["held"],
+        deadlock=fields["deadlock"],
+        length=fields["length"],
+        cycles=fields["cycles"],
+        saturated=fields["saturated"] | np.asarray(clipped, dtype=np.int64),
+    )
+
+
+def decide_mpdcc(
+    drive: Drive,
+    rows: MpdccTrace,
+    engine: str,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+) -> Decisions:
+    """Decisions of one engine on every row of a trace.
+
+    Parameters
+    ----------
+    drive
+        Drive the controller is set up for.
+    rows
+        What it sees.
+    engine
+        One of ``ENGINES``.
+    explorers, variant
+        Configuration of the core; the explorers count for the RTL alone.
+    progress
+        Called now and then with the number of decisions made; RTL only.
+
+    Raises
+    ------
+    ValueError
+        If the drive's registers cannot be represented, or the variant does not serve its settings.
+    SimulationError
+        If the simulation fails.
+    """
+    if engine == "ideal":
+        return ideal.run(drive, rows)
+    chosen = VARIANTS[variant]
+    # A number near the largest float leaves its range when scaled; it saturates all the same.
+    with np.errstate(over="ignore"):
+        if engine == "model":
+            return chosen.run(drive, rows)
+        measurements, clipped = bit_true.encode(rows)
+    values = chosen.registers(drive).array()
+    answered = simulate_rows(measurements, rows.s_prev, values, explorers, variant, progress)
+    return decisions_of(answered, clipped)
+
+
+def replay_mpdcc(drive: Drive, request: Request) -> None:
+    """Read an MPDCC trace, decide, and write the decisions."""
+    rows = trace.read_trace(request.trace, drive)
+    with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
+        decisions = decide_mpdcc(
+            drive, rows, request.engine, request.explorers, request.variant, progress
+        )
+    trace.write_decisions(request.out, decisions)
+
+
+def replay_mptc(drive: MptcDrive, request: Request) -> None:
+    """Read an MPTC trace, decide with the drive's method, and write the decisions."""
+    rows = trace.read_mptc_trace(request.trace)
+    if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
+        print(
+            f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",
+            file=sys.stderr,
+        )
+    with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
+        decisions = mptc_replay.decide(drive, rows, request.engine, progress)
+    trace.write_mptc_decisions(request.out, decisions)
+
+
+@contextmanager
+def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int], None] | None]:
+    """Show how far the RTL is; what is wrong with the drive's values gets its file's name."""
+    try:
+        if request.engine == "rtl":
+            with progress_bar(text, total) as progress:
+                yield progress
+        else:
+            yield None
+    except ValueError as error:  # names the key, but does not know the file
+        raise ReplayError(f"{request.drive}: {error}") from error
+
+
+CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
+    "mpdcc": replay_mpdcc,
+    "mptc": replay_mptc,
+}
+"""Who replays a trace, by the drive file's key `controller`."""
+
+
+def clear_output(out: Path, *inputs: Path) -> None:
+    """Remove an earlier run's output, so that it never passes for the output of a run that fails.
+
+    Raises
+    ------
+    ReplayError
+        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
+    """
+    folder = out.parent
+    if out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise ReplayError(
+            f"{out}: cannot be written (a folder, or in none that is writable); a path in "
+            "a writable folder is needed"
+        )
+    if not out.exists():
+        return
+    if not out.is_file():
+        raise ReplayError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
+    for used in inputs:
+        if used.exists() and out.samefile(used):
+            raise ReplayError(f"{out}: is an input; another path is needed")
+    out.resolve().unlink()
+
+
+def replay(request: Request) -> None:
+    """Do what was asked for; raises the errors that `main` reports."""
+    clear_output(request.out, request.drive, request.trace)
+    drive = load_any_drive(request.drive)
+    CONTROLLERS[drive.controller](drive, request)
+
+
+class OneParagraphParser(argparse.ArgumentParser):
+    """Reports wrong arguments as every other error: one paragraph, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and leave."""
+        print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
+        sys.exit(2)
+
+
+def _arguments(arguments: Sequence[str] | None) -> Request:
+    parser = OneParagraphParser(prog="replay", description=__doc__.splitlines()[0])
+    parser.add_argument("--drive", type=Path, required=True, help="drive file (TOML)")
+    parser.add_argument("--trace", type=Path, required=True, help="recorded trace (CSV)")
+    parser.add_argument("--out", type=Path, required=True, help="decisions to write (CSV)")
+    parser.add_argument("--engine", choices=ENGINES, default="rtl")
+    parser.add_argument(
+        "--explorers", type=int, choices=EXPLORERS, default=DEFAULT_EXPLORERS, metavar="1..8",
+        help="mpdcc drives alone",
+    )  # fmt: skip
+    parser.add_argument(
+        "--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT, help="mpdcc drives alone"
+    )
+    return Request(**vars(parser.parse_args(arguments)))
+
+
+def report_error(program: str, error: BaseException) -> None:
+    """Print an expected error as one paragraph on stderr."""
+    text = str(error)
+    if isinstance(error, OSError):
+        text = f"{error.filename or 'file'}: {error.strerror or error}"
+    # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
+    print(f"{program}: " + "\n".join(x for x in text.splitlines() if x.strip()), file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Replay a trace; 0 when the decisions are written, 2 when something was wrong."""
+    request = _arguments(arguments)
+    try:
+        with terminable():
+            replay(request)
+    except (ValueError, SimulationError, OSError) as error:
+        report_error("replay", error)
+        return 2
+    except KeyboardInterrupt:
+        print("replay: interrupted; nothing was written", file=sys.stderr)
+        return 128 + signal.SIGINT
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

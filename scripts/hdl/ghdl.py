@@ -1,0 +1,107 @@
+"""Runs one cocotb module on one VHDL top with GHDL, in this process's children."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from unittest import mock
+
+from cocotb_tools.runner import get_results, get_runner
+
+from scripts.hdl.sources import RTL, compile_order, rtl_files
+
+
+class BenchError(AssertionError):
+    """The bench ran and something it checks is wrong; the message holds the end of its log."""
+
+
+class BuildError(RuntimeError):
+    """The VHDL does not compile, so nothing was checked."""
+
+
+def _tail(path: Path, lines: int = 40) -> str:
+    if not path.exists():
+        return "(no log)"
+    return "\n".join(path.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
+
+
+def execute(
+    top: str,
+    module: str,
+    folder: Path,
+    *,
+    units: Sequence[str],
+    files: Sequence[Path] = (),
+    generics: Mapping[str, object] | None = None,
+    environment: Mapping[str, str] | None = None,
+    rtl: Path = RTL,
+    timeout: int = 120,
+) -> None:
+    """Analyse, elaborate and run; raise where that fails or a cocotb test does.
+
+    Parameters
+    ----------
+    top
+        Entity to simulate.
+    module
+        Cocotb module, importable from the root of the project.
+    folder
+        Where everything is built and left.
+    units
+        Units of the design that are needed, with all they need.
+    files
+        Further VHDL files, in compile order.
+    generics
+        Of the top; text or numbers as GHDL's command line takes them.
+    environment
+        For the cocotb module.
+    rtl
+        Folder of the design.
+    timeout
+        Seconds until the simulator is ended.
+    """
+    available = rtl_files(rtl)
+    sources: list[Path] = []
+    for unit in units:
+        sources += [path for path in compile_order(unit, available) if path not in sources]
+    runner = get_runner("ghdl")
+    build_log, test_log = folder / "build.log", folder / "test.log"
+    try:
+        runner.build(
+            sources=[*sources, *files],
+            hdl_toplevel=top,
+            build_args=["--std=08"],
+            build_dir=folder,
+            log_file=build_log,
+        )
+    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
+        raise BuildError(f"{top} does not compile:\n{_tail(build_log)}") from error
+    prefix = {"SIM_CMD_PREFIX": f"timeout -k 5 {timeout}"}
+    results_xml = folder / "results.xml"
+    try:
+        with mock.patch.dict(os.environ, prefix):
+            runner.test(
+                hdl_toplevel=top,
+                test_module=module,
+                test_args=["--std=08"],
+                # registers of a datapath hold no value until they are loaded; outputs are compared
+                plusargs=["--ieee-asserts=disable"],
+                parameters=dict(generics or {}),
+                build_dir=folder,
+                test_dir=folder,
+                results_xml=str(results_xml),
+                extra_env={
+                    # else every module imported, numba's too, is parsed and rewritten anew
+                    "COCOTB_REWRITE_ASSERTION_FILES": "",
+                    "PYTHONHASHSEED": "0",
+                    **(environment or {}),
+                },
+                log_file=test_log,
+            )
+        executed, failed = get_results(results_xml)
+    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
+        raise BenchError(f"{top} {dict(generics or {})}:\n{_tail(test_log)}") from error
+    if failed or executed == 0:
+        raise BenchError(f"{failed} of {executed} cocotb tests failed:\n{_tail(test_log)}")

@@ -1,0 +1,157 @@
+"""Runs ``mpdcc_core_bench`` for the replay command, the closed loop and the core's tests.
+
+Not a test itself: a cocotb module that reads a job file, feeds the RTL row by row and writes what
+it answered.  The job either holds recorded rows or a plant, whose state then decides the next row.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cocotb
+import numpy as np
+from cocotb.triggers import Timer, with_timeout
+
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.formats import MEASUREMENTS
+from scripts.hdl.mpdcc_simulation import FIELDS, Job
+from scripts.hdl.simulator import CLOCK_NS, load_job
+
+_WIDTH = 16
+PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
+
+
+def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
+    """One row of inputs as the bench takes it."""
+    words = (np.asarray(measurement, dtype=np.int64) & 0xFFFF).astype("<u2").tobytes()
+    positions = int(s_prev[0]) | int(s_prev[1]) << 3 | int(s_prev[2]) << 6
+    return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
+
+
+#: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction, rule.
+_TAIL = (6, 2, 1, 12, 1, 1)
+
+
+def pack_parameters(registers: np.ndarray) -> int:
+    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``."""
+    words = len(registers) - len(_TAIL)
+    value, shift = 0, 0
+    for word, width in zip(registers, (_WIDTH,) * words + _TAIL, strict=True):
+        value |= (int(word) & ((1 << width) - 1)) << shift
+        shift += width
+    return value
+
+
+def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
+    """Fields of a decision in the order of ``FIELDS``."""
+    return (
+        response & 7,
+        response >> 3 & 7,
+        response >> 6 & 7,
+        response >> 9 & 1,
+        response >> 10 & 1,
+        response >> 11 & 63,
+        cycles,
+        response >> 17 & 1,
+        response >> 18 & 1,
+    )
+
+
+class Bench:
+    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each."""
+
+    def __init__(self, dut, registers: np.ndarray) -> None:
+        self.dut = dut
+        self.registers = registers
+        self.level = 0
+        self.decided = 0
+
+    async def reset(self) -> None:
+        """Reset and load the parameters."""
+        self.dut.request.value = 0
+        self.dut.row.value = 0
+        self.dut.parameters.value = pack_parameters(np.atleast_2d(self.registers)[0])
+        self.dut.rst.value = 1
+        await Timer(4 * CLOCK_NS, "ns")
+        self.dut.rst.value = 0
+        await Timer(2 * CLOCK_NS, "ns")
+
+    async def decide(self, measurement: np.ndarray, s_prev: np.ndarray) -> tuple[int, ...]:
+        """One decision."""
+        self.level ^= 1
+        if self.registers.ndim == 2:
+            self.dut.parameters.value = pack_parameters(self.registers[self.decided])
+        self.decided += 1
+        self.dut.row.value = pack_row(measurement, s_prev)
+        self.dut.request.value = self.level
+        await with_timeout(self.dut.finished.value_change, PATIENCE_CLOCKS * CLOCK_NS, "ns")
+        return unpack_response(
+            self.dut.response.value.to_unsigned(), self.dut.cycles.value.to_unsigned()
+        )
+
+
+class Progress:
+    """Tells the parent process how far the simulation is."""
+
+    def __init__(self, path: Path, every: int) -> None:
+        self.path = path
+        self.every = every
+
+    def __call__(self, done: int) -> None:
+        """Note that so many decisions are made."""
+        if done % self.every == 0:
+            self.path.write_text(str(done), encoding="ascii")
+
+
+async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+    """Feed recorded rows, with idle clocks between them where the job asks for it."""
+    out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
+    rng = np.random.default_rng(1)
+    for k in range(len(out)):
+        if job.throttle:
+            await Timer(int(rng.integers(0, job.throttle)) * CLOCK_NS + 1, "ns")
+        out[k] = await bench.decide(job.measurements[k], job.s_prev[k])
+        progress(k + 1)
+    return {"decisions": out}
+
+
+async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+    """Let the RTL's decisions drive the plant."""
+    loop = job.loop
+    assert loop is not None
+    plant = loop.plant()
+    steps = len(loop.omega_s)
+    out = np.empty((steps, len(FIELDS)), dtype=np.int64)
+    states = np.empty((steps + 1, len(plant.state)))
+    applied = np.array(loop.s_start, dtype=np.int64)
+    decided = applied
+    for k in range(steps):
+        if loop.delay:
+            applied = decided
+        states[k] = plant.state
+        measurement, clipped = bit_true.encode_row(
+            plant.state[:4], plant.state[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k],
+            loop.omega_r[k],
+        )  # fmt: skip
+        out[k] = await bench.decide(measurement, applied)
+        out[k, FIELDS.index("saturated")] |= clipped
+        decided = out[k, 0:3].copy()
+        if not loop.delay:
+            applied = decided
+        plant.omega_r, plant.vdc = float(loop.omega_r[k]), float(loop.vdc[k])
+        plant.step(applied)
+        progress(k + 1)
+    states[steps] = plant.state
+    return {"decisions": out, "states": states}
+
+
+@cocotb.test()
+async def run_job(dut) -> None:
+    """Do what the job file says."""
+    job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
+    bench = Bench(dut, job.registers)
+    await bench.reset()
+    progress = Progress(job.progress_path, max(1, job.steps // 200))
+    result = await (_closed_loop if job.loop is not None else _replay)(bench, job, progress)
+    np.savez(job.result_path, bound=dut.bound.value.to_unsigned(), **result)

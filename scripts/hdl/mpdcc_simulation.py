@@ -1,0 +1,153 @@
+"""The RTL of ``mpdcc_core`` as an engine: GHDL and cocotb behind a function call.
+
+What is simulated is the checked-in VHDL, analysed anew for every job; how, stands in `simulator`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.drive_file import Drive
+from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
+from directmpc.mpdcc.plant import Plant
+from scripts.hdl import simulator
+from scripts.hdl.simulator import ROOT, Answer
+
+BENCH = ROOT / "scripts" / "hdl" / "mpdcc_core_bench.vhd"
+
+#: Columns of a decision as the bench returns it.
+FIELDS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "cycles", "saturated", "exhausted")
+VARIANTS = ("fast", "paper")
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A plant and what it is asked to do, for a closed loop around the RTL.
+
+    Attributes
+    ----------
+    drive : Drive
+        Plant parameters.
+    state : (8,)
+        Plant state at the first step, see `plant`.
+    s_start : (3,)
+        Switch positions before the first step.
+    vdc, omega_s, omega_r : (n,)
+        dc-link voltage and speeds per step, per unit.
+    iref : (n, 2)
+        Current reference per step, per unit.
+    delay
+        Whether a decision takes effect one step after the state it is based on.
+    """
+
+    drive: Drive
+    state: FloatArray
+    s_start: IntArray
+    vdc: FloatArray
+    omega_s: FloatArray
+    omega_r: FloatArray
+    iref: FloatArray
+    delay: bool = False
+
+    def plant(self) -> Plant:
+        """The plant in its first state."""
+        return Plant(self.drive, float(self.omega_r[0]), float(self.vdc[0]), self.state)
+
+
+@dataclass
+class Job(simulator.Job):
+    """What the simulator has to do; see ``simulate``."""
+
+    registers: IntArray
+    measurements: IntArray
+    s_prev: IntArray
+    throttle: int = 0
+    loop: Loop | None = None
+
+    @property
+    def steps(self) -> int:
+        """Decisions to make."""
+        return len(self.loop.omega_s) if self.loop is not None else len(self.measurements)
+
+
+def simulate(
+    job: Job,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+) -> Answer:
+    """Run a job on the RTL.
+
+    Parameters
+    ----------
+    job : Job
+        Rows, or a plant.
+    explorers : int
+        1 to 8.
+    variant : str
+        One of ``VARIANTS``.
+    progress : callable, optional
+        Called now and then with the number of decisions made.
+
+    Returns
+    -------
+    dict
+        ``decisions`` (n, 9) in the order of ``FIELDS``; ``states`` (n + 1, 8) for a closed loop.
+
+    Raises
+    ------
+    SimulationError
+        If the simulator is missing or fails, or stops before the last row.
+    """
+    options = (second_level(job.registers), weighted_deadlock(job.registers))
+    arguments = [str(explorers), variant, *(str(int(option)) for option in options)]
+    return simulator.simulate(job, "scripts.hdl.mpdcc_simulation", arguments, progress)
+
+
+def generics(
+    explorers: int, variant: str, second: bool, weighted: bool = False
+) -> dict[str, int | str]:
+    """Generics of the bench around a core.
+
+    `second`: SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
+    """
+    # Needed here alone: who only uses the models needs no budgets.
+    from scripts.measure import budgets
+
+    return {
+        "EXPLORERS": explorers,
+        "FOLDED": str(variant == "paper").lower(),
+        "SECOND_LEVEL": str(second).lower(),
+        "WEIGHTED_DEADLOCK": str(weighted).lower(),
+        "MOST_CLOCKS": budgets.worst(explorers, variant),
+        "SESE_CLOCKS": budgets.worst(explorers, "sese"),
+        "PREDICTION_CLOCKS": budgets.clocks("mpdcc_core", "prediction", "sese"),
+    }
+
+
+def build_and_run(
+    job_path: Path, explorers: int, variant: str, second: bool, weighted: bool
+) -> None:
+    """Analyse the RTL and run the bench in this process's children."""
+    simulator.build_and_run(
+        job_path,
+        core="mpdcc_core",
+        toplevel=BENCH,
+        module="scripts.hdl.mpdcc_cosimulation",
+        generics=generics(explorers, variant, second, weighted),
+    )
+
+
+if __name__ == "__main__":
+    build_and_run(
+        Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1", sys.argv[5] == "1"
+    )

@@ -1,0 +1,141 @@
+"""Runs ``mptc_core_bench`` for replay, the closed loop and the core's tests.
+
+Not a test itself: a cocotb module that reads a job file, feeds the RTL row by row and writes what
+it answered.  The job either holds recorded rows or a plant, whose state then decides the next row.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cocotb
+import numpy as np
+from cocotb.triggers import Timer, with_timeout
+
+from directmpc.mptc import bit_true
+from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, WORD_WIDTH
+from directmpc.mptc.plant import step
+from scripts.hdl.mptc_simulation import FIELDS, Job
+from scripts.hdl.simulator import CLOCK_NS, load_job
+
+_PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
+
+
+def pack_row(measurement: np.ndarray, u: int) -> int:
+    """One row of inputs as the bench takes it."""
+    value = 0
+    for index, word in enumerate(measurement):
+        value |= (int(word) & 0xFFFF) << (MEASUREMENT_WIDTH * index)
+    # psi_ref, the last, has a bit less
+    return value | int(u) << (MEASUREMENT_WIDTH * len(MEASUREMENTS) - 1)
+
+
+def pack_parameters(registers: np.ndarray) -> int:
+    """Parameter ports as the bench takes them: coefficients, then the method."""
+    value = 0
+    for index, word in enumerate(registers[:-1]):
+        value |= (int(word) & (1 << WORD_WIDTH) - 1) << (WORD_WIDTH * index)
+    return value | int(registers[-1]) << (WORD_WIDTH * len(COEFFICIENTS))
+
+
+class Bench:
+    """Drives the bench's ports."""
+
+    def __init__(self, dut) -> None:
+        self.dut = dut
+        self.level = 0
+
+    async def reset(self, registers: np.ndarray) -> None:
+        """Reset and load the parameters."""
+        self.dut.request.value = 0
+        self.dut.row.value = 0
+        self.load(registers)
+        self.dut.rst.value = 1
+        await Timer(4 * CLOCK_NS, "ns")
+        self.dut.rst.value = 0
+        await Timer(2 * CLOCK_NS, "ns")
+
+    def load(self, registers: np.ndarray) -> None:
+        """Write the parameters."""
+        self.dut.parameters.value = pack_parameters(registers)
+
+    async def decide(self, measurement: np.ndarray, u: int) -> tuple[int, ...]:
+        """One decision in the order of ``FIELDS``."""
+        self.level ^= 1
+        self.dut.row.value = pack_row(measurement, u)
+        self.dut.request.value = self.level
+        await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
+        response = self.dut.response.value.to_unsigned()
+        cycles = self.dut.cycles.value.to_unsigned()
+        return (response & 7, cycles, response >> 6 & 1, response >> 7 & 1, response >> 3 & 7)
+
+
+class Progress:
+    """Tells the parent process how far the simulation is."""
+
+    def __init__(self, path: Path, every: int) -> None:
+        self.path = path
+        self.every = every
+
+    def __call__(self, done: int) -> None:
+        """Note the number of decisions made."""
+        if done % self.every == 0:
+            self.path.write_text(str(done), encoding="ascii")
+
+
+async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+    """Feed recorded rows, each with its own parameters where the job has them."""
+    out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
+    for k in range(len(out)):
+        if job.each_registers is not None and (
+            k == 0 or not np.array_equal(job.each_registers[k], job.each_registers[k - 1])
+        ):
+            bench.load(job.each_registers[k])
+        out[k] = await bench.decide(job.measurements[k], job.u[k])
+        progress(k + 1)
+    return {"decisions": out}
+
+
+async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+    """Let the RTL's decisions drive the plant, behind a speed controller where one is asked for."""
+    loop = job.loop
+    assert loop is not None
+    steps = job.steps
+    out = np.empty((steps, len(FIELDS)), dtype=np.int64)
+    seen = np.empty((steps, 8))
+    current, flux, omega_r, applied, integral = loop.current, loop.flux, loop.omega_r, 0, 0.0
+    for k in range(steps):
+        wanted = float(loop.torque_ref[k])
+        if loop.use_speed:
+            gain, rate, limit = loop.gains
+            error = loop.speed_ref[k] - omega_r / loop.plant.pole_pairs
+            if abs(gain * error + integral) < limit:
+                integral += rate * error * loop.plant.ts
+            wanted += min(max(gain * error + integral, -limit), limit)
+        seen[k] = (
+            current.real, current.imag, flux.real, flux.imag, omega_r, wanted, loop.psi_ref[k],
+            applied,
+        )  # fmt: skip
+        measurement, clipped = bit_true.encode_row(
+            loop.scales, loop.lows, loop.highs, current, flux, omega_r, loop.vdc, wanted,
+            loop.psi_ref[k],
+        )  # fmt: skip
+        out[k] = await bench.decide(measurement, applied)
+        out[k, 2] |= clipped
+        current, flux, omega_r = step(loop.plant, current, flux, omega_r, applied, loop.load[k])
+        applied = int(out[k, 0])
+        progress(k + 1)
+    return {"decisions": out, "seen": seen}
+
+
+@cocotb.test()
+async def run_job(dut) -> None:
+    """Do what the job file says."""
+    job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
+    bench = Bench(dut)
+    await bench.reset(job.registers)
+    progress = Progress(job.progress_path, max(1, job.steps // 200))
+    result = await (_closed_loop if job.loop is not None else _replay)(bench, job, progress)
+    np.savez(job.result_path, **result)

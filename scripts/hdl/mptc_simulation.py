@@ -1,0 +1,117 @@
+"""The RTL of ``mptc_core`` as an engine: GHDL and cocotb behind a function call.
+
+As `scripts.hdl.mpdcc_simulation`, for the two-level core; how, stands in `scripts.hdl.simulator`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from directmpc.mpdcc.trace import FloatArray, IntArray
+from directmpc.mptc.plant import PlantParameters
+from scripts.hdl import simulator
+from scripts.hdl.simulator import ROOT, Answer
+
+BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
+
+#: Columns of a decision as the bench returns it.
+FIELDS = ("u", "cycles", "saturated", "clamped", "switches")
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A plant with a shaft and a speed controller, for a closed loop around the RTL.
+
+    Attributes
+    ----------
+    plant : PlantParameters
+    scales, lows, highs : (8,)
+        Formats of the measurements, as ``bit_true.parameters`` returns them.
+    vdc : float
+        What the controller is told, V.
+    torque_ref, psi_ref, load, speed_ref : (n,)
+        As in `closed_loop.Scenario`.
+    use_speed : bool
+        Whether the speed controller is in the loop.
+    gains : tuple
+        Of the speed controller.
+    current, flux : complex
+        Plant state at the first step.
+    omega_r : float
+        Electrical speed at the first step, rad/s.
+    """
+
+    plant: PlantParameters
+    scales: FloatArray
+    lows: FloatArray
+    highs: FloatArray
+    vdc: float
+    torque_ref: FloatArray
+    psi_ref: FloatArray
+    load: FloatArray
+    speed_ref: FloatArray
+    use_speed: bool
+    gains: tuple[float, float, float]
+    current: complex
+    flux: complex
+    omega_r: float
+
+
+@dataclass
+class Job(simulator.Job):
+    """What the simulator has to do; see ``simulate``."""
+
+    registers: IntArray
+    measurements: IntArray
+    u: IntArray
+    flux_control: bool = True
+    loop: Loop | None = None
+    each_registers: IntArray | None = None
+
+    @property
+    def steps(self) -> int:
+        """Decisions to make."""
+        return len(self.loop.torque_ref) if self.loop is not None else len(self.measurements)
+
+
+def simulate(
+    job: Job, progress: Callable[[int], None] | None = None, rtl: Path | None = None
+) -> Answer:
+    """Run a job on the RTL.
+
+    Parameters
+    ----------
+    job : Job
+        Rows, or a plant.
+    progress : callable, optional
+        Called now and then with the number of decisions made.
+    rtl : Path, optional
+        Folder of the design, the project's if not given.
+
+    Returns
+    -------
+    dict
+        ``decisions`` (n, 5) in the order of ``FIELDS``; for a closed loop ``seen`` (n, 8): what
+        the controller saw, and ``u`` last, before quantisation.
+
+    Raises
+    ------
+    SimulationError
+        If the simulator is missing or fails, or stops before the last row.
+    """
+    arguments = [str(job.flux_control).lower(), str(rtl or "")]
+    return simulator.simulate(job, "scripts.hdl.mptc_simulation", arguments, progress)
+
+
+if __name__ == "__main__":
+    simulator.build_and_run(
+        Path(sys.argv[1]),
+        core="mptc_core",
+        toplevel=BENCH,
+        module="scripts.hdl.mptc_cosimulation",
+        generics={"FLUX_CONTROL": sys.argv[2]},
+        rtl=Path(sys.argv[3]) if sys.argv[3] else None,
+    )

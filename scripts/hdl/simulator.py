@@ -1,0 +1,310 @@
+"""A simulator as a function call: GHDL and cocotb in processes of their own.
+
+A job is written to a folder of its own, a process builds and runs the bench that reads it, and the
+answers come back as arrays. What belongs to one core stands in `rtl_simulation` and
+`mptc.rtl_simulation`.
+
+The process leads a group, in which GHDL is too, and watches a pipe from its parent: however the
+parent ends, the group ends with it. A signal to the parent's own group does not reach the simulator
+and need not.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[2]
+CLOCK_NS = 10  # period of the benches' clock
+PARALLEL_ROWS = 2000
+"""A trace of more rows than this is worth a second simulator."""
+_POLL_S = 0.05
+_LOG_LINES = 30
+
+IntArray = NDArray[np.int64]
+Answer = dict[str, NDArray[np.float64] | IntArray]
+
+
+class SimulationError(RuntimeError):
+    """The simulator failed; the message holds the end of its log."""
+
+
+class CancelledError(Exception):
+    """Stops a simulator from its progress callback."""
+
+
+@dataclass
+class Job:
+    """What a simulator has to do; a core's own jobs add what it has to be told.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the job's files are; set by `simulate`.
+    """
+
+    folder: Path = field(default_factory=Path, kw_only=True)
+
+    @property
+    def progress_path(self) -> Path:
+        """File with the number of decisions made so far."""
+        return self.folder / "progress"
+
+    @property
+    def result_path(self) -> Path:
+        """File with the answers."""
+        return self.folder / "result.npz"
+
+
+def load_job(path: Path) -> Any:
+    """Read a job that this program has written."""
+    with path.open("rb") as stream:
+        return pickle.load(stream)
+
+
+def simulate(
+    job: Job,
+    module: str,
+    arguments: Sequence[str],
+    progress: Callable[[int], None] | None = None,
+) -> Answer:
+    """Run a job in a process of its own.
+
+    Parameters
+    ----------
+    job : Job
+        What to do.
+    module : str
+        Module of this package whose command line takes the job's path and `arguments`, and builds
+        and runs the bench.
+    arguments : sequence of str
+        What else it takes.
+    progress : callable, optional
+        Called many times a second with the number of decisions made; what it raises ends the
+        simulator.
+
+    Returns
+    -------
+    dict
+        What the bench saved.
+
+    Raises
+    ------
+    SimulationError
+        If the simulator is missing or fails, or stops before the last row.
+    """
+    if shutil.which(os.environ.get("GHDL", "ghdl")) is None:
+        raise SimulationError("ghdl is not installed; 'make setup' installs it")
+    with tempfile.TemporaryDirectory(prefix="directmpc-") as name:
+        job.folder = Path(name)
+        job_path = job.folder / "job.pickle"
+        with job_path.open("wb") as stream:
+            pickle.dump(job, stream)
+        log_path = job.folder / "log"
+        command = [sys.executable, "-m", module, str(job_path), *arguments]
+        with log_path.open("wb") as log:
+            process = subprocess.Popen(
+                command,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.PIPE,
+                start_new_session=True,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)])},
+            )
+            try:
+                _wait(process, job, progress)
+            finally:
+                _end(process)
+        if process.returncode != 0 or not job.result_path.exists():
+            tail = log_path.read_text(encoding="utf-8", errors="replace").splitlines()
+            raise SimulationError("the RTL simulation failed:\n" + "\n".join(tail[-_LOG_LINES:]))
+        with np.load(job.result_path) as data:
+            return {key: data[key] for key in data.files}
+
+
+def _wait(
+    process: subprocess.Popen[bytes], job: Job, progress: Callable[[int], None] | None
+) -> None:
+    """Wait for the simulator and pass on how far it is."""
+    while process.poll() is None:
+        time.sleep(_POLL_S)
+        if progress is not None:
+            text = ""
+            with suppress(FileNotFoundError):
+                text = job.progress_path.read_text(encoding="ascii")
+            progress(int(text or 0))
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the whole group of a process, whether it has ended itself or not."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
+def end_with_parent() -> None:
+    """Kill this process's group as soon as standard input ends: then nobody waits for it."""
+
+    def watch() -> NoReturn:
+        while os.read(0, 1):
+            pass
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+        raise AssertionError("unreachable")
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def build_and_run(
+    job_path: Path,
+    *,
+    core: str,
+    toplevel: Path,
+    module: str,
+    generics: dict[str, Any],
+    rtl: Path | None = None,
+) -> None:
+    """Analyse the RTL and run a bench in this process's children; leaves with 1 where it fails.
+
+    Parameters
+    ----------
+    job_path : Path
+        Its folder holds all that is made.
+    core : str
+        Entity whose files are compiled.
+    toplevel : Path
+        The bench in VHDL, named as its file; its folder holds the Python side too.
+    module : str
+        Python side of the bench.
+    generics : dict
+        Of the bench.
+    rtl : Path, optional
+        Folder of the design, the project's if not given.
+    """
+    # Needed here alone: who only uses the models needs no simulator packages.
+    from cocotb_tools.runner import get_results, get_runner
+
+    from scripts.hdl.sources import compile_order, rtl_files
+
+    end_with_parent()
+    folder = job_path.parent
+    # the runner hands this process's search path to the simulator's Python
+    sys.path[:0] = [str(toplevel.parent), str(ROOT / "model"), str(ROOT)]
+    available = rtl_files(rtl) if rtl is not None else rtl_files()
+    runner = get_runner("ghdl")
+    runner.build(
+        sources=[*compile_order(core, available), toplevel],
+        hdl_toplevel=toplevel.stem,
+        build_args=["--std=08"],
+        build_dir=folder,
+    )
+    results = runner.test(
+        hdl_toplevel=toplevel.stem,
+        test_module=module,
+        test_args=["--std=08"],
+        # datapath registers hold no value until they are loaded; what reaches an output is compared
+        plusargs=["--ieee-asserts=disable"],
+        parameters=generics,
+        build_dir=folder,
+        test_dir=folder,
+        results_xml=str(folder / "results.xml"),
+        # cocotb would rewrite the assertions of every module it imports, numba and scipy included
+        extra_env={"DIRECTMPC_JOB": str(job_path), "COCOTB_REWRITE_ASSERTION_FILES": ""},
+    )
+    executed, failed = get_results(results)
+    if failed or executed == 0:
+        sys.exit(1)
+
+
+def in_parallel(
+    rows: int,
+    run: Callable[[IntArray, Callable[[int], None]], IntArray],
+    progress: Callable[[int], None] | None = None,
+    processes: int | None = None,
+) -> IntArray:
+    """Let several simulators share independent rows.
+
+    Parameters
+    ----------
+    rows : int
+        How many there are.
+    run : callable
+        Takes the numbers of its rows and a progress callback for `simulate`, returns an answer
+        for each of them, (m, columns).
+    progress : callable, optional
+        Called now and then with the number of rows done by all of them.
+    processes : int, optional
+        How many; two for more than ``PARALLEL_ROWS`` if not given.
+
+    Returns
+    -------
+    (rows, columns)
+        In the order of the rows.
+
+    Raises
+    ------
+    SimulationError
+        If one of them fails; the others are ended.
+    """
+    count = processes or (2 if rows > PARALLEL_ROWS and (os.cpu_count() or 1) > 1 else 1)
+    blocks = np.array_split(np.arange(rows), min(count, rows))
+    done = [0] * len(blocks)
+    stop = threading.Event()
+
+    def one(index: int) -> IntArray:
+        def advance(number: int) -> None:
+            if stop.is_set():
+                raise CancelledError
+            done[index] = number
+
+        answer = run(blocks[index], advance)
+        done[index] = len(blocks[index])
+        return answer
+
+    with concurrent.futures.ThreadPoolExecutor(len(blocks)) as pool:
+        futures = [pool.submit(one, index) for index in range(len(blocks))]
+        try:
+            waiting = set(futures)
+            while waiting:
+                finished, waiting = concurrent.futures.wait(
+                    waiting, timeout=0.2, return_when=concurrent.futures.FIRST_EXCEPTION
+                )
+                for future in finished:
+                    future.result()
+                if progress is not None:
+                    progress(sum(done))
+        except BaseException:
+            stop.set()
+            raise
+    return np.concatenate([future.result() for future in futures])
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """Let SIGTERM end the program as an exception does, so that what it made is taken away."""
+
+    def leave(number: int, _: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,178 @@
+"""Random drives, states and words, over the contract's ranges and to their corners."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import closed_loop
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.program import COEFFICIENTS
+from directmpc.mpdcc.trace import MpdccTrace
+
+DRIVES = Path(__file__).resolve().parents[2] / "drives"
+SHIPPED = ("anpc5l_6kv", "anpc5l_3kv3")
+
+IntArray = NDArray[np.int64]
+
+
+@cache
+def shipped(name: str) -> Drive:
+    """A drive file that ships."""
+    return load_drive(DRIVES / f"{name}.toml")
+
+
+def changed(drive: Drive, **control: object) -> Drive:
+    """The same drive with other settings of its controller."""
+    return drive.model_copy(update={"control": drive.control.model_copy(update=control)})
+
+
+def random_drive(rng: np.random.Generator) -> Drive:
+    """A drive anywhere in the contract's ranges, a third of its values at an end of theirs."""
+
+    def between(low: float, high: float, *, log: bool = False) -> float:
+        if rng.random() < 1 / 3:
+            return float(rng.choice([low, high]))
+        if log:
+            return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+        return float(rng.uniform(low, high))
+
+    return Drive.model_validate(
+        {
+            "controller": "mpdcc",
+            "base": {"voltage": 4899.0, "current": 139.9, "frequency": 50.0},
+            "machine": {
+                "rs": between(0.001, 0.05, log=True),
+                "rr": between(0.001, 0.05, log=True),
+                "xls": between(0.03, 0.3),
+                "xlr": between(0.03, 0.3),
+                "xm": between(1.0, 5.0),
+            },
+            "inverter": {
+                "topology": "anpc5l",
+                "vdc": between(1.5, 2.5),
+                "xdc": between(0.5, 10.0, log=True),
+                "xph": between(0.5, 10.0, log=True),
+            },
+            "control": {
+                "ts": between(20e-6, 200e-6),
+                "bound_current": between(0.02, 0.5, log=True),
+                "bound_vn": between(0.02, 0.5, log=True),
+                "bound_vph": between(0.02, 0.5, log=True),
+                "lambda_n": float(rng.choice([0.0, 100.0, 10 ** rng.uniform(-3, 2)])),
+                "horizon": int(rng.choice([1, 2, 63, rng.integers(1, 64)])),
+            },
+        }
+    )
+
+
+def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) -> MpdccTrace:
+    """States around the references: every error within ``reach`` of its bound."""
+    bounds = drive.bounds
+    angle = rng.uniform(0, 2 * np.pi, n)
+    size = rng.uniform(0, 1.5, n)
+    iref = np.column_stack([size * np.cos(angle), size * np.sin(angle)])
+    reached = reach * rng.uniform(0.2, 1.0, (n, 1)) * rng.uniform(-1, 1, (n, 6))
+    x_m = np.empty((n, 4))
+    x_m[:, :2] = iref - reached[:, :2] * bounds[0]
+    lag = angle - rng.uniform(-1.5, 1.5, n)
+    flux = rng.uniform(0.2, 1.3, n)
+    x_m[:, 2], x_m[:, 3] = flux * np.cos(lag), flux * np.sin(lag)
+    vdc = rng.uniform(1.5, 2.5, n)
+    x_inv = np.empty((n, 4))
+    x_inv[:, 0] = np.clip(reached[:, 2] * bounds[3], -0.5, 0.5)
+    x_inv[:, 1:] = np.clip(vdc[:, None] / 4 + reached[:, 3:] * bounds[4], 0, 1.2)
+    return MpdccTrace(
+        x_m=x_m,
+        x_inv=x_inv,
+        vdc=vdc,
+        iref=iref,
+        omega_s=rng.uniform(-1.2, 1.2, n),
+        omega_r=rng.uniform(-1.2, 1.2, n),
+        s_prev=rng.integers(0, 8, (n, 3)),
+    )
+
+
+def wide(n: int, rng: np.random.Generator, beyond: float = 1.0) -> MpdccTrace:
+    """States anywhere in the contract's ranges, or beyond them so that inputs saturate."""
+
+    def within(low: float, high: float, *shape: int) -> NDArray[np.float64]:
+        middle, half = (low + high) / 2, (high - low) / 2 * beyond
+        return rng.uniform(middle - half, middle + half, (n, *shape))
+
+    return MpdccTrace(
+        x_m=np.column_stack([within(-2, 2, 2), within(-3.5, 3.5, 2)]),
+        x_inv=np.column_stack([within(-0.5, 0.5, 1), within(0, 1.2, 3)]),
+        vdc=within(1.5, 2.5),
+        iref=within(-2, 2, 2),
+        omega_s=within(-2, 2),
+        omega_r=within(-2, 2),
+        s_prev=rng.integers(0, 8, (n, 3)),
+    )
+
+
+def words(n: int, rng: np.random.Generator) -> IntArray:
+    """Measurement words of any content, many of them at a corner of their format."""
+    columns = []
+    for fmt in f.MEASUREMENTS.values():
+        low = -(2 ** (fmt.width - 1)) if fmt.signed else 0
+        corners = np.array([low, low + 1, fmt.high, fmt.high - 1, 0, 1])
+        column = rng.integers(low, fmt.high + 1, n)
+        corner = rng.random(n) < 0.3
+        columns.append(np.where(corner, rng.choice(corners, n), column))
+    return np.column_stack(columns)
+
+
+def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
+    """Parameter ports of any content a variant allows; the horizon is not zero."""
+    high = 2 ** (f.COEFFICIENT_WIDTH - 1)
+    # those of successors do not matter to a single level, and draw nothing from its sequence
+    later = COEFFICIENTS.index("change_phase")
+    count = later
+    shift = rng.integers(0, 14, count) * (rng.random() < 0.7)
+    coefficients = rng.integers(-high, high, count) >> shift
+    coefficients = np.where(rng.random(count) < 0.1, rng.choice([-high, high - 1, 0]), coefficients)
+    most = f.BOUND_HIGH[variant]
+    bounds = rng.choice([0, 1, most, *rng.integers(0, most + 1, 6)], 3)
+    return np.array(
+        [
+            *coefficients,
+            *[0] * (len(COEFFICIENTS) - later),
+            *bounds,
+            rng.choice([1, 63, rng.integers(1, 64)]),
+            rng.integers(0, 4),
+            *(0, 0, 0, 0),
+        ],
+        dtype=np.int64,
+    )
+
+
+def trace_words(trace: MpdccTrace) -> IntArray:
+    """A trace as measurement words."""
+    return bit_true.encode(trace)[0]
+
+
+@cache
+def registers_of(drive_name: str) -> Registers:
+    """Registers of a shipped drive."""
+    return registers(shipped(drive_name), "paper")
+
+
+def recorded(
+    drive: Drive, steps: int, speed: float, generating: bool = False, seed: int = 0
+) -> MpdccTrace:
+    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for."""
+    plain_settings = changed(
+        drive, switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
+    )
+    values = registers(plain_settings, "paper").array()
+    point = OperatingPoint(speed, current=1.0 if not generating else 0.7, generating=generating)
+    return closed_loop.simulate(drive, bit_true.decide, values, point, steps, seed=seed).trace()

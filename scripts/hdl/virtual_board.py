@@ -1,0 +1,311 @@
+"""`make virtual-board`: the whole board top in simulation, its UART on a pseudo-terminal.
+
+`board_top` goes through GHDL and Verilator as every core does (scripts/hdl/netlist_check.py), with
+scripts/hdl/virtual_board.cpp around its pins: the same host program that talks to a board talks to
+it. Time stands still while nobody uses the line, so a host may take as long as it likes between
+two steps and the gate guard's watchdog sees the same clocks every time.
+
+Its UART is faster than a board's, and so the netlist is not the board's. ``--board`` simulates the
+very netlist that a board's bitstream is made of, with its UART's rate and its oscillator's divider.
+
+`VirtualBoard` runs it as a process for tests; `Script` hands it orders instead of a
+pseudo-terminal, bytes on UART and SPI pins as fast as they can be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from scripts.generate.boards import BOARDS
+from scripts.hdl import conversion as netlist
+from scripts.hdl.sources import SourcesError
+from scripts.shared import tools
+from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
+
+OPTIONS = (
+    *("--cc", "--build", "-O3", "--prefix", "Vboard", "--Mdir", "obj"),
+    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
+    *("--top-module", "board_top", "-Wno-fatal", "-Wno-lint", "-Wno-style"),
+    *("-CFLAGS", "-O2 -std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O2 OPT_SLOW=-O0"),
+)
+HARNESS = ROOT / "scripts" / "hdl" / "virtual_board.cpp"
+CLOCKS_PER_BIT = 4
+"""The simulated UART is as fast as its receiver allows, 6.25 Mbaud at 25 MHz, but for `--board`."""
+
+
+def generics(controller: str, explorers: int = 1, folded: bool = False) -> Generics:
+    """Build options of a simulated ULX3S, whose UART is faster than the board's."""
+    found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
+    found["BAUD"] = int(found["CLOCK_HZ"]) // CLOCKS_PER_BIT
+    if folded:
+        found["FOLDED"] = True
+    return found
+
+
+def _line(chosen: Generics) -> list[str]:
+    """Clocks a bit of the UART, and clocks of the oscillator to one of the core."""
+    return [repr(int(chosen["CLOCK_HZ"]) / int(chosen["BAUD"])), str(chosen["DIVIDE"])]
+
+
+def _model(chosen: Generics, verilog: Path | None) -> Path:
+    """Folder with the compiled board; what is around its pins is another matter, and quicker."""
+    source = verilog or netlist.cached("board_top", chosen)
+    text = netlist.meaning(source.read_text(encoding="utf-8"))
+    key = tools.digest(text, tools.version("verilator"), *OPTIONS)[:16]
+    folder = BUILD / "verilated" / f"{tools.configuration_name('board', chosen)}-{key}"
+    if not folder.exists():
+        # Built elsewhere and moved: Verilator's makefiles work in no path with a blank in it.
+        with tempfile.TemporaryDirectory(prefix="verilated-") as name:
+            work = Path(name)
+            shutil.copy(source, work / "board.v")
+            tools.run([*tools.tool("verilator"), *OPTIONS, "board.v"], cwd=work, timeout=1500)
+            # Verilator's own objects are built for an executable alone, so they are asked for here
+            listed = (work / "obj" / "Vboard_classes.mk").read_text(encoding="utf-8")
+            block = listed.split("VM_GLOBAL_FAST +=")[1].split("\n\n")[0]
+            own = [f"{name}.o" for name in re.findall(r"^\s+(\w+)", block, re.M)]
+            tools.run(
+                ["make", "-s", "-C", "obj", "-f", "Vboard.mk", "OPT_FAST=-O2", *own], cwd=work
+            )
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=folder.parent) as kept:
+                parts = Path(kept) / "parts"
+                parts.mkdir()
+                shutil.copy(work / "obj" / "Vboard__ALL.a", parts)
+                for path in [*(work / "obj").glob("*.h"), *(work / "obj" / name for name in own)]:
+                    shutil.copy(path, parts)
+                try:
+                    parts.rename(folder)
+                except OSError:
+                    if not folder.exists():  # another test may have built the same meanwhile
+                        raise
+    return folder
+
+
+def build(chosen: Generics, verilog: Path | None = None) -> Path:
+    """Compile the simulation, or find it compiled; `verilog`: of another netlist than converted."""
+    folder = _model(chosen, verilog)
+    program = folder / f"board-{tools.digest(HARNESS)[:16]}"
+    if not program.exists():
+        root = tools.run([*tools.tool("verilator"), "--getenv", "VERILATOR_ROOT"]).stdout.strip()
+        include = Path(root or "/usr/share/verilator") / "include"
+        with tools.replacing(program) as temporary:
+            tools.run(
+                [
+                    *(os.environ.get("CXX") or "g++").split(),
+                    *("-O2", "-std=c++17", "-I", str(folder), "-I", str(include)),
+                    *("-I", str(include / "vltstd"), str(HARNESS), "-o", str(temporary)),
+                    str(folder / "Vboard__ALL.a"),
+                    *map(str, sorted(folder.glob("*.o"))),
+                    "-pthread",
+                ],
+                timeout=600,
+            )
+        program.chmod(0o755)
+    return program
+
+
+def _seeded(seed: int) -> list[str]:
+    """Registers without a reset begin with random contents."""
+    return [f"+verilator+seed+{seed % 2**31 or 1}", "+verilator+rand+reset+2"]
+
+
+class VirtualBoard:
+    """A running board; `port` is what a host opens.
+
+    Parameters
+    ----------
+    chosen
+        Build options, see ``generics``.
+    port
+        Name of the link to its pseudo-terminal.
+    gate_log
+        File for every change of a gate: clock, gates.
+    seed
+        Of what registers without a reset hold at first.
+    verilog
+        The netlist, if not the one that is converted.
+    """
+
+    def __init__(
+        self,
+        chosen: Generics,
+        port: Path,
+        gate_log: Path | None = None,
+        seed: int = 1,
+        verilog: Path | None = None,
+    ) -> None:
+        program = build(chosen, verilog)
+        port.parent.mkdir(parents=True, exist_ok=True)
+        self.port = port
+        command = [str(program), "pty", *_line(chosen), str(port), str(gate_log or "-"), "0"]
+        self.process = subprocess.Popen([*command, *_seeded(seed)], stdout=subprocess.PIPE)
+        assert self.process.stdout is not None
+        self.said = self.process.stdout.readline().decode().strip()
+        if not self.said:
+            raise ToolError(f"the virtual board ended with {self.process.wait()}")
+
+    def close(self) -> None:
+        """End it."""
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(timeout=10)
+        if self.process.stdout:
+            self.process.stdout.close()
+
+    def __enter__(self) -> VirtualBoard:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What came of one order.
+
+    Attributes
+    ----------
+    uart, spi
+        Bytes the board has sent.
+    changes
+        Changes of the gates meanwhile.
+    gates
+        The gates now.
+    clock
+        Clocks since the start.
+    """
+
+    uart: bytes
+    spi: bytes
+    changes: int
+    gates: int
+    clock: int
+
+
+class Script:
+    """Orders for the simulated pins, kept until they are run."""
+
+    def __init__(self, chosen: Generics, seed: int = 1) -> None:
+        command = [str(build(chosen)), "script", *_line(chosen), *_seeded(seed)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._orders: list[bytes] = []
+
+    def uart(self, data: bytes) -> None:
+        """Bytes over the UART."""
+        self._orders.append(b"u" + struct.pack("<I", len(data)) + data)
+
+    def spi(self, data: bytes) -> None:
+        """One SPI transaction."""
+        self._orders.append(b"s" + struct.pack("<I", len(data)) + data)
+
+    def wait(self, clocks: int) -> None:
+        """Let time pass."""
+        self._orders.append(b"w" + struct.pack("<I", clocks))
+
+    def permit(self, value: bool) -> None:
+        """The permit input."""
+        self._orders.append(b"p" + struct.pack("<I", value))
+
+    def steps_over_spi(self, value: bool) -> None:
+        """The switch."""
+        self._orders.append(b"l" + struct.pack("<I", value))
+
+    def run(self) -> list[Seen]:
+        """What came of each order given since the last run."""
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        found: list[Seen] = []
+        # small enough that neither side waits for the other with a full pipe
+        for start in range(0, len(self._orders), 64):
+            part = self._orders[start : start + 64]
+            stdin.write(b"".join(part) + b"f\0\0\0\0")
+            stdin.flush()
+            for _ in range(len(part)):
+                found.append(self._seen(stdout))
+            self._seen(stdout)
+        self._orders.clear()
+        return found
+
+    def _read(self, stdout: object, size: int) -> bytes:
+        data: bytes = stdout.read(size)
+        if len(data) != size:
+            raise ToolError(f"the simulated board ended with {self._process.wait()}")
+        return data
+
+    def _seen(self, stdout: object) -> Seen:
+        parts = []
+        for _ in range(2):
+            (size,) = struct.unpack("<I", self._read(stdout, 4))
+            parts.append(self._read(stdout, size))
+        changes, gates, clock = struct.unpack("<IIQ", self._read(stdout, 16))
+        return Seen(parts[0], parts[1], changes, gates, clock)
+
+    def close(self) -> None:
+        """End it."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe:
+                pipe.close()
+        self._process.wait(timeout=10)
+
+    def __enter__(self) -> Script:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a virtual board until it is interrupted."""
+    parser = argparse.ArgumentParser(prog="virtual-board", description=__doc__.splitlines()[0])
+    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+    parser.add_argument("--folded", action="store_true", help="the paper's explorers")
+    parser.add_argument(
+        "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
+    )
+    parser.add_argument(
+        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART"
+    )
+    parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
+    given = parser.parse_args(arguments)
+    if given.board and given.folded:
+        parser.error("no board's bitstream has the paper's explorers")
+    if given.board and given.controller not in BOARDS[given.board].controllers:
+        parser.error(f"{given.board} has no room for {given.controller}")
+    began = time.perf_counter()
+    try:
+        print("virtual board: compiling, a minute the first time", file=sys.stderr, flush=True)
+        chosen = generics(given.controller, given.explorers, given.folded)
+        if given.board:
+            chosen = BOARDS[given.board].generics(given.controller, given.explorers)
+        board = VirtualBoard(chosen, given.port, given.gates)
+    except (ToolError, SourcesError, OSError) as error:
+        print(f"virtual-board: {error}", file=sys.stderr)
+        return 2
+    print(board.said)
+    print(
+        f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"
+        f"  python -m directmpc.host --port {os.path.relpath(given.port)} identify\n"
+        "end it with Ctrl-C",
+        flush=True,
+    )
+    try:
+        return board.process.wait()
+    except KeyboardInterrupt:
+        board.close()
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

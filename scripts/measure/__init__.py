@@ -1,0 +1,1 @@
+"""Resources, clock frequency, budgets, the trade-off between them, and bitstreams."""

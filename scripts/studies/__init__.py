@@ -1,0 +1,1 @@
+"""Experiments in closed loop: accuracy, horizon, deadlocks, observers, the two-level drive."""

@@ -1,0 +1,820 @@
+"""Deadlocks at low speed: what happens in them, and which other rules do better.
+
+``python -m scripts.studies.deadlocks`` runs the 6 kV drive's exact plant with the fast variant's
+bit-true model (`scripts.studies.deadlock_rules`, by default the contract's rule) and writes
+
+* ``reports/deadlocks.csv``: one row per closed loop,
+* ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
+* ``reports/deadlocks.md``: every table, and with it those of `docs/deadlocks.md`,
+* ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
+
+The loops are the models'. The RTL has the contract's rule and the recommended one; its netlist
+decides anew on every step of one start of each point where the two stand side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import closed_loop, metrics
+from directmpc.mpdcc.bit_true import fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
+from scripts.commands.replay import progress_bar
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.measure import budgets as budgets_file
+from scripts.shared import tools
+from scripts.studies import deadlock_rules as rules
+from scripts.studies import horizon as horizon_study
+from scripts.studies.deadlock_rules import ONE, Rule
+from scripts.studies.fidelity.decisions import EXPLORERS, FidelityError
+from scripts.studies.horizon import REPORTS, SETTLE, STEPS, Setting, interval
+
+PAGE = ROOT / "docs" / "deadlocks.md"
+BEGIN = "<!-- {}: begin (written by scripts.studies.deadlocks) -->"
+END = "<!-- {}: end -->"
+
+SPEEDS = (0.2, 0.3, 0.6, 1.0)
+BOUNDS = (0.06, 0.10, 0.15)
+LOW = 0.45
+"""Speeds below are 'low' in the summaries, pu."""
+
+HORIZONS = ("SE", "SESE")
+STARTS = 3
+DETAILED = 8
+"""Starts for the contract's rule and the recommended one, point by point."""
+
+FRESH = 100
+"""First of those starts, so that none of them is one that the rule was chosen with."""
+
+CONTRACT = "contract"
+RECOMMENDED = "v_n x 8, 1/16 of current added"
+
+
+def _weights(current: float, v_n: float, v_ph: float) -> tuple[int, int, int]:
+    return round(ONE * current), round(ONE * v_n), round(ONE * v_ph)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rule and settings of the drive file to try.
+
+    Attributes
+    ----------
+    rule
+        What replaces the contract's rule.
+    control
+        Values of the drive file's [control] that differ.
+    normalised
+        Whether excesses are taken relative to their bounds, weights of `rule` being ignored.
+    """
+
+    rule: Rule = field(default_factory=Rule)
+    control: Mapping[str, float] = field(default_factory=dict)
+    normalised: bool = False
+
+
+CASES: dict[str, Case] = {
+    CONTRACT: Case(),
+    "ties to the latest": Case(Rule(tie=rules.LATEST)),
+    "ties by current": Case(Rule(tie=rules.CURRENT)),
+    "ties by effort": Case(Rule(tie=rules.EFFORT)),
+    "ties by sum of magnitudes": Case(Rule(tie=rules.MAGNITUDES)),
+    "ties by next largest": Case(Rule(tie=rules.SORTED)),
+    "relative to bounds": Case(normalised=True),
+    "relative to bounds, ties by current": Case(Rule(tie=rules.CURRENT), normalised=True),
+    "v_n x 8": Case(Rule(weights=_weights(1, 8, 1))),
+    "ties by current, v_n x 8": Case(Rule(tie=rules.CURRENT, weights=_weights(1, 8, 1))),
+    "1/16 of current added": Case(Rule(rules.BLEND, blend=16)),
+    "v_n x 8, all of current added": Case(Rule(rules.BLEND, weights=_weights(1, 8, 1), blend=1)),
+    "v_n x 8, 1/4 of current added": Case(Rule(rules.BLEND, weights=_weights(1, 8, 1), blend=4)),
+    RECOMMENDED: Case(Rule(rules.BLEND, weights=_weights(1, 8, 1), blend=16)),
+    "v_n x 4, 1/16 of current added": Case(Rule(rules.BLEND, weights=_weights(1, 4, 1), blend=16)),
+    "v_n x 16, 1/16 of current added": Case(
+        Rule(rules.BLEND, weights=_weights(1, 16, 1), blend=16)
+    ),
+    "sum of excesses": Case(Rule(rules.SUM, rules.CURRENT)),
+    "sum of squares": Case(Rule(rules.SQUARES, rules.CURRENT)),
+    "inward admissible": Case(Rule(inward=True)),
+    "inward admissible, ties by current": Case(Rule(tie=rules.CURRENT, inward=True)),
+    "inward admissible, v_n x 8, 1/16 of current": Case(
+        Rule(rules.BLEND, weights=_weights(1, 8, 1), blend=16, inward=True)
+    ),
+    "excess at k + 4": Case(Rule(step=4)),
+    "weight on v_ph 100": Case(Rule(lambda_ph=100.0)),
+    "lambda_n = 100": Case(control={"lambda_n": 100.0}),
+    "bound_vn = 0.03": Case(control={"bound_vn": 0.03}),
+    "bound_vph = 0.12": Case(control={"bound_vph": 0.12}),
+}
+"""What is tried; names as in the tables."""
+
+BUILT_IN = {CONTRACT: "largest", RECOMMENDED: "weighted"}
+"""The rules that the RTL has: value of a drive file's ``control.deadlock_rule``."""
+
+RUN_FIELDS = (
+    "case", "horizon", "speed", "bound", "start", "thd_pct", "fsw_hz", "deadlock_pct", "tied_pct",
+    "tied_candidates", "vn_mean_in_deadlocks", "excess_current", "excess_vn", "excess_vph",
+)  # fmt: skip
+STEP_FIELDS = (
+    "horizon", "speed", "bound", "deadlock_steps", "episodes", "median_steps", "p90_steps",
+    "longest_steps", "inside_at_start_pct", "out_current_pct", "out_vn_pct", "out_vph_pct",
+    "worst_current_pct", "worst_vn_pct", "worst_vph_pct", "tied_pct", "given_up_pu",
+    "vn_correctable_pct", "vn_and_current_pct", "all_inward_pct",
+    "dead_07_pct", "dead_16_pct", "dead_25_pct", "dead_34_pct",
+    "else_07_pct", "else_16_pct", "else_25_pct", "else_34_pct",
+)  # fmt: skip
+PAIRS = ((0, 7), (1, 6), (2, 5), (3, 4))
+"""Positions that are each other's mirror image: outer levels, level one from a rail or from the
+neutral point, level zero (drive model, section 1)."""
+
+
+def rule_of(case: Case, drive: Drive) -> Rule:
+    """The rule of a case, with weights relative to the drive's bounds where those are wanted."""
+    if not case.normalised:
+        return case.rule
+    control = drive.control
+    weights = (control.bound_current / b for b in (control.bound_vn, control.bound_vph))
+    return Rule(case.rule.criterion, case.rule.tie, _weights(1.0, *weights))
+
+
+def simulate(
+    base: Drive, case: Case, setting: Setting, steps: int, point: OperatingPoint | None = None
+) -> tuple[Drive, Any]:
+    """One closed loop; the drive it was run with, and the result.
+
+    `point` is where the drive runs if not at 1 pu of current, motoring, at the setting's speed.
+
+    `deadlock` in the result's decisions is the number of candidates that shared the least value of
+    the criterion, 0 where there was no deadlock.
+    """
+    drive = horizon_study.drive_of(base, setting)
+    control = drive.control.model_copy(update=dict(case.control))
+    drive = drive.model_copy(update={"control": control})
+    result = closed_loop.simulate(
+        drive, rules.decide, rules.parameters(drive, rule_of(case, drive)),
+        point or OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
+    )  # fmt: skip
+    return drive, result
+
+
+def run(
+    base: Drive, name: str, setting: Setting, steps: int, point: OperatingPoint | None = None
+) -> dict[str, Any]:
+    """One closed loop and its figures; violations are of the bounds in the drive file."""
+    drive, result = simulate(base, CASES[name], setting, steps, point)
+    bounds = base.bounds.copy()
+    bounds[:3] = setting.bound
+    excess = metrics.bound_violations(result, bounds)
+    searched = result.decisions.held == 0
+    tied = result.decisions.deadlock
+    dead = tied > 0
+    return {
+        "case": name,
+        "horizon": setting.horizon,
+        "speed": setting.speed,
+        "bound": setting.bound,
+        "start": setting.start,
+        "thd_pct": 100 * metrics.summarise(drive, result).thd_mean,
+        "fsw_hz": metrics.switching_frequency(
+            result.positions, drive.control.ts
+        ).per_device_24_logical,
+        "deadlock_pct": 100 * float(dead[searched].mean()) if searched.any() else 0.0,
+        "tied_pct": 100 * float((tied[dead] > 1).mean()) if dead.any() else float("nan"),
+        "tied_candidates": float(tied[dead].mean()) if dead.any() else float("nan"),
+        "vn_mean_in_deadlocks": (
+            float(result.seen.x_inv[dead, 0].mean()) if dead.any() else float("nan")
+        ),
+        "excess_current": float(excess[:3].max()),
+        "excess_vn": float(excess[3]),
+        "excess_vph": float(excess[4:].max()),
+    }
+
+
+@njit(cache=True)
+def _choices(register, measurement, s_prev, chosen, out):
+    """What a deadlock offers, from the same words as the decision.
+
+    Fills `out` with: largest current excess of the choice less the least one among the candidates
+    that tie with it (trajectory units); then flags: whether a candidate brings v_n closer to zero;
+    whether one does so while no current leaves its bound or, if one is outside, the worst gets no
+    worse; whether one brings everything that is outside closer and leaves the rest inside.
+    """
+    bound = np.empty(7, dtype=np.int64)
+    bound[0:3] = register[fast._N_COEFFICIENTS]
+    bound[3] = register[fast._N_COEFFICIENTS + 1]
+    bound[4:7] = register[fast._N_COEFFICIENTS + 2]
+    error, natural, forced, phase, midpoint, _, _, curvature, _ = fast.node(measurement, register)
+    first = fast._first(error, curvature)
+    slope = np.empty(7, dtype=np.int64)
+    s = np.empty(3, dtype=np.int64)
+    fast.slopes(chosen, natural, forced, phase, midpoint, slope)
+    ahead = np.abs(first + slope)
+    worst = np.max(ahead - bound)
+    current = np.max(ahead[:3]) - bound[0]
+    before = max(np.max(np.abs(error[:3])), bound[0])
+    least = current
+    correctable, with_current, inward = 0, 0, 0
+    for ia in range(bit_true._COUNT[s_prev[0]]):
+        s[0] = bit_true._NEXT[s_prev[0], ia]
+        for ib in range(bit_true._COUNT[s_prev[1]]):
+            s[1] = bit_true._NEXT[s_prev[1], ib]
+            for ic in range(bit_true._COUNT[s_prev[2]]):
+                s[2] = bit_true._NEXT[s_prev[2], ic]
+                fast.slopes(s, natural, forced, phase, midpoint, slope)
+                ahead = np.abs(first + slope)
+                if np.max(ahead - bound) == worst:
+                    least = min(least, np.max(ahead[:3]) - bound[0])
+                if ahead[3] < abs(error[3]):
+                    correctable = 1
+                    if np.max(ahead[:3]) <= before:
+                        with_current = 1
+                fits = True
+                for j in range(7):
+                    if ahead[j] > bound[j] and ahead[j] >= abs(error[j]):
+                        fits = False
+                if fits:
+                    inward = 1
+    out[0] = current - least
+    out[1], out[2], out[3] = correctable, with_current, inward
+
+
+def _errors(result: ClosedLoopResult) -> FloatArray:
+    """y* - y at every recorded step, shape (n, 7), pu."""
+    n = len(result)
+    reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
+    return np.hstack(
+        [
+            (reference - result.state[:n, :2]) @ CLARKE_INVERSE.T,
+            -result.state[:n, 4:5],
+            result.profile.vdc[:, None] / 4 - result.state[:n, 5:],
+        ]
+    )
+
+
+def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, Any]:
+    """What is outside in the contract's deadlocks, for how long, and what could be chosen.
+
+    Parameters
+    ----------
+    settings
+        Starts of one operating point.
+
+    Returns
+    -------
+    dict
+        `STEP_FIELDS`; shares in percent of the steps in deadlock, but those 'at_start' of the
+        episodes (deadlock in successive steps) and those of v_n of the steps with v_n outside.
+    """
+    outside, worst, offered, durations, inside, ties = [], [], [], [], [], []
+    legs: dict[bool, list[Any]] = {True: [], False: []}
+    unit = 1.0
+    for setting in settings:
+        drive, result = simulate(base, CASES[CONTRACT], setting, steps)
+        array, _, _ = rules.parameters(drive, Rule())
+        unit = registers(drive, "fast").unit
+        excess = np.abs(_errors(result)) - drive.bounds
+        dead = result.decisions.deadlock > 0
+        edges = np.diff(np.concatenate([[0], dead.astype(np.int64), [0]]))
+        begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        durations += (ends - begins).tolist()
+        inside += np.all(excess[begins] <= 0, axis=1).tolist()
+        outside.append(excess[dead] > 0)
+        worst.append(np.argmax(excess[dead], axis=1))
+        ties.append(result.decisions.deadlock[dead] > 1)
+        for flag in (True, False):
+            legs[flag].append(result.decisions.s[dead == flag].ravel())
+        words, _ = bit_true.encode(result.seen)
+        found = np.empty(4, dtype=np.int64)
+        for k in np.flatnonzero(dead):
+            s_prev = result.seen.s_prev[k].astype(np.int64)
+            _choices(array, words[k], s_prev, result.decisions.s[k].astype(np.int64), found)
+            offered.append(found.copy())
+    out, who = np.vstack(outside), np.concatenate(worst)
+    choices = np.array(offered).reshape(-1, 4)
+    length = np.array(durations)
+    v_n_out = out[:, 3]
+
+    def share(flags: Any) -> float:
+        return 100 * float(np.mean(flags)) if len(flags) else float("nan")
+
+    def quantile(q: float) -> float:
+        return float(np.quantile(length, q)) if len(length) else float("nan")
+
+    return {
+        "horizon": settings[0].horizon,
+        "speed": settings[0].speed,
+        "bound": settings[0].bound,
+        "deadlock_steps": len(who),
+        "episodes": len(length),
+        "median_steps": quantile(0.5),
+        "p90_steps": quantile(0.9),
+        "longest_steps": quantile(1.0),
+        "inside_at_start_pct": share(inside),
+        "out_current_pct": share(out[:, :3].any(axis=1)),
+        "out_vn_pct": share(v_n_out),
+        "out_vph_pct": share(out[:, 4:].any(axis=1)),
+        "worst_current_pct": share(who < 3),
+        "worst_vn_pct": share(who == 3),
+        "worst_vph_pct": share(who > 3),
+        "tied_pct": share(np.concatenate(ties)),
+        "given_up_pu": float(choices[:, 0].mean()) / unit if len(choices) else float("nan"),
+        "vn_correctable_pct": share(choices[v_n_out, 1]),
+        "vn_and_current_pct": share(choices[v_n_out, 2]),
+        "all_inward_pct": share(choices[:, 3]),
+    } | {
+        f"{text}_{pair[0]}{pair[1]}_pct": share(np.isin(np.concatenate(legs[flag]), pair))
+        for text, flag in (("dead", True), ("else", False))
+        for pair in PAIRS
+    }
+
+
+def starts_needed(spread: float, half_width: float) -> int:
+    """Least n with t(0.975, n - 1) * spread / sqrt(n) <= half_width, Student's t."""
+    from scipy import stats
+
+    for n in range(2, 1000):
+        if stats.t.ppf(0.975, n - 1) * spread / np.sqrt(n) <= half_width:
+            return n
+    return 1000
+
+
+def _pick(rows: Sequence[dict[str, Any]], **wanted: Any) -> list[dict[str, Any]]:
+    return [r for r in rows if all(r[k] == v for k, v in wanted.items())]
+
+
+def _mean(rows: Sequence[dict[str, Any]], key: str) -> float:
+    values = [r[key] for r in rows if np.isfinite(r[key])]
+    return float(np.mean(values)) if values else float("nan")
+
+
+def table_of_steps(steps: Sequence[dict[str, Any]]) -> list[str]:
+    """What happens in deadlocks, as Markdown."""
+    lines = [
+        "| horizon, speed, bound | steps in deadlock | episodes: median / 90 % / longest "
+        "| begin with all inside | outside: i, v_n, v_ph | worst is: i, v_n, v_ph | tied "
+        "| current given up to ties | v_n correctable / with currents | all inward |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for r in steps:
+        lines.append(
+            f"| {r['horizon']}, {r['speed']:g}, {r['bound']:g} | {r['deadlock_steps']} "
+            f"| {r['episodes']}: {r['median_steps']:.0f} / {r['p90_steps']:.0f} / "
+            f"{r['longest_steps']:.0f} | {r['inside_at_start_pct']:.0f} % "
+            f"| {r['out_current_pct']:.0f}, {r['out_vn_pct']:.0f}, {r['out_vph_pct']:.0f} % "
+            f"| {r['worst_current_pct']:.0f}, {r['worst_vn_pct']:.0f}, {r['worst_vph_pct']:.0f} % "
+            f"| {r['tied_pct']:.0f} % | {r['given_up_pu']:.3f} pu "
+            f"| {r['vn_correctable_pct']:.0f} / {r['vn_and_current_pct']:.0f} % "
+            f"| {r['all_inward_pct']:.0f} % |"
+        )
+    return lines
+
+
+def table_of_positions(steps: Sequence[dict[str, Any]]) -> list[str]:
+    """Which positions the legs have in deadlock and otherwise, at 0.1 pu bound, as Markdown."""
+    lines = [
+        "| horizon, speed | "
+        + " | ".join(f"{a}, {b}: in deadlock / else" for a, b in PAIRS)
+        + " |",
+        "|---|---|---|---|---|",
+    ]
+    for r in _pick(steps, bound=0.10):
+        cells = " | ".join(
+            f"{r[f'dead_{a}{b}_pct']:.0f} / {r[f'else_{a}{b}_pct']:.0f} %" for a, b in PAIRS
+        )
+        lines.append(f"| {r['horizon']}, {r['speed']:g} | {cells} |")
+    return lines
+
+
+def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> list[str]:
+    """Every case, averaged over bounds, starts and the low or the high speeds, as Markdown."""
+    lines = [
+        "| rule | horizon | THD / bound | f_sw | deadlocks | beyond bounds at most: i, v_n, v_ph |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name in CASES:
+        for horizon in HORIZONS:
+            chosen = [
+                r
+                for r in _pick(rows, case=name, horizon=horizon)
+                if (r["speed"] < LOW) == low and r["start"] < FRESH
+            ]
+            if not chosen:
+                continue
+            ratio = float(np.mean([r["thd_pct"] / r["bound"] for r in chosen]))
+            worst = [
+                max(r[k] for r in chosen) for k in ("excess_current", "excess_vn", "excess_vph")
+            ]
+            lines.append(
+                f"| {name} | {horizon} | {ratio:.0f} %/pu | {_mean(chosen, 'fsw_hz'):.0f} Hz "
+                f"| {_mean(chosen, 'deadlock_pct'):.1f} % "
+                f"| {worst[0]:.3f}, {worst[1]:.3f}, {worst[2]:.3f} pu |"
+            )
+    return lines
+
+
+def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) -> tuple[int, int]:
+    """Let the RTL, converted to a netlist, decide on every step of the rules it has.
+
+    Parameters
+    ----------
+    points
+        Horizon, speed and bound of the loops; each is the first start of ``table_of_points``.
+
+    Returns
+    -------
+    tuple of int
+        How many decisions there were, all the loops', and the most clocks that one took.
+
+    Raises
+    ------
+    FidelityError
+        If one is another than the loop's.
+    """
+    count = most = 0
+    with progress_bar("decisions of the RTL", steps * len(points) * len(BUILT_IN)) as progress:
+        for name, rule in BUILT_IN.items():
+            for horizon, speed, bound in points:
+                setting = Setting(horizon, bound, speed, FRESH, deadlock_rule=rule)
+                drive, result = simulate(base, CASES[name], setting, steps)
+                try:
+                    most = max(most, horizon_study.decide_anew(drive, result))
+                except FidelityError as error:
+                    raise FidelityError(f"{error}: {setting}") from error
+                count += len(result)
+                progress(count)
+    return count, most
+
+
+def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The contract's rule beside the recommended one, point by point, as Markdown."""
+    lines = [
+        "| horizon, speed, bound | rule | THD | f_sw | deadlocks "
+        "| beyond bounds at most: i, v_n, v_ph |",
+        "|---|---|---|---|---|---|",
+    ]
+    for horizon in HORIZONS:
+        for speed in SPEEDS:
+            for bound in BOUNDS:
+                for name in (CONTRACT, RECOMMENDED):
+                    chosen = _pick(rows, case=name, horizon=horizon, speed=speed, bound=bound)
+                    chosen = [r for r in chosen if r["start"] >= FRESH]
+                    cells = []
+                    for key, text in (
+                        ("thd_pct", "{:.1f} ± {:.1f} %"),
+                        ("fsw_hz", "{:.0f} ± {:.0f} Hz"),
+                        ("deadlock_pct", "{:.0f} ± {:.0f} %"),
+                    ):
+                        cells.append(text.format(*interval([r[key] for r in chosen])))
+                    worst = ", ".join(
+                        f"{max(r[k] for r in chosen):.3f}"
+                        for k in ("excess_current", "excess_vn", "excess_vph")
+                    )
+                    lines.append(
+                        f"| {horizon}, {speed:g}, {bound:g} | {name} | {' | '.join(cells)} "
+                        f"| {worst} pu |"
+                    )
+    return lines
+
+
+def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """One deadlock of SE in time, and distortion and switching frequency over the speed."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from scripts.commands.run import COLOURS, save_png
+
+    figure, axes = plt.subplots(2, 3, figsize=(11, 5.4), layout="constrained")
+    setting = Setting("SE", 0.10, 0.2, FRESH)
+    for axis, name in zip(axes[0, :2], (CONTRACT, RECOMMENDED), strict=True):
+        drive, result = simulate(base, CASES[name], setting, STEPS)
+        t = np.arange(len(result)) * drive.control.ts * 1e3
+        excess = np.abs(_errors(result)) - drive.bounds
+        groups = (excess[:, :3].max(axis=1), excess[:, 3], excess[:, 4:].max(axis=1))
+        for line, text, shade in zip(groups, ("i", "v_n", "v_ph"), COLOURS, strict=True):
+            axis.plot(t, np.maximum(line, 0), color=shade, linewidth=0.8, label=text)
+        axis.set_title(f"SE, 0.2 pu, bound 0.1: {name}", fontsize=9)
+        axis.set_xlabel("time (ms)")
+        axis.set_ylabel("beyond the bound (pu)")
+    top = max(axis.get_ylim()[1] for axis in axes[0, :2])
+    for axis in axes[0, :2]:
+        axis.set_ylim(0, top)
+    axes[0, 0].legend(frameon=False)
+    panels = (
+        (axes[0, 2], "deadlock_pct", "deadlocks (% of searches)"),
+        (axes[1, 0], "thd_pct", "current THD (%)"),
+        (axes[1, 1], "fsw_hz", "switchings per device (Hz)"),
+        (axes[1, 2], "excess_vn", "v_n beyond its bound (pu)"),
+    )
+    for axis, key, text in panels:
+        for name, colour in zip((CONTRACT, RECOMMENDED), COLOURS, strict=False):
+            for horizon, style in zip(HORIZONS, ("--", "-"), strict=True):
+                points = [
+                    interval(
+                        [
+                            r[key]
+                            for r in _pick(rows, case=name, horizon=horizon, speed=s, bound=0.10)
+                            if r["start"] >= FRESH
+                        ]
+                    )
+                    for s in SPEEDS
+                ]
+                array = np.nan_to_num(np.array(points))
+                axis.errorbar(
+                    SPEEDS, array[:, 0], yerr=array[:, 1], color=colour, linestyle=style,
+                    marker="o", markersize=3, linewidth=1, label=f"{horizon}, {name}",
+                )  # fmt: skip
+        axis.set_ylim(bottom=0)
+        axis.set_xlabel("speed (pu), bound 0.1 pu")
+        axis.set_ylabel(text)
+    axes[0, 2].legend(frameon=False, fontsize=7)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+#: What each table of the page begins with in the report, the text before it.
+SECTIONS = {
+    "what happens": "What happens in the deadlocks",
+    "positions": "Positions of the legs",
+    "low speeds": "Rules, 0.2 and 0.3 pu",
+    "high speeds": "Rules, 0.6 and 1 pu",
+    "points": "Point by point",
+    "rtl": "RTL:",
+    "elsewhere": "Elsewhere",
+    "starts": "Switching frequency saved by SESE",
+}
+
+#: Rules that the page shows at high speeds.
+AT_HIGH_SPEEDS = (
+    CONTRACT, "ties by current", RECOMMENDED, "inward admissible",
+    "inward admissible, v_n x 8, 1/16 of current", "lambda_n = 100", "bound_vn = 0.03",
+    "bound_vph = 0.12",
+)  # fmt: skip
+
+#: Columns of the first table that the page leaves to the report.
+LEFT_OUT = ("current given up to ties", "all inward")
+
+
+def _at_one_bound(table: Sequence[str]) -> list[str]:
+    """The first table at 0.1 pu bound alone, without the columns that are left out."""
+    rows = [line.strip("| ").split(" | ") for line in table if not line.startswith("|---")]
+    kept = [i for i, name in enumerate(rows[0]) if name not in LEFT_OUT]
+    lines = []
+    for row in rows:
+        first, _, bound = row[0].rpartition(", ")
+        if bound in ("bound", "0.1"):
+            lines.append(f"| {' | '.join([first, *(row[i] for i in kept[1:])])} |")
+    return [lines[0], "|" + "---|" * len(kept), *lines[1:]]
+
+
+def page(text: str, report: str) -> str:
+    """The page with its tables as the report has them.
+
+    Parameters
+    ----------
+    text : str
+        `docs/deadlocks.md`.
+    report : str
+        `reports/deadlocks.md`.
+
+    Raises
+    ------
+    ValueError
+        If the report lacks a table.
+    BudgetError
+        If the page lacks the markers around one.
+    """
+    blocks = report.strip().split("\n\n")
+    for name, heading in SECTIONS.items():
+        # a table is the block after its heading, the sentence about the RTL is one itself
+        start = 0 if name == "rtl" else 1
+        found = [
+            blocks[i + start] for i in range(len(blocks) - start) if blocks[i].startswith(heading)
+        ]
+        if len(found) != 1:
+            raise ValueError(f"reports/deadlocks.md: '{heading}' stands there {len(found)} times")
+        lines = found[0].split("\n")
+        if name == "what happens":
+            lines = _at_one_bound(lines)
+        elif name == "high speeds":
+            shown = tuple(
+                f"| {rule} | {horizon} |" for rule in AT_HIGH_SPEEDS for horizon in HORIZONS
+            )
+            lines = lines[:2] + [line for line in lines[2:] if line.startswith(shown)]
+        text = budgets_file.with_table(text, "\n".join(lines), BEGIN.format(name), END.format(name))
+    return text
+
+
+def write_page(report: str) -> None:
+    """Bring the tables of `docs/deadlocks.md` up to date."""
+    tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
+
+
+def _write(path: Path, fields: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
+    with path.open("w", newline="", encoding="ascii") as stream:
+        writer = csv.DictWriter(stream, fields)
+        writer.writeheader()
+        writer.writerows(
+            {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
+        )
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    """Rows as ``_write`` wrote them, numbers as numbers."""
+    with path.open(newline="", encoding="ascii") as stream:
+        return [
+            {
+                k: v if k in ("case", "horizon") else int(v) if k == "start" else float(v)
+                for k, v in row.items()
+            }
+            for row in csv.DictReader(stream)
+        ]
+
+
+def intervals(base: Drive, starts: int, steps: int) -> list[str]:
+    """How many starts narrow the interval of SESE's saving in `docs/sese.md`, as Markdown."""
+    lines = ["| speed | starts | saving | spread of one start | starts for ± 3 % |"]
+    lines.append("|---|---|---|---|---|")
+    speeds = horizon_study.COMPARED
+    settings = [
+        Setting(horizon, bound, speed, start)
+        for horizon in HORIZONS
+        for speed in speeds
+        for bound in horizon_study.BOUNDS
+        for start in range(starts)
+    ]
+    rows = []
+    with progress_bar("starts", len(settings)) as progress:
+        for setting in settings:
+            rows.append(run(base, CONTRACT, setting, steps))
+            progress(len(rows))
+    for speed in speeds:
+        saved = [horizon_study.reduction(rows, speed, start) for start in range(starts)]
+        saved = [value for value in saved if np.isfinite(value)]
+        mean, half = interval(saved)
+        spread = float(np.std(saved, ddof=1))
+        lines.append(
+            f"| {speed:g} pu | {len(saved)} | {mean:.1f} ± {half:.1f} % | {spread:.1f} % "
+            f"| {starts_needed(spread, 3.0)} |"
+        )
+    return lines
+
+
+def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
+    """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
+    other = load_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
+    places = (
+        ("6 kV, -0.3 pu", base, OperatingPoint(-0.3)),
+        ("6 kV, 0.3 pu, braking", base, OperatingPoint(0.3, current=1.0, generating=True)),
+        ("6 kV, 0.3 pu, half current", base, OperatingPoint(0.3, current=0.5)),
+        ("6 kV, 0.15 pu", base, OperatingPoint(0.15)),
+        ("6 kV, 0.45 pu", base, OperatingPoint(0.45)),
+        ("6 kV, 0.8 pu", base, OperatingPoint(0.8)),
+        ("3.3 kV, 0.2 pu", other, OperatingPoint(0.2)),
+        ("3.3 kV, 0.3 pu", other, OperatingPoint(0.3)),
+        ("3.3 kV, 1 pu", other, OperatingPoint(1.0)),
+    )
+    lines = [
+        "| where | horizon | rule | THD | f_sw | deadlocks | beyond bounds: i, v_n, v_ph |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    total, done = len(places) * len(HORIZONS) * 2, 0
+    with progress_bar("elsewhere", total) as progress:
+        for text, drive, point in places:
+            for horizon in HORIZONS:
+                for name in (CONTRACT, RECOMMENDED):
+                    rows = [
+                        run(drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
+                        for k in range(FRESH, FRESH + starts)
+                    ]
+                    worst = ", ".join(
+                        f"{max(r[k] for r in rows):.3f}"
+                        for k in ("excess_current", "excess_vn", "excess_vph")
+                    )
+                    lines.append(
+                        f"| {text} | {horizon} | {name} | {_mean(rows, 'thd_pct'):.1f} % "
+                        f"| {_mean(rows, 'fsw_hz'):.0f} Hz | {_mean(rows, 'deadlock_pct'):.0f} % "
+                        f"| {worst} pu |"
+                    )
+                    done += 1
+                    progress(done)
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the study and write its files."""
+    parser = argparse.ArgumentParser(prog="deadlock_study", description=__doc__.splitlines()[0])
+    parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--starts", type=int, default=STARTS, help="of every rule")
+    parser.add_argument(
+        "--detailed", type=int, default=DETAILED, help="starts of the two rules set side by side"
+    )
+    parser.add_argument("--out", type=Path, default=REPORTS)
+    parser.add_argument(
+        "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
+    )
+    parser.add_argument(
+        "--page", action="store_true", help="only the page's tables, from deadlocks.md as it is"
+    )
+    given = parser.parse_args(arguments)
+    if given.page:
+        write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
+        return 0
+    base = load_drive(given.drive)
+    points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
+    given.out.mkdir(parents=True, exist_ok=True)
+
+    steps: list[dict[str, Any]] = []
+    with progress_bar("deadlocks, step by step", len(points)) as progress:
+        for h, s, b in points:
+            settings = [Setting(h, b, s, start) for start in range(given.starts)]
+            steps.append(anatomy(base, settings, given.steps))
+            progress(len(steps))
+    _write(given.out / "deadlock_steps.csv", STEP_FIELDS, steps)
+
+    jobs = [
+        (name, Setting(h, b, s, start))
+        for name in CASES
+        for h, s, b in points
+        for start in (
+            *range(given.starts),
+            *(range(FRESH, FRESH + given.detailed) if name in (CONTRACT, RECOMMENDED) else ()),
+        )
+    ]
+    rows: list[dict[str, Any]] = []
+    if given.reuse:
+        rows = _read(given.out / "deadlocks.csv")
+    else:
+        with progress_bar("closed loops", len(jobs)) as progress:
+            for name, setting in jobs:
+                rows.append(run(base, name, setting, given.steps))
+                progress(len(rows))
+        _write(given.out / "deadlocks.csv", RUN_FIELDS, rows)
+
+    decided, most = verify(base, points, given.steps)
+    signed = [
+        f"{name}: {_mean([r for r in _pick(rows, case=name) if r['speed'] < LOW], key):+.3f} pu"
+        for name in (CONTRACT, "ties to the latest")
+        for key in ("vn_mean_in_deadlocks",)
+    ]
+    lines = [
+        "What happens in the deadlocks of the contract's rule:",
+        "",
+        *table_of_steps(steps),
+        "",
+        "Positions of the legs, 0.1 pu bound:",
+        "",
+        *table_of_positions(steps),
+        "",
+        "Mean of v_n in deadlocks at 0.2 and 0.3 pu, " + "; ".join(signed),
+        "",
+        f"Rules, 0.2 and 0.3 pu, bounds {', '.join(f'{b:g}' for b in BOUNDS)}, "
+        f"{given.starts} starts:",
+        "",
+        *table_of_cases(rows, low=True),
+        "",
+        "Rules, 0.6 and 1 pu:",
+        "",
+        *table_of_cases(rows, low=False),
+        "",
+        f"Point by point, {given.detailed} other starts, 95 % confidence intervals:",
+        "",
+        *table_of_points(rows),
+        "",
+        f"RTL: {decided} decisions of {len(points) * len(BUILT_IN)} of these loops (start {FRESH}; "
+        "both rules, SE and SESE, every bound and speed), decided by the netlist of `mpdcc_core` "
+        f"with {EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
+        "",
+        f"Elsewhere, bound 0.1 pu, {given.starts} starts:",
+        "",
+        *elsewhere(base, given.starts, given.steps),
+        "",
+        "Switching frequency saved by SESE at equal distortion, contract's rule:",
+        "",
+        *intervals(base, given.detailed, given.steps),
+    ]
+    (given.out / "deadlocks.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if given.out == REPORTS:
+        write_page("\n".join(lines))
+    print("\n".join(lines))
+    draw(base, rows, given.out / "deadlocks.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,199 @@
+"""`make fidelity`: how close the bit-true controllers come to the ideal one, and why no closer."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import io
+import json
+import multiprocessing
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from scripts.commands.replay import OneParagraphParser, SimulationError, progress_bar, report_error
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.shared import tools
+from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
+from scripts.studies.fidelity.points import DRIVES, Row, points
+
+REPORTS = ROOT / "reports"
+DOCUMENT = ROOT / "docs" / "accuracy.md"
+COMMAND = "make fidelity"
+KEYS = {"fast": "mpdcc", "paper": "mpdcc_paper"}
+EXPLAINED = 1.0  # pu: speed at which the paper variant's distortion is explained
+BUDGETED = 2  # the error budget takes every second point
+SAMPLED_BOUND = 0.10  # pu: bound at which GHDL decides a sample
+
+
+class Pool:
+    """Processes that measure, each compiled once for all that is measured."""
+
+    def __init__(self, jobs: int) -> None:
+        # a worker started afresh holds no lock of the progress bar's thread
+        context = multiprocessing.get_context("spawn")
+        self._pool = concurrent.futures.ProcessPoolExecutor(jobs, context)
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def all(
+        self, what: str, function: Callable[..., Row], arguments: Sequence[tuple[Any, ...]]
+    ) -> list[Row]:
+        """Call a function for every set of arguments, in order, with progress."""
+        futures = [self._pool.submit(function, *each) for each in arguments]
+        with progress_bar(what, len(arguments)) as progress:
+            for done, future in enumerate(concurrent.futures.as_completed(futures), 1):
+                future.result()
+                progress(done)
+        return [future.result() for future in futures]
+
+
+def collect(jobs: int) -> dict[str, Any]:
+    """Measure what is not known yet; everything else comes from build/fidelity."""
+    every = points()
+    rated = [p for p in every if p.omega_s == EXPLAINED]
+    for variant in KEYS:
+        decisions.netlist_of(variant)  # compiled once, not by every process
+    with Pool(jobs) as pool:
+        decided = pool.all(
+            "decisions on the same states, RTL included", decisions.measure,
+            [(p, v, d) for v in KEYS for d in decisions.DRIVERS for p in every],
+        )  # fmt: skip
+        looped = pool.all(
+            "closed loops", loops.measure,
+            [(p, c, b) for c in ("ideal", *KEYS) for p in every for b in range(loops.blocks(p, c))],
+        )  # fmt: skip
+        counted = pool.all(
+            "error budget",
+            budget.measure,
+            [(p, d) for p in every[::BUDGETED] for d in decisions.DRIVERS],
+        )
+        explaining = pool.all(
+            "closed loops in float64", loops.measure,
+            [(p, name, 0) for name in loops.EXPLAINING for p in rated],
+        )  # fmt: skip
+        replayed = pool.all(
+            "RTL in the loops", loops.replayed, [(p, v) for v in KEYS for p in every]
+        )
+        ghdl = pool.all(
+            "samples in GHDL", decisions.sample_ghdl,
+            [(d, SAMPLED_BOUND, v) for v in KEYS for d in DRIVES],
+        )  # fmt: skip
+    return {
+        "decisions": decided,
+        "ghdl": ghdl,
+        "loops": loops.table(loops.joined(looped)),
+        "explaining": loops.table(loops.joined([*looped, *explaining])),
+        "replayed": replayed,
+        "budget": budget.table(counted),
+        "parabolas": budget.parabolas(),
+    }
+
+
+def summary(found: dict[str, Any]) -> dict[str, Any]:
+    """reports/fidelity.json: figures per variant, as they enter metrics.json."""
+    result: dict[str, Any] = {}
+    for variant, key in KEYS.items():
+        rows = [r for r in found["decisions"] if r["variant"] == variant]
+        result[key] = {
+            **decisions.summarise(rows),
+            "steps_rtl_ghdl": sum(r["steps"] for r in found["ghdl"] if r["variant"] == variant),
+            "steps_rtl_closed_loop": sum(
+                r["steps"] for r in found["replayed"] if r["variant"] == variant
+            ),
+            **pooling.pooled(found["loops"], variant),
+            "by_speed": pooling.by_speed(found["loops"], variant),
+        }
+    return result | {"parabolas": found["parabolas"]}
+
+
+def _csv_text(rows: Sequence[Row], commit: str) -> str:
+    out = io.StringIO()
+    out.write(f"# commit: {commit}\n# command: {COMMAND}\n")
+    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return out.getvalue()
+
+
+def write(found: dict[str, Any]) -> None:
+    """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md."""
+    commit, dirty = tools.git_state()
+    commit += "-dirty" if dirty else ""
+    figures = {"commit": commit, "command": COMMAND, **summary(found)}
+    explaining = [r for r in found["explaining"] if r["omega_s_pu"] == EXPLAINED]
+    for name, rows in (
+        ("fidelity_decisions", found["decisions"]),
+        ("fidelity_loops", found["loops"]),
+        ("fidelity_straight_line", explaining),
+        ("error_budget", found["budget"]),
+    ):
+        tools.write(REPORTS / f"{name}.csv", _csv_text(rows, commit))
+    plots.draw_budget(found["budget"], REPORTS / "error_budget.png")
+    plots.draw_words(found["budget"], REPORTS / "word_length.png")
+    plots.draw_loops(found["loops"], REPORTS / "fidelity_loops.png")
+    tools.write(REPORTS / "fidelity.json", json.dumps(figures, indent=1) + "\n")
+    tools.write(
+        DOCUMENT,
+        plots.with_tables(DOCUMENT.read_text(encoding="utf-8"), figures, found, explaining),
+    )
+
+
+def figures(variant: str) -> dict[str, float]:
+    """A variant's figures as reports/fidelity.json holds them, for metrics.json.
+
+    Raises
+    ------
+    ValueError
+        If there are none yet.
+    """
+    path = REPORTS / "fidelity.json"
+    if not path.exists():
+        raise ValueError(f"{path.relative_to(ROOT)} is missing; {COMMAND} writes it")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))[KEYS[variant]]
+    return {key: value for key, value in found.items() if key != "by_speed"}
+
+
+def publish() -> None:
+    """Bring reports/metrics.json and the README's table up to date with reports/fidelity.json."""
+    from scripts.publish import report  # not above: it imports this module
+
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    for variant, key in KEYS.items():
+        document[key]["fidelity"] |= figures(variant)
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    report.write_readme(document)
+
+
+def interval(fidelity: dict[str, float], figure: str) -> str:
+    """A pooled difference, "fsw" or "thd", with its interval, for the README's table."""
+    mean, low, high = (fidelity[f"{figure}_diff_{part}"] for part in ("pct", "ci_low", "ci_high"))
+    return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure and write; 0 when all is written, 2 when a figure could not be had."""
+    parser = OneParagraphParser(prog="fidelity", description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
+    given = parser.parse_args(arguments)
+    try:
+        write(collect(given.jobs))
+        publish()
+    except (
+        decisions.FidelityError, SimulationError, ValueError, tools.ToolError, OSError,
+    ) as error:  # fmt: skip
+        report_error("fidelity", error)
+        return 2
+    except KeyboardInterrupt:
+        print("fidelity: interrupted; what was measured is kept", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,280 @@
+"""Plots of the fidelity figures, and their tables for docs/accuracy.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scripts.commands.run import save_png
+from scripts.studies.fidelity import budget
+from scripts.studies.fidelity.points import Row
+from scripts.studies.fidelity.pooling import NORMAL_95
+
+BLUE, RED, GREEN, GREY = "#1b6ca8", "#d1495b", "#3a7d44", "0.55"
+LIMIT = 0.25  # percent of decisions
+BEGIN = "<!-- {}: begin (written by make fidelity) -->"
+END = "<!-- {}: end -->"
+
+
+def _pyplot() -> Any:
+    import matplotlib  # here, not above: who only measures needs no plots
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    return plt
+
+
+def _values(rows: Sequence[Row], group: str) -> dict[str, float]:
+    return {r["setting"]: r["mismatch_pct"] for r in rows if r["group"] == group}
+
+
+def draw_budget(rows: Sequence[Row], path: Path) -> None:
+    """Bars per approximation and rounding: alone, and what leaving it out gains."""
+    plt = _pyplot()
+    alone, without = _values(rows, "alone"), _values(rows, "without")
+    whole = _values(rows, "whole")
+    figure, axes = plt.subplots(
+        1, 2, figsize=(9.0, 5.6), layout="constrained", width_ratios=(1.0, 1.0)
+    )
+    names = list(alone)
+    rounding = set(budget.ROUNDINGS.values())
+    axes[0].barh(names, list(alone.values()), color=[BLUE if n in rounding else RED for n in names])
+    axes[0].set_title("alone, all else exact", fontsize=9)
+    left = list(without)
+    axes[1].barh(left, list(without.values()), color=[BLUE if n in rounding else RED for n in left])
+    axes[1].axvline(whole["as built"], color="0.2", linewidth=0.8)
+    axes[1].annotate(
+        "as built", (whole["as built"], -0.9), fontsize=8, ha="center", annotation_clip=False
+    )
+    axes[1].set_title("left out, all else as built", fontsize=9)
+    for ax in axes:
+        ax.invert_yaxis()
+        ax.set_xlabel("decisions that differ from ideal (%)")
+        ax.tick_params(axis="y", labelsize=7.5, length=0)
+        ax.set_xlim(left=0)
+    figure.suptitle(
+        "Error budget of the fast variant (red: approximations, blue: roundings)", fontsize=10
+    )
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def draw_words(rows: Sequence[Row], path: Path) -> None:
+    """Mismatch against word length."""
+    plt = _pyplot()
+    figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.6), sharey=True, layout="constrained")
+    for group, label, colour in (
+        ("error bits alone", "all else exact", BLUE),
+        ("error bits, rest as built", "all else as built", RED),
+    ):
+        values = _values(rows, group)
+        axes[0].semilogy(
+            [int(n) for n in values], np.maximum(list(values.values()), 1e-3), "o-",
+            color=colour, markersize=3.5, label=label,
+        )  # fmt: skip
+    axes[0].set_xlabel("fractional bits of the errors (pu)")
+    axes[0].set_ylabel("decisions that differ from ideal (%)")
+    values = _values(rows, "all words")
+    axes[1].semilogy(
+        [int(n) for n in values], list(values.values()), "o-", color=GREEN, markersize=3.5,
+        label="every word shortened or lengthened alike",
+    )  # fmt: skip
+    axes[1].set_xlabel("bits of a measurement and of a coefficient")
+    for ax in axes:
+        ax.axhline(LIMIT, color="0.3", linewidth=0.7, linestyle=":")
+        ax.legend(frameon=False, fontsize=8)
+    axes[1].annotate("limit 0.25 %", (12.0, LIMIT * 0.8), fontsize=8)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def draw_loops(rows: Sequence[Row], path: Path) -> None:
+    """Differences of switching frequency and THD per point, with their 95 % intervals."""
+    plt = _pyplot()
+    figure, axes = plt.subplots(2, 1, figsize=(9.0, 5.2), sharex=True, layout="constrained")
+    for variant, colour, shift in (("paper", RED, 0.15), ("fast", BLUE, -0.15)):
+        chosen = [r for r in rows if r["controller"] == variant]
+        x = np.arange(len(chosen)) + shift
+        for ax, figure_name in zip(axes, ("fsw", "thd"), strict=True):
+            ax.errorbar(
+                x, [r[f"{figure_name}_diff_pct"] for r in chosen],
+                [NORMAL_95 * r[f"{figure_name}_diff_error_pct"] for r in chosen],
+                fmt="o", markersize=2.5, linewidth=0.8, color=colour, label=f"{variant} variant",
+            )  # fmt: skip
+    for ax, label in zip(axes, ("switching frequency", "current THD"), strict=True):
+        ax.axhline(0.0, color="0.3", linewidth=0.7)
+        ax.set_ylabel(f"{label},\ndifference from ideal (%)")
+        ax.set_ylim(-15, 15)  # at 0.1 pu intervals are several times that
+    axes[0].legend(frameon=False, ncols=2, fontsize=8)
+    first = [r for r in rows if r["controller"] == "fast"]
+    axes[1].set_xticks(
+        range(len(first)), [f"{r['omega_s_pu']:g}" for r in first], rotation=90, fontsize=6
+    )
+    axes[1].set_xlabel(
+        "stator frequency (pu); blocks of ten: machine 6 kV, then 3.3 kV, bounds 0.06, 0.10, 0.16"
+    )
+    for ax in axes:
+        for edge in range(10, len(first), 10):
+            ax.axvline(edge - 0.5, color="0.9", linewidth=0.6, zorder=0)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
+    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def decision_table(figures: dict[str, Any]) -> str:
+    """Decisions on the same states, both variants."""
+    fast, paper = figures["mpdcc"], figures["mpdcc_paper"]
+    labels = {
+        "steps": "steps",
+        "steps_rtl": "of them decided by the RTL, all as the model",
+        "steps_rtl_ghdl": "steps decided by GHDL as well, fields and clocks alike",
+        "decision_mismatch_pct": "**decisions that differ from ideal (%)**",
+        "decision_mismatch_driven_by_ideal_pct": "the same, loop closed by ideal (%)",
+        "decision_mismatch_driven_by_model_pct": "the same, loop closed by the model (%)",
+        "search_mismatch_pct": "share among searches (%)",
+        "worst_point_pct": "worst operating point (%)",
+        "near_tie_cost_pct": "near ties of the cost (%)",
+        "near_tie_bound_pct": "an output within an LSB of its bound (%)",
+        "clear_mismatch_pct": "the rest: clear differences (%)",
+        "deadlocked_runs": "runs with more than a fifth of deadlocks, not in the above",
+        "deadlocked_mismatch_pct": "decisions that differ there (%)",
+        "all_runs_mismatch_pct": "decisions that differ, all runs (%)",
+    }
+    rows = [(text, fast[key], paper[key]) for key, text in labels.items()]
+    return _markdown(("", "fast variant", "paper variant"), rows)
+
+
+def loop_table(figures: dict[str, Any]) -> str:
+    """Closed loops of their own, both variants."""
+
+    def cells(key: str) -> list[str]:
+        result = []
+        for variant in ("mpdcc", "mpdcc_paper"):
+            v = figures[variant]
+            result.append(
+                f"{v[f'{key}_pct']:+.2f} ({v[f'{key}_ci_low']:+.2f} to {v[f'{key}_ci_high']:+.2f})"
+            )
+        return result
+
+    def plain(key: str) -> list[str]:
+        return [f"{figures[v][key]}" for v in ("mpdcc", "mpdcc_paper")]
+
+    rows = [
+        ("steps, each controller", *plain("steps_closed_loop")),
+        ("of them decided by the RTL, all as the model", *plain("steps_rtl_closed_loop")),
+        ("**switching frequency, pooled difference (%)**", *cells("fsw_diff")),
+        ("**current THD, pooled difference (%)**", *cells("thd_diff")),
+        ("switching frequency, points with equal weights (%)", *cells("fsw_diff_equal_weights")),
+        ("current THD, points with equal weights (%)", *cells("thd_diff_equal_weights")),
+        ("switching frequency, chi-square per degree of freedom",
+         *plain("fsw_diff_chi2_per_degree")),
+        ("current THD, chi-square per degree of freedom", *plain("thd_diff_chi2_per_degree")),
+    ]  # fmt: skip
+    speeds = []
+    for fast, paper in zip(
+        figures["mpdcc"]["by_speed"], figures["mpdcc_paper"]["by_speed"], strict=True
+    ):
+        cells_of = [
+            f"{row[f'{key}_pct']:+.2f} ± {row[f'{key}_half_width']:.2f}"
+            for row in (fast, paper)
+            for key in ("fsw", "thd")
+        ]
+        speeds.append((f"{fast['speed_pu']:g}", *cells_of))
+    head = ("speed (pu)", "fast: fsw (%)", "fast: THD (%)", "paper: fsw (%)", "paper: THD (%)")
+    return _markdown(("", "fast variant", "paper variant"), rows) + "\n\n" + _markdown(head, speeds)
+
+
+def budget_table(rows: Sequence[Row]) -> str:
+    """Approximations and roundings, alone and left out."""
+    alone, without, whole, instead = (
+        _values(rows, group) for group in ("alone", "without", "whole", "instead")
+    )
+    built = whole["as built"]
+    lines: list[Sequence[object]] = [(f"**{name}**", f"{v:.3f}", "") for name, v in whole.items()]
+    names = [n for n in alone if n in without]
+    lines += [(n, f"{v:.3f}", "") for n, v in alone.items() if n not in without]
+    lines += [(f"without: {n}", "", f"{v:.3f} ({v - built:+.3f})") for n, v in without.items()
+              if n not in alone]  # fmt: skip
+    lines += [
+        (n, f"{alone[n]:.3f}", f"{without[n]:.3f} ({without[n] - built:+.3f})") for n in names
+    ]
+    lines += [(f"instead: {n}", f"{v:.3f}", "") for n, v in instead.items()]
+    return _markdown(("", "alone (%)", "all but this (%)"), lines)
+
+
+def straight_table(rows: Sequence[Row]) -> str:
+    """What a straight line does to the loop at rated speed, by controller."""
+    words = {
+        "chord": "exact but for a straight line through k + 1, float64",
+        "euler": "Paper A's Euler step with its p, float64",
+        "paper": "paper variant, bit-true",
+        "fast": "fast variant, bit-true",
+    }
+    lines = []
+    for name, text in words.items():
+        chosen = [r for r in rows if r["controller"] == name]
+        n = len(chosen)
+        if not n:
+            continue
+
+        def mean(key: str, chosen: list[Row] = chosen) -> float:
+            return float(np.mean([r[key] for r in chosen]))
+
+        def error(key: str, chosen: list[Row] = chosen, n: int = n) -> float:
+            return NORMAL_95 * float(np.sqrt(np.sum([r[key] ** 2 for r in chosen]))) / n
+
+        lines.append(
+            (
+                text,
+                f"{mean('fsw_diff_pct'):+.2f} ± {error('fsw_diff_error_pct'):.2f}",
+                f"{mean('thd_diff_pct'):+.2f} ± {error('thd_diff_error_pct'):.2f}",
+                f"{mean('length'):.2f} (ideal {mean('length_ideal'):.2f})",
+            )
+        )
+    head = ("controller", "switching frequency (%)", "THD (%)", "predicted length (steps)")
+    return _markdown(head, lines)
+
+
+def with_tables(
+    text: str, figures: dict[str, Any], found: dict[str, Any], explaining: Sequence[Row]
+) -> str:
+    """The document with every generated table replaced.
+
+    Raises
+    ------
+    ValueError
+        If a pair of markers is missing.
+    """
+    exits = found["parabolas"]
+    tables = {
+        "decisions": decision_table(figures),
+        "loops": loop_table(figures),
+        "budget": budget_table(found["budget"]),
+        "straight line": straight_table(explaining),
+        "parabolas": _markdown(
+            ("random parabolas", str(exits["parabolas"])),
+            [
+                ("exit by threshold too late (%)", exits["too_long_pct"]),
+                ("exit by threshold too early (%)", exits["too_short_pct"]),
+                ("exit by a plain binary search wrong (%)", exits["plain_wrong_pct"]),
+            ],
+        ),
+    }
+    for name, table in tables.items():
+        begin, end = BEGIN.format(name), END.format(name)
+        before, found_begin, rest = text.partition(begin)
+        _, found_end, after = rest.partition(end)
+        if not found_begin or not found_end:
+            raise ValueError(f"docs/accuracy.md: the markers '{begin}' and '{end}' are missing")
+        text = f"{before}{begin}\n{table}\n{end}{after}"
+    return text

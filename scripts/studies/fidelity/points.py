@@ -1,0 +1,101 @@
+"""Operating points of the fidelity figures, and results that survive an interruption.
+
+Both machines, both rotations, five stator frequencies, three widths of the current bound.  The
+widths are the same per unit on both machines: the bound sets the current's distortion nearly alone
+(THD is about 0.7 of the bound whatever the machine), so a width means the same quality on both.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from directmpc.drive_file import Drive, load_drive
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.shared import tools
+
+DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+SPEEDS = (0.1, 0.325, 0.55, 0.775, 1.0)
+BOUNDS = (0.06, 0.10, 0.16)
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point at rated current.
+
+    Attributes
+    ----------
+    drive : str
+        Name of a shipped drive file.
+    bound : float
+        Half width of the current bound, per unit.
+    omega_s : float
+        Stator frequency, per unit, signed.
+    """
+
+    drive: str
+    bound: float
+    omega_s: float
+
+    def load(self) -> Drive:
+        """The drive with this point's bound."""
+        drive = load_drive(ROOT / "drives" / f"{self.drive}.toml")
+        control = drive.control.model_copy(update={"bound_current": self.bound})
+        return drive.model_copy(update={"control": control})
+
+    def row(self) -> Row:
+        """What every table begins with."""
+        return {"drive": self.drive, "bound_current_pu": self.bound, "omega_s_pu": self.omega_s}
+
+
+def points() -> list[Point]:
+    """All operating points."""
+    return [
+        Point(drive, bound, sign * speed)
+        for drive in DRIVES
+        for bound in BOUNDS
+        for sign in (1, -1)
+        for speed in SPEEDS
+    ]
+
+
+@cache
+def _sources(measuring: tuple[str, ...], rtl: bool) -> str:
+    """Digest of what a result depends on: models, drives, libraries, and the RTL if it ran."""
+    here = Path(__file__).parent
+    files = [
+        *sorted((ROOT / "model" / "directmpc").rglob("*.py")),
+        *(here / f"{name}.py" for name in ("points", *measuring)),
+        *(ROOT / "drives" / f"{name}.toml" for name in DRIVES),
+        ROOT / "requirements.txt",
+    ]
+    return tools.digest(*files, *(sorted((ROOT / "rtl").rglob("*.vhd")) if rtl else ()))
+
+
+def stored(name: str, *measuring: str, rtl: bool = False) -> Path:
+    """File that keeps a result as long as nothing changes that it depends on.
+
+    Parameters
+    ----------
+    name
+        Of the result.
+    measuring
+        Modules of this package that it was measured with.
+    rtl
+        Whether the RTL took part.
+    """
+    return ROOT / "build" / "fidelity" / f"{name}-{_sources(measuring, rtl)[:16]}.json"
+
+
+def kept(path: Path, compute: Callable[[], Row]) -> Row:
+    """The stored result, or the computed one, then stored."""
+    if not path.exists():
+        tools.write(path, json.dumps(compute()))
+    result: Row = json.loads(path.read_text(encoding="utf-8"))
+    return result

@@ -1,0 +1,544 @@
+"""SE against SESE in closed loop, on the bit-true model: what the longer horizon is worth.
+
+``python -m scripts.studies.horizon`` runs the 6 kV drive's plant with the fast variant's bit-true
+model over bounds and speeds, with several starts each, and writes ``reports/sese.csv``, a table, a
+figure and its keys of ``metrics.json``. The model is the RTL's bit for bit, see the test
+`tb.rtl.mpdcc.mpdcc_core.test_sese_core`.
+
+Switching frequencies are compared at equal distortion: for each speed and start SE's frequency is
+interpolated over its distortion, and SESE's frequency set against it at SESE's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import closed_loop, ideal, metrics
+from directmpc.mpdcc import cycles as sese_cycles
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.machine import discretise
+from scripts.commands.replay import progress_bar
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.measure import budgets as budgets_file
+from scripts.shared import tools
+from scripts.studies.fidelity import decisions
+
+BOUNDS = (0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
+SPEEDS = (1.0, 0.6, 0.3, 0.2)
+COMPARED = (1.0, 0.6)
+"""Speeds at which distortion rises with the bound, so that frequencies can be set against it; below
+deadlocks decide, and SE's distortion is no function of the bound any more."""
+
+STARTS = 16
+STEPS = 4000
+SETTLE = 400
+BUDGETS = (0, 980, 600, 400, 250, 150, 75)
+REPORTS = ROOT / "reports"
+PAGE = ROOT / "docs" / "sese.md"
+BEGIN = "<!-- study: begin (written by scripts.studies.horizon) -->"
+END = "<!-- study: end -->"
+FIELDS = (
+    "horizon", "bound", "speed", "start", "thd_pct", "fsw_hz", "deadlock_pct", "held_pct",
+    "excess_current", "excess_vn", "excess_vph", "differ_pct",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One closed loop."""
+
+    horizon: str
+    bound: float
+    speed: float
+    start: int
+    budget: int = 0
+    delay: bool = False
+    compensate: bool = False
+    deadlock_rule: str = "largest"
+
+
+def drive_of(base: Drive, setting: Setting) -> Drive:
+    """The drive with the controller settings of a run."""
+    control = base.control.model_copy(
+        update={
+            "bound_current": setting.bound,
+            "switching_horizon": setting.horizon,
+            "budget": setting.budget,
+            "delay_compensation": setting.compensate,
+            "deadlock_rule": setting.deadlock_rule,
+        }
+    )
+    return base.model_copy(update={"control": control})
+
+
+def run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> dict[str, Any]:
+    """One closed loop and its figures."""
+    drive = drive_of(base, setting)
+    others = (
+        {"shadow": ideal.decide, "shadow_parameters": ideal.ideal_parameters(drive)}
+        if shadow
+        else {}
+    )
+    result = closed_loop.simulate(
+        drive, bit_true_fast.decide, registers(drive, "fast").array(),
+        OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
+        delay=setting.delay, compensate=False, **others,
+    )  # fmt: skip
+    summary = metrics.summarise(drive, result)
+    switching = metrics.switching_frequency(result.positions, drive.control.ts)
+    excess = metrics.bound_violations(result, drive.bounds)
+    searched = result.decisions.held == 0
+    differ = result.shadow_count().differing / steps if shadow else float("nan")
+    return {
+        "horizon": setting.horizon,
+        "bound": setting.bound,
+        "speed": setting.speed,
+        "start": setting.start,
+        "thd_pct": 100 * summary.thd_mean,
+        "fsw_hz": switching.per_device_24_logical,
+        "deadlock_pct": 100 * float(result.decisions.deadlock[searched].mean()),
+        "held_pct": 100 * float((~searched).mean()),
+        "excess_current": float(excess[:3].max()),
+        "excess_vn": float(excess[3]),
+        "excess_vph": float(excess[4:].max()),
+        "differ_pct": 100 * differ,
+    }
+
+
+def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
+    """Let the RTL, converted to a netlist, decide on every step of a closed loop.
+
+    Returns
+    -------
+    int
+        Most clocks that one took.
+
+    Raises
+    ------
+    FidelityError
+        If a decision is another than the loop's.
+    """
+    values = registers(drive, "fast").array()
+    seen, model = result.trace(), result.decisions
+    words, clipped = bit_true.encode(seen)
+    found = decisions.decide_netlist("fast", words, seen.s_prev, values)
+    found[:, 6] |= clipped
+    expected = np.column_stack(
+        [model.s, model.held, model.deadlock > 0, model.length, model.saturated]
+    )
+    wrong = int(np.any(found[:, :7] != expected, axis=1).sum())
+    if wrong:
+        raise decisions.FidelityError(f"{wrong} of {len(seen)} decisions of the RTL differ")
+    return int(found[:, 7].max())
+
+
+def verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, int]:
+    """Let the RTL, converted to a netlist, decide on every step of closed loops.
+
+    Returns
+    -------
+    tuple of int
+        How many decisions there were, all the model's, and the most clocks that one took.
+
+    Raises
+    ------
+    FidelityError
+        If one is another than the model's.
+    """
+    count = most = 0
+    with progress_bar("decisions of the RTL", steps * len(settings)) as progress:
+        for setting in settings:
+            drive = drive_of(base, setting)
+            result = closed_loop.simulate(
+                drive, bit_true_fast.decide, registers(drive, "fast").array(),
+                OperatingPoint(setting.speed), steps,
+                settle=SETTLE, seed=setting.start, delay=setting.delay, compensate=False,
+            )  # fmt: skip
+            try:
+                most = max(most, decide_anew(drive, result))
+            except decisions.FidelityError as error:
+                raise decisions.FidelityError(f"{error}: {setting}") from error
+            count += len(result)
+            progress(count)
+    return count, most
+
+
+def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float:
+    """Mean reduction of the switching frequency by SESE at equal distortion, in percent."""
+    chosen = [r for r in rows if r["speed"] == speed and r["start"] == start]
+    se = sorted((r["thd_pct"], r["fsw_hz"]) for r in chosen if r["horizon"] == "SE")
+    found = []
+    for row in chosen:
+        if row["horizon"] == "SESE" and se[0][0] <= row["thd_pct"] <= se[-1][0]:
+            equal = np.interp(row["thd_pct"], [t for t, _ in se], [f for _, f in se])
+            found.append(100 * (1 - row["fsw_hz"] / equal))
+    return float(np.mean(found)) if found else float("nan")
+
+
+def interval(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and half width of its 95 % confidence interval (Student's t)."""
+    from scipy import stats
+
+    array = np.array([v for v in values if np.isfinite(v)])
+    if len(array) < 2:
+        return float(array.mean()) if len(array) else float("nan"), float("nan")
+    spread = array.std(ddof=1) / np.sqrt(len(array))
+    return float(array.mean()), float(stats.t.ppf(0.975, len(array) - 1) * spread)
+
+
+def prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float64]:
+    """Errors of the predicted node along a closed loop, per unit.
+
+    Returns
+    -------
+    (n, 5)
+        L1; largest error of the currents of a and b against `ideal`'s prediction (exact machine,
+        voltages held) and against the plant (voltages drift); of v_n and a v_ph against the plant.
+    """
+    from directmpc.mpdcc.plant import Plant
+
+    setting = Setting("SESE", 0.10, speed, 0)
+    drive = drive_of(base, setting)
+    values = registers(drive, "fast")
+    array = values.array()
+    result = closed_loop.simulate(
+        drive, bit_true_fast.decide, array, OperatingPoint(speed), steps, settle=SETTLE, seed=0
+    )
+    own = ideal.ideal_parameters(drive)
+    words, _ = bit_true.encode(result.seen)
+    order = np.empty((64, 5), dtype=np.int64)
+    found = []
+    for k in np.flatnonzero(result.decisions.length > 0):
+        seen = result.seen
+        s_prev = seen.s_prev[k].astype(np.int64)
+        looked = bit_true_fast.search_words(array, words[k], s_prev, order)[8]
+        for s1 in order[:looked:4]:
+            node = bit_true_fast.node_at(array, words[k], s1[0:3], s1[3])
+            plant = Plant(
+                drive,
+                float(seen.omega_r[k]),
+                float(seen.vdc[k]),
+                np.append(seen.x_m[k], seen.x_inv[k]),
+            )
+            for _ in range(s1[3]):
+                plant.step(s1[0:3])
+            a11, a12, _, _, b1, _ = discretise(
+                own.tau_s, own.tau_r, own.xm, own.xr, own.d, seen.omega_r[k], own.ts * s1[3]
+            )
+            ia, ib, ic = ideal._phases(complex(seen.x_m[k, 0], seen.x_m[k, 1]))
+            voltage = ideal._inputs(
+                own, seen.vdc[k], *seen.x_inv[k], ia, ib, ic, s1[0], s1[1], s1[2]
+            )[0]
+            held = (
+                a11 * complex(seen.x_m[k, 0], seen.x_m[k, 1])
+                + a12 * complex(seen.x_m[k, 2], seen.x_m[k, 3])
+                + b1 * voltage
+            )
+            turn = np.exp(1j * seen.omega_s[k] * drive.ts_pu * s1[3])
+            reference = complex(*seen.iref[k]) * turn
+            found_plant = complex(plant.state[0], plant.state[1])
+            current = [
+                max(
+                    abs(
+                        node[x] / values.unit - ((reference - i) * np.exp(-2j * np.pi / 3 * x)).real
+                    )
+                    for x in range(2)
+                )
+                for i in (held, found_plant)
+            ]
+            v_n = abs(-node[3] / values.unit - plant.state[4])
+            v_ph = max(
+                abs(seen.vdc[k] / 4 - node[4 + x] / values.unit - plant.state[5 + x])
+                for x in range(3)
+            )
+            found.append((s1[3], *current, v_n, v_ph))
+    return np.array(found)
+
+
+def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> list[str]:
+    lines = [
+        "| speed, bound | SE: THD, f_sw, deadlocks | SESE: THD, f_sw, deadlocks "
+        "| v_n beyond its bound, SE / SESE |",
+        "|---|---|---|---|",
+    ]
+    for speed in speeds:
+        for bound in sorted({r["bound"] for r in rows}):
+            cells, worst = [], []
+            for horizon in ("SE", "SESE"):
+                chosen = [
+                    r
+                    for r in rows
+                    if (r["speed"], r["bound"], r["horizon"]) == (speed, bound, horizon)
+                ]
+                thd, _ = interval([r["thd_pct"] for r in chosen])
+                fsw, half = interval([r["fsw_hz"] for r in chosen])
+                dead = np.mean([r["deadlock_pct"] for r in chosen])
+                cells.append(f"{thd:.1f} %, {fsw:.0f} ± {half:.0f} Hz, {dead:.0f} %")
+                worst.append(max(r["excess_vn"] for r in chosen))
+            lines.append(
+                f"| {speed:g}, {bound:g} | {cells[0]} | {cells[1]} "
+                f"| {worst[0]:.3f} / {worst[1]:.3f} |"
+            )
+    return lines
+
+
+def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Switching frequency against distortion, one panel for each speed."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from scripts.commands.run import COLOURS, save_png
+
+    speeds = sorted({r["speed"] for r in rows}, reverse=True)
+    figure, axes = plt.subplots(
+        1, len(speeds), figsize=(2.7 * len(speeds), 3.2), sharey=True, layout="constrained"
+    )
+    for axis, speed in zip(np.atleast_1d(axes), speeds, strict=True):
+        for horizon, colour in zip(("SE", "SESE"), COLOURS, strict=False):
+            points = []
+            for bound in sorted({r["bound"] for r in rows}):
+                chosen = [
+                    r
+                    for r in rows
+                    if (r["speed"], r["bound"], r["horizon"]) == (speed, bound, horizon)
+                ]
+                points.append(
+                    (
+                        *interval([r["thd_pct"] for r in chosen]),
+                        *interval([r["fsw_hz"] for r in chosen]),
+                    )
+                )
+            array = np.nan_to_num(np.array(points))
+            axis.errorbar(
+                array[:, 0], array[:, 2], xerr=array[:, 1], yerr=array[:, 3], color=colour,
+                label=horizon, marker="o", markersize=3, linewidth=1,
+            )  # fmt: skip
+        axis.set_title(f"{speed:g} pu")
+        axis.set_xlabel("current THD (%)")
+    np.atleast_1d(axes)[0].set_ylabel("switchings per device (Hz)")
+    np.atleast_1d(axes)[0].legend(frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
+    """Draw f_sw and THD against the clocks that a budget allows, for several explorers."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from scripts.commands.run import save_png
+
+    figure, (above, below) = plt.subplots(2, 1, figsize=(6.4, 6), sharex=True, layout="constrained")
+    for explorers, colour in ((1, "#b3472d"), (2, "#c9a227"), (4, "#1b6ca8")):
+        clocks = [sese_cycles.bound(explorers, budget) for budget, *_ in found]
+        above.errorbar(
+            clocks, [f for _, _, f, _ in found], yerr=[h for *_, h in found], color=colour,
+            marker="o", markersize=3, linewidth=1, label=f"n = {explorers}",
+        )  # fmt: skip
+        below.plot(clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3)
+    for axis in (above, below):
+        axis.axvline(1200, color="0.6", linestyle=":")
+    above.set_ylabel("switchings per device (Hz)")
+    below.set_ylabel("current THD (%)")
+    below.set_xlabel("clocks of the slowest decision; dotted: 1,200, Paper A's for SE")
+    below.set_xscale("log")
+    ticks = (200, 400, 800, 1600, 3200)
+    below.set_xticks(ticks, [f"{tick:,}" for tick in ticks])
+    below.set_xticks([], minor=True)
+    above.legend(frameon=False)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the study and write its files."""
+    parser = argparse.ArgumentParser(prog="horizon_study", description=__doc__.splitlines()[0])
+    parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--starts", type=int, default=STARTS)
+    parser.add_argument("--out", type=Path, default=REPORTS)
+    given = parser.parse_args(arguments)
+    base = load_drive(given.drive)
+    settings = [
+        Setting(horizon, bound, speed, start)
+        for horizon in ("SE", "SESE")
+        for speed in SPEEDS
+        for bound in BOUNDS
+        for start in range(given.starts)
+    ]
+    rows: list[dict[str, Any]] = []
+    with progress_bar("closed loops", len(settings)) as progress:
+        for setting in settings:
+            rows.append(run(base, setting, given.steps, shadow=True))
+            progress(len(rows))
+    given.out.mkdir(parents=True, exist_ok=True)
+    with (given.out / "sese.csv").open("w", newline="", encoding="ascii") as stream:
+        writer = csv.DictWriter(stream, FIELDS)
+        writer.writeheader()
+        writer.writerows(
+            {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
+        )
+    draw(rows, given.out / "sese.png")
+
+    gains = {
+        speed: interval([reduction(rows, speed, start) for start in range(given.starts)])
+        for speed in COMPARED
+    }
+    everything = [reduction(rows, s, k) for s in COMPARED for k in range(given.starts)]
+    lines = [
+        *_table(rows, SPEEDS),
+        "",
+        "Switching frequency saved by SESE at equal distortion:",
+        "",
+    ]
+    lines += [f"- {speed:g} pu: {mean:.1f} ± {half:.1f} %" for speed, (mean, half) in gains.items()]
+    deep = [r for r in rows if r["horizon"] == "SESE"]
+    differ = float(np.mean([r["differ_pct"] for r in deep]))
+    points: dict[tuple[float, float], list[float]] = {}
+    for row in deep:
+        points.setdefault((row["speed"], row["bound"]), []).append(row["differ_pct"])
+    worst_point = max(float(np.mean(values)) for values in points.values())
+    worst_run = max(row["differ_pct"] for row in deep)
+    lines += [
+        "",
+        f"Decisions other than ideal SESE's on the same states: {differ:.2f} % on average, "
+        f"{worst_point:.2f} % at the worst point, {worst_run:.2f} % in the worst of {len(deep)} "
+        "runs.",
+    ]
+
+    lines += [
+        "",
+        "Budget, 0.1 pu bound, full speed:",
+        "",
+        "| candidates | clocks, n = 1 / 2 / 4, at most | THD | f_sw | deadlocks |",
+        "|---|---|---|---|---|",
+    ]
+    budgets: list[tuple[int, float, float, float]] = []
+    for budget in BUDGETS:
+        found = [
+            run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), given.steps)
+            for start in range(given.starts)
+        ]
+        thd = np.mean([r["thd_pct"] for r in found])
+        fsw, half = interval([r["fsw_hz"] for r in found])
+        dead = np.mean([r["deadlock_pct"] for r in found])
+        budgets.append((budget, float(thd), fsw, half))
+        clocks = " / ".join(str(sese_cycles.bound(n, budget)) for n in (1, 2, 4))
+        lines.append(
+            f"| {budget or 'all'} | {clocks} | {thd:.2f} % | {fsw:.0f} ± {half:.0f} Hz "
+            f"| {dead:.1f} % |"
+        )
+
+    lines += [
+        "",
+        "One step of delay, 0.1 pu bound, full speed:",
+        "",
+        "| | THD | f_sw | current beyond its bound |",
+        "|---|---|---|---|",
+    ]
+    for horizon in ("SE", "SESE"):
+        for delay, compensate in ((False, False), (True, False), (True, True)):
+            found = [
+                run(
+                    base,
+                    Setting(horizon, 0.10, 1.0, start, delay=delay, compensate=compensate),
+                    given.steps,
+                )
+                for start in range(given.starts)
+            ]
+            name = "no delay" if not delay else "delay, compensated" if compensate else "delay"
+            fsw, half = interval([r["fsw_hz"] for r in found])
+            lines.append(
+                f"| {horizon}, {name} | {np.mean([r['thd_pct'] for r in found]):.2f} % | "
+                f"{fsw:.0f} ± {half:.0f} Hz | {max(r['excess_current'] for r in found):.3f} pu |"
+            )
+
+    errors = prediction_errors(base, 1.0, min(given.steps, 1500))
+    lines += [
+        "",
+        f"Error of the predicted state at k + L1, median / 99 %, {len(errors)} nodes, pu:",
+        "",
+        "| L1 | current, against ideal's prediction | current, against the plant | v_n | v_ph |",
+        "|---|---|---|---|---|",
+    ]
+    for low, high in ((1, 5), (6, 10), (11, 20), (21, 62)):
+        part = errors[(errors[:, 0] >= low) & (errors[:, 0] <= high), 1:]
+        if len(part):
+            middle, tail = np.median(part, axis=0), np.quantile(part, 0.99, axis=0)
+            cells = " | ".join(f"{m:.5f} / {t:.5f}" for m, t in zip(middle, tail, strict=True))
+            lines.append(f"| {low} to {high} | {cells} |")
+    checked = [s for s in settings if s.start == 0]
+    checked += [Setting("SESE", 0.10, 1.0, 0, budget=budget) for budget in BUDGETS[1:]]
+    checked += [Setting(h, 0.10, 1.0, 0, delay=True, compensate=True) for h in ("SE", "SESE")]
+    count, most = verify(base, checked, given.steps)
+    lines += [
+        "",
+        f"RTL: {count} decisions of {len(checked)} of these loops (start 0; SE and SESE, every "
+        "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
+        f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
+    ]
+    draw_budget(budgets, given.out / "sese_budget.png")
+    lines.insert(
+        0,
+        f"{given.starts} starts of {given.steps:,} steps each, bit-true model, 95 % confidence "
+        "intervals (Student's t); switchings per device, 24 logical devices.\n",
+    )
+    (given.out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if given.out == REPORTS:
+        page = PAGE.read_text(encoding="utf-8")
+        tools.write(PAGE, budgets_file.with_table(page, "\n".join(lines), BEGIN, END))
+    print("\n".join(lines))
+
+    path = given.out / "metrics.json"
+    if path.exists():
+        numbers = json.loads(path.read_text(encoding="utf-8"))
+        mean, half = interval(everything)
+        numbers.setdefault("mpdcc", {})["sese"] = {
+            "cycles_worst": sese_cycles.worst(4)[0],
+            "budget": 0,
+            "fsw_reduction_pct": round(mean, 2),
+            "fsw_reduction_error_pct": round(half, 2),
+            "decision_mismatch_pct": round(differ, 3),
+            "decision_mismatch_worst_point_pct": round(worst_point, 3),
+            "steps": len(deep) * given.steps,
+            "steps_rtl": count,
+            "xc3s": _resources(),
+        }
+        path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _resources() -> dict[str, dict[str, int]]:
+    """Spartan-3 figures of the core with the second level, from the file of budgets."""
+    found = {}
+    for explorers in (1, 4):
+        name = tools.configuration_name(
+            "mpdcc_core", {"EXPLORERS": explorers, "SECOND_LEVEL": True}
+        )
+        row = budgets_file.load().resources[name]["xc3s"]
+        unpacked, packed = budgets_file.slices(row)
+        found[str(explorers)] = {**row, "slices_packed": packed, "slices_unpacked": unpacked}
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

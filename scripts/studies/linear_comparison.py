@@ -1,0 +1,357 @@
+"""Where the two variants decide differently, one reason at a time.
+
+The fast variant differs from the paper's in five things: its trajectory unit is at most as fine as
+its bounds of 29000 allow, its slopes are chords of the exact machine instead of corrected Euler
+steps, its phases add up to zero exactly where the paper's round each by itself, it searches for the
+first exit with thresholds, tables and secants instead of Algorithm 2, and its trajectories have a
+curvature. Six controllers, each with one of these changed, decide on the same states; what changes
+between neighbours has one cause:
+
+==================  =============  =======  ==========  =========
+controller          slopes         phases   search      unit
+==================  =============  =======  ==========  =========
+paper               Euler          rounded  Alg. 2      paper's
+paper, fast's unit  Euler          rounded  Alg. 2      fast's
+paper, chords       chords         rounded  Alg. 2      fast's
+paper, zero sum     chords         add up   Alg. 2      fast's
+fast, linear        chords         add up   first exit  fast's
+fast                parabolas      add up   first exit  fast's
+==================  =============  =======  ==========  =========
+
+With straight lines in both, the searches have to agree on every row: a test asserts it.
+``python -m scripts.studies.linear_comparison`` prints the table of docs/linear-comparison.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rich.console import Console
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from scripts.commands.replay import OneParagraphParser, report_error
+from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.shared import tools
+
+DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+SPEEDS = (-1.0, -0.6, -0.2, 0.2, 0.6, 1.0)
+STEPS = 20_000  # per drive and speed
+SETTLE = 2_000
+#: Two candidates are a near tie when their costs differ by at most this share.
+NEAR = 0.01
+TABLE = ROOT / "docs" / "linear-comparison.md"
+BEGIN = "<!-- table: begin (written by python -m scripts.studies.linear_comparison --write) -->"
+END = "<!-- table: end -->"
+
+
+def straight(values: Registers) -> Registers:
+    """The same registers without curvature."""
+    kept = {k: 0 if k.startswith("curvature_") else v for k, v in values.coefficients.items()}
+    return dataclasses.replace(values, coefficients=kept)
+
+
+def coarse(drive: Drive) -> Registers:
+    """The paper variant's registers in the fast variant's trajectory unit.
+
+    Coefficients that are products with the unit scale with it; those of the weight on v_n do not.
+    """
+    own, unit = registers(drive, "paper"), registers(drive, "fast").unit
+    factor = min(1.0, unit / own.unit)
+    fixed = ("weight", "weight_alpha", "weight_beta")
+    scaled = {
+        name: value if name in fixed else round(value * factor)
+        for name, value in own.coefficients.items()
+    }
+    bounds = {
+        name: round(getattr(own, name) * factor)
+        for name in ("bound_current", "bound_neutral", "bound_phase")
+    }
+    return dataclasses.replace(own, coefficients=scaled, unit=own.unit * factor, **bounds)
+
+
+@dataclass(frozen=True)
+class Controller:
+    """One of the six.
+
+    Attributes
+    ----------
+    name
+        For people.
+    changed
+        What it has that the one before has not.
+    rows
+        Compiled loop over rows that decides: a variant's, or `_run_zero_sum`.
+    """
+
+    name: str
+    changed: str
+    rows: Any
+
+    def registers(self, drive: Drive) -> Registers:
+        """Its registers for a drive."""
+        if self.name == "paper":
+            return registers(drive, "paper")
+        if self.name == "paper, fast's unit":
+            return coarse(drive)
+        chords = registers(drive, "fast")
+        return chords if self.name == "fast" else straight(chords)
+
+    def run(self, drive: Drive, trace: MpdccTrace) -> Decisions:
+        """Its decisions."""
+        return bit_true.run_rows(self.rows, self.registers(drive).array(), trace)
+
+
+@njit
+def decide_zero_sum(register, measurement, s_prev):
+    """The paper's decision with straight lines, on the fast variant's node; as `decide_words`.
+
+    Lengths are quotients (`bit_true.search_length`), as Algorithm 2 finds them.
+    """
+    first = len(bit_true.COEFFICIENTS)
+    horizon, scale = register[first + 3], register[first + 4]
+    bound = np.empty(7, dtype=np.int64)
+    bound[0:3] = register[first]
+    bound[3] = register[first + 1]
+    bound[4:7] = register[first + 2]
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = (
+        bit_true_fast.node(measurement, register)
+    )
+    slope = np.empty(7, dtype=np.int64)
+    bit_true_fast.slopes(s_prev, natural, forced, phase, midpoint, slope)
+    if np.all(np.abs(error + slope) <= bound):
+        return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated)
+    feasible = False
+    best_cost = best_length = best_excess = 0
+    best_saturated = False
+    none_yet = True
+    s = np.empty(3, dtype=np.int64)
+    best = np.empty(3, dtype=np.int64)
+    for index in range(64):
+        choice = (index // 16, index // 4 % 4, index % 4)
+        skip = False
+        for x in range(3):
+            skip |= choice[x] >= bit_true._COUNT[s_prev[x]]
+            s[x] = bit_true._NEXT[s_prev[x], choice[x]]
+        if skip:
+            continue
+        bit_true_fast.slopes(s, natural, forced, phase, midpoint, slope)
+        length = horizon
+        for j in range(7):
+            if length > 0:
+                length = min(length, bit_true.search_length(error[j], slope[j], bound[j], horizon))
+        if length > 0:
+            effort = 0
+            for x in range(3):
+                effort += bit_true._WEIGHT[1 if phase[x] < 0 else 0, s_prev[x], s[x]]
+            weights = bit_true_fast.share_of(s, weight_slope)
+            value, clipped = bit_true.cost(effort, length, weight_start, weights, scale)
+            if not feasible or value < best_cost:
+                feasible = True
+                best_cost, best_length, best_saturated = value, length, clipped
+                best[:] = s
+        elif not feasible:
+            excess = np.max(np.abs(error + slope) - bound)
+            if none_yet or excess < best_excess:
+                none_yet = False
+                best_excess = excess
+                best[:] = s
+    if feasible:
+        return best[0], best[1], best[2], 0, 0, best_length, int(saturated or best_saturated)
+    return best[0], best[1], best[2], 0, 1, 0, int(saturated)
+
+
+@njit
+def _run_zero_sum(register, measurements, s_prev, out):
+    """`decide_zero_sum` for every row."""
+    for k in range(measurements.shape[0]):
+        out[k, :] = decide_zero_sum(register, measurements[k], s_prev[k])
+
+
+CONTROLLERS = (
+    Controller("paper", "", bit_true._run),
+    Controller("paper, fast's unit", "trajectory unit", bit_true._run),
+    Controller("paper, chords", "slopes", bit_true._run),
+    Controller("paper, zero sum", "rounding of phases", _run_zero_sum),
+    Controller("fast, linear", "search", bit_true_fast._run),
+    Controller("fast", "curvature", bit_true_fast._run),
+)
+
+
+@njit
+def _cost(register, measurement, s_prev, s):
+    """J of one candidate with straight lines, and its length; J is -1 where it is dead."""
+    first = len(bit_true.COEFFICIENTS)
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, _ = bit_true.node(
+        bit_true.PAPER_PROGRAM, measurement, register
+    )
+    slope = np.empty(7, dtype=np.int64)
+    bit_true.slopes(s, natural, forced, phase, midpoint, slope)
+    length = register[first + 3]
+    for j in range(7):
+        bound = register[first + (0 if j < 3 else 1 if j == 3 else 2)]
+        length = min(length, bit_true.search_length(error[j], slope[j], bound, length))
+    if length == 0:
+        return -1, 0
+    effort = 0
+    weights = 0
+    for x in range(3):
+        negative = 1 if phase[x] < 0 else 0
+        effort += bit_true._WEIGHT[negative, s_prev[x], s[x]]
+        weights += bit_true._NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+    value, _ = bit_true.cost(effort, length, weight_start, weights, register[first + 4])
+    return value, length
+
+
+@dataclass
+class Difference:
+    """Between two neighbours; every differing row is in exactly one of the last four.
+
+    Attributes
+    ----------
+    rows, differing
+        Rows looked at, and those with another switch position.
+    hold
+        One of them holds, the other switches.
+    deadlock
+        Both or one of them found no candidate alive.
+    tie
+        Both searched, and the first one's costs of both choices are within `NEAR`.
+    length
+        Both searched; the choices' costs differ because their lengths do.
+    """
+
+    rows: int = 0
+    differing: int = 0
+    hold: int = 0
+    deadlock: int = 0
+    tie: int = 0
+    length: int = 0
+
+    def add(
+        self, first: Decisions, second: Decisions, register: NDArray[np.int64], trace: MpdccTrace
+    ) -> None:
+        """Count one trace; `register` is the first one's."""
+        measurements, _ = bit_true.encode(trace)
+        s_prev = trace.s_prev.astype(np.int64)
+        differs = np.flatnonzero(np.any(first.s != second.s, axis=1))
+        self.rows += len(trace)
+        self.differing += len(differs)
+        for k in differs:
+            if first.held[k] != second.held[k]:
+                self.hold += 1
+            elif first.deadlock[k] or second.deadlock[k]:
+                self.deadlock += 1
+            else:
+                here, there = (
+                    _cost(register, measurements[k], s_prev[k], d.s[k].astype(np.int64))[0]
+                    for d in (first, second)
+                )
+                if there >= 0 and abs(there - here) <= NEAR * max(here, 1):
+                    self.tie += 1
+                else:
+                    self.length += 1
+
+
+def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
+    """States of closed loops under the paper's controller, both drives, all speeds."""
+    for name in DRIVES:
+        drive = load_drive(ROOT / "drives" / f"{name}.toml")
+        register = registers(drive, "paper").array()
+        for speed in SPEEDS:
+            point = OperatingPoint(speed)
+            run = closed_loop.simulate(
+                drive, bit_true.decide, register, point, steps, settle=SETTLE
+            )
+            yield drive, run.trace()
+
+
+def compare(
+    given: Iterable[tuple[Drive, MpdccTrace]],
+) -> tuple[list[Difference], list[float], int]:
+    """Differences between neighbours, and each controller's from the ideal one.
+
+    Returns
+    -------
+    differences
+        One less than there are controllers.
+    mismatch
+        Per controller, percent of the rows decided unlike the ideal controller.
+    rows
+        Number of them.
+    """
+    differences = [Difference() for _ in CONTROLLERS[1:]]
+    wrong = np.zeros(len(CONTROLLERS), dtype=np.int64)
+    rows = 0
+    for drive, trace in given:
+        answers = [one.run(drive, trace) for one in CONTROLLERS]
+        exact = ideal.run(drive, trace)
+        rows += len(trace)
+        for index, answer in enumerate(answers):
+            wrong[index] += int(np.any(answer.s != exact.s, axis=1).sum())
+        for index, difference in enumerate(differences):
+            register = CONTROLLERS[index].registers(drive).array()
+            difference.add(answers[index], answers[index + 1], register, trace)
+    return differences, [100 * float(w) / rows for w in wrong], rows
+
+
+def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: int) -> str:
+    """What `compare` found, as Markdown."""
+    commit, dirty = tools.git_state()
+    lines = [
+        f"{rows} states of {len(DRIVES)} drives at {len(SPEEDS)} speeds, commit "
+        f"`{commit[:12]}{'-dirty' if dirty else ''}`.",
+        "",
+        "| controller | changed | decisions that change | hold or not | deadlocks | near ties "
+        "| lengths | unlike the ideal controller |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for index, one in enumerate(CONTROLLERS):
+        cells = [one.name, one.changed]
+        if index:
+            d = differences[index - 1]
+            share = f"{d.differing} ({100 * d.differing / d.rows:.3f} %)"
+            cells += [share, *(str(n) for n in (d.hold, d.deadlock, d.tie, d.length))]
+        else:
+            cells += [""] * 5
+        lines.append("| " + " | ".join([*cells, f"{mismatch[index]:.3f} %"]) + " |")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table, or write it into the documentation; 2 when that cannot be done."""
+    parser = OneParagraphParser(prog="linear_comparison", description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=STEPS, help="per drive and speed")
+    parser.add_argument("--write", action="store_true", help=f"into {TABLE.name}")
+    given = parser.parse_args(arguments)
+    console = Console(stderr=True)
+    try:
+        with console.status("closed loops, and six controllers on each"):
+            text = table(*compare(traces(given.steps)))
+        if given.write:
+            # it holds the README's tables too
+            from scripts.measure.budgets import with_table
+
+            page = TABLE.read_text(encoding="utf-8")
+            tools.write(TABLE, with_table(page, text, BEGIN, END))
+    except (ValueError, OSError, tools.ToolError) as error:
+        report_error("linear_comparison", error)
+        return 2
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

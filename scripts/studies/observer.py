@@ -1,0 +1,262 @@
+"""How far the rotor-flux observer is off, over speed and where the machine is not as assumed.
+
+The drive runs in closed loop on the estimate alone: bit-true controller and observer, exact plant.
+The plant's parameters are changed, controller and observer keep those of the drive file.  Each run
+begins at the true flux and lasts two rotor time constants, of which the last eighth is looked at.
+
+``python -m scripts.studies.observer`` writes reports/observer.csv, reports/observer.png and the
+table in docs/observer.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from rich.progress import track
+
+from directmpc.drive_file import Drive, load_drive
+from directmpc.mpdcc import observer as rotor_flux_observer
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.plant import plant_data, plant_step
+
+ROOT = Path(__file__).resolve().parents[2]
+SPEEDS = (0.05, 0.1, 0.2, 0.5, 1.0)
+CROSSOVERS = (0.03, 0.1, 0.3)
+COLOURS = {0.03: "C1", 0.1: "C0", 0.3: "C2"}
+#: Looked at with every crossover; the others with the default one.
+THOROUGH = ("none", "rs * 1.5", "rr * 1.5")
+#: Name -> factors on the plant's machine, and on the speed that is measured.
+MISMATCHES: dict[str, dict[str, float]] = {
+    "none": {},
+    "rs * 1.5": {"rs": 1.5},
+    "rs * 0.5": {"rs": 0.5},
+    "rr * 1.5": {"rr": 1.5},
+    "rr * 0.7": {"rr": 0.7},
+    "xm * 1.2": {"xm": 1.2},
+    "xm * 0.8": {"xm": 0.8},
+    "xls, xlr * 1.2": {"xls": 1.2, "xlr": 1.2},
+    "speed * 1.001": {"speed": 1.001},
+}
+
+
+@dataclass(frozen=True)
+class Error:
+    """Error of an estimate against the plant's flux.
+
+    Attributes
+    ----------
+    magnitude : float
+        Mean of |estimate|/|flux| - 1, percent.
+    angle : float
+        Mean angle of estimate/flux, degrees; positive leads.
+    vector : float
+        Mean of |estimate - flux|/|flux|, percent.
+    worst : float
+        Largest of the same.
+    flux : float
+        Mean of |flux|, pu: what the drive settles at.
+    """
+
+    magnitude: float
+    angle: float
+    vector: float
+    worst: float
+    flux: float
+
+
+@njit(cache=True)
+def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc, estimate, flux):
+    """Controller on the estimate, step by step; estimates and true fluxes are kept."""
+    order = np.array([0, 1, 4, 5, 6, 7, 8, 12])
+    reference = np.empty(2)
+    for k in range(len(iref)):
+        reference[0], reference[1] = iref[k].real, iref[k].imag
+        words, _ = bit_true.encode_row(x[:4], x[4:], vdc, reference, omega_s, measured)
+        a, b, _ = rotor_flux_observer.step_words(c, state, words[order], s)
+        words[2], words[3] = a, b
+        d = bit_true_fast.decide_words(register, words, s)
+        estimate[k] = complex(a, b) / 9000.0
+        flux[k] = complex(x[2], x[3])
+        s[0], s[1], s[2] = d[0], d[1], d[2]
+        plant_step(plant, x, s, omega_r, vdc)
+
+
+def run(
+    drive: Drive,
+    omega_s: float,
+    factors: dict[str, float] | None = None,
+    crossover: float = rotor_flux_observer.CROSSOVER,
+    steps: int | None = None,
+    begin: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Estimates and true rotor fluxes of a run, per unit, complex.
+
+    Parameters
+    ----------
+    drive : Drive
+        What controller and observer are set up for.
+    omega_s : float
+        Stator frequency, pu.
+    factors : dict of float, optional
+        On the plant's machine parameters; "speed": on the measured speed.
+    crossover : float
+        Of the observer, pu.
+    steps : int, optional
+        Control periods; two rotor time constants without it.
+    begin : float
+        Share of the true flux that the observer begins with.
+    """
+    factors = dict(factors or {})
+    measured = factors.pop("speed", 1.0)
+    machine = drive.machine
+    changed = {name: getattr(machine, name) * factors.get(name, 1.0) for name in machine.__dict__}
+    real = type(machine)(**{k: v for k, v in changed.items() if not k.startswith("_")})
+    count = steps or round(2.0 * machine.tau_r / drive.ts_pu)
+    profile = constant_profile(drive, OperatingPoint(omega_s=omega_s), count)
+    start = profile.start
+    x = np.array([
+        start.i_s.real, start.i_s.imag, start.psi_r.real, start.psi_r.imag, 0.0,
+        *[0.25 * drive.inverter.vdc] * 3,
+    ])  # fmt: skip
+    turn = profile.iref[0] / start.i_s
+    x[0], x[1] = (start.i_s * turn).real, (start.i_s * turn).imag
+    x[2], x[3] = (start.psi_r * turn).real, (start.psi_r * turn).imag
+    scale = rotor_flux_observer.FLUX_SCALE * 2**rotor_flux_observer.GUARD
+    psi_r, i_s = begin * start.psi_r * turn, start.i_s * turn
+    psi_s = machine.xm / machine.xr * psi_r + machine.d / machine.xr * i_s
+    state = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+    state[:4] = [round(v * scale) for v in (psi_r.real, psi_r.imag, psi_s.real, psi_s.imag)]
+    state[4:6] = [round(v * 16_000.0) for v in (i_s.real, i_s.imag)]
+    words, _ = rotor_flux_observer.coefficients(drive, crossover)
+    estimate, flux = np.empty(count, dtype=complex), np.empty(count, dtype=complex)
+    omega_r = float(profile.omega_r[0])
+    _loop(
+        plant_data(real, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu),
+        registers(drive, "fast").array(), rotor_flux_observer.array(words), state, x,
+        np.array([3, 3, 3]), profile.iref, omega_s, omega_r, omega_r * measured,
+        drive.inverter.vdc, estimate, flux,
+    )  # fmt: skip
+    return estimate, flux
+
+
+def error(estimate: np.ndarray, flux: np.ndarray) -> Error:
+    """Error over the last eighth of a run."""
+    last = slice(len(flux) - len(flux) // 8, None)
+    ratio = estimate[last] / flux[last]
+    return Error(
+        magnitude=100.0 * float(np.mean(np.abs(ratio)) - 1.0),
+        angle=float(np.degrees(np.angle(np.mean(ratio)))),
+        vector=100.0 * float(np.mean(np.abs(ratio - 1.0))),
+        worst=100.0 * float(np.max(np.abs(ratio - 1.0))),
+        flux=float(np.mean(np.abs(flux[last]))),
+    )
+
+
+def table(drive: Drive) -> list[dict[str, object]]:
+    """All operating points: a row of the CSV each."""
+    rows: list[dict[str, object]] = []
+    work = [
+        (name, k, w)
+        for name in MISMATCHES
+        for k in CROSSOVERS
+        for w in SPEEDS
+        if name in THOROUGH or k == rotor_flux_observer.CROSSOVER
+    ]
+    for name, crossover, speed in track(work, description="observer"):
+        found = error(*run(drive, speed, MISMATCHES[name], crossover))
+        rows.append(
+            {"mismatch": name, "crossover_pu": crossover, "omega_s_pu": speed}
+            | {
+                "magnitude_pct": round(found.magnitude, 3),
+                "angle_deg": round(found.angle, 3),
+                "vector_pct": round(found.vector, 3),
+                "worst_pct": round(found.worst, 3),
+                "flux_pu": round(found.flux, 4),
+            }
+        )
+    return rows
+
+
+def _markdown(rows: list[dict[str, object]]) -> str:
+    lines = [
+        "| plant differs in | " + " | ".join(f"{w:g}" for w in SPEEDS) + " |",
+        "| --- |" + " ---: |" * len(SPEEDS),
+    ]
+    for name in MISMATCHES:
+        chosen = [
+            row
+            for row in rows
+            if row["mismatch"] == name and row["crossover_pu"] == rotor_flux_observer.CROSSOVER
+        ]
+        cells = [f"{row['magnitude_pct']:+.1f} %, {row['angle_deg']:+.1f}°" for row in chosen]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _plot(rows: list[dict[str, object]], path: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(3, 3, figsize=(11, 8), sharex=True, layout="constrained")
+    for axis, name in zip(axes.flat, MISMATCHES, strict=True):
+        for crossover in CROSSOVERS:
+            chosen = [r for r in rows if r["mismatch"] == name and r["crossover_pu"] == crossover]
+            if not chosen:
+                continue
+            speeds = [r["omega_s_pu"] for r in chosen]
+            values = [r["vector_pct"] for r in chosen]
+            axis.loglog(
+                speeds,
+                values,
+                marker="o",
+                markersize=3,
+                color=COLOURS[crossover],
+                label=f"{crossover:g} pu",
+            )
+        axis.set_title(f"plant: {name}" if name != "none" else "plant as assumed", fontsize=10)
+        axis.grid(visible=True, which="both", alpha=0.3)
+        axis.set_ylim(0.05, 100.0)
+    for axis in axes[-1]:
+        axis.set_xlabel("stator frequency (pu)")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("flux error (%)")
+    axes[0, 0].legend(title="crossover", fontsize=8)
+    figure.savefig(path, dpi=100, metadata={"Software": None})
+    plt.close(figure)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line: write CSV, plot and table."""
+    parser = argparse.ArgumentParser(prog="observer_study", description=main.__doc__)
+    parser.add_argument("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
+    drive = load_drive(parser.parse_args(arguments).drive)
+    rows = table(drive)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    (ROOT / "reports" / "observer.csv").write_text(text.getvalue(), encoding="utf-8")
+    _plot(rows, ROOT / "reports" / "observer.png")
+    page = ROOT / "docs" / "observer.md"
+    head, _, rest = page.read_text(encoding="utf-8").partition("<!-- table: begin -->")
+    _, _, tail = rest.partition("<!-- table: end -->")
+    page.write_text(
+        f"{head}<!-- table: begin -->\n{_markdown(rows)}\n<!-- table: end -->{tail}",
+        encoding="utf-8",
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,372 @@
+"""The protocol in Python: framing, and the host's link against the board's model, without hardware.
+
+Stimulus: random frames and bytes; a line that loses, repeats, breaks and delays replies.
+Checks: stuffing both ways, what a receiver makes of every single changed bit and lost byte, what
+the host makes of a bad line; what it refuses before anything is sent; the page's examples; that
+generated files are what their generators write.
+Does not prove: anything about the RTL, see test_host_link and test_board.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+from directmpc.drive_file import load_any_drive, load_drive
+from directmpc.host import __main__ as commands
+from directmpc.host import protocol as p
+from directmpc.host.board import Board, RegisterError
+from directmpc.host.link import Link, LinkError, RefusedError
+from directmpc.host.protocol import (
+    Controller,
+    Decision,
+    Frame,
+    Identity,
+    Outcome,
+    ProtocolError,
+    Splitter,
+    Type,
+)
+from directmpc.host.reference import LinkModel
+from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.mpdcc.trace import read_decisions
+from scripts.generate import link_package as vhdl_package
+from scripts.generate import protocol_examples as examples
+from scripts.hdl.mpdcc_simulation import ROOT
+
+
+def model(
+    controls: bool = True, controller: Controller = Controller.MPTC, words: dict | None = None,
+    explorers: int = 0,
+) -> LinkModel:  # fmt: skip
+    words = {} if words is None else words
+    return LinkModel(
+        Identity(p.VERSION, controller, explorers, 1 + 2 * controls, 0, 25_000_000, 125_000),
+        read=lambda address: (0, words.get(address, 0)),
+        write=lambda address, word: words.update({address: word}) or 0,
+        step=lambda payload: Decision(payload[0] & 7, 0, 0, 39, 0, 0),
+    )
+
+
+def test_stuffing_is_undone_and_has_no_zero() -> None:
+    rng = random.Random(1)
+    for _ in range(2000):
+        data = bytes(
+            rng.choice([0, 0, 1, 255, rng.randrange(256)]) for _ in range(rng.randrange(60))
+        )
+        stuffed = p.stuff(data)
+        assert 0 not in stuffed
+        assert len(stuffed) == len(data) + 1
+        assert p.unstuff(stuffed) == data
+    with pytest.raises(ProtocolError):
+        p.stuff(bytes(300))
+    for broken in (b"\x05\x01", b"\x02\x00", b"\x03\x01"):
+        with pytest.raises(ProtocolError):
+            p.unstuff(broken)
+
+
+def test_every_changed_bit_and_every_lost_byte_is_found() -> None:
+    frame = Frame(Type.STEP, 0x00FF01AB, bytes(range(18)))
+    wire = frame.wire()[1:-1]
+    assert p.judge(wire) == (Outcome.ACCEPTED, frame)
+    for at in range(len(wire)):
+        for bit in range(8):
+            changed = bytearray(wire)
+            changed[at] ^= 1 << bit
+            parts = [s for s in bytes(changed).split(b"\0") if s]
+            assert all(p.judge(part)[1] is None for part in parts), (at, bit)
+        assert p.judge(wire[:at] + wire[at + 1 :])[1] is None
+    with pytest.raises(ProtocolError):
+        Frame(1, 1, bytes(33)).wire()
+
+
+def test_outcomes_are_told_apart() -> None:
+    good = Frame(Type.READ, 1, b"\x14\x00").body()
+    cases = {
+        Outcome.OVERSIZED: p.stuff(good + bytes(40)),
+        Outcome.STUFFING: p.stuff(good)[:-1],
+        Outcome.SHORT: p.stuff(good[:9]),
+        Outcome.LENGTH: p.stuff(good + b"\x01"),
+        Outcome.CRC: p.stuff(good[:-1] + bytes([good[-1] ^ 1])),
+    }
+    for outcome, stuffed in cases.items():
+        assert p.judge(stuffed)[0] is outcome
+
+
+def test_sequence_numbers_wrap() -> None:
+    assert p.is_newer(1, 0)
+    assert p.is_newer(0, 2**32 - 1)
+    assert p.is_newer(2**31 - 1, 0)
+    assert not p.is_newer(2**31, 0)
+    assert not p.is_newer(5, 5)
+    assert not p.is_newer(4, 5)
+
+
+class Line:
+    """A line to a model, that treats frames as it is told to.
+
+    ``mood`` is called with each reply's bytes and returns what arrives of it.
+    """
+
+    def __init__(self, board: LinkModel, mood=lambda data: data) -> None:
+        self.board, self.mood = board, mood
+        self.splitter, self.waiting = Splitter(), b""
+
+    def write(self, data: bytes) -> None:
+        """The model's replies, as the mood lets them through."""
+        for stuffed in self.splitter.feed(data):
+            reply = self.board.receive(stuffed)
+            if reply is not None:
+                self.waiting += self.mood(reply.wire())
+
+    def read(self) -> bytes:
+        """What has come."""
+        data, self.waiting = self.waiting, b""
+        return data
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def link_of(board: LinkModel, **options) -> Link:
+    clock = iter(range(10**9))
+    return Link(Line(board, **options), timeout=5, clock=lambda: next(clock))
+
+
+def test_a_host_goes_on_where_the_board_stands() -> None:
+    board = model()
+    first = link_of(board)
+    for value in range(5):
+        first.request(Type.WRITE, struct.pack("<HI", 4, value))
+    again = link_of(board)  # a host that has been started anew counts from 1
+    again.request(Type.WRITE, struct.pack("<HI", 8, 77))
+    assert board.counters[Outcome.STALE] == 1
+    assert board.read(8) == (0, 77)
+    assert again.sequence == board.last
+
+
+def test_lost_and_broken_replies_are_asked_for_again_but_a_step_is_not() -> None:
+    board = model()
+    losses = iter([True, True, False])
+    found = link_of(board, mood=lambda data: b"" if next(losses) else data)
+    assert len(found.request(Type.READ, b"\0\0")) == 7
+    assert board.counters[Outcome.ACCEPTED] == 3
+    breaks = iter([True, False])
+    found = link_of(model(), mood=lambda data: data[:-4] + b"\x55\0" if next(breaks) else data)
+    assert len(found.request(Type.READ, b"\0\0")) == 7
+    assert found.strays == 1
+    board = model()
+    deaf = link_of(board, mood=lambda data: b"")
+    with pytest.raises(LinkError, match="no reply to STEP, sent once"):
+        deaf.request(Type.STEP, bytes(18), once=True)
+    assert board.counters[Outcome.ACCEPTED] == 1
+    with pytest.raises(LinkError, match="no reply to IDENTIFY, sent 3 times"):
+        deaf.request(Type.IDENTIFY)
+
+
+def test_a_reply_that_comes_twice_or_late_answers_nothing_else() -> None:
+    board = model()
+    found = link_of(board, mood=lambda data: data + data)
+    for value in range(20):
+        found.request(Type.WRITE, struct.pack("<HI", 4, value))
+        reply = found.request(Type.READ, struct.pack("<H", 4))
+        assert struct.unpack("<HBI", reply) == (4, 0, value)
+    assert found.strays > 0
+
+
+def test_refusals_say_why() -> None:
+    with pytest.raises(RefusedError, match="gives the steps to its other link") as refused:
+        link_of(model(controls=False)).request(Type.STEP, bytes(18))
+    assert refused.value.outcome is Outcome.LINK
+
+
+@pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
+                                     {"deadlock_rule": "weighted"}])  # fmt: skip
+def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
+    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    plain = values(drive, GuardSettings(clock=25e6), "fast")
+    asked = drive.model_copy(update={"control": drive.control.model_copy(update=control)})
+    found = values(asked, GuardSettings(clock=25e6), "fast")
+    address, fields = registers_of("mpdcc")["system.capabilities"]
+    lacking, complete = (
+        Board(link_of(model(controller=Controller.MPDCC, words={address: word})))
+        for word in (0, 1 << fields["second_level"][0] | 1 << fields["weighted_deadlock"][0])
+    )
+    assert complete.load(found) == lacking.load(plain) == len(found.writes())
+    with pytest.raises(RegisterError, match="this board ignores"):
+        lacking.load(found)
+
+
+@pytest.mark.parametrize(
+    ("controller", "register", "field", "least", "most"),
+    [
+        (Controller.MPTC, "guard.dead_time", "clocks", 0, 4095),
+        (Controller.MPTC, "system.control", "enable", 0, 1),
+        (Controller.MPTC, "parameters.c_speed", "value", -(2**17), 2**17 - 1),
+        (Controller.MPDCC, "parameters.c_error_alpha", "value", -(2**15), 2**15 - 1),
+        (Controller.MPDCC, "parameters.bound_neutral", "value", 0, 2**16 - 1),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused_before_anything_is_sent(
+    controller: Controller, register: str, field: str, least: int, most: int
+) -> None:
+    words: dict[int, int] = {}
+    line = model(controller=controller, words=words)
+    board = Board(link_of(line))
+    address = registers_of(board.controller)[register][0]
+    for value in (least, most):
+        board.write(register, **{field: value})
+        assert board.read(register)[field] == value
+    sent, kept = dict(line.counters), words[address]
+    for value in (least - 1, most + 1, 10**12):
+        with pytest.raises(
+            RegisterError, match=f"{register}: {field} = {value} .*{least} to {most}"
+        ):
+            board.write(register, **{field: value})
+    for word in (-1, 2**32):
+        with pytest.raises(RegisterError, match="32 bits"):
+            board.write_word(address, word)
+    assert (dict(line.counters), words[address]) == (sent, kept)
+
+
+def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:
+    words: dict[int, int] = {}
+    found = values(
+        load_any_drive(ROOT / "drives" / "induction_2kw2.toml"), GuardSettings(clock=25e6)
+    )
+    found.words["guard.watchdog"] = 70_000
+    with pytest.raises(RegisterError, match=r"guard.watchdog: clocks = 70000 .*0 to 65535"):
+        Board(link_of(model(words=words))).load(found)
+    assert not words
+
+
+@pytest.fixture
+def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Run the host's command on a model of a board: status, output, complaints."""
+
+    def run(board: LinkModel, *arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(commands, "SerialStream", lambda port, baud: Line(board))
+        status = commands.main(["--port", "a line", *map(str, arguments)])
+        shown = capsys.readouterr()
+        return status, shown.out, shown.err
+
+    return run
+
+
+def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
+    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
+    control = drive.control.model_copy(update={"method": "MPFC"})
+    found = values(drive.model_copy(update={"control": control}), GuardSettings(clock=25e6))
+    address, fields = registers_of("mptc")["system.capabilities"]
+    words: dict[int, int] = {}
+    lacking = Board(link_of(model(words=words)))
+    with pytest.raises(RegisterError, match=r"sets parameters.method_mpfc, .*lack flux_control"):
+        lacking.load(found)
+    assert not words
+    words[address] = 1 << fields["flux_control"][0]
+    assert lacking.load(found) == len(found.writes())
+
+
+@pytest.mark.parametrize(
+    ("setting", "key"),
+    [
+        ('switching_horizon = "SESE"', "switching_horizon"),
+        ("delay_compensation = true", "delay_compensation"),
+    ],
+)
+@pytest.mark.parametrize("order", ["load", "run"])
+def test_a_board_with_the_papers_explorers_is_not_given_what_they_cannot_do(
+    host, tmp_path: Path, setting: str, key: str, order: str
+) -> None:
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = text.replace("switching_horizon", "# switching_horizon")
+    drive = tmp_path / "drive.toml"
+    drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
+    words: dict[int, int] = {}
+    board = model(controller=Controller.MPDCC, words=words)
+    assert board.identity.options & 1
+    status, shown, complaints = host(board, order, drive)
+    assert (status, shown, words) == (2, "", {})
+    assert complaints.startswith(f"host: {drive}: control.{key}: got")
+    assert len(complaints.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (("guard.dead_time", "clocks=5000"), "guard.dead_time: clocks = 5000 does not fit"),
+        (("guard.dead_time", "clocks=-1"), "from 0 to 4095"),
+        (("system.control", "enable=2"), "from 0 to 1"),
+        (("system.control", "enable=yes"), "'yes'"),
+        (("system.control", "enable"), "'enable' is not FIELD=VALUE"),
+    ],
+)
+def test_the_command_writes_nothing_that_does_not_fit(host, given, reason) -> None:
+    words: dict[int, int] = {}
+    status, text, complaints = host(model(words=words), "write", *given)
+    assert (status, text, words) == (2, "", {})
+    assert len(complaints.splitlines()) == 1
+    assert reason in complaints
+
+
+@pytest.mark.parametrize(
+    ("controller", "name", "out", "reason"),
+    [
+        (Controller.MPTC, "induction_2kw2", "out.csv", "--out: {drive} is an mptc drive"),
+        (
+            Controller.MPDCC,
+            "anpc5l_6kv",
+            "none/out.csv",
+            "{folder}/none/out.csv: cannot be written",
+        ),
+        (Controller.MPDCC, "anpc5l_6kv", ".", "{folder}: cannot be written"),
+        (Controller.MPDCC, "anpc5l_6kv", "drive.toml", "{folder}/drive.toml: is an input"),
+    ],
+)
+def test_what_cannot_be_written_is_found_before_the_first_step(
+    host, tmp_path: Path, controller: Controller, name: str, out: str, reason: str
+) -> None:
+    drive, words = tmp_path / "drive.toml", {}
+    text = (ROOT / "drives" / f"{name}.toml").read_text(encoding="utf-8")
+    drive.write_text(text, encoding="utf-8")
+    board = model(controller=controller, words=words)
+    given = ("run", drive, "--steps", 2, "--out", tmp_path / out)
+    status, shown, complaints = host(board, *given)
+    assert (status, shown, words) == (2, "", {})
+    assert complaints.startswith("host: " + reason.format(drive=drive, folder=tmp_path))
+    assert len(complaints.splitlines()) == 1
+    assert sorted(tmp_path.iterdir()) == [drive]
+    assert drive.read_text(encoding="utf-8") == text
+
+
+def test_run_writes_the_decisions(host, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    # the model of a board answers every step alike: the decisions differ from the bit-true model's
+    board = model(controller=Controller.MPDCC)
+    status, _, _ = host(
+        board, "run", ROOT / "drives" / "anpc5l_6kv.toml", "--steps", 3, "--out", out
+    )
+    assert status == 1
+    assert len(read_decisions(out)) == 3
+
+
+@pytest.mark.parametrize(("count", "shown"), [(1, "1 explorer,"), (2, "2 explorers,")])
+def test_identify_counts_explorers(host, count: int, shown: str) -> None:
+    status, text, _ = host(model(controller=Controller.MPDCC, explorers=count), "identify")
+    assert status == 0
+    assert shown in text
+
+
+def test_generated_texts_are_current() -> None:
+    page = examples.PAGE.read_text(encoding="utf-8")
+    assert examples.page(page) == page
+    for title, frame in examples.frames():
+        assert title in page
+        outcome, read = p.judge(frame.wire()[1:-1])
+        assert (outcome, read) == (Outcome.ACCEPTED, frame)
+        assert len(frame.wire()) == len(frame.payload) + 13
+    path = vhdl_package._PATH
+    assert vhdl_package.text() == path.read_text(encoding="ascii")

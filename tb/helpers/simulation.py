@@ -1,0 +1,85 @@
+"""Runs one cocotb module on one VHDL top with GHDL, and believes it only with counted checks."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scripts.hdl.ghdl import BenchError, execute
+from scripts.hdl.sources import RTL
+
+#: Conversions between records and flat ports, for the wrappers of MPDCC's inner entities.
+MPDCC_FLAT = Path(__file__).resolve().parent / "mpdcc_flat.vhd"
+
+#: Variants of the explorer that the benches run, and the generic that selects each.
+VARIANTS: dict[str, dict[str, object]] = {
+    "paper": {"FOLDED": "true"},
+    "fast": {"FOLDED": "false"},
+}
+
+#: Environment variables between pytest and the cocotb module.
+ARGUMENTS, RESULT = "DIRECTMPC_BENCH_ARGUMENTS", "DIRECTMPC_BENCH_RESULT"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a bench reports.
+
+    Attributes
+    ----------
+    checks : dict of int
+        Comparisons made, by name.
+    covered : dict of int
+        How often each thing that had to happen did.
+    measured : dict of int
+        Extremes of what was measured, clocks for instance.
+    """
+
+    checks: dict[str, int]
+    covered: dict[str, int]
+    measured: dict[str, int]
+
+
+def run(
+    top: str,
+    module: str,
+    *,
+    units: Sequence[str],
+    files: Sequence[Path] = (),
+    generics: Mapping[str, object] | None = None,
+    arguments: Mapping[str, object] | None = None,
+    rtl: Path = RTL,
+    timeout: int = 120,
+) -> Outcome:
+    """Run a bench that keeps a scoreboard and return what it counted.
+
+    ``arguments`` reach the cocotb module through the environment, so that it never asks the
+    simulator for a generic.  A bench that counted no check has failed.
+    """
+    with tempfile.TemporaryDirectory(prefix="directmpc-bench-") as name:
+        folder = Path(name)
+        result = folder / "outcome.json"
+        environment = {
+            ARGUMENTS: json.dumps(dict(generics or {}) | dict(arguments or {})),
+            RESULT: str(result),
+        }
+        execute(
+            top,
+            module,
+            folder,
+            units=units,
+            files=files,
+            generics=generics,
+            environment=environment,
+            rtl=rtl,
+            timeout=timeout,
+        )
+        if not result.exists():
+            raise BenchError(f"{module} left no result: it checked nothing")
+        outcome = Outcome(**json.loads(result.read_text(encoding="utf-8")))
+    if sum(outcome.checks.values()) == 0:
+        raise BenchError(f"{module} made no check")
+    return outcome

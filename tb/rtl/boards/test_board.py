@@ -1,0 +1,438 @@
+"""The whole board top in Verilator, through its pins: the host's own program, and hostile lines.
+
+Sweep: both controllers as build options of the same top; UART and SPI; both positions of the
+switch.
+Stimulus: closed loops of 2,000 control steps of the 6 kV drive, of 300 of it with two switchings
+and a budget, and of 300 of a two-level drive, over the pseudo-terminal of the virtual board;
+100,000 corrupted, random, replayed, oversized and cut off frames over SPI, 200 over UART, with the
+gates let through; good requests in between.
+Checks: decisions against the bit-true model, and against the files that replay writes from the
+recorded trace: the model's for all steps, the RTL's, clocks included, for a sample; no gate
+changes; every counter; that the request that follows is answered; that all gates are off after a
+reset and without permit.
+Timing: from the pins; the SPI exchange of a step stays below 32 us.
+Does not prove: anything about pads, cables and drivers.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc.drive_file import Drive, load_any_drive
+from directmpc.host import __main__ as commands
+from directmpc.host import lockstep
+from directmpc.host import protocol as p
+from directmpc.host.board import Board
+from directmpc.host.link import Link, RefusedError, SerialStream
+from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
+from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.mpdcc import trace
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
+from scripts.commands import replay
+from scripts.commands.replay import VARIANTS
+from scripts.hdl import states
+from scripts.hdl.virtual_board import Script, VirtualBoard, generics
+from scripts.shared.tools import ROOT
+
+MPDCC = ROOT / "drives" / "anpc5l_6kv.toml"
+MPTC = ROOT / "drives" / "induction_2kw2.toml"
+STEPS = 2000
+SAMPLE = 240  # of them, replayed by the RTL
+BUDGET = 300  # candidates of SESE's second level: enough for some searches
+HOSTILE = 100_000
+CLOCK = 25e6
+
+
+def rows_of(path: Path) -> list[list[str]]:
+    """Fields of a CSV file, header included."""
+    return [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def without_cycles(rows: list[list[str]]) -> list[list[str]]:
+    """The same without the column `cycles`."""
+    at = rows[0].index("cycles")
+    return [[*row[:at], *row[at + 1 :]] for row in rows]
+
+
+def replayed(folder: Path, engine: str, seen: MpdccTrace) -> list[list[str]]:
+    """What `make replay` writes for the shipped drive and this trace, one explorer."""
+    recorded, out = folder / f"{engine}-trace.csv", folder / f"{engine}.csv"
+    trace.write_trace(recorded, seen)
+    given = {
+        "--drive": MPDCC, "--trace": recorded, "--out": out, "--engine": engine, "--explorers": 1,
+    }  # fmt: skip
+    assert replay.main([str(part) for pair in given.items() for part in pair]) == 0
+    return rows_of(out)
+
+
+def sample_of(decisions: Decisions) -> IntArray:
+    """Rows of each kind a decision can be of, SAMPLE in all or nearly so, in order."""
+    kinds = [
+        decisions.held == 1,
+        decisions.deadlock == 1,
+        (decisions.held == 0) & (decisions.deadlock == 0),
+    ]
+    assert kinds[0].any()
+    assert kinds[2].any()
+    rng = np.random.default_rng(1)
+    picked = [rng.permutation(np.flatnonzero(kind))[: SAMPLE // len(kinds)] for kind in kinds]
+    return np.sort(np.concatenate(picked))
+
+
+def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path: Path) -> None:
+    drive = load_any_drive(MPDCC)
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(generics("mpdcc"), tmp_path / "board", log) as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        assert board.is_mpdcc()
+        found = values(drive, GuardSettings(clock=CLOCK))
+        found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
+        board.load(found)
+        assert board.differing(found) == []
+        with lockstep.gates_enabled(board):
+            run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, STEPS, "fast")
+        counters = board.counters()
+        off = board.read("system.gates")["gates"]
+        stream.close()
+    assert run.differing == 0
+    # replay itself, from files alone: it reads what the board saw and writes what it decides
+    trace.write_decisions(tmp_path / "board.csv", replace(decisions, exhausted=None))
+    told = rows_of(tmp_path / "board.csv")
+    assert len(told) == STEPS + 1
+    # the model has no clock: its file has no cycles, everything else is the same text
+    assert without_cycles(told) == without_cycles(replayed(tmp_path, "model", seen))
+    # the replay bench has the RTL's clock too
+    sample = sample_of(decisions)
+    assert [told[0], *(told[1 + k] for k in sample)] == replayed(tmp_path, "rtl", seen.rows(sample))
+    assert run.cycles.min() >= 21
+    assert run.cycles.max() <= VARIANTS["fast"].worst_cycles(1)
+    assert run.running.all()
+    assert run.faults == 0
+    assert len(np.unique(run.gates)) > 50
+    assert counters[Outcome.ACCEPTED] > STEPS
+    assert sum(counters.values()) == counters[Outcome.ACCEPTED]
+    assert off == 0
+    assert len(log.read_text().splitlines()) > 500
+
+
+def exhausted_of(drive: Drive, seen: MpdccTrace) -> list[int]:
+    """Whether the budget ends the model's search, for every row that was seen."""
+    register = VARIANTS["fast"].registers(drive).array()
+    measured, _ = bit_true.encode(seen)
+    order = np.empty((64, 5), dtype=np.int64)
+    return [
+        int(bit_true_fast.search_words(register, row, s, order)[7])
+        for row, s in zip(measured, seen.s_prev, strict=True)
+    ]
+
+
+def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
+    drive = states.changed(load_any_drive(MPDCC), switching_horizon="SESE", budget=BUDGET)
+    with VirtualBoard(generics("mpdcc"), tmp_path / "board") as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        board.load(values(drive, GuardSettings(clock=CLOCK)))
+        board.write("system.control", enable=0, own_positions=0)
+        run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, 300, "fast")
+        stream.close()
+    assert run.differing == 0
+    wanted = exhausted_of(drive, seen)
+    # what it tells, and what the file of the host's command says
+    path = tmp_path / "board.csv"
+    trace.write_decisions(path, decisions)
+    told = trace.read_decisions(path).exhausted
+    assert told is not None
+    assert told.tolist() == wanted
+    searched = decisions.held == 0
+    assert 5 < told.sum() < searched.sum()
+
+
+def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
+    drive = load_any_drive(MPTC)
+    with VirtualBoard(generics("mptc"), tmp_path / "board") as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        assert board.controller == "mptc"
+        found = values(drive, GuardSettings(clock=CLOCK))
+        found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
+        board.load(found)
+        assert board.differing(found) == []
+        with lockstep.gates_enabled(board):
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 300)
+        stream.close()
+    assert run.differing == 0
+    assert run.faults == 0
+    assert run.running[1:].all()
+    assert set(run.cycles) == {39}
+
+
+def test_the_host_command_closes_the_loop(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    with VirtualBoard(generics("mptc"), tmp_path / "board") as running:
+        port = ["--port", str(running.port)]
+        assert commands.main([*port, "identify"]) == 0
+        assert commands.main([*port, "run", str(MPTC), "--steps", "20", "--gates"]) == 0
+        assert commands.main([*port, "read", "system.status"]) == 0
+        assert commands.main([*port, "monitor", "--count", "1"]) == 0
+        shown = capsys.readouterr().out
+        assert "MPTC" in shown
+        assert "20 in" in shown
+        # errors: one line, nothing else
+        for wrong, reason in (
+            (["load", str(MPDCC)], "the drive file is for mpdcc, the board has mptc"),
+            (["read", "system.nothing"], "no register or field 'system.nothing'"),
+            (["write", "system.status", "busy=1"], "no such register, or not for that access"),
+        ):
+            assert commands.main([*port, *wrong]) == 2
+            said = capsys.readouterr().err
+            assert reason in said
+            assert len(said.splitlines()) == 1
+    assert commands.main(["--port", str(tmp_path / "none"), "identify"]) == 2
+    assert "cannot be opened" in capsys.readouterr().err
+
+
+# ---------------------------------------------------------------------------------------------
+# Hostile lines
+# ---------------------------------------------------------------------------------------------
+
+
+class Hostile:
+    """A board with its gates let through, requests one at a time over SPI or UART pins."""
+
+    def __init__(self, script: Script, spi: bool) -> None:
+        self.script, self.spi = script, spi
+        self.number = 0
+        script.steps_over_spi(spi)
+        script.wait(40)
+        script.run()
+
+    def send(self, data: bytes, more: int = 0) -> None:
+        """Bytes on the line; over SPI some zeros behind them."""
+        if self.spi:
+            self.script.spi(data + bytes(more))
+        else:
+            self.script.uart(data)
+
+    def request(self, kind: Type, payload: bytes = b"") -> bytes:
+        """A good request; its reply's payload."""
+        self.number += 1
+        self.send(Frame(kind, self.number, payload).wire(), 70)
+        self.script.wait(200 if self.spi else 60 * 10 * 4)
+        data = b"".join(order.spi if self.spi else order.uart for order in self.script.run())
+        frames = [p.judge(s)[1] for s in Splitter().feed(data)]
+        replies = [f for f in frames if f is not None and f.sequence == self.number]
+        assert len(replies) == 1, f"{kind.name}: {data.hex(' ')}"
+        if replies[0].kind == Type.REFUSED | p.REPLY:
+            raise RefusedError(kind, Outcome(replies[0].payload[0]), 0)
+        assert replies[0].kind == kind | p.REPLY
+        return replies[0].payload
+
+    def write(self, name: str, word: int) -> None:
+        """A register by name."""
+        address = registers_of("mptc")[name][0]
+        reply = self.request(Type.WRITE, struct.pack("<HI", address, word))
+        assert reply[2] == 0, name
+
+    def run_up(self) -> Decision:
+        """Load a drive, enable the gates, decide twice: the gates are on now."""
+        drive = load_any_drive(MPTC)
+        found = values(drive, GuardSettings(clock=CLOCK))
+        # nothing else may switch the gates off during the test: no watchdog within its length
+        for _, address, word in found.writes():
+            self.request(Type.WRITE, struct.pack("<HI", address, word))
+        self.write("guard.decision_limit", 0xFFFF)
+        self.write("guard.watchdog", 0xFFFF)
+        self.write("system.command", 1)
+        self.write("system.faults", 0x1FF)
+        self.write("system.control", 1)
+        decision = None
+        position = 0
+        for _ in range(3):
+            decision = self.step(position)
+            position = decision.position & 7
+            self.script.wait(300)
+        assert decision is not None
+        assert decision.has(Flag.ENABLED)
+        assert not decision.has(Flag.TRIPPED)
+        return decision
+
+    def step(self, position: int) -> Decision:
+        """A decision on measurements that ask for zero voltage."""
+        measured = [0, 0, 0, 0, 0, 32768, 0, 0]  # zero voltage, whatever was applied
+        return Decision.unpack(self.request(Type.STEP, p.step_payload(measured, position)))
+
+    def counters(self) -> Counter[Outcome]:
+        """Frames by outcome, as the board counts them."""
+        counts: list[int] = []
+        for first in (0, p.COUNTERS_PER_REPLY):
+            counts += struct.unpack("<8I", self.request(Type.COUNTERS, bytes([first])))
+        return Counter({o: counts[o] for o in Outcome if counts[o]})
+
+
+def hostile_frame(rng: random.Random, good: list[bytes]) -> tuple[bytes, Outcome]:
+    """Bytes between two delimiters that must not act, and what they have to count as."""
+    while True:
+        kind = rng.random()
+        wire = bytearray(rng.choice(good)[1:-1])
+        if kind < 0.35:  # bits turned
+            for _ in range(rng.choice([1, 1, 1, 2, 5])):
+                wire[rng.randrange(len(wire))] ^= 1 << rng.randrange(8)
+        elif kind < 0.45:  # bytes lost
+            at = rng.randrange(len(wire))
+            del wire[at : at + rng.choice([1, 1, 2, 9])]
+        elif kind < 0.55:  # bytes added
+            at = rng.randrange(len(wire))
+            wire[at:at] = rng.randbytes(rng.choice([1, 1, 3]))
+        elif kind < 0.75:  # random bytes, at times with a frame's form
+            body = rng.randbytes(rng.randrange(1, 24))
+            if len(body) > 6 and rng.random() < 0.5:
+                body = bytes([rng.choice(list(Type)), max(0, len(body) - 10)]) + body[2:]
+            wire = bytearray(p.stuff(body))
+        elif kind < 0.77:  # oversized
+            wire = bytearray(rng.randrange(1, 256) for _ in range(rng.randrange(44, 120)))
+        elif kind < 0.84:  # nothing but noise
+            wire = bytearray(rng.choice([0x01, 0xFF, 0x55]) for _ in range(rng.randrange(1, 30)))
+        # the rest: as it was sent before, a replay
+        bytes_of_it = bytes(wire)
+        if not bytes_of_it or 0 in bytes_of_it:
+            continue
+        outcome, frame = p.judge(bytes_of_it)
+        if frame is None:
+            return bytes_of_it, outcome
+        if bytes([0, *bytes_of_it, 0]) in good:
+            return bytes_of_it, Outcome.STALE
+
+
+@pytest.mark.parametrize(("spi", "count"), [(True, HOSTILE), (False, 200)], ids=["spi", "uart"])
+def test_hostile_frames_change_no_gate_and_cost_nothing_after_them(spi: bool, count: int) -> None:
+    rng = random.Random(count)
+    with Script(generics("mptc")) as script:
+        board = Hostile(script, spi)
+        decision = board.run_up()
+        on = script_gates(board)
+        assert on != 0
+        # what has been acted upon: to be replayed
+        position = decision.position & 7
+        good = [Frame(Type.STEP, n, p.step_payload([n] * 8, position)).wire() for n in (1, 8)]
+        good += [Frame(Type.WRITE, n, struct.pack("<HI", 0x0C, 0)).wire() for n in range(1, 9)]
+        expected = board.counters()
+        expected[Outcome.ACCEPTED] += 2  # those that asked for the counters
+        seen = 0
+        alive = 0
+        while seen < count:
+            part = min(rng.randrange(1, 60 if spi else 12), count - seen)
+            for _ in range(part):
+                wire, outcome = hostile_frame(rng, good)
+                expected[outcome] += 1
+                if spi and rng.random() < 0.1:
+                    # chip select goes up within it: what had come so far does not count for more
+                    cut = wire[: rng.randrange(1, len(wire) + 1)]
+                    expected[outcome] -= 1
+                    expected[Outcome.LINE] += 1
+                    board.send(b"\0" + cut)
+                else:
+                    board.send(b"\0" + wire + b"\0", 26 if outcome is Outcome.STALE else 0)
+                if not spi:
+                    script.wait(2400)
+            orders = script.run()
+            seen += part
+            assert sum(order.changes for order in orders) == 0
+            assert orders[-1].gates == on
+            # the very next request is served
+            identity = p.Identity.unpack(board.request(Type.IDENTIFY))
+            expected[Outcome.ACCEPTED] += 1
+            alive += 1
+            assert identity.version == p.VERSION
+            if rng.random() < 0.02 or seen == count:
+                assert board.counters() == +expected
+                expected[Outcome.ACCEPTED] += 2
+            # the guard's watchdog is alive all the while: the same decision again keeps it content
+            board.number = max(board.number, 1000)
+            assert board.step(decision.position & 7).position == decision.position
+            expected[Outcome.ACCEPTED] += 1
+        assert seen == count
+        assert alive > count // 60
+        rejected = {o for o in expected if expected[o]} - {Outcome.ACCEPTED}
+        assert rejected >= {Outcome.SHORT, Outcome.CRC, Outcome.STALE}
+        if count == HOSTILE:
+            assert rejected >= set(Outcome) - {
+                Outcome.ACCEPTED, Outcome.LATE, Outcome.BUSY, Outcome.TYPE, Outcome.LINK,
+                Outcome.POSITION,
+            }  # fmt: skip
+
+
+def script_gates(board: Hostile) -> int:
+    """The gates now."""
+    board.script.wait(1)
+    return board.script.run()[-1].gates
+
+
+def test_gates_are_off_after_reset_without_permit_and_without_decisions() -> None:
+    with Script(generics("mptc")) as script:
+        script.wait(2000)
+        assert all(seen.gates == 0 and seen.changes == 0 for seen in script.run())
+        board = Hostile(script, True)
+        assert script_gates(board) == 0
+        board.run_up()
+        assert script_gates(board) != 0
+        # the permit input falls: two flip-flops and the guard
+        script.permit(False)
+        script.wait(4)
+        assert script.run()[-1].gates == 0
+        script.permit(True)
+        script.wait(1000)
+        assert script.run()[-1].gates == 0
+        with pytest.raises(RefusedError, match="not"):
+            board.request(Type.STEP, b"")
+        assert board.step(0).faults & 1
+        # no decision for longer than the watchdog allows
+        board.write("system.control", 0)
+        board.run_up()
+        script.wait(0x10000)
+        assert script.run()[-1].gates == 0
+
+
+def test_a_step_on_the_other_link_or_from_another_position_is_refused() -> None:
+    with Script(generics("mptc")) as script:
+        board = Hostile(script, True)
+        decision = board.run_up()
+        on = script_gates(board)
+        with pytest.raises(RefusedError) as refused:
+            board.step(decision.position & 7 ^ 1)
+        assert refused.value.outcome is Outcome.POSITION
+        script.steps_over_spi(False)
+        script.wait(10)
+        script.run()
+        with pytest.raises(RefusedError) as refused:
+            board.step(decision.position & 7)
+        assert refused.value.outcome is Outcome.LINK
+        assert script_gates(board) == on
+
+
+def test_an_spi_exchange_of_a_step_fits_well_into_a_control_period() -> None:
+    """At SCK of 25 MHz, clock of the core 25 MHz: the request, a slowest decision, the reply."""
+    with Script(generics("mpdcc")) as script:
+        script.steps_over_spi(True)
+        script.wait(40)
+        request = Frame(Type.STEP, 1, p.step_payload([0] * 13, 0)).wire()
+        script.run()
+        script.spi(request + bytes(60))
+        (seen,) = script.run()
+        stuffed = next(iter(Splitter().feed(seen.spi)))
+        end = seen.spi.index(stuffed) + len(stuffed) + 1
+        frame = p.judge(stuffed)[1]
+        assert frame is not None
+        decision = Decision.unpack(frame.payload)
+        # a byte is 8 clocks
+        slowest = VARIANTS["fast"].worst_cycles(1)
+        clocks = 8 * end + slowest - decision.cycles
+        assert clocks / CLOCK < 33e-6

@@ -1,0 +1,407 @@
+"""The netlists that bitstreams are made of, to the byte, driven by the host's own package.
+
+`test_board` has a faster UART, and with it another netlist; here are the boards' own generics:
+their UART's rate and their oscillator's divider.
+
+Sweep: both controllers on the ULX3S; MPTC with the divider by 4 (Arty S7-50) and by 2 with the
+RS-232 rate (Spartan-3); the text of all boards' netlists. Steps over the UART, and over SPI for
+MPTC.
+Stimulus: closed loops over the pseudo-terminal: MPDCC 400 steps of the 6 kV drive, 120 with SESE, a
+budget, delay compensation and the weighted deadlock rule; MPTC 300 steps, MPFC 100; corrupted
+frames with the gates on; a second start.
+Checks: the text is what the bitstream's synthesis reads; identity, version, capabilities,
+registers read back; every decision against the bit-true model, a sample of MPDCC's against replay
+by the RTL, clocks included; flags, cycles, counters of decisions and frames, gates; a corrupted
+frame changes no gate; gates are off from the start on; each module is the same text as in the other
+boards' netlists and in the cores that are proven alone; with a part of a signal lost all this turns
+red.
+Does not prove: anything about synthesis after the conversion, nor about a vendor's tools.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.gate_guard import FAULTS as FAULT_NAMES
+from directmpc.gate_guard import anpc_gates, two_level_gates
+from directmpc.host import lockstep
+from directmpc.host import protocol as p
+from directmpc.host.board import Board
+from directmpc.host.link import Link, SerialStream
+from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
+from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
+from directmpc.mpdcc import trace
+from directmpc.mpdcc.trace import MpdccTrace
+from scripts.commands.replay import VARIANTS
+from scripts.generate.boards import BOARDS
+from scripts.hdl import conversion as netlist
+from scripts.hdl import states
+from scripts.hdl.virtual_board import Script, VirtualBoard
+from scripts.measure import bitstream
+from scripts.shared.tools import Generics
+from tb.rtl.boards.test_board import (  # fmt: skip
+    MPDCC,
+    MPTC,
+    Hostile,
+    exhausted_of,
+    replayed,
+    rows_of,
+    script_gates,
+)
+
+ULX3S = BOARDS["ulx3s-85f"]
+STEPS = {"mpdcc": 400, "mptc": 300}
+OPTIONS = 120  # steps of MPDCC with every option of the second level
+BUDGET = 300
+SAMPLE = 30  # decisions of MPDCC that the RTL in GHDL makes as well
+BUILDS = [(name, controller) for name, b in BOARDS.items() for controller in b.controllers]
+
+
+class Recorder(Board):
+    """A board that keeps what was asked of it and what it answered."""
+
+    def __init__(self, link: Link) -> None:
+        super().__init__(link)
+        self.steps: list[tuple[list[int], int, Decision]] = []
+
+    def step(self, words: list[int], position: int) -> Decision:
+        """As the board does."""
+        answer = super().step(words, position)
+        self.steps.append((words, position, answer))
+        return answer
+
+
+def loaded(board: Board, drive: Drive | MptcDrive) -> RegisterValues:
+    """A drive's registers, written, committed and read back."""
+    found = values(drive, GuardSettings(clock=float(board.identity.clock)))
+    found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
+    board.load(found)
+    assert board.differing(found) == []
+    assert not board.read("system.status")["commit_pending"]
+    return found
+
+
+def gates_of(controller: str, answer: Decision) -> int:
+    """Gates that are on in the decided position, as the port has them."""
+    if controller == "mpdcc":
+        on = [(8 * x, gate) for x, s in enumerate(answer.positions) for gate in anpc_gates(s)]
+    else:
+        legs = [answer.position >> 5 - x & 1 for x in range(3)]
+        on = [(2 * x, gate) for x, leg in enumerate(legs) for gate in two_level_gates(leg)]
+    return sum(1 << low + gate - 1 for low, gate in on)
+
+
+def check_facts(board: Board, chosen: Generics) -> None:
+    """Who it says it is, on the link and in its registers."""
+    mpdcc = chosen["CONTROLLER"] == 1
+    who = board.identity
+    assert (board.controller == "mpdcc") is mpdcc
+    assert who.version == p.VERSION
+    assert who.explorers == (chosen["EXPLORERS"] if mpdcc else 0)
+    assert who.options == 2 + (not mpdcc)  # controls; MPFC is built in
+    assert who.clock == chosen["CLOCK_HZ"]
+    assert who.last_sequence == 0
+    version = board.read("system.version")
+    assert version["map"] >= 1
+    assert any(version.values())
+    built = board.read("system.capabilities")
+    assert built["controller"] == chosen["CONTROLLER"]
+    assert (built["second_level"], built["weighted_deadlock"]) == (mpdcc, mpdcc)
+    assert built["flux_control"] == (not mpdcc)
+    assert not any(board.read("system.status").values())
+    assert board.read("system.gates")["gates"] == 0
+
+
+def check_corruption(board: Recorder, stream: SerialStream, log: Path) -> None:
+    """Frames that would stop the gates or move them, each with a fault, are all rejected."""
+    words, _, answer = board.steps[-1]
+    before = board.counters()
+    told, gates = log.read_text(), board.read("system.gates")["gates"]
+    assert gates
+    control = registers_of(board.controller)["system.control"][0]
+    position = answer.position & (0x1FF if board.is_mpdcc() else 7)
+    wires = []
+    for ahead, frame in enumerate((
+        Frame(Type.WRITE, 0, struct.pack("<HI", control, 0)),
+        Frame(Type.STEP, 0, p.step_payload([w ^ 0x7F55 for w in words], position)),
+    )):  # fmt: skip
+        wire = replace(frame, sequence=board.link.sequence + 100 + ahead).wire()[1:-1]
+        crc, last = len(wire) - 2, len(wire) - 1
+        changed = [bytearray(wire) for _ in range(2)]
+        changed[0][crc] ^= 0x10
+        changed[1][last] ^= 0x81
+        wires += [*map(bytes, changed), wire[:last], wire + b"\x55"]
+    line = b"".join(b"\0" + wire + b"\0" for wire in wires)
+    # a changed byte may have become a delimiter: what the board sees are the parts between them
+    judged = [p.judge(part) for part in Splitter().feed(line)]
+    assert len(judged) >= len(wires)
+    assert all(frame is None for _, frame in judged)
+    assert any(outcome is Outcome.CRC for outcome, _ in judged)
+    stream.write(line)
+    after = board.counters()
+    rejected = Counter({o: after[o] - before[o] for o in after if after[o] > before[o]})
+    accepted = rejected.pop(Outcome.ACCEPTED)
+    # the first look's second request, the read of the gates, and the second look's first request
+    assert accepted == 3
+    assert rejected == Counter(outcome for outcome, _ in judged)
+    assert board.read("system.gates")["gates"] == gates
+    assert log.read_text() == told
+    assert board.read("system.status")["running"]
+
+
+def sample_of(seen: MpdccTrace, cycles: np.ndarray) -> np.ndarray:
+    """Rows that the RTL replays: the slowest, and others."""
+    rest = np.random.default_rng(1).permutation(len(cycles))[: SAMPLE - 1]
+    return np.unique(np.append(rest, cycles.argmax()))
+
+
+def prove(
+    running: VirtualBoard,
+    chosen: Generics,
+    log: Path,
+    scale: float = 1.0,
+    folder: Path | None = None,
+) -> None:
+    """Everything that a client can ask of a board that has just been started."""
+    stream = SerialStream(str(running.port), 3_000_000)
+    try:
+        board = Recorder(Link(stream, 10.0))
+        check_facts(board, chosen)
+        name = board.controller
+        steps = int(STEPS[name] * scale)
+        drive = load_any_drive(MPDCC if name == "mpdcc" else MPTC)
+        loaded(board, drive)
+        assert board.read("system.commits")["count"] == 2  # the first is the reset's
+        assert log.read_text() == "clock,gates\n"
+        with lockstep.gates_enabled(board):
+            if name == "mpdcc":
+                run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, steps, "fast")
+                deadlocks = int(decisions.deadlock.any())
+            else:
+                run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, steps)
+                deadlocks = 0
+            # MPTC's decision reaches the gates with the next start
+            _, _, applied = board.steps[-1 if name == "mpdcc" else -2]
+            assert run.differing == 0
+            assert board.read("system.gates")["gates"] == gates_of(name, applied)
+            status = board.read("system.status")
+            assert (status["running"], status["enabled"], status["fault"]) == (1, 1, 0)
+            check_corruption(board, stream, log)
+        assert run.faults == 0
+        assert run.running[2:].all()
+        flags = board.read("system.flags")
+        answers = [answer for _, _, answer in board.steps]
+        assert flags["deadlock"] == deadlocks
+        assert flags["saturated"] == any(answer.has(Flag.SATURATED) for answer in answers)
+        assert flags["clamped"] == any(answer.has(Flag.CLAMPED) for answer in answers)
+        assert flags["start_ignored"] == 0
+        assert board.read("system.cycles") == {"last": run.cycles[-1], "worst": run.cycles.max()}
+        assert board.read("system.decisions")["count"] == steps
+        assert board.read("system.gates")["gates"] == 0
+        assert log.read_text().splitlines()[-1].endswith(",000000")
+        if name == "mpdcc":
+            check_options(board, int(OPTIONS * scale))
+            if folder is not None:
+                check_replay(folder, seen, decisions, run)
+        elif scale == 1.0:
+            flux = drive.model_copy(
+                update={"control": drive.control.model_copy(update={"method": "MPFC"})}
+            )
+            loaded(board, flux)
+            assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 100).differing == 0
+        counters = board.counters()
+        assert counters[Outcome.ACCEPTED] > steps
+        line = float(log.read_text().splitlines()[-1].split(",")[0])
+        print(f"{name}: {steps} steps, {run.rate:.0f} a second; {line:.0f} clocks until gates off")
+    finally:
+        stream.close()
+
+
+def check_options(board: Board, steps: int) -> None:
+    """SESE with a budget, delay compensation and the weighted deadlock rule, decisions alike."""
+    drive = states.changed(
+        load_any_drive(MPDCC),
+        switching_horizon="SESE", budget=BUDGET, delay_compensation=True, deadlock_rule="weighted",
+    )  # fmt: skip
+    loaded(board, drive)
+    run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, steps, "fast")
+    assert run.differing == 0
+    wanted = exhausted_of(drive, seen)
+    assert decisions.exhausted is not None
+    assert decisions.exhausted.tolist() == wanted
+    assert sum(wanted) > 0
+    assert run.cycles.max() > VARIANTS["fast"].worst_cycles(1)
+
+
+def check_replay(
+    folder: Path, seen: MpdccTrace, decisions: trace.Decisions, run: lockstep.LockStep
+) -> None:
+    """`make replay` by the RTL in GHDL writes the same for a sample, clocks included."""
+    trace.write_decisions(folder / "board.csv", replace(decisions, exhausted=None))
+    told = rows_of(folder / "board.csv")
+    some = sample_of(seen, run.cycles)
+    assert [told[0], *(told[1 + k] for k in some)] == replayed(folder, "rtl", seen.rows(some))
+
+
+def synthesised(controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What `make bitstream` gives to Yosys; Yosys itself is left out."""
+    read: list[Path] = []
+    monkeypatch.setattr(bitstream, "map_netlist", lambda verilog, *_: read.append(verilog))
+    bitstream.synthesise(ULX3S, controller, 1, folder)
+    return read[0]
+
+
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_the_bitstreams_netlist_controls_a_drive(
+    controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = ULX3S.generics(controller)
+    log = tmp_path / "gates.csv"
+    verilog = synthesised(controller, tmp_path, monkeypatch)
+    with VirtualBoard(chosen, tmp_path / "board", log, verilog=verilog) as running:
+        prove(running, chosen, log, folder=tmp_path)
+    # configured anew, with other contents of what has no reset: nothing is left of all that
+    for seed in (2, 3):
+        with Script(chosen, seed) as script:
+            script.wait(5000)
+            assert all(seen.gates == 0 and seen.changes == 0 for seen in script.run())
+        with VirtualBoard(chosen, tmp_path / "board", log, seed) as running:
+            stream = SerialStream(str(running.port), 3_000_000)
+            board = Board(Link(stream, 10.0))
+            check_facts(board, chosen)
+            answer = board.step([0] * p.STEP_WORDS[board.identity.controller], 0)
+            assert not answer.has(Flag.ENABLED)
+            assert answer.gates == 0
+            stream.close()
+        assert log.read_text() == "clock,gates\n"
+
+
+def test_the_netlist_with_a_divided_clock_controls_a_drive(tmp_path: Path) -> None:
+    chosen = BOARDS["arty-s7-50"].generics("mptc")
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(chosen, tmp_path / "board", log) as running:
+        prove(running, chosen, log, scale=0.1)
+
+
+def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(tmp_path: Path) -> None:
+    chosen = BOARDS["spartan3-starter"].generics("mptc")
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(chosen, tmp_path / "board", log) as running:
+        stream = SerialStream(str(running.port), 115_200)
+        board = Board(Link(stream, 30.0))
+        check_facts(board, chosen)
+        drive = load_any_drive(MPTC)
+        loaded(board, drive)
+        with lockstep.gates_enabled(board):
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 15)
+        stream.close()
+    assert run.differing == 0
+    # request and reply take 120,000 clocks, of the watchdog's 65,535 at most
+    assert run.faults == 1 << FAULT_NAMES.index("missing")
+    assert not run.running[2:].any()
+
+
+@pytest.mark.parametrize("name", ["ulx3s-85f", "arty-s7-50", "spartan3-starter"])
+def test_steps_over_spi_switch_the_gates_and_permit_stops_them(name: str) -> None:
+    with Script(BOARDS[name].generics("mptc")) as script:
+        board = Hostile(script, True)
+        decision = board.run_up()
+        on = script_gates(board)
+        assert on == gates_of("mptc", decision)
+        wire = bytearray(Frame(Type.WRITE, 5000, struct.pack("<HI", 0x0C, 0)).wire())
+        wire[-3] ^= 0xA5
+        board.send(bytes(wire), 40)
+        script.wait(2000)
+        assert [seen.gates for seen in script.run()] == [on, on]
+        assert board.counters()[Outcome.CRC] == 1
+        script.permit(False)
+        script.wait(4)
+        assert script.run()[-1].gates == 0
+        assert board.step(0).faults & 1
+
+
+def modules_of(top: str, chosen: Generics) -> dict[str, str]:
+    """Modules of a netlist by name."""
+    return netlist.modules(netlist.cached(top, chosen).read_text(encoding="utf-8"))
+
+
+def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
+    # GHDL 2.0 has lost assignments to parts of a signal where something else in the design changed
+    for controller in ("mpdcc", "mptc"):
+        here = modules_of("board_top", ULX3S.generics(controller))
+        for name in (n for n, c in BUILDS if c == controller):
+            chosen = BOARDS[name].generics(controller)
+            if chosen == ULX3S.generics(controller):
+                continue
+            there = modules_of("board_top", chosen)
+            assert {n for n in here.keys() & there.keys() if here[n] != there[n]} == {"board_top"}
+            if chosen["BAUD"] == ULX3S.baud:
+                assert here.keys() == there.keys()
+        alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
+        if controller == "mpdcc":
+            full = {"FOLDED": False, "SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True}
+            # the first is the board's, the second is proven by test_netlist_core
+            alone = [("mpdcc_core", {"EXPLORERS": 1, **full}, 19)]
+            alone += [("mpdcc_core", {"EXPLORERS": 2, **full}, 16)]
+        for top, generics, least in alone:
+            there = modules_of(top, generics)
+            common = here.keys() & there.keys()
+            assert len(common) >= least
+            assert [n for n in common if here[n] != there[n]] == []
+            if generics.get("EXPLORERS") != 2:  # the core itself, whose name has its generics here
+                (core,) = (text for n, text in here.items() if n.startswith(f"{top}_"))
+                assert core == there[top]
+
+
+def test_what_both_controllers_share_is_the_same_in_both() -> None:
+    one, other = (modules_of("board_top", ULX3S.generics(name)) for name in ("mpdcc", "mptc"))
+    common = one.keys() & other.keys()
+    assert common >= {"spi_slave", "frame_transmitter", "gate_supervisor_10", "write_gate"}
+    assert {n for n in common if one[n] != other[n]} == {"board_top"}
+
+
+def test_unnamed_nets_are_all_that_may_differ_in_a_module() -> None:
+    text = "module a\n  (input x);\n  assign n{0}_o = x;\n  assign y = n{0}_o;\nendmodule\n"
+    assert netlist.modules(text.format(7)) == netlist.modules(text.format(123))
+    assert netlist.modules(text.format(7)) != netlist.modules(text.format(7).replace("= x", "= z"))
+
+
+#: Lost while converting, so to speak: a part of a signal, a condition; and who has to notice.
+FAULTS = {
+    "mpdcc": (
+        "explorer_fast", r"assign lanes = (\w+);", r"assign lanes = \1 & ~(861'd65535 << 206);",
+        "run.differing == 0",
+    ),
+    "mptc": (
+        "frame_receiver", r"= crc != 32'b11011110101110110010000011100011;", "= 1'b0;",
+        "check_corruption",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("controller", FAULTS)
+def test_a_lost_assignment_turns_it_red(controller: str, tmp_path: Path) -> None:
+    module, wanted, instead, where = FAULTS[controller]
+    chosen = ULX3S.generics(controller)
+    text = netlist.cached("board_top", chosen).read_text(encoding="utf-8")
+    head, body = re.split(rf"(?=^module {module}\w*$)", text, flags=re.M)
+    body, rest = body.split("\nendmodule", 1)
+    changed, count = re.subn(wanted, instead, body)
+    assert count == 1
+    faulty = tmp_path / "faulty.v"
+    faulty.write_text(f"{head}{changed}\nendmodule{rest}", encoding="utf-8")
+    log = tmp_path / "gates.csv"
+    with (
+        VirtualBoard(chosen, tmp_path / "board", log, verilog=faulty) as running,
+        pytest.raises(AssertionError) as red,
+    ):
+        prove(running, chosen, log, scale=0.1)
+    assert any(where in str(entry.statement) or where == entry.name for entry in red.traceback)

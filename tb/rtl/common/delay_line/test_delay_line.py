@@ -1,0 +1,129 @@
+"""Words in, the same words out so many clocks later; in VHDL and as the netlist made from it.
+
+Sweep: every delay from 3 to 17 clocks, words of 1, 11 and 40 bits; once through GHDL, once the
+converted Verilog through Verilator, its registers and memories beginning with random contents.
+Stimulus: a random word in every clock; resets of one clock and more, close and far apart.
+Checks: every word that comes out a full delay after the last reset, in every clock.
+Timing: the delay is what is checked; one word a clock.
+Does not prove: what comes out sooner after a reset, which is void.
+"""
+
+from __future__ import annotations
+
+import random
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl import conversion as netlist
+from scripts.hdl import netlist_check
+from scripts.hdl.ghdl import BenchError
+from scripts.hdl.sources import RTL, compile_order, rtl_files
+from tb.helpers.simulation import Outcome, run
+
+DELAYS = range(3, 18)
+WIDTHS = (1, 11, 40)
+FLAT = Path(__file__).with_name("delay_line_flat.vhd")
+FILES = [FLAT, Path(__file__).with_name("delay_line_pairs.vhd")]
+
+
+def stimulus(rng: random.Random, clocks: int, width: int) -> tuple[list[int], list[int]]:
+    """A word and a reset of every clock; the first two are resets."""
+    resets = [1, 1]
+    while len(resets) < clocks:
+        resets += [0] * rng.choice([1, 5, 17, 30, 90, 200]) + [1] * rng.choice([1, 1, 2, 7])
+    return [rng.getrandbits(width) for _ in range(clocks)], resets[:clocks]
+
+
+def due(words: list[int], resets: list[int], clocks: int) -> list[int | None]:
+    """What a line shows after the edge of every clock, None where it is void.
+
+    A word of clock j is there after the edge of clock j + clocks - 1. A reset in clock j, or in one
+    of the clocks until the edge before that, moves the place it is read from.
+    """
+    shown: list[int | None] = []
+    for k in range(len(words)):
+        j = k - (clocks - 1)
+        shown.append(words[j] if j >= 0 and not any(resets[j:k]) else None)
+    return shown
+
+
+def bench(width: int = 11, clocks: int = 3000, rtl: Path = RTL) -> Outcome:
+    """The VHDL in GHDL."""
+    return run(
+        "delay_line_flat",
+        "tb.rtl.common.delay_line.bench_delay_line",
+        units=["delay_line"],
+        files=[FLAT],
+        generics={"WIDTH": width},
+        arguments={"seed": width, "clocks": clocks},
+        rtl=rtl,
+    )
+
+
+def netlist_bench(
+    width: int = 11, clocks: int = 6000, rtl: Path = RTL, *, check: bool = True
+) -> dict[int, int]:
+    """The netlist in Verilator; words that each delay's line was seen to bring out in time.
+
+    Without `check` the conversion refuses no netlist, so that a wrong one is simulated.
+    """
+    rng = random.Random(width)
+    words, resets = stimulus(rng, clocks, width)
+    inputs = {
+        "align_0": resets[::2], "align_1": resets[1::2],
+        "word_0": words[::2], "word_1": words[1::2],
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="delay-line-") as name:
+        verilog, _ = netlist.convert(
+            "delay_line_pairs",
+            {"WIDTH": width},
+            Path(name) / "delay_line_pairs.v",
+            files=[*compile_order("delay_line", rtl_files(rtl)), *FILES],
+            check=check,
+        )
+        found = netlist_check.ports_of(verilog, "delay_line_pairs")
+        # without gaps a pair follows the other, so that every clock is one of the stimulus
+        answers = [
+            netlist_check.simulate(
+                "delay_line_pairs",
+                {"WIDTH": width},
+                inputs,
+                ports=netlist_check.Ports(found.inputs, found.outputs, tuple(inputs)),
+                verilog=verilog,
+                seed=seed,
+                gap=0,
+            )
+            for seed in (1, 2, 3)
+        ]
+    checks = dict.fromkeys(DELAYS, 0)
+    for delay in DELAYS:
+        wanted = due(words, resets, delay)
+        for answer in answers:
+            shown = [0] * clocks  # after the edge of each clock; after the last one nobody looks
+            for n, (before, after) in enumerate(
+                zip(answer.outputs["delayed_0"], answer.outputs["delayed_1"], strict=True)
+            ):
+                shown[2 * n] = after
+                if n:
+                    shown[2 * n - 1] = before
+            for k in range(clocks - 1):
+                if (want := wanted[k]) is None:
+                    continue
+                got = shown[k] >> (delay - 3) * width & ((1 << width) - 1)
+                if got != want:
+                    raise BenchError(f"{delay} clocks: {got:#x}, not {want:#x}; clock {k}")
+                checks[delay] += 1
+    return checks
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_words_come_out_in_time(width: int) -> None:
+    found = bench(width)
+    assert min(found.checks[f"{clocks} clocks"] for clocks in DELAYS) >= 1000
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_netlists_words_come_out_in_time(width: int) -> None:
+    assert min(netlist_bench(width).values()) >= 6000

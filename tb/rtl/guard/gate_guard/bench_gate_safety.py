@@ -1,0 +1,33 @@
+"""Cocotb side of the seeded faults of ``test_gate_safety``: properties in every clock."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import fields
+
+import cocotb
+
+from directmpc.gate_guard import GateGuard, Inputs
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
+from tb.rtl.guard.gate_guard.stimulus import life
+
+NAMES = [f.name for f in fields(Inputs)]
+
+
+@cocotb.test()
+async def every_property(dut) -> None:
+    """A random life, no property violated."""
+    given = arguments()
+    five_level = given["FIVE_LEVEL"] == "true"
+    board, clock = Scoreboard(), Clock(dut)
+    guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
+    for n, i in enumerate(life(random.Random(given["seed"]), five_level, guard, given["clocks"])):
+        for name in NAMES:
+            value = getattr(i, name)
+            getattr(dut, name).value = bits(value, 16) if name.startswith("is_") else value
+        await clock.tick()
+        guard.clock(i)
+        if n < 4:
+            continue
+        board.check("violations", f"{number(dut.violations):09b}", "0" * 9, f"clock {n}, {i}")
+    board.finish({"violations": given["clocks"] - 4})

@@ -1,0 +1,99 @@
+"""Random life of a gate guard: mostly a drive that runs, sometimes everything at once."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import replace
+
+from directmpc.gate_guard import GateGuard, Inputs
+from directmpc.mpdcc import inverter as anpc
+from tb.helpers.scoreboard import word
+
+
+def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:
+    """Times a drive can run with, or anything."""
+    if rng.random() < 0.1:
+        return {
+            "dead_time": rng.getrandbits(12),
+            "minimum_on": rng.getrandbits(12),
+            "minimum_off": rng.getrandbits(12),
+            "decision_limit": rng.getrandbits(16),
+            "watchdog": rng.getrandbits(16),
+        }
+    return {
+        "dead_time": rng.randrange(6),
+        "minimum_on": rng.randrange(9),
+        "minimum_off": rng.randrange(9),
+        "decision_limit": rng.randrange(3, 12),
+        "watchdog": rng.randrange(30, 60),
+    }
+
+
+def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) -> Iterator[Inputs]:
+    """Inputs clock by clock; reads the model's goals to know what is legal."""
+    i = Inputs(
+        current_limit=12_000,
+        link_high=40_000,
+        link_low=20_000,
+        v_dc=32_000,
+        **_settings(rng, five_level),
+    )
+    period, phase, wild = 40, 0, False
+    for n in range(clocks):
+        i = replace(i, rst=0, external_trip=0, clear=0, measured=0, start=0, decided=0)
+        if n % 700 == 0:
+            wild = rng.random() < 0.1
+            period = rng.choice([7, 12, 20, 40, 45])
+            i = replace(i, **_settings(rng, five_level))
+        if n < 2 or rng.random() < 0.0005:
+            i.rst = 1
+        # a fault is cleared, enable goes down and up again, soon
+        if guard.faults and rng.random() < 0.3:
+            i.clear = rng.choice([guard.fault_bits, 0x1FF, rng.getrandbits(9)])
+            i.enable = rng.getrandbits(1)
+        if not guard.faults and not guard.running and rng.random() < 0.3:
+            i.enable ^= 1
+        if guard.running and rng.random() < 0.001:
+            i.enable = 0
+        if rng.random() < 0.004:
+            i = replace(
+                i, **rng.choice([_settings(rng, five_level), {"dead_time": rng.randrange(6)}])
+            )
+        phase += 1
+        if phase >= period:
+            phase = 0
+            i.start = i.measured = 1
+            i.is_alpha, i.is_beta = (rng.randrange(-9000, 9000) for _ in range(2))
+            i.v_dc = rng.randrange(24_000, 38_000)
+            if rng.random() < 0.02:
+                i.is_alpha, i.is_beta = word(rng, 16), word(rng, 16)
+            if rng.random() < 0.04:
+                i.v_dc = word(rng, 16, signed=False)
+        late = phase == 3 and rng.random() < 0.02
+        hasty = rng.random() < (0.02 if wild else 0.05 if phase == 4 else 0.002)
+        if (phase == 3 and not late) or hasty:
+            i.decided = 1
+            goals = [leg.goal for leg in guard.legs]
+            for x in range(3):
+                if rng.random() < 0.5:
+                    choices = anpc.NEXT_POSITIONS[goals[x]] if five_level else (0, 1)
+                    goals[x] = int(rng.choice(choices))
+                if rng.random() < 0.01:
+                    goals[x] = rng.randrange(8)
+            i.position_a, i.position_b, i.position_c = goals
+        else:
+            i.position_a, i.position_b, i.position_c = (rng.randrange(8) for _ in range(3))
+        if rng.random() < 0.0005:
+            i.external_trip = 1
+        if wild and rng.random() < 0.02:
+            i.current_limit = word(rng, 16, signed=False)
+        elif not wild:
+            i.current_limit = 12_000
+        if wild and rng.random() < 0.02:
+            i.start = 1
+        if not five_level:
+            i.position_a, i.position_b, i.position_c = (
+                p & 1 for p in (i.position_a, i.position_b, i.position_c)
+            )
+        yield i

@@ -1,0 +1,125 @@
+"""Cocotb side of ``test_capacitor_search``."""
+
+from __future__ import annotations
+
+import random
+
+import cocotb
+
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc import inverter as anpc
+from scripts.measure import budgets
+from tb.helpers import plain
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, signed, word
+
+#: Clocks after start, as the entity's header declares.
+HELD = budgets.clocks("capacitor_search", "held")
+LAST_ROW = budgets.clocks("capacitor_search", "last_row")
+ROWS = 17
+READY_BEFORE = 6
+
+
+def unpack_row(value: int) -> tuple[int, tuple[int, int]]:
+    """Row, (length, excess) of a packed entry."""
+    length = value >> 6 & ((1 << f.LENGTH_WIDTH) - 1)
+    excess = signed(value >> (6 + f.LENGTH_WIDTH), f.TRAJECTORY_WIDTH)
+    return value >> 1 & 31, (length, excess)
+
+
+def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:
+    """A node with errors around its bounds and any current terms that a current can make."""
+    most = f.BOUND_HIGH["fast"]
+    bounds = [rng.choice([0, 1, most, rng.randint(0, most), rng.randint(0, 500)]) for _ in "pn"]
+    limits = plain.Limits(0, bounds[0], bounds[1], rng.choice([1, 2, 63, rng.randint(1, 63)]), 0)
+
+    def error(bound: int) -> int:
+        if rng.random() < 0.1:
+            return word(rng, f.TERM_WIDTH)
+        if rng.random() < 0.3:
+            return rng.choice([-1, 1]) * (bound + rng.randint(-1, 1))
+        return rng.randint(-bound - 1, bound + 1)
+
+    def currents() -> list[int]:
+        high = 2 ** (f.CURRENT_TERM_WIDTH - 2)
+        scale = rng.choice([high, 4000, 600, 40, 2])
+        alpha, beta = (rng.randint(-scale, scale) for _ in "ab")
+        return plain.phases(alpha, beta // 2)
+
+    node = plain.Node(
+        error=[0, 0, 0, *(error(b) for b in limits.bounds[3:])],
+        slope=[0, 0, 0],
+        forced_link=0,
+        forced_neutral=0,
+        forced_phase=[0, 0, 0],
+        phase_current=currents(),
+        neutral_current=currents(),
+        weight_start=0,
+        weight_slope=[0, 0, 0],
+        opposite=True,
+    )
+    return node, limits
+
+
+@cocotb.test()
+async def random_nodes(dut) -> None:
+    """Tables of random nodes, back to back at the declared interval or later."""
+    given = arguments()
+    rng = random.Random(given["seed"])
+    board, clock = Scoreboard(), Clock(dut)
+    dut.start.value = dut.node.value = dut.limits.value = dut.previous.value = 0
+    await clock.reset(8)
+    board.check("silent", lowest_bit(dut.entry), 0)
+    for n in range(given["nodes"]):
+        node, limits = random_node(rng)
+        s_prev = tuple(rng.randrange(8) for _ in range(3))
+        rows = plain.capacitor_rows(node, limits)
+        dut.node.value = plain.pack_node(node)
+        dut.limits.value = limits.pack()
+        dut.previous.value = s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6
+        dut.start.value = 1
+        await clock.tick()
+        dut.start.value = 0
+        pattern = sum(int(anpc.NEUTRAL_CURRENT[p] != 0) << x for x, p in enumerate(s_prev))
+        slopes = plain.slopes(node, s_prev)
+        ends = zip(node.error[3:], slopes[3:], limits.bounds[3:], strict=True)
+        inside = all(abs(e + b) <= bound for e, b, bound in ends)
+        cut = rng.randrange(1, LAST_ROW) if rng.random() < 0.06 else 0
+        seen: dict[int, tuple[int, int]] = {}
+        for k in range(1, LAST_ROW + 1):
+            write = lowest_bit(dut.entry)
+            context = f"node {n}, clock {k}, s(k-1) {s_prev}"
+            board.check("written", write, int(k > LAST_ROW - ROWS), context)
+            if write:
+                row, content = unpack_row(number(dut.entry))
+                context += f", row {row}"
+                board.check("row once", row in rows and row not in seen, True, context)
+                board.check("row", content, rows[row], context)
+                if len(seen) == 3:
+                    board.check("s(k-1) first", row, 16 + pattern, context)
+                seen[row] = content
+                board.cover("whole horizon", int(content[0] == limits.horizon))
+                board.cover("dead", int(content[0] == 0))
+                board.cover("between", int(0 < content[0] < limits.horizon))
+            if k >= HELD:
+                board.check("held", number(dut.held), int(inside), context)
+            board.check("ready", number(dut.ready), int(k > LAST_ROW - READY_BEFORE), context)
+            if k in (cut, LAST_ROW):
+                break
+            await clock.tick()
+        if cut:
+            await clock.reset(1)
+            for _ in range(LAST_ROW):
+                board.check("silent after reset", lowest_bit(dut.entry), 0)
+                await clock.tick()
+            board.cover("reset")
+            continue
+        board.check("all rows", sorted(seen), sorted(rows), f"node {n}")
+        board.cover("held" if inside else "not held")
+        for _ in range(1 + rng.choice([0, 0, 4]) * given["throttle"]):
+            await clock.tick()
+            board.check("no row without a start", lowest_bit(dut.entry), 0)
+            board.check("held stays", number(dut.held), int(inside))
+    board.finish(
+        {"row": 15 * given["nodes"], "held": given["nodes"]},
+        {"held": 10, "not held": 10, "whole horizon": 50, "dead": 50, "between": 50, "reset": 1},
+    )

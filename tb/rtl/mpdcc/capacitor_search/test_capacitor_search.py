@@ -1,0 +1,37 @@
+"""The table of the capacitors' lengths against straight lines walked step by step.
+
+Sweep: one configuration; bounds 0 to 29000, horizons 1 to 63.
+Stimulus: random and corner nodes, errors on their bounds and one beyond, any currents; back to back
+and with idle clocks; resets in the middle.
+Checks: all 17 rows, each once, those of s(k-1) first; the hold test; when rows come and that none
+comes otherwise.
+Timing: the hold test 8 clocks after start, the last row 23 clocks after start, ready six earlier.
+Does not prove: inputs that change before the table is complete, which is forbidden.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+
+FILES = [MPDCC_FLAT, Path(__file__).with_name("capacitor_search_flat.vhd")]
+
+
+def bench(nodes: int = 500, throttle: bool = False, rtl: Path = RTL) -> Outcome:
+    return run(
+        "capacitor_search_flat",
+        "tb.rtl.mpdcc.capacitor_search.bench_capacitor_search",
+        units=["capacitor_search"],
+        files=FILES,
+        arguments={"seed": 6, "nodes": nodes, "throttle": throttle},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
+def test_rows_are_straight_lines(throttle: bool) -> None:
+    assert bench(throttle=throttle).checks["row"] >= 7500

@@ -1,0 +1,57 @@
+"""The fast explorer, as mpdcc_explorer with FOLDED = false, against parabolas walked step by step.
+
+Sweep: without and with the weighted deadlock rule, its bit set and not, with no effect without;
+horizons 1 to 63, bounds 0 to 29000.
+Stimulus: nodes of both shipped drives, of random drives and of random registers; errors exactly on
+a bound and one beyond; no, some or all blocks of random positions; the capacitors' table in random
+order, its last rows while candidates are already under way; full speed, throttled offers and
+takers; `last` at once or after an idle time; resets in the middle; random values on what is not
+sampled.
+Checks: answers to probes; the best candidate, its cost, or the least excess of all dead ones by the
+rule, ties to the earliest; no result before `last`, one only, stable until taken; busy.
+Timing: a probe's answer 10 clocks after it is taken; one candidate a clock, the result 20 clocks
+after the last of them, in every full-speed node.
+Does not prove: nodes that no measurement makes, whose sums could overflow.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+
+FILES = [MPDCC_FLAT, Path(__file__).parents[1] / "mpdcc_explorer" / "mpdcc_explorer_flat.vhd"]
+
+
+def bench(
+    nodes: int = 200, throttle: bool = False, rtl: Path = RTL, *, weighted: bool = False
+) -> Outcome:
+    return run(
+        "mpdcc_explorer_flat",
+        "tb.rtl.mpdcc.explorer_fast.bench_explorer_fast",
+        units=["mpdcc_explorer"],
+        files=FILES,
+        generics=VARIANTS["fast"] | {"WEIGHTED_DEADLOCK": str(weighted).lower()},
+        arguments={"seed": 8, "nodes": nodes, "throttle": throttle, "weighted": weighted},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
+@pytest.mark.parametrize("weighted", [False, True], ids=["contract's rule", "both rules"])
+def test_results_follow_the_parabolas(throttle: bool, weighted: bool) -> None:
+    found = bench(throttle=throttle, weighted=weighted)
+    print(found)
+    assert found.checks["cost"] >= 50
+    assert found.checks["excess"] >= 50
+    events = [
+        "held", "not held", "dead", "feasible", "ties", "dead ties", "weight saturated", "reset",
+        "none",
+    ]  # fmt: skip
+    for event in events + ["result waited"] * throttle + ["weighted"] * weighted:
+        assert found.covered.get(event, 0) >= 3, event
+    if not throttle:
+        assert found.checks["result in time"] >= 4000

@@ -1,0 +1,53 @@
+"""The scheduler with stubs in place of explorers: what they answer, and when, is free.
+
+Sweep: one to eight explorers of both variants.
+Stimulus: random measurements and registers; stubs that answer at once or after tens of clocks, in
+any order, several in the same clock, with many equal costs and excesses, feasible ones late, costs
+and excesses at the ends of their words; stubs that drop what cannot win; takers that pause; held
+and searching decisions, back to back and apart; `start` repeated while busy; resets in the middle.
+Checks: the node; the band and the table of the capacitors that the fast explorers see, the hold
+test of their lines; the probe; every candidate, its order and to whom it is offered; which result
+is taken; the decision: the earliest of the best wins whatever the order of arrival; busy, valid.
+Timing: start to probe, probe's answer to valid when held, last result to valid otherwise.
+Does not prove: that explorers answer as these stubs may; see the explorer's and the core's tests.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+
+FILES = [MPDCC_FLAT, Path(__file__).with_name("mpdcc_scheduler_flat.vhd")]
+
+
+def bench(explorers: int, variant: str, decisions: int = 120, rtl: Path = RTL) -> Outcome:
+    return run(
+        "mpdcc_scheduler_flat",
+        "tb.rtl.mpdcc.mpdcc_scheduler.bench_mpdcc_scheduler",
+        units=["mpdcc_scheduler"],
+        files=FILES,
+        generics={"EXPLORERS": explorers, **VARIANTS[variant]},
+        arguments={"seed": explorers, "decisions": decisions, "variant": variant},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("explorers", [1, 2, 3, 5, 8])
+def test_the_earliest_of_the_best_wins(explorers: int, variant: str) -> None:
+    found = bench(explorers, variant)
+    print(found)
+    assert found.checks["decision"] >= 84
+    own = ("dropped", "ties") if variant == "paper" else ("held by currents alone",)
+    for event in ("held", "searched", "deadlock", "reset", *own):
+        assert found.covered.get(event, 0) >= 3, event
+    if explorers > 1 and variant == "fast":
+        # an explorer has the best of its candidates alone: ties are between explorers
+        assert found.covered.get("ties", 0) >= 3
+    elif explorers > 1:
+        for event in ("out of order", "earliest arrived later", "results at once"):
+            assert found.covered.get(event, 0) >= 3, event

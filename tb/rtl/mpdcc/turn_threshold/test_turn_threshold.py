@@ -1,0 +1,37 @@
+"""The slope from which a current error leaves before it turns, against its definition.
+
+Sweep: one configuration; errors anywhere inside bounds of 0 to 29000, all curvatures.
+Stimulus: random and corner words; back to back and with idle clocks; inputs random but at the start
+edge; a new start in the middle of a search for the minimum.
+Checks: the threshold in every clock from the declared one until the next start; that each of the
+seven lengths was the minimum at times.
+Timing: valid LENGTH_WIDTH + 1 clocks after the edge that takes start.
+Does not prove: errors outside their bound, where the threshold is void.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.simulation import Outcome, run
+
+FILES = [Path(__file__).with_name("turn_threshold_flat.vhd")]
+
+
+def bench(thresholds: int = 1500, throttle: bool = False, rtl: Path = RTL) -> Outcome:
+    return run(
+        "turn_threshold_flat",
+        "tb.rtl.mpdcc.turn_threshold.bench_turn_threshold",
+        units=["turn_threshold"],
+        files=FILES,
+        arguments={"seed": 4, "thresholds": thresholds, "throttle": throttle},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
+def test_thresholds_follow_the_definition(throttle: bool) -> None:
+    assert bench(throttle=throttle).checks["threshold"] >= 1200

@@ -1,0 +1,414 @@
+"""Cocotb side of ``test_system``: registers, commits, decisions of a whole system."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotb.triggers import FallingEdge, RisingEdge
+
+from directmpc.gate_guard import anpc_gates, two_level_gates
+from directmpc.host import registers
+from directmpc.host.register_map import MAPS
+from directmpc.mpdcc import observer as rotor_flux_observer
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mptc import bit_true as mptc_bit_true
+from directmpc.mptc import observer as mptc_observer
+from scripts.generate import register_files
+from scripts.hdl import states
+from tb.helpers import mptc_rows as mptc_core
+from tb.helpers.scoreboard import Scoreboard, arguments, bits, number, word
+from tb.rtl.system.bus import OKAY, SLVERR, Bus
+
+CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
+#: Registers that only hardware writes, and the one that only software does.
+WRITABLE = ("guard.", "parameters.", "measurements.")
+#: Switch states a, b, c of the two-level vectors.
+SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
+NOT_THE_CORE_S = ("o_", "c_gain")
+
+
+class System:
+    """A system with its bus, and what the model says to it."""
+
+    def __init__(self, dut, given: dict[str, Any]) -> None:
+        self.dut, self.controller = dut, given["controller"]
+        self.rng = random.Random(given["seed"])
+        self.bus = Bus(dut, self.controller, self.rng)
+        self.board = Scoreboard()
+        self.words = {w.name: w for w in register_files.parameters(self.controller)}
+        self.inputs = {w.name: w for w in register_files.measurements(self.controller)}
+
+    async def begin(self) -> None:
+        """Reset, bus ready."""
+        await self.bus.begin(CONTROL | dict.fromkeys(self.inputs, 0))
+
+    def any_parameters(self) -> dict[str, int]:
+        """Parameters of any content, for the model and for the registers."""
+        found = {n: word(self.rng, w.width, signed=w.signed) for n, w in self.words.items()}
+        if self.controller == "mpdcc":
+            found["horizon"] = max(1, found["horizon"])
+        return found
+
+    def any_measurements(self) -> dict[str, int]:
+        """Measurements of any content."""
+        return {n: word(self.rng, w.width, signed=w.signed) for n, w in self.inputs.items()}
+
+    def put(self, values: dict[str, int]) -> None:
+        """Measurements on the ports."""
+        for name, value in values.items():
+            getattr(self.dut, name).value = (
+                bits(value, self.inputs[name].width) if (self.inputs[name].signed) else value
+            )
+
+    def model(self, parameters: dict[str, int], m: dict[str, int]) -> tuple[int, ...]:
+        """The model's decision: what ``decided`` reads."""
+        register = np.array(
+            [v for n, v in parameters.items() if not n.startswith(NOT_THE_CORE_S)], dtype=np.int64
+        )
+        values = np.array(list(m.values()), dtype=np.int64)
+        if self.controller == "mpdcc":
+            found = bit_true_fast.decide_words(register, values[:13], values[13:])
+        else:
+            found = mptc_bit_true.decide_words(register, values[:8], values[8])
+        return tuple(int(v) for v in found)
+
+    def decided(self) -> tuple[int, ...]:
+        """The decision on the ports."""
+        names = (
+            ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
+            if self.controller == "mpdcc"
+            else ("u_next", "saturated", "clamped")
+        )
+        return tuple(number(getattr(self.dut, name)) for name in names)
+
+    async def write_parameters(self, values: dict[str, int], share: float = 1.0) -> None:
+        """Write shadows, all or some of them, in random order."""
+        names = list(values)
+        self.rng.shuffle(names)
+        for name in names[: int(share * len(names))]:
+            await self.bus.write(f"parameters.{name}", value=values[name])
+
+    async def decide(self, m: dict[str, int]) -> int:
+        """Start from the ports and wait; clocks from start to valid. Scrambles the ports."""
+        await FallingEdge(self.dut.clk)
+        self.put(m)
+        self.dut.start.value = 1
+        await RisingEdge(self.dut.clk)
+        await FallingEdge(self.dut.clk)
+        self.dut.start.value = 0
+        self.put(self.any_measurements())
+        clocks = 0
+        while not number(self.dut.valid):
+            clocks += 1
+            assert clocks < 400, "no decision"
+            await FallingEdge(self.dut.clk)
+        return clocks
+
+
+async def every_register(system: System) -> None:
+    """Reset values, strobes, refusals: against a table of what each register holds."""
+    bus, board, rng = system.bus, system.board, system.rng
+    held: dict[int, int] = {}
+    masks: dict[int, int] = {}
+    for name, (address, fields) in MAPS[system.controller].items():
+        mask = sum(((1 << width) - 1) << low for low, width, _ in fields.values())
+        got, response = await bus.read_word(address)
+        board.check("read response", response, SLVERR if name == "system.command" else OKAY, name)
+        if name.startswith(WRITABLE):
+            held[address], masks[address] = got, mask
+            at_rest = {
+                "guard.dead_time": registers.GUARD_DEAD_TIME,
+                "guard.minimum_on": registers.GUARD_MINIMUM_TIME,
+                "guard.minimum_off": registers.GUARD_MINIMUM_TIME,
+            }
+            board.check("reset value", got, at_rest.get(name, 0), name)
+        elif name not in ("system.control", "system.command", "system.flags", "system.faults"):
+            response = await bus.write_word(address, rng.getrandbits(32))
+            board.check("read-only refuses", response, SLVERR, name)
+    for round_ in range(2):
+        bus.throttle((0.0, 0.4)[round_])
+        for address in rng.sample(sorted(held), len(held)):
+            # one to four bytes: the master makes strobes of them
+            first = rng.randrange(4)
+            count = rng.randint(1, 4 - first)
+            data = rng.randbytes(count)
+            await bus.master.write(address + first, data)
+            strobe = ((1 << 8 * count) - 1) << 8 * first
+            fresh = int.from_bytes(data, "little") << 8 * first
+            held[address] = ((held[address] & ~strobe) | (fresh & strobe)) & masks[address]
+        for address in rng.sample(sorted(held), len(held)):
+            board.check("word", (await bus.read_word(address)), (held[address], OKAY), hex(address))
+    known = {address for address, _ in MAPS[system.controller].values()}
+    for address in rng.sample([a for a in range(0, 1024, 4) if a not in known], 8):
+        board.check("nobody", (await bus.read_word(address))[1], SLVERR, hex(address))
+        board.check("nobody", await bus.write_word(address, 5), SLVERR, hex(address))
+    code = await bus.read("system.identification", "identification")
+    board.check("identification", code, 0x444D5043)
+    kind = await bus.read("system.capabilities", "controller")
+    board.check("controller", kind, 1 if system.controller == "mpdcc" else 2)
+    for option in ("second_level", "weighted_deadlock"):
+        built_in = await bus.read("system.capabilities", option)
+        board.check(option, built_in, int(system.controller == "mpdcc"))
+    bus.throttle(0.0)
+
+
+async def atomic_commits(system: System, rounds: int) -> None:
+    """Commits at any time while decisions run: each decision is all of one set."""
+    bus, board, rng = system.bus, system.board, system.rng
+    await bus.write("system.control", own_positions=0)
+    sets = [system.any_parameters()]
+    await system.write_parameters(sets[0])
+    await bus.write("system.command", commit=1)
+    while await bus.read("system.status", "commit_pending"):
+        pass
+    before = await bus.read("system.commits", "count")
+    state = {"sure": 0, "asked": 0, "stop": False}
+
+    async def host() -> None:
+        while not state["stop"]:
+            fresh = system.any_parameters()
+            # not committed: nothing of it may be seen
+            await system.write_parameters(system.any_parameters(), rng.random())
+            await system.write_parameters(fresh)
+            sets.append(fresh)
+            state["asked"] += 1
+            await bus.write("system.command", commit=1)
+            if rng.random() < 0.5:
+                asked = state["asked"]
+                while await bus.read("system.status", "commit_pending"):
+                    pass
+                # decisions that begin from now on are of this set
+                state["confirmed"] = asked
+
+    task = cocotb.start_soon(host())
+    state["confirmed"] = 0
+    for n in range(rounds):
+        if n % 60 == 0:
+            bus.throttle(rng.choice([0.0, 0.0, 0.3]))
+        m = system.any_measurements()
+        least = max(state["sure"], state["confirmed"])
+        await system.decide(m)
+        got = system.decided()
+        fits = [k for k in range(least, state["asked"] + 1) if system.model(sets[k], m) == got]
+        board.check("one set", bool(fits), True, f"decision {n}: {got}, sets {least} on")
+        board.cover("new set", int(fits[0] > state["sure"]))
+        state["sure"] = fits[0]
+        for _ in range(rng.choice([0, 0, 1, 7])):
+            await FallingEdge(system.dut.clk)
+    state["stop"] = True
+    await task
+    while await bus.read("system.status", "commit_pending"):
+        pass
+    bus.throttle(0.0)
+    board.check("commits", await bus.read("system.commits", "count"), before + state["asked"])
+    board.cover("commits", state["asked"])
+
+
+async def decisions_and_flags(system: System, count: int) -> None:
+    """A drive's own values: decisions, counters, flags, both sources."""
+    bus, board, rng = system.bus, system.board, system.rng
+    if system.controller == "mpdcc":
+        drive = states.shipped("anpc5l_6kv")
+    else:
+        drive = mptc_core.shipped("induction_2kw2")
+    found = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0))
+    for _, address, data in found.writes():
+        assert await bus.write_word(address, data) == OKAY
+    parameters = {n: found.words[f"parameters.{n}"] for n in system.words}
+    await bus.write("system.command", clear_counters=1)
+    await bus.write("system.flags", saturated=1, deadlock=1, start_ignored=1, clamped=1)
+    worst, seen = 0, set()
+    for n in range(count):
+        m = system.any_measurements()
+        source = n % 2
+        await bus.write("system.control", registers_as_source=source, own_positions=0)
+        if source:
+            for name, value in m.items():
+                await bus.write(f"measurements.{name}", value=value)
+            await bus.write("system.command", start=1)
+            while await bus.read("system.status", "busy"):
+                pass
+        else:
+            # one clock for the registers of the measurements
+            clocks = await system.decide(m)
+            await FallingEdge(system.dut.clk)
+            await FallingEdge(system.dut.clk)
+            board.check("cycles", await bus.read("system.cycles", "last"), clocks, f"decision {n}")
+        worst = max(worst, await bus.read("system.cycles", "last"))
+        wanted = system.model(parameters, m)
+        board.check("decision", system.decided(), wanted, f"decision {n}")
+        if system.controller == "mpdcc":
+            names = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
+            seen |= {"saturated"} if wanted[6] else set()
+            seen |= {"deadlock"} if wanted[4] else set()
+        else:
+            names = ("u_next", "saturated", "clamped")
+            seen |= {"saturated"} if wanted[1] else set()
+            seen |= {"clamped"} if wanted[2] else set()
+        shown = tuple([await bus.read("result.decision", name) for name in names])
+        board.check("decision register", shown, wanted, f"decision {n}")
+        for name, value in m.items():
+            board.check("kept", await bus.read(f"measurements.{name}", "value"), value, name)
+    board.check("worst", await bus.read("system.cycles", "worst"), worst)
+    board.check("decisions", await bus.read("system.decisions", "count"), count)
+    for name in ("saturated", "deadlock", "clamped"):
+        board.check("flag", await bus.read("system.flags", name), int(name in seen), name)
+    board.cover("flags", len(seen))
+    # sticky: another bit's clearing does not touch it, its own does
+    await bus.write("system.flags", start_ignored=1)
+    board.check("sticky", await bus.read("system.flags", "saturated"), int("saturated" in seen))
+    await bus.write("system.flags", saturated=1)
+    board.check("cleared", await bus.read("system.flags", "saturated"), 0)
+    # a start while busy
+    await bus.write("system.control", own_positions=0)
+    m = system.any_measurements()
+    await FallingEdge(system.dut.clk)
+    system.put(m)
+    system.dut.start.value = 1
+    await FallingEdge(system.dut.clk)
+    system.put(system.any_measurements())
+    await FallingEdge(system.dut.clk)
+    system.dut.start.value = 0
+    while not number(system.dut.valid):
+        await FallingEdge(system.dut.clk)
+    board.check("ignored", system.decided(), system.model(parameters, m))
+    board.check("flag", await bus.read("system.flags", "start_ignored"), 1)
+    # the observer's flux in the measurement's place
+    await observed(system, drive, parameters)
+    assert rng is not None
+
+
+async def observed(system: System, drive, parameters: dict[str, int]) -> None:
+    """Decisions on the observer's flux, and on what the system applied itself."""
+    bus, board = system.bus, system.board
+    await bus.write("system.command", reset_observer=1)
+    await bus.write("system.control", use_observer=1, own_positions=1)
+    mpdcc = system.controller == "mpdcc"
+    last = system.decided()[:3] if mpdcc else system.decided()[0]
+    if mpdcc:
+        c = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
+        state = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+    else:
+        c = mptc_observer.array(mptc_observer.coefficients(drive))
+        state = np.zeros(4, dtype=np.int64)
+    flux = (0, 0)
+    for n in range(8):
+        m = system.any_measurements()
+        used = dict(m)
+        if mpdcc:
+            order = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r")
+            values = np.array([m[name] for name in order])
+            flux = rotor_flux_observer.step_words(c, state, values, np.array(last))[:2]
+            used |= {"psir_alpha": flux[0], "psir_beta": flux[1]}
+            used |= dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), last, strict=True))
+        else:
+            used |= {"psis_alpha": flux[0], "psis_beta": flux[1], "u": last}
+            values = np.array([m[name] for name in ("is_alpha", "is_beta", "omega_r", "v_dc")])
+            flux = mptc_observer.step_words(c, state, values, last)[:2]
+        await system.decide(m)
+        wanted = system.model(parameters, {k: int(v) for k, v in used.items()})
+        board.check("observed", system.decided(), wanted, f"decision {n}")
+        last = wanted[:3] if mpdcc else wanted[0]
+        for _ in range(3):
+            await FallingEdge(system.dut.clk)
+
+
+async def faults(system: System) -> None:
+    """Enable, trip, clear: the guard behind the registers."""
+    bus, board, dut = system.bus, system.board, system.dut
+    await bus.write("system.control", enable=0)
+    await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
+    quiet = dict.fromkeys(system.inputs, 0)
+    quiet["v_dc"] = 32_000
+    if system.controller == "mpdcc":
+        quiet |= {"v_ph_a": 16_000, "v_ph_b": 16_000, "v_ph_c": 16_000}
+    for name, value in {
+        "watchdog": 60_000, "decision_limit": 60_000, "current_limit": 100,
+        "link_high": 40_000, "link_low": 20_000, "dead_time": 12, "minimum_on": 14,
+        "minimum_off": 1,
+    }.items():  # fmt: skip
+        _, fields = bus.registers[f"guard.{name}"]
+        await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+    await bus.write("system.command", commit=1)
+
+    async def enable() -> None:
+        await bus.write("system.control", enable=1)
+        for _ in range(40):
+            await FallingEdge(dut.clk)
+        await system.decide(quiet)
+        first = system.decided()
+        await system.decide(quiet)
+        last = system.decided()
+        for _ in range(150):
+            await FallingEdge(dut.clk)
+        board.check("running", number(dut.running), 1)
+        if system.controller == "mpdcc":
+            legs = [anpc_gates(position) for position in last[:3]]
+        else:
+            # a decision of MPTC is applied with the start that follows it
+            legs = [two_level_gates(int(bit)) for bit in SWITCHES[first[0]]]
+        size = 8 if system.controller == "mpdcc" else 2
+        wanted = sum(1 << (x * size + gate - 1) for x, leg in enumerate(legs) for gate in leg)
+        board.check("gates", number(dut.gates), wanted, f"{first}, {last}")
+        shown = await bus.read("system.gates", "gates")
+        board.check("gates register", shown, number(dut.gates))
+
+    dut.enable.value = 1
+    await enable()
+    # a current above the limit: off with the clock after the one that keeps the measurements
+    loud = quiet | {"is_alpha": -101}
+    await system.decide(loud)
+    board.check("off", (number(dut.running), number(dut.gates)), (0, 0))
+    board.check("fault", await bus.read("system.faults", "over_current"), 1)
+    board.check("fault", await bus.read("system.status", "fault"), 1)
+    # clearing alone restarts nothing
+    await bus.write("system.faults", over_current=1)
+    board.check("cleared", await bus.read("system.faults", "over_current"), 0)
+    board.check("cleared", await bus.read("system.status", "fault"), 0)
+    await system.decide(quiet)
+    await system.decide(quiet)
+    board.check("stays off", (number(dut.running), number(dut.gates)), (0, 0))
+    await bus.write("system.control", enable=0)
+    await enable()
+    await FallingEdge(dut.clk)
+    dut.external_trip.value = 1
+    await FallingEdge(dut.clk)
+    board.check("trip", (number(dut.running), number(dut.gates)), (0, 0))
+    dut.external_trip.value = 0
+    board.check("fault", await bus.read("system.faults", "external_trip"), 1)
+    await bus.write("system.faults", external_trip=1, over_current=1)
+    for _ in range(3):
+        await FallingEdge(dut.clk)
+    board.check("cleared", number(dut.faults), 0)
+    await bus.write("system.control", enable=0)
+    await enable()
+    await FallingEdge(dut.clk)
+    dut.enable.value = 0
+    await FallingEdge(dut.clk)
+    board.check("disabled", (number(dut.running), number(dut.gates), number(dut.faults)), (0, 0, 0))
+
+
+@cocotb.test()
+async def system(dut) -> None:
+    """Everything a host does."""
+    given = arguments()
+    under_test = System(dut, given)
+    await under_test.begin()
+    if given["registers"]:
+        await every_register(under_test)
+    await atomic_commits(under_test, given["rounds"])
+    await decisions_and_flags(under_test, given["decisions"])
+    await faults(under_test)
+    under_test.board.finish(
+        {
+            "word": 60 * given["registers"],
+            "one set": given["rounds"],
+            "decision": given["decisions"],
+            "observed": 8,
+            "trip": 1,
+        },
+        {"new set": 4, "commits": 4, "flags": 1},
+    )

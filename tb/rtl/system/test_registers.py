@@ -1,0 +1,242 @@
+"""Register map and register values.
+
+Sweep: both controllers, all shipped drives.
+Checks: every parameter port of the cores has a register of its width and no two share an
+address; the fixed lower half is alike; values are those of the cores' own tables; what does not fit
+saturates and is named on the safe side, and is refused on the other; the C array compiles and holds
+the CSV's words.
+Does not prove: what the registers do, see test_system.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import math
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from directmpc.drive_file import load_any_drive
+from directmpc.host import registers
+from directmpc.host.register_map import MAPS
+from directmpc.mpdcc import formats
+from directmpc.mpdcc.coefficients import registers as mpdcc_registers
+from scripts.generate import register_files
+from scripts.shared.tools import ROOT
+from tb.helpers.faults import file_of
+
+DRIVES = sorted((ROOT / "drives").glob("*.toml"))
+
+
+def ports_of(entity: str) -> dict[str, int]:
+    """Parameter ports of a core: name to width."""
+    text = file_of(entity).read_text(encoding="utf-8")
+    head = text[text.index("entity") : text.index("-- decision")]
+    head = head.replace("WORD_WIDTH - 1", "17")
+    found = re.findall(r"^ *(\w+) *: *in *std_logic_vector\((\d+) downto 0\)", head, re.M)
+    return {name: int(high) + 1 for name, high in found}
+
+
+@pytest.mark.parametrize("controller", register_files.CONTROLLERS)
+def test_every_port_has_a_register_of_its_width(controller: str) -> None:
+    ports = ports_of(f"{controller}_core")
+    assert len(ports) > 20
+    known = MAPS[controller]
+    for name, width in ports.items():
+        (place,) = [n for n in known if n.endswith(f".{name}")]
+        (fields,) = known[place][1].values()
+        assert fields[1] == width, name
+
+
+def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
+    for known in MAPS.values():
+        addresses = [address for address, _ in known.values()]
+        assert len(set(addresses)) == len(addresses)
+        assert max(addresses) < 1024
+    lower = [{n: r for n, r in known.items() if r[0] < 0x80} for known in MAPS.values()]
+    assert lower[0] == lower[1]
+
+
+@pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
+def test_a_drive_becomes_register_values(path: Path) -> None:
+    drive = load_any_drive(path)
+    found = registers.values(drive)
+    assert found.saturated == []
+    for name, (_, fields) in MAPS[found.controller].items():
+        if name.startswith(("parameters.", "guard.")):
+            ((_, width, signed),) = fields.values()
+            low, high = (-(1 << width - 1), 1 << width - 1) if signed else (0, 1 << width)
+            assert low <= found.words[name] < high, name
+    if found.controller == "mpdcc":
+        for port, value in mpdcc_registers(drive, "fast").ports().items():
+            assert found.words[f"parameters.{port}"] == value
+    # 2 us, and one and a half control periods, at the boards' 25 MHz
+    assert drive.control.ts == 50e-6
+    assert found.words["guard.dead_time"] == 50
+    assert found.words["guard.watchdog"] == 1875
+    assert found.writes()[-1][0] == "system.command"
+
+
+def test_what_does_not_fit_is_named_and_safe() -> None:
+    drive = load_any_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    settings = registers.GuardSettings(
+        decision_limit=90.0, watchdog=60.0, current=5.0, link_high=9.0
+    )
+    found = registers.values(drive, settings)
+    clipped = ["decision_limit", "watchdog", "current_limit", "link_high"]
+    assert [text.partition(":")[0] for text in found.saturated] == [f"guard.{n}" for n in clipped]
+    for name in clipped:
+        assert found.words[f"guard.{name}"] == (2**15 if name == "current_limit" else 2**16) - 1
+    # rounded to the safe side
+    settings = registers.GuardSettings(
+        dead_time=2.01e-6, watchdog=1.5005, current=1.00001, link_high=1.25, link_low=0.75
+    )
+    found = registers.values(drive, settings)
+    assert found.saturated == []
+    assert found.words["guard.dead_time"] == 51
+    assert found.words["guard.watchdog"] == 1875
+    assert found.words["guard.current_limit"] == 16_000
+    level = drive.inverter.vdc * formats.LINK_VOLTAGE.scale
+    assert found.words["guard.link_high"] == math.floor(1.25 * level) < 1.25 * level
+    assert found.words["guard.link_low"] == math.ceil(0.75 * level) > 0.75 * level
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "allowed"),
+    [
+        ("dead_time", 1e-3, "25000 clocks of 25 MHz; it must be at most 0.0001638 s, 4095 clocks"),
+        ("minimum_on", 163.81e-6, "at most 0.0001638 s"),
+        ("minimum_off", 1e300, "at most 0.0001638 s"),
+        ("minimum_off", 1e305, "cannot be counted"),
+        ("link_low", 2.0, "65536 of v_dc; it must be at most 1.99996948242 of the nominal dc-link"),
+        ("clock", 0.0, "clock: got 0 Hz; it must be a number above 0"),
+    ],
+)
+def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: str) -> None:
+    path = ROOT / "drives" / "induction_2kw2.toml"
+    with pytest.raises(ValueError, match=name) as refused:
+        registers.values(load_any_drive(path), registers.GuardSettings(**{name: asked}))
+    assert allowed in str(refused.value)
+    status, text, complaints = command(str(path), f"--{name.replace('_', '-')}", str(asked), "--c")
+    assert (status, text) == (2, "")
+    assert complaints == f"registers: {path}: {refused.value}\n"
+
+
+def test_the_longest_times_fit() -> None:
+    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
+    longest = 0.0001638
+    settings = registers.GuardSettings(
+        dead_time=longest, minimum_on=longest, minimum_off=longest, link_low=1.99996948242
+    )
+    found = registers.values(drive, settings)
+    assert found.saturated == []
+    for name in ("dead_time", "minimum_on", "minimum_off"):
+        assert found.words[f"guard.{name}"] == 4095
+    assert found.words["guard.link_low"] == 65535
+    # a negative trip level would become one of 0
+    with pytest.raises(ValueError, match=r"guard.current_limit: .* at least 0"):
+        registers.values(drive, registers.GuardSettings(current=-1.0))
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    """Status, output and complaints of the command."""
+    out, complaints = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(complaints):
+        status = registers.main(arguments)
+    return status, out.getvalue(), complaints.getvalue()
+
+
+def test_make_runs_the_command() -> None:
+    # nothing of how these tests were started
+    make = ["env", "-u", "ARGS", "-u", "MAKEFLAGS", "make", "-s", "-C", str(ROOT), "registers"]
+    drive = f"DRIVE={ROOT / 'drives' / 'induction_2kw2.toml'}"
+    done = subprocess.run([*make, drive], capture_output=True, text=True, check=False)
+    path = drive.removeprefix("DRIVE=")
+    assert done.stdout == command(path)[1] == command(path, "--csv")[1]
+    # an option that has nothing to do with the layout leaves it alone
+    slower = [*make, drive, "ARGS=--clock 20e6"]
+    done = subprocess.run(slower, capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("register,address,word,value\n")
+    assert "\nguard.dead_time,0x040,0x00000028,40\n" in done.stdout
+    done = subprocess.run(make, capture_output=True, text=True, check=False)
+    assert "registers: DRIVE is not set" in done.stderr
+
+
+def test_the_command_takes_the_clock() -> None:
+    drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
+    found = {}
+    for clock, given in ((25e6, ()), (50e6, ("--clock", "50e6"))):
+        rows = csv.DictReader(io.StringIO(command(drive, "--csv", *given)[1]))
+        found[clock] = {row["register"]: int(row["value"]) for row in rows}
+        assert found[clock]["guard.dead_time"] == round(2e-6 * clock)
+        assert found[clock]["guard.watchdog"] == round(75e-6 * clock)
+    for name in found[25e6]:
+        assert name.startswith("guard.") or found[25e6][name] == found[50e6][name]
+
+
+def test_the_command_prints_a_table() -> None:
+    drive = str(ROOT / "drives" / "induction_2kw2.toml")
+    _, text, _ = command(drive, "--table")
+    rows = [tuple(line.split()) for line in text.splitlines()]
+    parts = csv.reader(io.StringIO(command(drive)[1]))
+    assert [tuple(row) for row in parts][1:] == rows
+
+
+def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
+    drive = str(ROOT / "drives" / "induction_2kw2.toml")
+    rows = list(csv.DictReader(io.StringIO(command(drive, "--csv")[1])))
+    assert rows[-1] == {
+        "register": "system.command",
+        "address": "0x010",
+        "word": "0x00000001",
+        "value": "1",
+    }
+    _, text, complaints = command(drive, "--c", "--watchdog", "100")
+    assert "saturated: guard.watchdog" in text
+    assert "saturated: guard.watchdog" in complaints
+    source = tmp_path / "registers.c"
+    source.write_text(
+        command(drive, "--c")[1]
+        + f'#include "{ROOT / "registers" / "directmpc_mptc.h"}"\n'
+        + "#include <stdio.h>\n#include <stddef.h>\n"
+        + "int main(void) { for (unsigned i = 0; i < sizeof directmpc_registers / 8; i++)"
+        + ' printf("0x%03X,0x%08X\\n", directmpc_registers[i].address,'
+        + " (unsigned)directmpc_registers[i].word);\n"
+        + "return offsetof(directmpc_mptc_t, parameters) != 0x100; }\n",
+        encoding="utf-8",
+    )
+    program = tmp_path / "registers"
+    subprocess.run(["cc", "-Wall", "-Werror", str(source), "-o", str(program)], check=True)
+    printed = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
+    assert printed.split() == [f"{row['address']},{row['word']}" for row in rows]
+
+
+def test_a_bad_drive_is_one_line(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text('controller = "mpdcc"\n', encoding="utf-8")
+    status, text, complaints = command(str(bad))
+    assert (status, text) == (2, "")
+    assert len(complaints.splitlines()) == 1
+    assert "bad.toml" in complaints
+
+
+def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> None:
+    drive = tmp_path / "sese.toml"
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    assert '"SE"   #' in text
+    drive.write_text(text.replace('"SE"   #', '"SESE" #', 1), encoding="utf-8")
+    assert command(str(drive))[0] == 0
+    status, text, complaints = command(str(drive), "--variant", "paper")
+    assert (status, text) == (2, "")
+    assert complaints.startswith(f"registers: {drive}: control.switching_horizon")
+    assert len(complaints.splitlines()) == 1
+
+
+def test_ports_of_a_register_block_without_a_known_meaning_are_an_error() -> None:
+    block = "    port (\n        clk : in std_logic;\n        irq : out std_logic\n    );\n"
+    with pytest.raises(ValueError, match="clk, irq"):
+        register_files._described(block + "end entity x;\n")

@@ -1,0 +1,60 @@
+"""Whole systems over AXI4-Lite: registers, atomic commits, decisions, flags, faults.
+
+Sweep: MPDCC (fast, one explorer) and MPTC.
+Stimulus: every register with random words, strobes and pauses on all channels; random parameters
+written and committed at any time while decisions run; decisions from ports and from registers, with
+measured and observed flux; trips, clears, enables.
+Checks: what registers hold and refuse; every decision is the model's for one whole committed set;
+cycle counters, sticky flags, write-one-to-clear; gates off on trips and until enabled anew.
+Faults: a commit that takes effect while a decision runs; a parameter connected to another's port.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.ghdl import BenchError
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import altered
+from tb.helpers.simulation import Outcome, run
+
+
+def bench(controller: str, rounds: int, rtl: Path = RTL, *, registers: bool = True) -> Outcome:
+    return run(
+        f"{controller}_system",
+        "tb.rtl.system.bench_system",
+        units=[f"{controller}_system"],
+        generics={"EXPLORERS": 1} if controller == "mpdcc" else {},
+        arguments={
+            "seed": 11,
+            "rounds": rounds,
+            "decisions": 12,
+            "registers": int(registers),
+            "controller": controller,
+        },
+        rtl=rtl,
+        timeout=240,
+    )
+
+
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_a_system_does_what_a_host_asks(controller: str) -> None:
+    rounds = {"mpdcc": 60, "mptc": 120}[controller]
+    assert bench(controller, rounds).checks["one set"] == rounds
+
+
+FAULTS = {
+    "hasty commit": ("commit_control", "waiting and (ending or not (busy or start))", "waiting"),
+    "wrong port": ("mptc_system", "=> c_drop_now,", "=> c_drop_flux_now,"),
+    "open gate": ("write_gate", "and not (hold or under_way)", "and not under_way"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
+    entity, old, new = FAULTS[name]
+    rtl = altered(tmp_path, entity, old, new)
+    with pytest.raises(BenchError, match="expected"):
+        bench("mptc", 60, rtl, registers=False)

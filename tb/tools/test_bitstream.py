@@ -1,0 +1,189 @@
+"""The bitstream flow with tools that are scripts of a few lines.
+
+Sweep: one and two seeds at a time; each clock, each seed, each step of the comparison gone wrong.
+Stimulus: reports and configurations as nextpnr writes them, with chosen figures.
+Checks: the worst of all seeds is what is told; a seed that misses a clock, another set of clocks,
+words that differ when unpacked are errors and leave no bitstream; the second build is from a
+conversion of its own; the page's table.
+Does not prove: anything about the real tools, which `make bitstream` runs.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from scripts.generate.boards import BOARDS
+from scripts.hdl import conversion as netlist
+from scripts.measure import bitstream
+from scripts.shared import tools
+from scripts.shared.tools import ToolError
+
+BOARD = BOARDS["ulx3s-85f"]
+SEEDS = 5
+
+NEXTPNR = """
+import json, pathlib, sys
+def value(name):
+    return sys.argv[sys.argv.index(name) + 1]
+given = json.loads(pathlib.Path({given!r}).read_text())
+clock, sck = given["reached"][value("--seed")]
+names = given["clocks"]
+fmax = {{n: dict(achieved=v, constraint=25) for n, v in zip(names, (clock, sck), strict=True)}}
+used = dict(TRELLIS_COMB=dict(used=123, available=83640), DP16KD=dict(used=0, available=208))
+pathlib.Path(value("--report")).write_text(json.dumps(dict(fmax=fmax, utilization=used)))
+text = ".tile R1C1:PLC2" + chr(10) + "word: SLICEA.K0.INIT 0101" + chr(10)
+pathlib.Path(value("--textcfg")).write_text(text + "seed " + value("--seed") + chr(10))
+"""
+
+PACK = """
+import shutil, sys
+shutil.copy(sys.argv[sys.argv.index("--input") + 1], sys.argv[sys.argv.index("--bit") + 1])
+"""
+
+UNPACK = """
+import pathlib, sys
+text = pathlib.Path(sys.argv[1]).read_text()
+pathlib.Path(sys.argv[2]).write_text(text.replace({lost!r}, "0000") if {lost!r} else text)
+"""
+
+
+@pytest.fixture
+def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """`build` with chosen figures; what it returns."""
+
+    def run(
+        reached: dict[int, tuple[float, float]] | None = None,
+        clocks: tuple[str, str] = ("$glbnet$clock", "spi_sck"),
+        lost: str = "",
+        jobs: int = 1,
+    ) -> dict[str, Any]:
+        given = tmp_path / "given.json"
+        figures = {n: (60.0 + n, 150.0 - n) for n in range(1, SEEDS + 1)} | (reached or {})
+        given.write_text(json.dumps({"reached": figures, "clocks": clocks}))
+        for variable, text in {
+            "NEXTPNR": NEXTPNR.format(given=str(given)),
+            "YOWASP-ECPPACK": PACK,
+            "YOWASP-ECPUNPACK": UNPACK.format(lost=lost),
+        }.items():
+            script = tmp_path / f"{variable.lower()}.py"
+            script.write_text(text)
+            monkeypatch.setenv(variable, f"{sys.executable} {script}")
+        monkeypatch.setattr(tools, "version", lambda name: f"{name} 1")
+
+        def synthesise(*arguments: object) -> Path:
+            out = Path(str(arguments[3])) / "mapped.json"
+            out.write_text("{}")
+            return out
+
+        monkeypatch.setattr(bitstream, "synthesise", synthesise)
+        # nothing kept of the figures before
+        for path in tmp_path.glob("out/mapped-*"):
+            path.unlink()
+        found = bitstream.build(
+            BOARD, "mptc", 1, SEEDS, tmp_path / "out", Console(quiet=True), jobs
+        )
+        found["reproduced"] = True
+        return found
+
+    return run
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_worst_of_all_seeds_is_told_and_the_first_is_packed(
+    flow: Any, tmp_path: Path, jobs: int
+) -> None:
+    found = flow({4: (31.25, 99.5)}, jobs=jobs)
+    assert (found["fmax_worst_mhz"], found["sck_worst_mhz"], found["seeds"]) == (31.25, 99.5, 5)
+    assert found["used"] == {"TRELLIS_COMB": (123, 83640)}
+    assert found["words_compared"] == 1
+    bit = tmp_path / "out" / "ulx3s-85f-mptc.bit"
+    assert "seed 1\n" in bit.read_text()
+    assert found["sha256"] == bitstream.sha256(bit)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("seed", [1, 3, 5])
+@pytest.mark.parametrize(("reached", "name"), [((24.9, 100.0), "clock"), ((60.0, 24.9), "spi_sck")])
+def test_a_seed_that_misses_a_clock_is_an_error_and_leaves_no_bitstream(
+    flow: Any, tmp_path: Path, jobs: int, seed: int, reached: tuple[float, float], name: str
+) -> None:
+    flow()
+    bit = tmp_path / "out" / "ulx3s-85f-mptc.bit"
+    assert bit.exists()
+    with pytest.raises(ToolError, match=f"seed {seed}: {name} reaches 24.9 MHz of 25"):
+        flow({seed: reached}, jobs=jobs)
+    assert not bit.exists()
+
+
+def test_a_clock_that_is_missing_in_the_report_is_an_error(flow: Any) -> None:
+    with pytest.raises(ToolError, match="clocks"):
+        flow(clocks=("clock", "another"))
+
+
+def test_a_word_that_differs_when_unpacked_is_an_error(flow: Any) -> None:
+    with pytest.raises(ToolError, match="2 of 1 words differ when unpacked"):
+        flow(lost="0101")
+
+
+def test_a_word_of_several_tiles_is_found_at_one_of_them() -> None:
+    placed = bitstream._words(
+        ".tile R1:LUT\nword: K0.INIT 0110\nword: K1.INIT 1111\n"
+        ".tile_group R2:EBR0 R2:EBR1\nword: EBR0.WID 1010\n.bram_init 3\n001 002\n003\n"
+    )
+    assert len(placed) == 3
+
+    def unpacked(number: str, tile: str = "R2:EBR1", contents: str = "001 002\n003") -> int:
+        return bitstream.differing(
+            placed,
+            bitstream._words(
+                f".tile R1:LUT\nword: K0.INIT 0110\n.tile {tile}\nword: EBR0.WID {number}\n"
+                f".bram_init 3\n{contents}\n"
+            ),
+        )
+
+    assert unpacked("1010") == unpacked("1011") == unpacked("1010", "R2:EBR0") == 0
+    assert unpacked("0010") == unpacked("1010", "R3:EBR0") == 2
+    assert unpacked("1010", contents="001 002\n004") == 2
+    assert bitstream.differing(placed, {}) == 3
+
+
+def test_the_second_build_converts_the_vhdl_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def convert(top: str, generics: object, out: Path) -> tuple[Path, None]:
+        asked.append(out)
+        out.write_text("module board_top; endmodule\n")
+        return out, None
+
+    def kept(*_: object) -> Path:
+        raise AssertionError("a kept conversion was used")
+
+    monkeypatch.setattr(netlist, "convert", convert)
+    monkeypatch.setattr(netlist, "cached", kept)
+    monkeypatch.setattr(bitstream, "map_netlist", lambda *a: a[3].write_text("{}"))
+    mapped = bitstream.synthesise(BOARD, "mptc", 1, tmp_path, anew=True)
+    assert mapped.parent == tmp_path
+    assert [path.parent for path in asked] == [tmp_path]
+
+
+def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
+    found = flow() | {"commit": "0123456789abcdef", "modified": False, "tools": {"ghdl": "GHDL 1"}}
+    before = "a\n<!-- bitstreams: begin (written by scripts/measure/bitstream.py --page) -->\nold\n"
+    before += "| ulx3s-85f, MPTC | of before |\n| ulx3s-12f, MPTC | not built again |\n"
+    text = bitstream.page(before + "<!-- bitstreams: end -->\nb\n", [found])
+    rows = [line for line in text.splitlines() if line.startswith("| ulx3s-")]
+    assert len(rows) == 2
+    assert rows[1] == "| ulx3s-12f, MPTC | not built again |"
+    assert "| 123 of 83640 | 0 | 0 | 0 | 61.0 MHz of 25 | 145.0 MHz of 25 | 5 |" in rows[0]
+    assert "`, twice | `0123456789ab` |" in rows[0]
+    assert "old" not in text
+    with pytest.raises(ToolError, match="marks"):
+        bitstream.page("nothing", [found])

@@ -1,0 +1,88 @@
+"""Constraint files against the top they are for, without any vendor's tool.
+
+Checks: every port (bit) of board_top has a pin and no other name has one; no pin twice; the
+clocks are constrained; the files are what their table makes; the projects name files that exist.
+Does not prove: that the vendors' tools accept them, which were not run.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from directmpc.host import registers
+from scripts.generate import boards
+from scripts.generate.boards import BOARDS, Board
+from scripts.hdl import sources
+from scripts.shared.tools import ROOT
+
+
+def ports_of_top() -> set[str]:
+    """Port bits of board_top, read from its VHDL."""
+    text = sources.entities()["board_top"].read_text(encoding="utf-8")
+    body = re.search(r"entity board_top is.*?port \((.*?)\n  \);", text, re.S).group(1)
+    found = set()
+    for name, high in re.findall(
+        r"^\s*(\w+)\s*:\s*(?:in|out)\s+std_logic(?:_vector\((\d+) downto 0\))?", body, re.M
+    ):
+        found |= {f"{name}[{i}]" for i in range(int(high) + 1)} if high else {name}
+    return found
+
+
+def pins_in(board: Board) -> list[tuple[str, str]]:
+    """Port and pin of every location in a constraint file."""
+    text = board.constraint_file.read_text(encoding="ascii")
+    pattern = {
+        "lpf": r'^LOCATE COMP "([^"]+)" SITE "([^"]+)";$',
+        "xdc": r"^set_property -dict \{ PACKAGE_PIN (\S+) .*\[get_ports \{ (\S+) \}\]$",
+        "ucf": r'^NET "([^"]+)" LOC = "([^"]+)"',
+    }[board.constraint_file.suffix[1:]]
+    rows = re.findall(pattern, text, re.M)
+    if board.constraint_file.suffix == ".xdc":
+        rows = [(port, pin) for pin, port in rows]
+    return [(port.replace("<", "[").replace(">", "]"), pin) for port, pin in rows]
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
+def test_every_port_has_one_pin_of_its_own(board: Board) -> None:
+    rows = pins_in(board)
+    assert {port for port, _ in rows} == ports_of_top()
+    assert len(rows) == len(ports_of_top())
+    assert len({pin for _, pin in rows}) == len(rows)
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
+def test_clocks_are_constrained(board: Board) -> None:
+    text = board.constraint_file.read_text(encoding="ascii")
+    wanted = {
+        ".lpf": (
+            f'FREQUENCY PORT "clock" {board.clock_mhz} MHZ;',
+            'FREQUENCY PORT "spi_sck" 25 MHZ;',
+        ),
+        ".xdc": (
+            f"create_clock -name clock -period {1000 / board.clock_mhz:.3f} [get_ports clock]",
+            "create_clock -name spi_sck -period 40.000 [get_ports spi_sck]",
+        ),
+        ".ucf": (
+            f'TIMESPEC "TS_clock" = PERIOD "clock" {1000 / board.clock_mhz:g} ns HIGH 50%;',
+            'TIMESPEC "TS_spi_sck" = PERIOD "spi_sck" 40 ns HIGH 50%;',
+        ),
+    }[board.constraint_file.suffix]
+    for line in wanted:
+        assert line in text.splitlines()
+    # what register values are made for unless another clock is given
+    assert board.core_mhz * 1e6 == registers.CORE_CLOCK == registers.GuardSettings().clock
+
+
+def test_constraint_files_are_what_their_table_makes() -> None:
+    for board in BOARDS.values():
+        assert boards.text(board) == board.constraint_file.read_text(encoding="ascii")
+
+
+def test_projects_name_what_is_there() -> None:
+    for name in ("vivado.tcl", "ise.sh"):
+        text = (ROOT / "constraints" / name).read_text(encoding="utf-8")
+        for path in re.findall(r"constraints/[\w.]+", text):
+            assert (ROOT / path).exists(), path
+        assert "has not been run" in text

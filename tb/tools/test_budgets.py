@@ -1,0 +1,133 @@
+"""Every figure of scripts/measure/budgets.toml holds, nothing lacks one, and the README shows them.
+
+Sweep: every configuration of configurations.toml in every family it names, longest first.
+Stimulus: the RTL as it is, through GHDL and Yosys; made-up figures for the messages.
+Checks: LUT, FF, multipliers and block RAMs, exactly; that every entity and configuration has an
+entry and every figure in clocks a bench that reads it; the README's table; what an error says.
+Does not prove: clocks; the benches assert them, each with the figures of the same file.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+
+import pytest
+
+from scripts.measure import budgets, synth
+from scripts.measure.budgets import Budgets
+from scripts.measure.synth import Configuration
+from scripts.shared import tools
+
+LISTED = synth.configurations()
+WORK = budgets.work(LISTED)
+
+
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(
+    ("one", "family"), WORK, ids=[f"{one.name}-{family}" for one, family in WORK]
+)
+def test_resources_are_as_budgeted(one: Configuration, family: str) -> None:
+    if not one.ci:
+        pytest.skip("measured by `make synth` alone, see configurations.toml")
+    problems = budgets.compare(one.name, family, synth.measure(one.entity, one.generics, family))
+    assert not problems, "\n".join(problems)
+
+
+def test_everything_has_a_budget() -> None:
+    assert budgets.coverage() == []
+
+
+def test_core_configurations_are_complete() -> None:
+    names = {(one.name, family) for one, family in WORK}
+    for folded in (False, True):
+        for n in range(1, 7):
+            families = ("xc3s", "xc6s", "xc7", "ecp5") if n == 2 else ("xc3s",)
+            name = tools.configuration_name("mpdcc_core", {"EXPLORERS": n, "FOLDED": folded})
+            assert {(name, family) for family in families} <= names
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_cores_that_are_not_measured_lie_between_their_neighbours(folded: bool) -> None:
+    # one explorer more takes the same each time; synthesis spreads by a few percent
+    held = budgets.load().resources
+    rows = {
+        n: held[tools.configuration_name("mpdcc_core", {"EXPLORERS": n, "FOLDED": folded})]["xc3s"]
+        for n in range(1, 7)
+    }
+    for n in (3, 4, 5):
+        for figure in budgets.figures("xc3s"):
+            between = rows[2][figure] + (n - 2) / 4 * (rows[6][figure] - rows[2][figure])
+            assert rows[n][figure] == pytest.approx(between, rel=0.02), (n, figure)
+
+
+def test_what_is_missing_is_named() -> None:
+    found = copy.deepcopy(budgets.load())
+    del found.cycles["mac_block"]
+    del found.resources["binary_search"]["xc7"]
+    found.resources["old"] = {"xc3s": {"lut": 1}}
+    lines = budgets.coverage([one for one in LISTED if one.entity != "mptc_root"], found)
+    assert any(line.startswith("mac_block has no clocks in budgets.toml") for line in lines)
+    assert any(line.startswith("binary_search for xc7 has no entry") for line in lines)
+    assert any("old for xc3s is no configuration" in line for line in lines)
+    assert any("mptc_root has no configuration" in line for line in lines)
+
+
+def test_a_figure_that_moved_is_reported() -> None:
+    row = {"lut": 10, "ff": 5, "mult": 1, "bram": 0}
+    held = Budgets(tools=budgets.versions(), resources={"x": {"xc3s": row}})
+    assert budgets.compare("x", "xc3s", row | {"cells": {}}, held) == []
+    assert budgets.compare("x", "xc3s", row | {"ff": 6}, held) == [
+        "x for xc3s: ff is 6, but budgets.toml says 5; if that is meant: make budgets"
+    ]
+    assert "no entry" in budgets.compare("x", "ecp5", row, held)[0]
+    held.tools["yosys"] = "Yosys 0.1"
+    assert "measured with 'Yosys 0.1'" in budgets.compare("x", "xc3s", row | {"ff": 6}, held)[1]
+
+
+def test_every_clock_is_asserted_by_a_bench() -> None:
+    # the benches have no numbers of their own, so a figure nobody reads is one nobody asserts
+    text = "".join(path.read_text(encoding="utf-8") for path in (tools.ROOT / "tb").rglob("*.py"))
+    read = set(re.findall(r'budgets\.clocks\(\s*"(\w+)", "(\w+)"', text))
+    entities = {entity for entity, _ in read} | {"mpdcc_core"}
+    for entity, table in budgets.load().cycles.items():
+        if "asserted_within" in table:
+            assert table["asserted_within"] in entities, entity
+            continue
+        rows = [row for row in table.values() if isinstance(row, dict)] or [table]
+        for figure in {name for row in rows for name in row} - {"worst"}:
+            assert (entity, figure) in read or (entity == "mptc_core"), f"{entity}.{figure}"
+    assert set(budgets.load().cycles["mptc_core"]) == {"mptc", "mpfc"}
+    assert 'budgets.clocks("mptc_core", method.lower())' in text
+
+
+def test_unknown_clocks_are_refused() -> None:
+    assert budgets.clocks("mac_block", "latency") == 3
+    for ask in (("mac_block", "worst"), ("nobody", "latency"), ("common_terms", "done", "other")):
+        with pytest.raises(budgets.BudgetError, match=r"budgets\.toml: cycles"):
+            budgets.clocks(*ask)
+    with pytest.raises(budgets.BudgetError, match="none for 9 explorers"):
+        budgets.worst(9, "fast")
+
+
+def test_the_file_is_as_the_command_writes_it(tmp_path) -> None:
+    text = budgets.BUDGETS.read_text(encoding="utf-8")
+    assert budgets.render(budgets.load()) == text, "make budgets"
+    path = tmp_path / "b.toml"
+    path.write_text(text + "[other]\n")
+    with pytest.raises(budgets.BudgetError, match="other"):
+        budgets.load(path)
+    path.write_text("[resources")
+    with pytest.raises(budgets.BudgetError):
+        budgets.load(path)
+
+
+def test_the_readme_shows_the_budgets() -> None:
+    text = budgets.README.read_text(encoding="utf-8")
+    table = budgets.readme_table(budgets.load(), LISTED)
+    assert budgets.with_table(text, table) == text, "make budgets ARGS=--readme"
+    for one in LISTED:
+        if one.entity in budgets.PUBLIC and "xc3s" in one.families:
+            assert f"`{one.entity}`" in table
+    with pytest.raises(budgets.BudgetError, match="markers"):
+        budgets.with_table("no markers", table)

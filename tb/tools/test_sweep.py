@@ -1,0 +1,94 @@
+"""The sweep's designs can be made from the design as it is, and what it published is whole.
+
+Sweep: the texts of every point; trees of the extreme ones.
+Stimulus: the sources as they are; made-up figures for the frontier.
+Checks: that each constant is found and changed; that the changed models import, their packages are
+generated and the RTL analyses as VHDL-93; points of the CSV.
+Does not prove: bit-exactness of the points; `make sweep` checks it before it measures anything.
+"""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from scripts.hdl import sources
+from scripts.measure import budgets, sweep
+from scripts.measure.sweep import Edit, Point
+from scripts.shared import tools
+
+POINTS = sweep.points()
+CHANGED = [point for point in POINTS if not point.is_default]
+
+
+@pytest.mark.parametrize("point", CHANGED, ids=lambda p: f"{p.dimension} {p.setting}")
+def test_the_texts_of_a_point_are_found(point: Point, tmp_path) -> None:
+    edits = sweep.edits(point)
+    assert edits[0].pairs
+    for edit in edits:
+        path = tmp_path / edit.file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        before = (tools.ROOT / edit.file).read_text(encoding="utf-8")
+        path.write_text(before, encoding="utf-8")
+        edit.apply(tmp_path)
+        assert path.read_text(encoding="utf-8") != before
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        Point("trajectory word", "20 bits", trajectory=-4),
+        Point("cost fraction", "12 bits", cost_fraction=12),
+        Point("horizon", "15 steps", length_width=4),
+    ],
+    ids=lambda p: p.setting,
+)
+def test_a_point_is_a_design(point: Point, tmp_path) -> None:
+    tree = sweep.tree_of(point)
+    constants = (tree / "rtl" / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
+    own = (tools.ROOT / "rtl" / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
+    assert constants != own
+    files = sources.compile_order("mpdcc_core", sources.rtl_files(tree / "rtl"))
+    command = [*tools.tool("ghdl"), "-a", "--std=93", f"--workdir={tmp_path}", *map(str, files)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+
+
+def test_longer_words_are_refused() -> None:
+    with pytest.raises(tools.ToolError, match="wider than their ports"):
+        sweep.edits(Point("trajectory word", "25 bits", trajectory=1))
+
+
+def test_a_text_that_is_gone_is_an_error(tmp_path) -> None:
+    (tmp_path / "a.py").write_text("X = 1\nY = 2\nY = 3\n")
+    for text in ("Z = ", "Y = "):
+        with pytest.raises(tools.ToolError, match=r"a\.py has no single"):
+            Edit("a.py", [(text, "Q = ")]).apply(tmp_path)
+
+
+def test_frontier() -> None:
+    rows = [
+        {"cycles_worst": c, "slices_unpacked": s}
+        for c, s in ((100, 10), (90, 12), (90, 13), (80, 30), (100, 10), (120, 9))
+    ]
+    best = sweep.frontier(rows)
+    assert [rows.index(row) for row in best] == [0, 1, 3, 0, 5]
+
+
+def test_points_are_distinct_and_published() -> None:
+    assert len(set(POINTS)) == len(POINTS)
+    assert {p.explorers for p in POINTS if p.variant == "fast"} >= set(range(1, 7))
+    rows = sweep.read_csv()
+    published = {(r["dimension"], r["setting"], r["variant"], r["explorers"]) for r in rows}
+    assert published == {(p.dimension, p.setting, p.variant, str(p.explorers)) for p in POINTS}
+    for row in rows:
+        assert int(row["cycles_worst"]) > int(row["cycles_hold"]) > 0
+        assert int(row["slices_unpacked"]) >= int(row["slices_packed"]) > 0
+        assert 0 < float(row["mismatch_pct"]) < 100
+        assert bool(row["fmax_worst_mhz"]) == (int(row["seeds"]) > 0)
+    assert any(row["on_frontier"] == "1" for row in rows)
+    page = sweep.PAGE.read_text(encoding="utf-8")
+    shown = sweep.table([sweep._typed(row) for row in rows], sweep.measured_at())
+    assert budgets.with_table(page, shown, sweep.BEGIN, sweep.END) == page, "make sweep ARGS=--plot"
+    assert sweep.PLOT.stat().st_size < 150_000
