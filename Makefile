@@ -9,21 +9,12 @@ ROOT := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 VENV := $(ROOT)/.venv
 READY := $(VENV)/.ready
 
-PYTHON ?= python3
 PY ?= $(VENV)/bin/python
 # The same from any working directory
 PY_HERE = $(if $(filter /%,$(PY)),$(PY),$(CURDIR)/$(PY))
-GHDL ?= ghdl
-VERILATOR ?= verilator
-YOSYS ?=
-NEXTPNR ?=
-export PYTHON GHDL VERILATOR
-ifneq ($(strip $(YOSYS)),)
-export YOSYS
-endif
-ifneq ($(strip $(NEXTPNR)),)
-export NEXTPNR
-endif
+# Commands of your own. Only those that are set are handed on: scripts/setup.sh installs the others.
+OWN := PYTHON GHDL VERILATOR YOSYS NEXTPNR
+$(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 
 # Processes at a time, tests and synthesis alike
 JOBS ?= 2

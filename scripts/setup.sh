@@ -1,72 +1,147 @@
 #!/usr/bin/env bash
 # Sets up what the project runs on: system tools (apt) and pinned Python packages in .venv.
-# Says what it does on stderr; quick and silent when there is nothing to do.
+# Says on stderr what it installs, in which version and what for; silent about what is there.
+#
+# PYTHON, GHDL, VERILATOR, YOSYS and NEXTPNR may name commands of your own. Such a command is
+# checked and used, and nothing is installed in its place. CXX may name another compiler.
 set -euo pipefail
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 venv="$root/.venv"
 stamp="$venv/.ready"
-python="${PYTHON:-python3}"
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 die() { say "$*"; exit 1; }
+exists() { command -v "$1" >/dev/null 2>&1; }
+
+# ---------------------------------------------------------------------------------------------
+# apt
+# ---------------------------------------------------------------------------------------------
+
+# What a package is for, printed beside its version.
+purpose() {
+  case "$1" in
+    ghdl) echo "simulates the VHDL and converts it to Verilog" ;;
+    verilator) echo "simulates the converted netlists" ;;
+    make) echo "runs the commands of this project and builds Verilator's models" ;;
+    g++) echo "compiles Verilator's models" ;;
+    python3) echo "runs the models, the tools and the tests" ;;
+    *-venv) echo "makes .venv, where the Python packages go" ;;
+    libpython*) echo "cocotb runs Python inside the simulator" ;;
+  esac
+}
 
 # Runs a command as root, or fails when nobody here may.
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then
     "$@"
-  elif command -v sudo >/dev/null 2>&1; then
+  elif exists sudo; then
     sudo "$@"
   else
     return 1
   fi
 }
 
+# Version that apt would install; nothing when its lists do not hold the package.
+candidate() {
+  LC_ALL=C apt-cache policy "$1" 2>/dev/null | sed -n 's/^ *Candidate: //p' | grep -vFx '(none)' || true
+}
+
 # Installs Debian packages, or says which ones somebody has to install.
 apt_install() {
-  local packages=("$@")
+  local packages=("$@") package
   local advice="please install: ${packages[*]} (apt-get install ${packages[*]}), then run this again"
-  command -v apt-get >/dev/null 2>&1 || die "$advice"
-  if [ "$(id -u)" -ne 0 ] && ! command -v sudo >/dev/null 2>&1; then
+  exists apt-get || die "$advice"
+  if [ "$(id -u)" -ne 0 ] && ! exists sudo; then
     die "neither root nor sudo: $advice"
   fi
-  say "installing with apt: ${packages[*]}"
+  # The lists of a fresh container are absent.
+  for package in "${packages[@]}"; do
+    if [ -z "$(candidate "$package")" ]; then
+      say "apt's lists lack $package: apt-get update"
+      as_root apt-get update -qq >&2 || say "apt-get update failed, trying to install all the same"
+      break
+    fi
+  done
+  say "installing with apt:"
+  for package in "${packages[@]}"; do
+    say "$(printf '  %-16s %-22s %s' "$package" "$(candidate "$package")" "$(purpose "$package")")"
+  done
   local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends)
-  # Package lists may be absent (a fresh container) or stale: refresh only when the first try fails.
-  if ! as_root "${install[@]}" "${packages[@]}" >&2 2>/dev/null; then
-    as_root apt-get update -qq >&2 || say "apt-get update failed, trying to install all the same"
+  if ! as_root "${install[@]}" "${packages[@]}" >&2; then
+    say "that failed; trying once more with fresh lists"
+    as_root apt-get update -qq >&2 || true
     as_root "${install[@]}" "${packages[@]}" >&2 || die "$advice"
   fi
 }
 
+# ---------------------------------------------------------------------------------------------
+# System tools
+# ---------------------------------------------------------------------------------------------
+
+# $(given VARIABLE): the command that somebody chose with VARIABLE, without its arguments.
+given() { local words; read -ra words <<<"${!1:-}" || true; printf '%s' "${words[0]:-}"; }
+
+# need VARIABLE DEFAULT PACKAGE: the command that will be used is there, or its package is noted.
+# Only the default can be installed: another name is somebody's own choice.
+missing=()
+need() {
+  local command
+  command="$(given "$1")"
+  command="${command:-$2}"
+  exists "$command" && return
+  [ "$command" = "$2" ] || die "$1=${!1}: there is no command '$command'"
+  [ -n "$3" ] || die "$1=${!1}: there is no command '$command'; leave $1 out for the project's own"
+  missing+=("$3")
+}
+
+need GHDL ghdl ghdl
+need VERILATOR verilator verilator
+need MAKE make make
+need CXX g++ g++
+[ -z "$(given YOSYS)" ] || need YOSYS "$(given YOSYS)" ""
+[ -z "$(given NEXTPNR)" ] || need NEXTPNR "$(given NEXTPNR)" ""
+[ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"
+
+# check VARIABLE DEFAULT NAME MAJOR: it runs, says that it is NAME, and is version MAJOR or newer.
+check() {
+  local words text version
+  read -ra words <<<"${!1:-$2}"
+  text="$("${words[@]}" --version 2>&1 | head -n 1)" || text="${text:-nothing}"
+  version="$(sed -nE "s/^$3 ([0-9]+)[^0-9].*/\1/p" <<<"$text")"
+  [ -n "$version" ] && [ "$version" -ge "$4" ] ||
+    die "$1: '${words[*]} --version' says '$text'; $3 $4 or newer is needed"
+}
+check GHDL ghdl GHDL 2
+check VERILATOR verilator Verilator 5
+
+# ---------------------------------------------------------------------------------------------
+# Python
+# ---------------------------------------------------------------------------------------------
+
 is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
 
-# A PYTHON that is set is taken at its word; else the newest one found that will do.
+# A PYTHON that is set is taken at its word; else the first one found that will do.
 find_python() {
-  if [ -n "${PYTHON:-}" ] && [ "$PYTHON" != python3 ]; then
-    command -v "$PYTHON" >/dev/null 2>&1 || die "PYTHON=$PYTHON does not exist"
-    is_new_enough "$PYTHON" || die "PYTHON=$PYTHON is older than Python 3.11"
+  if [ -n "${PYTHON:-}" ]; then
+    exists "$PYTHON" || die "PYTHON=$PYTHON: there is no command '$PYTHON'"
+    is_new_enough "$PYTHON" || die "PYTHON=$PYTHON is older than Python 3.11, or does not run"
+    python="$PYTHON"
     return
   fi
-  local candidate
-  for candidate in python3 python3.13 python3.12 python3.11; do
-    if command -v "$candidate" >/dev/null 2>&1 && is_new_enough "$candidate"; then
-      python="$candidate"
+  for python in python3 python3.13 python3.12 python3.11; do
+    if exists "$python" && is_new_enough "$python"; then
       return
     fi
   done
-  command -v python3 >/dev/null 2>&1 && die "Python 3.11 or newer is needed: set PYTHON to one"
+  exists python3 && die "Python 3.11 or newer is needed: set PYTHON to one"
   apt_install python3 python3-venv
   python=python3
   is_new_enough python3 || die "this system's Python is older than 3.11: set PYTHON to a newer one"
 }
 
-missing=()
-command -v ghdl >/dev/null 2>&1 || [ -n "${GHDL:-}" ] || missing+=(ghdl)
-command -v verilator >/dev/null 2>&1 || [ -n "${VERILATOR:-}" ] || missing+=(verilator)
-command -v make >/dev/null 2>&1 || missing+=(make)
-command -v g++ >/dev/null 2>&1 || [ -n "${CXX:-}" ] || missing+=(g++)
-[ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"
+# $(of_python FORMAT): FORMAT with major and minor version of the Python in use.
+of_python() { "$python" -c 'import sys; print(sys.argv[1] % sys.version_info[:2])' "$1"; }
 
 if [ -x "$venv/bin/python" ] && "$venv/bin/python" -c '' >/dev/null 2>&1; then
   python="$venv/bin/python"
@@ -74,7 +149,7 @@ else
   find_python
   if ! "$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then
     # Debian splits venv off; a Python of another origin has its own package for it.
-    apt_install "$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
+    apt_install "$(of_python 'python%d.%d-venv')"
   fi
   "$python" -c 'import ensurepip, venv' >/dev/null 2>&1 || die "$python has no venv module"
   say "creating .venv with $("$python" --version)"
@@ -83,10 +158,21 @@ else
   python="$venv/bin/python"
 fi
 
+# The packages of requirements.txt: those with a comment by name, the others by their number.
+say_requirements() {
+  local listed
+  listed="$(sed -nE 's/^([A-Za-z0-9_.-]+)==([^ ]+) *# *(.*)$/\1 \2 \3/p' "$root/requirements.txt")"
+  while read -r name version text; do
+    [ -z "$name" ] || say "$(printf '  %-22s %-18s %s' "$name" "$version" "$text")"
+  done <<<"$listed"
+  say "  and $(grep -cE '^[A-Za-z0-9_.-]+==[^ #]+ *$' "$root/requirements.txt" || true) that these need"
+}
+
 # The stamp holds what the environment was made from, so that a change of either is noticed.
 want="$(cat "$root/requirements.txt" <(printf '%s\n' "$root") <("$python" --version) | sha256sum | cut -d' ' -f1)"
 if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
-  say "installing the Python packages of requirements.txt into .venv"
+  say "installing the Python packages of requirements.txt into .venv:"
+  say_requirements
   pip_install() {
     "$python" -m pip install --quiet --disable-pip-version-check --no-input -r "$root/requirements.txt" >&2
   }
@@ -102,7 +188,7 @@ fi
 
 # cocotb embeds Python into the simulator and so needs its shared library, which Debian splits off too.
 if ! "$python" -c 'import sys, find_libpython; sys.exit(not find_libpython.find_libpython())' 2>/dev/null; then
-  apt_install "$("$python" -c 'import sys; print("libpython%d.%d" % sys.version_info[:2])')"
+  apt_install "$(of_python 'libpython%d.%d')"
 fi
 
 printf '%s\n' "$want" >"$stamp"
