@@ -67,7 +67,7 @@ apt_install() {
   for package in "${packages[@]}"; do
     say "$(printf '  %-16s %-22s %s' "$package" "$(candidate "$package")" "$(purpose "$package")")"
   done
-  local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends)
+  local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq -oDpkg::Use-Pty=0 --no-install-recommends)
   if ! as_root "${install[@]}" "${packages[@]}" >&2; then
     say "that failed; trying once more with fresh lists"
     as_root apt-get update -qq >&2 || true
@@ -121,9 +121,9 @@ check VERILATOR verilator Verilator 5
 
 is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
 
-# A PYTHON that is set is taken at its word; else the first one found that will do.
+# A PYTHON of one's own is taken at its word; else the first one found that will do.
 find_python() {
-  if [ -n "${PYTHON:-}" ]; then
+  if [ "${PYTHON:-python3}" != python3 ]; then
     exists "$PYTHON" || die "PYTHON=$PYTHON: there is no command '$PYTHON'"
     is_new_enough "$PYTHON" || die "PYTHON=$PYTHON is older than Python 3.11, or does not run"
     python="$PYTHON"

