@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from rich.console import Console
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import inverter as anpc
@@ -99,7 +99,7 @@ DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
 # --- cycles ---------------------------------------------------------------------------------------
 
 
-@njit  # not cached on disk: a cache would not notice changes of bit_true
+@njit
 def _alive(register, coefficients, measurement, s_prev, following):
     """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
     error, natural, forced, phase, midpoint, _, _, _, _ = bit_true.node(

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
@@ -87,7 +87,7 @@ def parameters(drive: Drive, rule: Rule) -> tuple[IntArray, IntArray, FloatArray
     return values.array(), integers, np.array([weight])
 
 
-@njit(cache=True)
+@njit
 def _first_errors(first, slope, error, curvature, step, ahead):
     """Errors at k + step into `ahead`; for one step exactly what the core forms."""
     for j in range(7):
@@ -98,7 +98,7 @@ def _first_errors(first, slope, error, curvature, step, ahead):
             ahead[j] = error[j] + slope[j] * step + bend
 
 
-@njit(cache=True)
+@njit
 def _criterion(rule, ahead, bound, effort, keys):
     """Fill `keys` with what a deadlock compares, most significant first; smaller is better."""
     keys[:] = 0
@@ -131,7 +131,7 @@ def _criterion(rule, ahead, bound, effort, keys):
         keys[1] = effort
 
 
-@njit(cache=True)
+@njit
 def _better(keys, best, latest):
     """Whether `keys` beat the best so far; an equal one only where the latest is wanted."""
     for j in range(7):
@@ -140,7 +140,7 @@ def _better(keys, best, latest):
     return latest
 
 
-@njit(cache=True)
+@njit
 def _validity(rule, error, first, slope, curvature, bound, threshold, horizon):
     """L* of one candidate; with the inward rule, outputs that come closer do not end it."""
     if not rule[6]:
@@ -164,7 +164,7 @@ def _validity(rule, error, first, slope, curvature, bound, threshold, horizon):
     return length
 
 
-@njit(cache=True)
+@njit
 def _terminal(weight, error, slope, length):
     """Terminal weight on the flying capacitors in cost units."""
     total = 0.0
@@ -173,7 +173,7 @@ def _terminal(weight, error, slope, length):
     return int(weight * total)
 
 
-@njit(cache=True)
+@njit
 def _best_leaf(rule, weight, register, t, s1, effort1, steps, bound, horizon, scale):
     """``bit_true_fast._best_leaf`` with the rule's admissibility and terminal weight."""
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = (
@@ -212,7 +212,7 @@ def _best_leaf(rule, weight, register, t, s1, effort1, steps, bound, horizon, sc
     return best, best_clipped
 
 
-@njit(cache=True)
+@njit
 def decide_words(given, measurement, s_prev):
     """``bit_true_fast.decide_words`` under a rule, without budget and delay compensation.
 
@@ -345,7 +345,7 @@ def decide_words(given, measurement, s_prev):
     return flat_s[0], flat_s[1], flat_s[2], 0, 0, flat_length, flag
 
 
-@njit(cache=True)
+@njit
 def decide(given, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """``decide_words`` on real numbers; other arguments as ``bit_true.decide``."""
     measurement, clipped = bit_true.encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)

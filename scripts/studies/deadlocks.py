@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.bit_true import fast
@@ -202,7 +202,7 @@ def run(
     }
 
 
-@njit(cache=True)
+@njit
 def _choices(register, measurement, s_prev, chosen, out):
     """What a deadlock offers, from the same words as the decision.
 

@@ -31,10 +31,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from rich.console import Console
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.bit_true import fast as bit_true_fast

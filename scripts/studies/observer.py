@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from rich.progress import track
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -74,7 +74,7 @@ class Error:
     flux: float
 
 
-@njit(cache=True)
+@njit
 def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc, estimate, flux):
     """Controller on the estimate, step by step; estimates and true fluxes are kept."""
     order = np.array([0, 1, 4, 5, 6, 7, 8, 12])

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
@@ -257,7 +257,7 @@ class ClosedLoopResult:
         )
 
 
-@njit
+@njit(kept=False)
 def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
@@ -298,7 +298,7 @@ def _loop(
     states[len(vdc)] = state
 
 
-@njit(cache=True)
+@njit
 def _predict(predictor, x, s_abc, omega_r, vdc):
     """Take the state one step on as the ideal controller's model does, in place."""
     h, tau_s, tau_r, xm, xr, d = predictor[:6]
@@ -324,7 +324,7 @@ def _predict(predictor, x, s_abc, omega_r, vdc):
     x[0], x[1], x[2], x[3] = current.real, current.imag, flux.real, flux.imag
 
 
-@njit(cache=True)
+@njit
 def _no_shadow(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Stand in where no shadow is wanted."""
     return 0, 0, 0, 0, 0, 0, 0

@@ -12,9 +12,9 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.mpdcc import inverter as anpc
 
 ROOT = 46
@@ -33,7 +33,7 @@ AROUND = 49
 Counts = tuple[int, int, int]
 
 
-@njit(cache=True)
+@njit
 def _schedule(explorers, root, nodes, cut):
     """Clock for clock; see ``search``."""
     level = ROOT + root

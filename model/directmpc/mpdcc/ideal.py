@@ -4,9 +4,6 @@ Paper A, Sections III to VI, with what it leaves open settled by the contract (s
 machine by matrix exponential with v_abc held over the horizon, the inverter voltages linear with
 the currents at k (eq. 8c), the reference rotated exactly, L* by looking at every step, bounds
 inclusive. `decide` is compiled code and depends on nothing but its arguments.
-
-The compiled cache notices changes of this file, not of `machine.py`; the tables of `anpc.py` are
-passed as arguments, so a change there takes effect at once.
 """
 
 from __future__ import annotations
@@ -17,8 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.machine import FloatArray, discretise
@@ -90,7 +87,7 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
     )
 
 
-@njit(cache=True)
+@njit
 def _phases(vector):
     """K^-1 of eq. (1) on a complex space vector."""
     half = -0.5 * vector.real
@@ -98,7 +95,7 @@ def _phases(vector):
     return vector.real, half + root, half - root
 
 
-@njit(cache=True)
+@njit
 def _inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
     """Stator voltage vector of a position and what it adds to the inverter voltages each step."""
     half = 0.5 * vdc
@@ -118,7 +115,7 @@ def _inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
     )
 
 
-@njit(cache=True)
+@njit
 def _inside(bounds, error, v_n, d_a, d_b, d_c):
     """Whether every output is within its bound; d_x is the deviation of v_ph_x from v_dc/4."""
     if not (abs(v_n) <= bounds[3] and abs(d_a) <= bounds[4]):
@@ -129,7 +126,7 @@ def _inside(bounds, error, v_n, d_a, d_b, d_c):
     return abs(e_a) <= bounds[0] and abs(e_b) <= bounds[1] and abs(e_c) <= bounds[2]
 
 
-@njit(cache=True)
+@njit
 def _excess(bounds, weighted, error, v_n, d_a, d_b, d_c):
     """Largest amount by which an output exceeds its bound, negative inside (eq. 15).
 
@@ -149,7 +146,7 @@ def _excess(bounds, weighted, error, v_n, d_a, d_b, d_c):
     return worst + CURRENT_SHARE * current if weighted else worst
 
 
-@njit(cache=True)
+@njit
 def _natural(a11, a12, a21, a22, current, flux, horizon, natural):
     """Fill natural[l] with the stator current l steps on without stator voltage, l = 0..N."""
     for step in range(horizon + 1):
@@ -157,7 +154,7 @@ def _natural(a11, a12, a21, a22, current, flux, horizon, natural):
         current, flux = a11 * current + a12 * flux, a21 * current + a22 * flux
 
 
-@njit(cache=True)
+@njit
 def _extend(
     bounds, horizon, natural, forced, reference, offset,
     voltage, v_n, d_a, d_b, d_c, r_n, r_a, r_b, r_c,
@@ -172,7 +169,7 @@ def _extend(
     return horizon
 
 
-@njit(cache=True)
+@njit
 def _prepare(p, x_m, iref, omega_s, omega_r, steps):
     """What all candidates share: discretised machine, responses and reference over `steps`."""
     a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
@@ -195,7 +192,7 @@ def _prepare(p, x_m, iref, omega_s, omega_r, steps):
     return a11, a12, a21, a22, natural, forced, forced_flux, reference
 
 
-@njit(cache=True)
+@njit
 def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Whether s(k-1) keeps every output within its bound at k + 1 (Algorithm 1, line 1)."""
     a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
@@ -218,7 +215,7 @@ def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     )
 
 
-@njit(cache=True)
+@njit
 def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     """Search all candidates.
 
@@ -321,7 +318,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     return dead_s[0], dead_s[1], dead_s[2], 1, 0, dead, dead_second
 
 
-@njit(cache=True)
+@njit
 def _flux_at(a11, a12, a21, a22, current, flux, steps):
     """Rotor flux `steps` steps on without stator voltage."""
     for _ in range(steps):
@@ -329,7 +326,7 @@ def _flux_at(a11, a12, a21, a22, current, flux, steps):
     return flux
 
 
-@njit(cache=True)
+@njit
 def _best_leaf(
     p, a11, a12, a21, a22, reference, forced, natural2, length, f1,
     current, flux, vdc, v_n, v_a, v_b, v_c, s_a, s_b, s_c, limit,
@@ -370,7 +367,7 @@ def _best_leaf(
     return best
 
 
-@njit(cache=True)
+@njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Decide on the next switch positions (contract, section 2; Paper A, Algorithm 1).
 
@@ -404,7 +401,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return s_a, s_b, s_c, 0, deadlock, length, 0
 
 
-@njit(cache=True)
+@njit
 def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Tell how clear a decision is; arguments as `decide`.
 
@@ -424,7 +421,7 @@ def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return int(held), deadlock, best, second
 
 
-@njit(cache=True)
+@njit
 def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
     for k in range(len(vdc)):
         row = decide(

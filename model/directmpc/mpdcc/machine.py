@@ -22,10 +22,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
+
+from directmpc.compiled import njit
 
 FloatArray = NDArray[np.float64]
 
@@ -245,7 +246,7 @@ class InductionMachine:
         return direction * math.exp(x) / tau_r, voltage / impedance(x)
 
 
-@njit(cache=True)
+@njit
 def discretise(tau_s, tau_r, xm, xr, d, omega_r, h):
     """Discretise the machine exactly over h, in complex form, in compiled code.
 

@@ -26,8 +26,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.formats import CURRENT, FLUX, LINK_VOLTAGE, SPEED
@@ -131,7 +131,7 @@ _NEUTRAL = np.asarray(anpc.NEUTRAL, dtype=np.int64)
 _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 
-@njit(cache=True)
+@njit
 def _clip(value, high):
     """Saturate; the value, and 1 where it did not fit."""
     if value > high:
@@ -141,7 +141,7 @@ def _clip(value, high):
     return value, 0
 
 
-@njit(cache=True)
+@njit
 def step_words(c, state, m, s):
     """One step of ``rotor_flux_observer``.
 

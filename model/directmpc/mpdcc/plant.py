@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.machine import CLARKE, CLARKE_INVERSE, FloatArray, InductionMachine
@@ -81,7 +81,7 @@ def plant_data(machine: InductionMachine, xdc: float, xph: float, ts: float) -> 
     )
 
 
-@njit(cache=True)
+@njit
 def _continuous(data, s_abc, omega_r, matrix):
     """Fill the (8, 9) matrix [A | b] of x' = A x + b v_dc."""
     matrix[:] = 0.0
@@ -101,7 +101,7 @@ def _continuous(data, s_abc, omega_r, matrix):
             matrix[5 + phase, axis] = data.capacitor_current[s] * current / data.xph
 
 
-@njit(cache=True)
+@njit
 def _product(left, right, out):
     """Multiply (8, 9) matrices that stand for (9, 9) ones with a last row of zeros."""
     for row in range(8):
@@ -112,7 +112,7 @@ def _product(left, right, out):
             out[row, column] = total
 
 
-@njit(cache=True)
+@njit
 def _exponential(matrix, h, out):
     """First eight rows of exp(h [A b; 0 0]): Taylor to 16 terms at norm <= 1/2, then doublings."""
     norm = 0.0
@@ -145,7 +145,7 @@ def _exponential(matrix, h, out):
         out[row, row] += 1.0
 
 
-@njit(cache=True)
+@njit
 def plant_step(data, state, s_abc, omega_r, vdc):
     """Advance the state by T_s, in place.
 

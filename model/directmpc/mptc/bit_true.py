@@ -13,9 +13,9 @@ All functions are compiled; everything is int64, whose range no intermediate res
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc import formats as f
@@ -48,7 +48,7 @@ _BETA = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
 _ZERO_FROM = ZERO_FROM
 
 
-@njit(cache=True)
+@njit
 def to_word(total):
     """Round a sum of products to a word and saturate; the word, and 1 where it saturated."""
     value = (total + _HALF) >> _FRACTION
@@ -59,7 +59,7 @@ def to_word(total):
     return value, 0
 
 
-@njit(cache=True)
+@njit
 def magnitude(x, y):
     """Length of a vector times the gain of the micro-rotations.
 
@@ -78,7 +78,7 @@ def magnitude(x, y):
     return x
 
 
-@njit(cache=True)
+@njit
 def flux_difference(x, y, reference):
     """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated."""
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
@@ -90,14 +90,14 @@ def flux_difference(x, y, reference):
     return value, 0
 
 
-@njit(cache=True)
+@njit
 def one_plus_half(coefficient):
     """1 + x/2 of a negative x as a word: shifted, the sign turned over."""
     half = coefficient >> 1
     return half + _HIGH + 1 if coefficient < 0 else half - _HIGH - 1
 
 
-@njit(cache=True)
+@njit
 def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     """w(k+1) and psi_s(k+1) by Heun's method, words.
 
@@ -127,7 +127,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     return w1_a, w1_b, p1_a, p1_b, s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8 | s9
 
 
-@njit(cache=True)
+@njit
 def square_root(radicand):
     """Integer square root, _ROOT_WIDTH bits, digit by digit; the largest root where it is 1."""
     root = 0
@@ -138,7 +138,7 @@ def square_root(radicand):
     return root
 
 
-@njit(cache=True)
+@njit
 def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref), with N = gain*|w|^2.
 
@@ -208,7 +208,7 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     )
 
 
-@njit(cache=True)
+@njit
 def decide_words(c, m, u):
     """One decision.
 
@@ -287,7 +287,7 @@ def decide_words(c, m, u):
     return best, saturated, clamped
 
 
-@njit(cache=True)
+@njit
 def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
     """Quantise one set of measurements, SI, to the core's ports.
 
@@ -329,7 +329,7 @@ def parameters(
     )
 
 
-@njit(cache=True)
+@njit
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """``decide_words`` on real numbers: the signature of ``ideal.decide``.
 
@@ -384,7 +384,7 @@ def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.boo
     )
 
 
-@njit(cache=True)
+@njit
 def run_words(register, measurements, u, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):

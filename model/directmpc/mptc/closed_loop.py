@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, ideal
@@ -100,7 +100,7 @@ class Run:
         return float(self.margin[differs].max()) if differs.any() else 0.0
 
 
-@njit
+@njit(kept=False)
 def _loop(
     decide, parameters, reference, plant, vdc, torque_ref, psi_ref, load, speed_ref, use_speed,
     gains, i, psi, omega_r, seen, seen_u, out, result,

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, observer, preexcitation
@@ -104,7 +104,7 @@ def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -
     return state
 
 
-@njit(cache=True)
+@njit
 def step_words(p, state, m):
     """One step of ``mptc_drive``.
 
@@ -163,7 +163,7 @@ def controller(drive: MptcDrive, words: Parameters, state: IntArray | None = Non
     )
 
 
-@njit(cache=True)
+@njit
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """``step_words`` on real numbers: the signature of ``ideal.decide``.
 
@@ -192,7 +192,7 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     return best, saturated | clipped, clamped
 
 
-@njit(cache=True)
+@njit
 def _run_words(p, state, measurements, out):
     for k in range(len(measurements)):
         out[k, 4], out[k, 5] = state[_ALPHA], state[_BETA]

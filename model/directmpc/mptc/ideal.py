@@ -16,8 +16,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc.inverter import UNIT, ZERO_FROM
@@ -57,7 +57,7 @@ def ideal_parameters(drive: MptcDrive) -> IdealParameters:
     )
 
 
-@njit(cache=True)
+@njit
 def derivative(p, i, psi, omega_r, u):
     """A x + B u of eq. 4: derivatives of stator current and stator flux."""
     lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
@@ -69,7 +69,7 @@ def derivative(p, i, psi, omega_r, u):
     return di, u - p.rs * i
 
 
-@njit(cache=True)
+@njit
 def heun(p, i, psi, omega_r, u):
     """x(k+1) by eq. 5."""
     di, dpsi = derivative(p, i, psi, omega_r, u)
@@ -78,7 +78,7 @@ def heun(p, i, psi, omega_r, u):
     return i + di + 0.5 * p.ts * ci, psi + dpsi + 0.5 * p.ts * cpsi
 
 
-@njit(cache=True)
+@njit
 def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
     """Reference vector of the stator flux at k+2 (eqs. 6, 18 to 21), and whether it was clamped."""
     lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
@@ -97,7 +97,7 @@ def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
     return psi_ref * cmath.exp(1j * (cmath.phase(psi_r) + math.asin(argument))), clamped
 
 
-@njit(cache=True)
+@njit
 def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """Cost of u_0 (or u_7) to u_6.
 
@@ -142,7 +142,7 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     return cost, clamped
 
 
-@njit(cache=True)
+@njit
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """One decision; arguments as `costs`.
 
@@ -166,7 +166,7 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     return best, 0, int(clamped)
 
 
-@njit(cache=True)
+@njit
 def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """By how much the second best vector costs more than the best; arguments as `costs`."""
     cost, _ = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
@@ -174,7 +174,7 @@ def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     return cost[1] - cost[0]
 
 
-@njit(cache=True)
+@njit
 def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
     for k in range(len(u)):
         out[k, 0], out[k, 1], out[k, 2] = decide(

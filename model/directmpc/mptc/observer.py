@@ -22,8 +22,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import formats as f
@@ -103,7 +103,7 @@ def array(words: dict[str, int]) -> IntArray:
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
-@njit(cache=True)
+@njit
 def to_state(total):
     """Round a sum of products to a state and saturate; the state, and 1 where it saturated."""
     value = (total + _STATE_HALF) >> _STATE_SHIFT
@@ -114,7 +114,7 @@ def to_state(total):
     return value, 0
 
 
-@njit(cache=True)
+@njit
 def step_words(c, state, m, u):
     """One step of ``mptc_observer``.
 
@@ -180,7 +180,7 @@ class IdealState(NamedTuple):
     flux: complex
 
 
-@njit(cache=True)
+@njit
 def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
     """One step in float64.
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc.inverter import UNIT
 
@@ -61,13 +61,13 @@ def plant_parameters(
     )
 
 
-@njit(cache=True)
+@njit
 def torque(p, i, psi):
     """Electromagnetic torque, 1.5 * N_p * psi_s x i_s."""
     return 1.5 * p.pole_pairs * (psi.real * i.imag - psi.imag * i.real)
 
 
-@njit(cache=True)
+@njit
 def _flow(a11, a12, a21, a22, h):
     """exp(A*h) and its integral over h, by scaling and squaring of a Taylor series."""
     steps = 1
@@ -90,7 +90,7 @@ def _flow(a11, a12, a21, a22, h):
     return e, g
 
 
-@njit(cache=True)
+@njit
 def advance(p, i, psi, omega_r, u, duration):
     """Stator current and stator flux after `duration` s under vector u at constant speed."""
     lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
@@ -109,7 +109,7 @@ def advance(p, i, psi, omega_r, u, duration):
     )
 
 
-@njit(cache=True)
+@njit
 def step(p, i, psi, omega_r, u, load):
     """One control period: current, flux and electrical speed at its end."""
     i1, psi1 = advance(p, i, psi, omega_r, u, p.ts)

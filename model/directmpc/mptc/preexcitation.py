@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
 
@@ -28,7 +27,7 @@ def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
     return found[0], found[1]
 
 
-@njit(cache=True)
+@njit
 def decide_words(m, limit, level, done):
     """One decision of ``mptc_preexcitation``.
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from directmpc.compiled import njit
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from scripts.studies.fidelity import replica as r
@@ -153,7 +153,7 @@ def table(rows: list[Row]) -> list[Row]:
     ]
 
 
-@njit(cache=True)
+@njit
 def _exits(error, slope, curvature, bound):
     """Parabolas whose exit by threshold is late, or early, and whose exit by PLAIN is wrong."""
     late, early, plain = 0, 0, 0

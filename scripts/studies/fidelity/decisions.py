@@ -8,9 +8,9 @@ Verilator, of which a sample runs in GHDL as well.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.mpdcc import closed_loop, formats, ideal
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
@@ -49,7 +49,7 @@ class FidelityError(RuntimeError):
     """The RTL and its model differ; nothing can be published."""
 
 
-@njit(cache=True)
+@njit
 def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Distance of the output nearest to its bound at k, and at k + 1 if the position is kept, pu.
 

@@ -30,9 +30,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats, ideal
@@ -222,19 +222,19 @@ def _round(values: FloatArray, grain: float) -> FloatArray:
     return grain * np.rint(values / grain) if grain else values
 
 
-@njit(cache=True)
+@njit
 def _near(value, grain):
     """To the nearest multiple of a grain, halves upwards."""
     return grain * np.floor(value / grain + 0.5) if grain > 0.0 else value
 
 
-@njit(cache=True)
+@njit
 def _below(value, grain):
     """To the next multiple of a grain below."""
     return grain * np.floor(value / grain) if grain > 0.0 else value
 
 
-@njit(cache=True)
+@njit
 def _terms(p, measured):
     """The program of ``common_terms``; measured (13,) in LSB; returns TERMS."""
     operand = np.zeros(_N_SIGNALS + _N_PRODUCTS)
@@ -256,14 +256,14 @@ def _terms(p, measured):
     return results[_N_PRODUCTS:]
 
 
-@njit(cache=True)
+@njit
 def _phases(alpha, beta, grain, out):
     """Inverse Clarke transformation into out[0:3]; beta already carries sqrt(3)/2."""
     half = _below(0.5 * alpha, grain)
     out[0], out[1], out[2] = alpha, beta - half, -half - beta
 
 
-@njit(cache=True)
+@njit
 def _threshold(error, curvature, bound, grain):
     """``bit_true_fast.turn_threshold``."""
     room = bound + error if curvature >= 0 else bound - error
@@ -274,7 +274,7 @@ def _threshold(error, curvature, bound, grain):
     return threshold
 
 
-@njit(cache=True)
+@njit
 def _first_exit(error, slope, curvature, bound, threshold):
     """``bit_true_fast.first_exit``."""
     upwards = curvature >= 0
@@ -298,7 +298,7 @@ def _first_exit(error, slope, curvature, bound, threshold):
     return length
 
 
-@njit(cache=True)
+@njit
 def _scan(error, slope, curvature, bound, horizon):
     """Last step of 0..horizon before the parabola's first exit, by looking at every step."""
     for step in range(1, horizon + 1):
@@ -307,7 +307,7 @@ def _scan(error, slope, curvature, bound, horizon):
     return horizon
 
 
-@njit(cache=True)
+@njit
 def _plain(error, slope, curvature, bound):
     """Binary search of the length, as if once outside were outside for good."""
     length = 0
@@ -318,7 +318,7 @@ def _plain(error, slope, curvature, bound):
     return length
 
 
-@njit(cache=True)
+@njit
 def _straight(error, slope, bound, horizon):
     """Last step of 0..horizon that a straight line is inside."""
     step = abs(slope)
@@ -328,14 +328,14 @@ def _straight(error, slope, bound, horizon):
     return int(np.floor(room / step))
 
 
-@njit(cache=True)
+@njit
 def _split(near, far):
     """Slope and curvature of the parabola through 0, (NEAR, near), (FAR, far)."""
     c = (far / FAR - near / NEAR) / (FAR - NEAR)
     return near / NEAR - c * NEAR, c
 
 
-@njit(cache=True)
+@njit
 def _share(s, weights, grain):
     """``bit_true_fast.share_of``: two shares are the complement of the third."""
     hanging = _FROM_NEUTRAL[s[0]] + _FROM_NEUTRAL[s[1]] + _FROM_NEUTRAL[s[2]]
@@ -348,7 +348,7 @@ def _share(s, weights, grain):
     return total
 
 
-@njit(cache=True)
+@njit
 def _slopes(p, s, natural, forced, phase, midpoint, out):
     """``bit_true.slopes``."""
     u = np.empty(3)
@@ -365,7 +365,7 @@ def _slopes(p, s, natural, forced, phase, midpoint, out):
         out[x] = natural[x] - _near(difference / _FORCED, p.forced)
 
 
-@njit(cache=True)
+@njit
 def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Decide as the fast variant would with these roundings; arguments as ``ideal.decide``."""
     horizon = p.exact.horizon
@@ -534,7 +534,7 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return best[0], best[1], best[2], 0, 0 if feasible else 1, best_length, 0
 
 
-@njit(cache=True)
+@njit
 def _run(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
     """``decide`` for every row; out (n, 7)."""
     for k in range(len(vdc)):

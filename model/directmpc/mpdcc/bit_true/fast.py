@@ -22,9 +22,9 @@ which phases hang on the neutral point, not on the whole candidate.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -48,7 +48,7 @@ _NEUTRAL_CURRENT = bit_true._NEUTRAL_CURRENT
 _CAPACITOR_CURRENT = bit_true._CAPACITOR_CURRENT
 
 
-@njit(cache=True)
+@njit
 def turn_threshold(error, curvature, bound):
     """T: the slope against the curvature from which a trajectory leaves before it turns."""
     room = bound + error if curvature >= 0 else bound - error
@@ -59,7 +59,7 @@ def turn_threshold(error, curvature, bound):
     return threshold
 
 
-@njit(cache=True)
+@njit
 def first_exit(error, slope, curvature, bound, threshold):
     """Largest l of 0..63 up to which the parabola stays in the band; |error| <= bound.
 
@@ -88,7 +88,7 @@ def first_exit(error, slope, curvature, bound, threshold):
     return length
 
 
-@njit(cache=True)
+@njit
 def _clip(value, width):
     """Saturate to a signed word; the value and 1 where it did not fit."""
     high = (1 << (width - 1)) - 1
@@ -99,13 +99,13 @@ def _clip(value, width):
     return value, 0
 
 
-@njit(cache=True)
+@njit
 def _rounded(total, shift, width):
     """A sum of products rounded half up at a bit and saturated."""
     return _clip((total + (1 << (shift - 1))) >> shift, width)
 
 
-@njit(cache=True)
+@njit
 def _neutral_slope(s, shares):
     """Slope of v_n as `share_of`, but two phases make the opposite of the third's exactly."""
     hanging = 0
@@ -118,7 +118,7 @@ def _neutral_slope(s, shares):
     return 0
 
 
-@njit(cache=True)
+@njit
 def successor(register, reference, t, start_slope, s, steps):
     """The node that a node is taken to by `steps` steps under the switch position s.
 
@@ -183,7 +183,7 @@ def successor(register, reference, t, start_slope, s, steps):
     return out, flag != 0
 
 
-@njit(cache=True)
+@njit
 def _reference(register, results):
     """What i* moves by per step, alpha and beta, trajectory units."""
     reference = np.empty(2, dtype=np.int64)
@@ -194,7 +194,7 @@ def _reference(register, results):
     return reference
 
 
-@njit(cache=True)
+@njit
 def node_of(t):
     """``bit_true.node_of`` with the opposite of phase c in place of c, and curvatures clipped.
 
@@ -214,7 +214,7 @@ def node_of(t):
     return error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, flag != 0
 
 
-@njit(cache=True)
+@njit
 def node(measurement, register):
     """``bit_true.node`` of the fast variant, see ``node_of``."""
     results, saturated = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
@@ -222,7 +222,7 @@ def node(measurement, register):
     return (*found[:8], saturated | found[8])
 
 
-@njit(cache=True)
+@njit
 def share_of(s, shares):
     """Slope of v_n, or of sqrt(lambda_n)*v_n: the shares of the phases at the neutral point.
 
@@ -244,7 +244,7 @@ def share_of(s, shares):
     return total
 
 
-@njit(cache=True)
+@njit
 def slopes(s, natural, forced, phase, midpoint, out):
     """``bit_true.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
     bit_true.slopes(s, natural, forced, phase, midpoint, out)
@@ -252,7 +252,7 @@ def slopes(s, natural, forced, phase, midpoint, out):
     out[3] = share_of(s, midpoint)
 
 
-@njit(cache=True)
+@njit
 def _first(error, curvature):
     """Current errors at k+1 but for the slope: a, b, and exactly their sum."""
     first = error.copy()
@@ -262,7 +262,7 @@ def _first(error, curvature):
     return first
 
 
-@njit(cache=True)
+@njit
 def _start_slopes(s, natural, forced, phase, midpoint, slope, start):
     """Slopes under s into `slope`; those of the currents a and b for a successor into `start`."""
     slopes(s, natural, forced, phase, midpoint, slope)
@@ -270,7 +270,7 @@ def _start_slopes(s, natural, forced, phase, midpoint, slope, start):
     start[1] = slope[1]
 
 
-@njit(cache=True)
+@njit
 def has_successors(t, start):
     """Whether a node's errors and the slopes of its currents fit the words of a successor's base.
 
@@ -282,7 +282,7 @@ def has_successors(t, start):
     return not (_clip(start[0], f.BASE_WIDTH)[1] or _clip(start[1], f.BASE_WIDTH)[1])
 
 
-@njit(cache=True)
+@njit
 def _validity(error, first, slope, curvature, bound, threshold, horizon):
     """L* of one candidate: how long every trajectory stays inside its bound."""
     length = horizon
@@ -299,7 +299,7 @@ def _validity(error, first, slope, curvature, bound, threshold, horizon):
     return length
 
 
-@njit(cache=True)
+@njit
 def _still(s, error, moving):
     """Errors into `moving`, 0 for the voltages that do not move under s.
 
@@ -316,7 +316,7 @@ def _still(s, error, moving):
         moving[3] = 0
 
 
-@njit(cache=True)
+@njit
 def _deadlock_rank(first, slope, bound, weighted):
     """What a deadlock compares, less is better: the largest excess at k+1, or the weighted rule's.
 
@@ -335,7 +335,7 @@ def _deadlock_rank(first, slope, bound, weighted):
     return (worst << _CURRENT_SHIFT) + current if weighted else worst
 
 
-@njit(cache=True)
+@njit
 def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
     """The cheapest leaf below a node: cost, whether its weight saturated, leaves; cost -1: none."""
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(t)
@@ -371,7 +371,7 @@ def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
     return best, best_clipped
 
 
-@njit(cache=True)
+@njit
 def search_words(register, measurement, s_prev, order):
     """One decision of the fast variant; arguments as ``bit_true.decide_words``.
 
@@ -519,14 +519,14 @@ def search_words(register, measurement, s_prev, order):
     return best[0], best[1], best[2], 0, 0, best_length, flag, exhausted, looked_at
 
 
-@njit(cache=True)
+@njit
 def decide_words(register, measurement, s_prev):
     """One decision of the fast variant; arguments and results as ``bit_true.decide_words``."""
     order = np.empty((64, 5), dtype=np.int64)
     return search_words(register, measurement, s_prev, order)[:7]
 
 
-@njit(cache=True)
+@njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """``decide_words`` on real numbers; arguments as ``bit_true.decide``."""
     measurement, clipped = bit_true.encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
@@ -534,7 +534,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return a, b, c, held, deadlock, length, saturated | clipped
 
 
-@njit(cache=True)
+@njit
 def _run(register, measurements, s_prev, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
@@ -546,7 +546,7 @@ def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Dec
     return bit_true.run_rows(_run, (values or registers(drive, "fast")).array(), trace)
 
 
-@njit(cache=True)
+@njit
 def predicts(register, measurement, s_prev):
     """Whether a step that is to be decided for k + 1 is: whether that state can be predicted."""
     results, _ = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)

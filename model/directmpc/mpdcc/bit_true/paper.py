@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
@@ -84,7 +84,7 @@ _COUNT = np.array([len(p) for p in anpc.NEXT_POSITIONS], dtype=np.int64)
 _NEXT = np.array([list(p) + [p[-1]] * (4 - len(p)) for p in anpc.NEXT_POSITIONS], dtype=np.int64)
 
 
-@njit(cache=True)
+@njit
 def common_terms(program, measurement, register):
     """Run a program of ``common_terms``.
 
@@ -135,14 +135,14 @@ def common_terms(program, measurement, register):
     return results, saturated
 
 
-@njit(cache=True)
+@njit
 def _phases(alpha, beta):
     """Inverse Clarke transformation; beta already carries sqrt(3)/2."""
     half = alpha >> 1
     return alpha, beta - half, -half - beta
 
 
-@njit(cache=True)
+@njit
 def node(program, measurement, register):
     """The node that explorers start from.
 
@@ -166,7 +166,7 @@ def node(program, measurement, register):
     return (*node_of(t[_N_PRODUCTS:]), saturated)
 
 
-@njit(cache=True)
+@njit
 def node_of(t):
     """Phase quantities of a node from its ``TERMS``; results as ``node``, but for the flag."""
     error = np.empty(7, dtype=np.int64)
@@ -187,7 +187,7 @@ def node_of(t):
     return error, slope, forced, phase, midpoint, weight_slope, t[17], curvature
 
 
-@njit(cache=True)
+@njit
 def slopes(s, slope, forced, phase, midpoint, out):
     """Slopes of the seven errors under the switch position s, into ``out`` (Paper A, eq. 17-18)."""
     u = np.empty(3, dtype=np.int64)
@@ -203,7 +203,7 @@ def slopes(s, slope, forced, phase, midpoint, out):
     out[3] = neutral
 
 
-@njit(cache=True)
+@njit
 def search_length(offset, slope, bound, horizon):
     """Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound."""
     if abs(offset) > bound:
@@ -215,7 +215,7 @@ def search_length(offset, slope, bound, horizon):
     return room // step
 
 
-@njit(cache=True)
+@njit
 def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
     """J of Paper A's (11)-(12) in 1/COST_UNIT, and whether sqrt(lambda)*v_n saturated.
 
@@ -234,7 +234,7 @@ def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
     ), saturated
 
 
-@njit(cache=True)
+@njit
 def decide_words(register, measurement, s_prev):
     """One decision of the paper variant, horizon SE.
 
@@ -321,7 +321,7 @@ _LOWS = np.array([fmt.low for fmt in f.MEASUREMENTS.values()], dtype=np.float64)
 _MAXIMA = np.array([fmt.high for fmt in f.MEASUREMENTS.values()], dtype=np.float64)
 
 
-@njit(cache=True)
+@njit
 def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
     """Quantise one set of measurements, per unit, to the core's ports.
 
@@ -353,7 +353,7 @@ def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
     return measurement, clipped
 
 
-@njit(cache=True)
+@njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """``decide_words`` on real numbers: the signature of ``ideal.decide``.
 
@@ -411,7 +411,7 @@ def encode(trace: MpdccTrace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     )
 
 
-@njit(cache=True)
+@njit
 def _run(register, measurements, s_prev, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
