@@ -7,27 +7,23 @@ of ``CONTROLLERS`` each.
 
 from __future__ import annotations
 
-import argparse
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
 from directmpc.mpdcc import ideal, trace
-from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
-from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
 from scripts.commands import mptc_replay
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl.mpdcc_simulation import Job
@@ -41,59 +37,28 @@ EXPLORERS = range(1, 9)
 DEFAULT_EXPLORERS = 2
 
 
-@dataclass(frozen=True)
-class Variant:
-    """What belongs to one variant of the MPDCC core.
+def worst_cycles(
+    variant: str, explorers: int, two_switchings: bool = False, compensate: bool = False
+) -> int:
+    """Most clock cycles of a decision of an MPDCC core, any input.
 
-    Attributes
+    Parameters
     ----------
-    registers
-        Register values of a drive.
-    run
-        Its bit-true model over a trace.
-    decide
-        The same for one step, compiled: the signature of `ideal.decide`.
-    decide_words
-        The same on the words of the core's ports: the signature of `bit_true.decide_words`.
-    worst_cycles
-        Most clock cycles of a decision for a number of explorers, any input: the published bound
-        of scripts/measure/budgets.toml, counted as `cycles` of the decisions file; the fast
-        variant's with `two_switchings` for SESE without a budget and `compensate` for the
-        prediction of k + 1.
+    variant, explorers
+        Configuration of the core.
+    two_switchings
+        Whether SESE is set, without a budget; the fast variant alone has it.
+    compensate
+        Whether the core predicts k + 1 first; the fast variant alone can.
+
+    Returns
+    -------
+    int
+        The published bound of scripts/measure/budgets.toml, counted as `cycles` of the decisions
+        file.
     """
-
-    registers: Callable[[Drive], Registers]
-    run: Callable[[Drive, MpdccTrace], Decisions]
-    decide: Any
-    decide_words: Any
-    worst_cycles: Callable[..., int]
-
-
-def _fast_worst(explorers: int, two_switchings: bool = False, compensate: bool = False) -> int:
-    """Of scripts/measure/budgets.toml."""
-    most = budgets.worst(explorers, "fast")
-    if two_switchings:
-        most = budgets.worst(explorers, "sese")
+    most = budgets.worst(explorers, "sese" if two_switchings else variant)
     return most + (budgets.clocks("mpdcc_core", "prediction", "sese") if compensate else 0)
-
-
-VARIANTS = {
-    "fast": Variant(
-        lambda drive: registers(drive, "fast"),
-        bit_true_fast.run,
-        bit_true_fast.decide,
-        bit_true_fast.decide_words,
-        _fast_worst,
-    ),
-    "paper": Variant(
-        lambda drive: registers(drive, "paper"),
-        bit_true.run,
-        bit_true.decide,
-        bit_true.decide_words,
-        lambda explorers: budgets.worst(explorers, "paper"),
-    ),
-}
-DEFAULT_VARIANT = "fast"
 
 
 class ReplayError(ValueError):
@@ -110,43 +75,6 @@ class Request:
     engine: str
     explorers: int
     variant: str
-
-
-@contextmanager
-def progress_bar(text: str, total: int, stream: TextIO | None = None) -> Iterator[Any]:
-    """Yield a function that takes how many are done; a bar, or plain lines off a terminal.
-
-    Parameters
-    ----------
-    text
-        What is under way.
-    total
-        How many there are.
-    stream
-        Where to show it; stderr if not given.
-    """
-    console = Console(file=stream or sys.stderr)
-    if console.is_terminal:
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task(text, total=total)
-            yield lambda done: bar.update(task, completed=done)
-        return
-    shown = -1
-
-    def line(done: int) -> None:
-        nonlocal shown
-        if done * 10 // total > shown:
-            shown = done * 10 // total
-            print(f"{text}: {done} of {total}", file=console.file, flush=True)
-
-    line(0)
-    yield line
 
 
 def simulate_rows(
@@ -177,8 +105,8 @@ def simulate_rows(
 
     Returns
     -------
-    (n, 8)
-        In the order of ``rtl_simulation.FIELDS``.
+    (n, 9)
+        In the order of ``variants.FIELDS``.
 
     Raises
     ------
@@ -192,19 +120,6 @@ def simulate_rows(
         return np.asarray(answer["decisions"], dtype=np.int64)
 
     return in_parallel(len(measurements), run, progress, processes)
-
-
-def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:
-    """Turn what the RTL answered into decisions; `clipped` marks rows whose inputs saturated."""
-    fields = {name: rows[:, i] for i, name in enumerate(rtl_simulation.FIELDS)}
-    return Decisions(
-        s=rows[:, 0:3],
-        held=fields["held"],
-        deadlock=fields["deadlock"],
-        length=fields["length"],
-        cycles=fields["cycles"],
-        saturated=fields["saturated"] | np.asarray(clipped, dtype=np.int64),
-    )
 
 
 def decide_mpdcc(
@@ -293,44 +208,11 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 """Who replays a trace, by the drive file's key `controller`."""
 
 
-def clear_output(out: Path, *inputs: Path) -> None:
-    """Remove an earlier run's output, so that it never passes for the output of a run that fails.
-
-    Raises
-    ------
-    ReplayError
-        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
-    """
-    folder = out.parent
-    if out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise ReplayError(
-            f"{out}: cannot be written (a folder, or in none that is writable); a path in "
-            "a writable folder is needed"
-        )
-    if not out.exists():
-        return
-    if not out.is_file():
-        raise ReplayError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
-    for used in inputs:
-        if used.exists() and out.samefile(used):
-            raise ReplayError(f"{out}: is an input; another path is needed")
-    out.resolve().unlink()
-
-
 def replay(request: Request) -> None:
     """Do what was asked for; raises the errors that `main` reports."""
     clear_output(request.out, request.drive, request.trace)
     drive = load_any_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)
-
-
-class OneParagraphParser(argparse.ArgumentParser):
-    """Reports wrong arguments as every other error: one paragraph, exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print the message and leave."""
-        print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
-        sys.exit(2)
 
 
 def _arguments(arguments: Sequence[str] | None) -> Request:
@@ -347,15 +229,6 @@ def _arguments(arguments: Sequence[str] | None) -> Request:
         "--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT, help="mpdcc drives alone"
     )
     return Request(**vars(parser.parse_args(arguments)))
-
-
-def report_error(program: str, error: BaseException) -> None:
-    """Print an expected error as one paragraph on stderr."""
-    text = str(error)
-    if isinstance(error, OSError):
-        text = f"{error.filename or 'file'}: {error.strerror or error}"
-    # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
-    print(f"{program}: " + "\n".join(x for x in text.splitlines() if x.strip()), file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from directmpc.drive_file import Drive, load_drive
+from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
 from directmpc.mpdcc import ideal, metrics
 from directmpc.mpdcc.closed_loop import (
     ClosedLoopResult,
@@ -28,18 +29,9 @@ from directmpc.mpdcc.closed_loop import (
     initial_conditions,
 )
 from directmpc.mpdcc.machine import CLARKE_INVERSE
-from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.commands.replay import (
-    DEFAULT_VARIANT,
-    EXPLORERS,
-    VARIANTS,
-    OneParagraphParser,
-    ReplayError,
-    clear_output,
-    decisions_of,
-    progress_bar,
-    report_error,
-)
+from directmpc.mpdcc.trace import MpdccTrace
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, count_differences, decisions_of
+from scripts.commands.replay import EXPLORERS, ReplayError, worst_cycles
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.hdl.simulator import ROOT, SimulationError, terminable
@@ -90,14 +82,6 @@ class Run:
         """Clock cycles of every decision."""
         assert self.result.decisions.cycles is not None
         return self.result.decisions.cycles
-
-
-def count_differences(left: Decisions, right: Decisions) -> int:
-    """Rows in which two sets of decisions differ in a field that both have, but for cycles."""
-    rows = [
-        np.column_stack([d.s, d.held, d.deadlock, d.length, d.saturated]) for d in (left, right)
-    ]
-    return int(np.any(rows[0] != rows[1], axis=1).sum())
 
 
 def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, variant: str) -> Run:
@@ -230,7 +214,7 @@ def _latency(run: Run) -> Table:
         "compensate": control.delay_compensation,
     }
     fast = run.variant == "fast"
-    worst = VARIANTS[run.variant].worst_cycles(run.explorers, **(options if fast else {}))
+    worst = worst_cycles(run.variant, run.explorers, **(options if fast else {}))
     add("worst case, any input", worst)
     add("Paper A, Table II, worst case", PAPER_CYCLES.get(run.explorers))
     return table

@@ -15,7 +15,8 @@ from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.formats import MEASUREMENTS
-from scripts.hdl.mpdcc_simulation import FIELDS, Job
+from directmpc.mpdcc.variants import FIELDS
+from scripts.hdl.mpdcc_simulation import Job
 from scripts.hdl.simulator import CLOCK_NS, load_job
 
 _WIDTH = 16

@@ -21,9 +21,6 @@ from scripts.hdl.simulator import ROOT, Answer
 
 BENCH = ROOT / "scripts" / "hdl" / "mpdcc_core_bench.vhd"
 
-#: Columns of a decision as the bench returns it.
-FIELDS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "cycles", "saturated", "exhausted")
-VARIANTS = ("fast", "paper")
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -94,14 +91,15 @@ def simulate(
     explorers : int
         1 to 8.
     variant : str
-        One of ``VARIANTS``.
+        "fast" or "paper".
     progress : callable, optional
         Called now and then with the number of decisions made.
 
     Returns
     -------
     dict
-        ``decisions`` (n, 9) in the order of ``FIELDS``; ``states`` (n + 1, 8) for a closed loop.
+        ``decisions`` (n, 9) in the order of ``variants.FIELDS``; ``states`` (n + 1, 8) for a
+        closed loop.
 
     Raises
     ------

@@ -18,6 +18,7 @@ import numpy as np
 from rich.console import Console
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.host.console import OneParagraphParser, progress_bar, report_error
 from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
@@ -26,7 +27,6 @@ from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
-from scripts.commands.replay import OneParagraphParser, progress_bar, report_error
 from scripts.commands.run import save_png
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_drive_loop as rtl_loop

@@ -26,19 +26,14 @@ from rich.console import Console
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
+from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from scripts.commands.replay import (
-    DEFAULT_VARIANT,
-    VARIANTS,
-    OneParagraphParser,
-    report_error,
-    simulate_rows,
-)
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
+from scripts.commands.replay import simulate_rows, worst_cycles
 from scripts.commands.run import PAPER_CYCLES, draw, save_png, simulate
-from scripts.hdl.mpdcc_simulation import FIELDS
 from scripts.hdl.simulator import ROOT, SimulationError
 from scripts.measure import budgets, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
@@ -232,7 +227,7 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
         answers = dict(zip(EXPLORERS, pool.map(one, EXPLORERS), strict=True))
     for explorers, rows in answers.items():
         taken = rows[:, FIELDS.index("cycles")]
-        worst[str(explorers)] = VARIANTS[variant].worst_cycles(explorers)
+        worst[str(explorers)] = worst_cycles(variant, explorers)
         measured[str(explorers)] = int(taken.max())
         held |= set(taken[rows[:, FIELDS.index("held")] == 1].tolist())
         if measured[str(explorers)] > worst[str(explorers)]:

@@ -26,13 +26,13 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
+from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
-from scripts.commands.replay import progress_bar
 from scripts.hdl.mpdcc_simulation import ROOT
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tools

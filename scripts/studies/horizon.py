@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.drive_file import Drive, load_drive
+from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import cycles as sese_cycles
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -31,7 +32,6 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import discretise
-from scripts.commands.replay import progress_bar
 from scripts.hdl.mpdcc_simulation import ROOT
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tools

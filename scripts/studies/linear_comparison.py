@@ -36,13 +36,13 @@ from rich.console import Console
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_drive
+from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.commands.replay import OneParagraphParser, report_error
 from scripts.hdl.mpdcc_simulation import ROOT
 from scripts.shared import tools
 

@@ -14,8 +14,8 @@ import pytest
 
 from directmpc.drive_file import load_drive
 from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.commands import run
-from scripts.commands.replay import VARIANTS
 from scripts.hdl import states
 from scripts.hdl.simulator import ROOT
 
@@ -75,9 +75,9 @@ def test_a_difference_is_an_error(
 
 def test_differences_are_counted(modelled: run.Run) -> None:
     decisions = modelled.result.decisions
-    assert run.count_differences(decisions, decisions) == 0
+    assert count_differences(decisions, decisions) == 0
     other = dataclasses.replace(decisions, length=decisions.length + (np.arange(30) == 7))
-    assert run.count_differences(decisions, other) == 1
+    assert count_differences(decisions, other) == 1
 
 
 @pytest.mark.parametrize("arguments", [["--speed", "0"], ["--drive", "none.toml"]])

@@ -26,11 +26,11 @@ from rich.table import Table
 from directmpc.drive_file import Drive, MptcDrive, load_any_drive
 from directmpc.host import lockstep
 from directmpc.host.board import Board, RegisterError
+from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import Outcome
 from directmpc.host.registers import GuardSettings, RegisterValues, values
 from directmpc.mpdcc.trace import write_decisions
-from scripts.commands.replay import OneParagraphParser, clear_output, progress_bar, report_error
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""

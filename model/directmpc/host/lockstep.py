@@ -22,13 +22,11 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
 from directmpc.mpdcc.plant import Plant
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from directmpc.mpdcc.variants import FIELDS, VARIANTS, count_differences, decisions_of
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import closed_loop as mptc_closed_loop
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.plant import step as mptc_step
-from scripts.commands.replay import VARIANTS, decisions_of
-from scripts.commands.run import count_differences
-from scripts.hdl.mpdcc_simulation import FIELDS
 
 IntArray = NDArray[np.int64]
 

@@ -11,8 +11,9 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from scripts.commands.replay import OneParagraphParser, SimulationError, progress_bar, report_error
+from directmpc.host.console import OneParagraphParser, progress_bar, report_error
 from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.hdl.simulator import SimulationError
 from scripts.shared import tools
 from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
 from scripts.studies.fidelity.points import DRIVES, Row, points

@@ -18,7 +18,8 @@ from directmpc.mpdcc.coefficients import OPTIONS, second_level, weighted_deadloc
 from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.commands.replay import VARIANTS, simulate_rows
+from directmpc.mpdcc.variants import VARIANTS
+from scripts.commands.replay import simulate_rows
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.studies.fidelity.points import Point, Row, kept, points, stored

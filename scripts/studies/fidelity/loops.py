@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from scripts.commands.replay import VARIANTS
+from directmpc.mpdcc.variants import VARIANTS
 from scripts.studies.fidelity import decisions, replica
 from scripts.studies.fidelity.points import Point, Row, kept, stored
 

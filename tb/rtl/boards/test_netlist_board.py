@@ -40,7 +40,7 @@ from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Ty
 from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import MpdccTrace
-from scripts.commands.replay import VARIANTS
+from scripts.commands import replay
 from scripts.generate.boards import BOARDS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import states
@@ -238,7 +238,7 @@ def check_options(board: Board, steps: int) -> None:
     assert decisions.exhausted is not None
     assert decisions.exhausted.tolist() == wanted
     assert sum(wanted) > 0
-    assert run.cycles.max() > VARIANTS["fast"].worst_cycles(1)
+    assert run.cycles.max() > replay.worst_cycles("fast", 1)
 
 
 def check_replay(

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts.commands.replay import VARIANTS
+from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import BenchError

@@ -16,6 +16,7 @@ import cocotb
 import numpy as np
 from cocotb.triggers import RisingEdge, Timer, with_timeout
 
+from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_cosimulation import (
     PATIENCE_CLOCKS,
     Bench,
@@ -23,7 +24,6 @@ from scripts.hdl.mpdcc_cosimulation import (
     pack_row,
     unpack_response,
 )
-from scripts.hdl.mpdcc_simulation import FIELDS
 from scripts.hdl.simulator import CLOCK_NS, load_job
 
 

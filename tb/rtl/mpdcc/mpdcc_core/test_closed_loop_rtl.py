@@ -15,7 +15,7 @@ import pytest
 
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from scripts.commands.replay import VARIANTS
+from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 

@@ -23,7 +23,8 @@ import pytest
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.program import COEFFICIENTS
-from scripts.commands.replay import VARIANTS
+from directmpc.mpdcc.variants import VARIANTS
+from scripts.commands import replay
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import netlist_check, states
@@ -180,7 +181,7 @@ def test_the_netlists_second_level_decides_alike(two_level_rows: core.Rows) -> N
     result = run(rows, generics, expected, (*OUTPUTS, "exhausted"), known)
     assert result.checked == len(rows)
     assert not result.mismatches, result.mismatches[:5]
-    most = VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
+    most = replay.worst_cycles("fast", explorers, two_switchings=True)
     assert most - 8 <= result.cycles[0] <= most
     print(
         f"second level: {len(rows)} rows, {cut.sum()} cut, slowest {max(result.cycles)} of {most}"

@@ -143,7 +143,7 @@ def test_second_level_is_the_models(
     assert (nodes > 1).sum() >= each
     if any(limits):
         assert want[:, 7].sum() >= 1
-    most = replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True)
+    most = replay.worst_cycles("fast", explorers, two_switchings=True)
     assert tuple(want[-2, :3]) == (4, 2, 0)
     assert nodes[-1] == 63
     assert most - 8 <= found.cycles[-1] <= most
@@ -153,7 +153,7 @@ def test_second_level_is_the_models(
 @pytest.mark.parametrize("explorers", range(1, 9))
 def test_the_published_bound_is_the_schedules(explorers: int) -> None:
     most, _ = sese_cycles.worst(explorers)
-    assert replay.VARIANTS["fast"].worst_cycles(explorers, two_switchings=True) == most
+    assert replay.worst_cycles("fast", explorers, two_switchings=True) == most
 
 
 def _climb(explorers: int, budget: int, rng: np.random.Generator) -> int:

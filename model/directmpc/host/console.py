@@ -1,0 +1,99 @@
+"""What a command prints and how it stops: arguments, progress, errors, and the file it writes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NoReturn, TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+class OutputError(ValueError):
+    """A command cannot write where it is told to; the message names the path and what is needed."""
+
+
+class OneParagraphParser(argparse.ArgumentParser):
+    """Reports wrong arguments as every other error: one paragraph, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and leave."""
+        print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
+        sys.exit(2)
+
+
+@contextmanager
+def progress_bar(
+    text: str, total: int, stream: TextIO | None = None
+) -> Iterator[Callable[[int], None]]:
+    """Yield a function that takes how many are done; a bar, or plain lines off a terminal.
+
+    Parameters
+    ----------
+    text
+        What is under way.
+    total
+        How many there are.
+    stream
+        Where to show it; stderr if not given.
+    """
+    console = Console(file=stream or sys.stderr)
+    if console.is_terminal:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(text, total=total)
+            yield lambda done: bar.update(task, completed=done)
+        return
+    shown = -1
+
+    def line(done: int) -> None:
+        nonlocal shown
+        if done * 10 // total > shown:
+            shown = done * 10 // total
+            print(f"{text}: {done} of {total}", file=console.file, flush=True)
+
+    line(0)
+    yield line
+
+
+def clear_output(out: Path, *inputs: Path) -> None:
+    """Remove an earlier run's output, so that it never passes for the output of a run that fails.
+
+    Raises
+    ------
+    OutputError
+        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
+    """
+    folder = out.parent
+    if out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise OutputError(
+            f"{out}: cannot be written (a folder, or in none that is writable); a path in "
+            "a writable folder is needed"
+        )
+    if not out.exists():
+        return
+    if not out.is_file():
+        raise OutputError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
+    for used in inputs:
+        if used.exists() and out.samefile(used):
+            raise OutputError(f"{out}: is an input; another path is needed")
+    out.resolve().unlink()
+
+
+def report_error(program: str, error: BaseException) -> None:
+    """Print an expected error as one paragraph on stderr."""
+    text = str(error)
+    if isinstance(error, OSError):
+        text = f"{error.filename or 'file'}: {error.strerror or error}"
+    # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
+    print(f"{program}: " + "\n".join(x for x in text.splitlines() if x.strip()), file=sys.stderr)
