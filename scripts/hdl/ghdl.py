@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from unittest import mock
+from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_results, get_runner
 
 from scripts.hdl.sources import RTL, compile_order, rtl_files
 
+_VHDL_FAILURE = re.compile(r"\((?:assertion|report) failure\): ?(.*)")
+
 
 class BenchError(AssertionError):
-    """The bench ran and something it checks is wrong; the message holds the end of its log."""
+    """The bench did not pass; the message holds the end of its log."""
+
+
+class CheckError(BenchError):
+    """The bench ran to a check that failed: neither a crash nor a bench that took too long.
+
+    Attributes
+    ----------
+    check : str
+        What the check says of itself.
+    """
+
+    def __init__(self, check: str, log: str = "") -> None:
+        super().__init__(f"{check}\n{log}".strip())
+        self.check = check
 
 
 class BuildError(RuntimeError):
@@ -25,6 +43,22 @@ def _tail(path: Path, lines: int = 40) -> str:
     if not path.exists():
         return "(no log)"
     return "\n".join(path.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
+
+
+def _failed_check(results_xml: Path, log: Path) -> str | None:
+    """Message of the check that ended a bench, None where something else did.
+
+    A check is an assertion of a cocotb test or one of the VHDL bench with severity failure.
+    """
+    if log.exists():
+        found = _VHDL_FAILURE.search(log.read_text(encoding="utf-8", errors="replace"))
+        if found is not None:
+            return found[1].strip()
+    if not results_xml.exists():
+        return None
+    failures = ElementTree.parse(results_xml).iter("failure")
+    checks = [one.get("message", "") for one in failures if one.get("type") == "AssertionError"]
+    return checks[0] if checks else None
 
 
 def execute(
@@ -102,6 +136,12 @@ def execute(
             )
         executed, failed = get_results(results_xml)
     except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
+        check = _failed_check(results_xml, test_log)
+        if check is not None:
+            raise CheckError(check, _tail(test_log)) from error
         raise BenchError(f"{top} {dict(generics or {})}:\n{_tail(test_log)}") from error
     if failed or executed == 0:
+        check = _failed_check(results_xml, test_log)
+        if check is not None:
+            raise CheckError(check, _tail(test_log))
         raise BenchError(f"{failed} of {executed} cocotb tests failed:\n{_tail(test_log)}")

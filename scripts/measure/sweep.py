@@ -327,7 +327,7 @@ def accuracy(point: Point) -> dict[str, Any]:
     from directmpc.mpdcc import closed_loop, ideal
     from directmpc.mpdcc import formats as f
     from directmpc.mpdcc.closed_loop import OperatingPoint
-    from scripts.commands.replay import VARIANTS
+    from directmpc.mpdcc.variants import VARIANTS
 
     drive = load_drive(ROOT / "drives" / f"{DRIVE}.toml")
     horizon = min(drive.control.horizon, 2**f.LENGTH_WIDTH - 1)

@@ -21,10 +21,10 @@ from directmpc.drive_file import load_drive
 from directmpc.mpdcc import closed_loop, ideal, trace
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.commands import replay
+from tb.helpers.commands import assert_one_paragraph, command, started
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
-NOTHING_LEFT: list[str] = []
 
 
 @pytest.fixture(scope="module")
@@ -43,28 +43,6 @@ def trace_file(tmp_path: Path, rows: MpdccTrace) -> Path:
     path = tmp_path / "trace.csv"
     trace.write_trace(path, rows)
     return path
-
-
-def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-
-
-def assert_one_paragraph(done: subprocess.CompletedProcess[str], folder: Path) -> None:
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    lines = [line for line in done.stderr.splitlines() if not line.startswith("replay on ")]
-    assert lines[0].startswith("replay: "), "but for progress, the message is all there is"
-    assert done.stderr.count("replay: ") == 1
-    assert "\n\n" not in done.stderr.strip()
-    assert "Traceback" not in done.stderr
-    assert [p.name for p in folder.glob("*out*")] == NOTHING_LEFT
-    assert [p.name for p in folder.glob(".*")] == NOTHING_LEFT, "a temporary file stayed behind"
 
 
 def test_rtl_and_model_agree(trace_file: Path, tmp_path: Path) -> None:
@@ -283,12 +261,7 @@ def test_a_simulator_that_is_missing(trace_file: Path, tmp_path: Path, monkeypat
 def test_an_interrupt_leaves_nothing(trace_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     arguments = ["--drive", DRIVE, "--trace", trace_file, "--out", out]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    process = started(*arguments, start_new_session=True)
     assert process.stderr is not None
     assert process.stderr.readline().startswith("replay on 2 explorer(s): 0 of ")
     time.sleep(0.5)

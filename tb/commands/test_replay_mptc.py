@@ -25,7 +25,7 @@ from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.mpdcc.trace import MptcDecisions, MptcTrace, read_mptc_decisions, write_mptc_trace
 from directmpc.mptc import closed_loop
 from scripts.measure import budgets
-from tb.commands.test_replay import assert_one_paragraph, command
+from tb.helpers.commands import assert_one_paragraph, command, started
 
 ROOT = Path(__file__).resolve().parents[2]
 CYCLES = {method: budgets.clocks("mptc_core", method.lower()) for method in ("MPTC", "MPFC")}
@@ -296,21 +296,7 @@ def test_a_signal_ends_the_simulators(tmp_path: Path, number: signal.Signals, mo
     working.mkdir()
     monkeypatch.setenv("TMPDIR", str(working))
     out = tmp_path / "out.csv"
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "scripts.commands.replay",
-            "--drive",
-            drive,
-            "--trace",
-            trace,
-            "--out",
-            out,
-        ],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started("--drive", drive, "--trace", trace, "--out", out)
     give_up = time.monotonic() + 60.0
     while len(simulators(working)) < 2:  # one GHDL each for two halves of the trace
         assert time.monotonic() < give_up

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 
 
@@ -41,3 +47,50 @@ def altered(folder: Path, unit: str, old: str, new: str, times: int = 1) -> Path
     assert text.count(old) == times, f"{path.name} has '{old}' {text.count(old)} times"
     path.write_text(text.replace(old, new), encoding="utf-8")
     return rtl
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A text of one unit, what stands there instead, and the check that has to notice it.
+
+    Attributes
+    ----------
+    unit : str
+        Entity or package whose file is changed.
+    text, fault : str
+        What stands there, once, and what is put in its place.
+    check : str
+        Regular expression that the message of the failing check begins with. A crash, a bench that
+        takes too long or another check does not count.
+    """
+
+    unit: str
+    text: str
+    fault: str
+    check: str
+
+    def __str__(self) -> str:
+        return f"{self.unit}-{self.fault.strip()[:30]}"
+
+
+def assert_seen(fault: Fault, folder: Path, bench: Callable[[Path], object]) -> None:
+    """Demand that a bench notices a fault, by the check that should.
+
+    Parameters
+    ----------
+    fault
+        What is wrong.
+    folder
+        Where the design is copied to.
+    bench
+        Takes the folder of the design.
+
+    Raises
+    ------
+    AssertionError
+        If the bench passes, or fails otherwise than by that check.
+    """
+    rtl = altered(folder, fault.unit, fault.text, fault.fault)
+    with pytest.raises(CheckError) as caught:
+        bench(rtl)
+    assert re.match(fault.check, caught.value.check), caught.value.check

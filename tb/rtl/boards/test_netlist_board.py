@@ -47,7 +47,7 @@ from scripts.hdl import states
 from scripts.hdl.virtual_board import Script, VirtualBoard
 from scripts.measure import bitstream
 from scripts.shared.tools import Generics
-from tb.rtl.boards.test_board import (  # fmt: skip
+from tb.rtl.boards.board_steps import (
     MPDCC,
     MPTC,
     Hostile,

@@ -7,7 +7,7 @@ import random
 import cocotb
 
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments
-from tb.rtl.common.delay_line.test_delay_line import DELAYS, due, stimulus
+from tb.rtl.common.delay_line.delays import DELAYS, due, stimulus
 
 
 @cocotb.test()

@@ -21,32 +21,11 @@ from scripts.hdl import netlist_check
 from scripts.hdl.ghdl import BenchError
 from scripts.hdl.sources import RTL, compile_order, rtl_files
 from tb.helpers.simulation import Outcome, run
+from tb.rtl.common.delay_line.delays import DELAYS, due, stimulus
 
-DELAYS = range(3, 18)
 WIDTHS = (1, 11, 40)
 FLAT = Path(__file__).with_name("delay_line_flat.vhd")
 FILES = [FLAT, Path(__file__).with_name("delay_line_pairs.vhd")]
-
-
-def stimulus(rng: random.Random, clocks: int, width: int) -> tuple[list[int], list[int]]:
-    """A word and a reset of every clock; the first two are resets."""
-    resets = [1, 1]
-    while len(resets) < clocks:
-        resets += [0] * rng.choice([1, 5, 17, 30, 90, 200]) + [1] * rng.choice([1, 1, 2, 7])
-    return [rng.getrandbits(width) for _ in range(clocks)], resets[:clocks]
-
-
-def due(words: list[int], resets: list[int], clocks: int) -> list[int | None]:
-    """What a line shows after the edge of every clock, None where it is void.
-
-    A word of clock j is there after the edge of clock j + clocks - 1. A reset in clock j, or in one
-    of the clocks until the edge before that, moves the place it is read from.
-    """
-    shown: list[int | None] = []
-    for k in range(len(words)):
-        j = k - (clocks - 1)
-        shown.append(words[j] if j >= 0 and not any(resets[j:k]) else None)
-    return shown
 
 
 def bench(width: int = 11, clocks: int = 3000, rtl: Path = RTL) -> Outcome:

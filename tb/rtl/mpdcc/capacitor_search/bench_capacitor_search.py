@@ -10,20 +10,14 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from scripts.measure import budgets
 from tb.helpers import plain
-from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, signed, word
+from tb.helpers.mpdcc_ports import unpack_row
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, word
 
 #: Clocks after start, as the entity's header declares.
 HELD = budgets.clocks("capacitor_search", "held")
 LAST_ROW = budgets.clocks("capacitor_search", "last_row")
 ROWS = 17
 READY_BEFORE = 6
-
-
-def unpack_row(value: int) -> tuple[int, tuple[int, int]]:
-    """Row, (length, excess) of a packed entry."""
-    length = value >> 6 & ((1 << f.LENGTH_WIDTH) - 1)
-    excess = signed(value >> (6 + f.LENGTH_WIDTH), f.TRAJECTORY_WIDTH)
-    return value >> 1 & 31, (length, excess)
 
 
 def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:

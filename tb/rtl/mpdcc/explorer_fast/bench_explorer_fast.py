@@ -12,13 +12,13 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from scripts.measure import budgets
 from tb.helpers import plain
-from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
-from tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer import (
+from tb.helpers.mpdcc_ports import (
     RANKED,
     example,
     pack_candidate,
     unpack_result,
 )
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 #: Clocks after the clock in which something is taken, as the header declares.
 PROBE = budgets.clocks("mpdcc_explorer", "probe", "fast")

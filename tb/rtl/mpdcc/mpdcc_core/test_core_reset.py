@@ -28,7 +28,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import BenchError
 from scripts.hdl.sources import RTL
-from tb.rtl.mpdcc.mpdcc_core import test_sese_core
+from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ def decisions(case: Case) -> core.Rows:
     if case.two:
         kinds = ((1, (0,), 0), (1, (0, 150), 1), (1, (64, 300), 0), (0, (0,), 1))
         for seed, (two, budgets, compensate) in enumerate(kinds):
-            rows = test_sese_core.rows_of(seed, 6, two, compensate)
-            rows = test_sese_core.with_options(rows, two, budgets, compensate)
-            _, _, nodes = test_sese_core.expected(rows, case.explorers)
+            rows = second_level_rows.rows_of(seed, 6, two, compensate)
+            rows = second_level_rows.with_options(rows, two, budgets, compensate)
+            _, _, nodes = second_level_rows.expected(rows, case.explorers)
             few = np.flatnonzero(nodes <= 25)
             parts.append(rows.pick(few[np.argsort(-nodes[few] * (nodes[few] <= 8), kind="stable")]))
     else:
@@ -124,7 +124,7 @@ def bench(case: Case, rtl: Path = RTL) -> tuple[int, int]:
     found = core.simulate(rows.pick(order), case.explorers, case.variant, rtl=rtl, aborts=aborts)
 
     if case.two:
-        expected, _, _ = test_sese_core.expected(rows, case.explorers)
+        expected, _, _ = second_level_rows.expected(rows, case.explorers)
     else:
         expected = np.column_stack([rows.model(case.variant), np.zeros(len(rows), dtype=int)])
     for what, got, want in (

@@ -22,26 +22,18 @@ from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
-from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import BenchError
 from scripts.hdl.sources import RTL
-from tb.rtl.mpdcc.mpdcc_core import test_sese_core
+from tb.rtl.mpdcc.mpdcc_core import second_level_rows
+from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import RULE, with_rule
 
-RULE = len(COEFFICIENTS) + 8
 #: Settings under which the RTL decides: explorers, two switchings, budgets, prediction.
 CASES = (
     (1, 0, (0,), 0), (2, 0, (0,), 0), (3, 0, (0,), 0), (5, 0, (0,), 0),
     (1, 1, (0, 90), 0), (2, 1, (60,), 1), (4, 1, (0,), 0), (3, 0, (0,), 1),
 )  # fmt: skip
-
-
-def with_rule(rows: core.Rows, rule: int | np.ndarray) -> core.Rows:
-    """The same rows under the contract's rule (0) or the weighted one (1)."""
-    changed = rows.registers.copy()
-    changed[:, RULE] = rule
-    return core.Rows(rows.measurements, rows.s_prev, changed)
 
 
 def rows_of(each: int, any_words: int) -> core.Rows:
@@ -66,7 +58,7 @@ def bench(
     explorers: int, two: int, limits: tuple[int, ...], compensate: int, each: int, rtl: Path = RTL
 ) -> tuple[core.Rows, np.ndarray, np.ndarray]:
     """Rows, what was decided, and the clocks; raises where a decision is not the model's."""
-    rows = test_sese_core.with_options(rows_of(each, 3 * each), two, limits, compensate)
+    rows = second_level_rows.with_options(rows_of(each, 3 * each), two, limits, compensate)
     rows = with_rule(rows, np.random.default_rng(7).random(len(rows)) < 0.7)
     found = core.simulate(rows, explorers, "fast", throttle=explorers % 3, rtl=rtl)
     if not np.array_equal(found.decisions, rows.model("fast")):

@@ -28,11 +28,13 @@ from scripts.commands import replay
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import netlist_check, states
+from scripts.measure import budgets
 from scripts.measure.synth import Configuration, configurations
 from scripts.shared.tools import Generics
-from tb.rtl.mpdcc.mpdcc_core import test_deadlock_rule, test_sese_core
-from tb.rtl.mpdcc.mpdcc_core.test_mpdcc_core import HELD
+from tb.rtl.mpdcc.mpdcc_core import second_level_rows
+from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import with_rule
 
+HELD = {variant: budgets.clocks("mpdcc_core", "hold", variant) for variant in VARIANTS}
 HOLD = (
     *(f"c_{name}" for name in COEFFICIENTS),
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
@@ -70,7 +72,7 @@ def many_rows() -> dict[str, core.Rows]:
 def either_rule(rows: core.Rows) -> core.Rows:
     """The same rows, every other one or so under the weighted deadlock rule."""
     chosen = np.random.default_rng(5).integers(0, 2, len(rows))
-    found = test_deadlock_rule.with_rule(rows, chosen)
+    found = with_rule(rows, chosen)
     assert np.any(found.model("fast") != rows.model("fast"), axis=1).sum() >= 3
     return found
 
@@ -150,10 +152,10 @@ LEVELS = (
 @pytest.fixture(scope="session")
 def two_level_rows() -> core.Rows:
     """The longest search, then every option after every other, all by the same rule."""
-    parts = [test_sese_core.with_options(test_sese_core.longest(), 1, (0,), 0)]
-    for seed, (two, budgets, compensate) in enumerate(LEVELS):
-        some = test_sese_core.rows_of(seed, 40, two, compensate)
-        parts.append(test_sese_core.with_options(some, two, budgets, compensate))
+    parts = [second_level_rows.with_options(second_level_rows.longest(), 1, (0,), 0)]
+    for seed, (two, limits, compensate) in enumerate(LEVELS):
+        some = second_level_rows.rows_of(seed, 40, two, compensate)
+        parts.append(second_level_rows.with_options(some, two, limits, compensate))
     rows = core.join(parts)
     order = np.random.default_rng(3).permutation(np.arange(1, len(rows)))
     return rows.pick(np.append(0, order))
@@ -162,10 +164,10 @@ def two_level_rows() -> core.Rows:
 def test_the_netlists_second_level_decides_alike(two_level_rows: core.Rows) -> None:
     explorers = SECOND
     rows = either_rule(two_level_rows)
-    expected, schedule, nodes = test_sese_core.expected(rows, explorers)
-    two = rows.registers[:, test_sese_core.TWO] == 1
-    predicted = rows.registers[:, test_sese_core.COMPENSATE] == 1
-    limited = rows.registers[:, test_sese_core.BUDGET] > 0
+    expected, schedule, nodes = second_level_rows.expected(rows, explorers)
+    two = rows.registers[:, second_level_rows.TWO] == 1
+    predicted = rows.registers[:, second_level_rows.COMPENSATE] == 1
+    limited = rows.registers[:, second_level_rows.BUDGET] > 0
     cut, searched = expected[:, 7] == 1, nodes > 1
     for kind in (predicted, ~predicted):
         assert (kind & searched & ~cut).sum() >= 30
@@ -207,7 +209,7 @@ def test_every_netlist_that_is_measured_decides_alike(
     if one.generics.get("WEIGHTED_DEADLOCK", False):
         rows = either_rule(rows)
     if one.generics.get("SECOND_LEVEL", False):
-        expected, _, _ = test_sese_core.expected(rows, int(one.generics["EXPLORERS"]))
+        expected, _, _ = second_level_rows.expected(rows, int(one.generics["EXPLORERS"]))
     else:
         expected = rows.model(variant)
     result = run(rows, one.generics, expected, outputs)

@@ -14,9 +14,8 @@ from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import states
 from scripts.measure import budgets
 from tb.helpers import plain, plain_states
+from tb.helpers.mpdcc_ports import RANKED, pack_candidate, unpack_row
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, join, lowest_bit, number, signed
-from tb.rtl.mpdcc.capacitor_search.bench_capacitor_search import unpack_row
-from tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer import RANKED, pack_candidate
 
 #: Clocks from start to the first row of the capacitors' table.
 FIRST_ROW = 14
