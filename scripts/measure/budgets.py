@@ -5,10 +5,10 @@
 clocks that the test benches assert on the simulated RTL; they read them here (`clocks`) and have no
 numbers of their own.
 
-Tests fail when a figure moves, when an entity or configuration has no entry, and when the README's
-table is not the file's. This command is how figures are moved on purpose: it measures, writes the
-file and the README, and git shows what changed. Clocks inside the cores, which only a bench knows
-how to see, are edited by hand together with the entity's header; the bench holds them to the RTL.
+Tests fail when a figure changes, when an entity or configuration has no entry, and when the table
+of docs/figures.md is not the file's. This command stores new figures: it measures, writes the file
+and the page, and git shows what changed. Clocks inside the cores, which only a bench knows how
+to see, are edited by hand together with the entity's header; the bench holds them to the RTL.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from scripts.shared import tools
 from scripts.shared.tools import ROOT, ToolError
 
 BUDGETS = Path(__file__).with_name("budgets.toml")
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "figures.md"
 BEGIN = "<!-- budgets: begin (written by make budgets) -->"
 END = "<!-- budgets: end -->"
 COMMAND = "make budgets"
 EXPLORERS = range(1, 9)
-#: Entities that users instantiate, in the order of the README's table.
+#: Entities that users instantiate, in the order of the page's table.
 PUBLIC = (
     "mpdcc_core", "mptc_core", "mpdcc_scheduler", "mpdcc_explorer", "binary_search", "mac_block",
 )  # fmt: skip
@@ -57,7 +57,7 @@ _HEAD = """\
 #               hold      the same when the position is held, always
 #               asserted_within   the entity whose bench observes this one
 #
-# `make budgets` measures anew and rewrites this file and the README's table; latencies of inner
+# `make budgets` measures anew and rewrites this file and docs/figures.md; latencies of inner
 # blocks are edited here by hand, together with the header that states them.
 """
 
@@ -237,7 +237,7 @@ def slices(row: dict[str, int]) -> tuple[int, int]:
 
 
 def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
-    """What a configuration's clocks are, for the README."""
+    """What a configuration's clocks are, for the page."""
     table = cycles.get(one.entity, {})
     if "asserted_within" in table:
         return f"within {table['asserted_within']}"
@@ -255,7 +255,7 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
     return ", ".join(shown)
 
 
-def readme_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
+def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
     """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone."""
     lines = [
         "| configuration | clocks | LUT | FF | mult. | block RAM | slices unpacked (packed) |",
@@ -294,17 +294,17 @@ def with_table(text: str, table: str, begin: str = BEGIN, end: str = END) -> str
 
 
 def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
-    """Write the file and the README's tables."""
+    """Write the file, the page's table, and the tables of the report that show budgets."""
     # it imports this module
     from scripts.publish import report
 
     tools.write(BUDGETS, render(budgets))
     _loaded.cache_clear()
-    text = README.read_text(encoding="utf-8")
-    tools.write(README, with_table(text, readme_table(budgets, listed)))
+    text = PAGE.read_text(encoding="utf-8")
+    tools.write(PAGE, with_table(text, page_table(budgets, listed)))
     metrics = report.REPORTS / "metrics.json"
     if metrics.exists():
-        report.write_readme(json.loads(metrics.read_text(encoding="utf-8")))
+        report.write_tables(json.loads(metrics.read_text(encoding="utf-8")))
 
 
 # --- measuring ------------------------------------------------------------------------------------
@@ -396,18 +396,18 @@ def paper_bound(explorers: int) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure and write; or only rewrite the README's table."""
+    """Measure and write; or only rewrite the page's table."""
     parser = argparse.ArgumentParser(prog="budgets", description=__doc__.splitlines()[0])
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
-    parser.add_argument("--readme", action="store_true", help="only the README's table")
+    parser.add_argument("--page", action="store_true", help="only the table of docs/figures.md")
     given = parser.parse_args(arguments)
     try:
         listed = configurations()
         budgets = load() if BUDGETS.exists() else Budgets()
         old = {name: dict(row) for name, row in budgets.resources.items()}
-        if not given.readme:
+        if not given.page:
             chosen = [
                 one for one in listed if not given.only or any(w in one.name for w in given.only)
             ]

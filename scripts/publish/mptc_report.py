@@ -2,7 +2,7 @@
 
 `scripts.publish.report` calls `build` and puts what it returns into ``mptc`` of metrics.json; this
 module's own command line regenerates that part alone. The tables in docs/mptc.md and the lines in
-README.md are written from metrics.json, so that what is published is what was measured.
+docs/figures.md are written from metrics.json, so that what is published is what was measured.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from scripts.studies import mptc as study
 
 REPORTS = ROOT / "reports"
 BUILD = ROOT / "build"
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "figures.md"
 MANUAL = ROOT / "docs" / "mptc.md"
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 VERIFIED = ROOT / "drives" / "motulator_2kw2.toml"
@@ -527,8 +527,8 @@ def manual_tables(figures: dict[str, Any]) -> dict[str, list[str]]:
     }
 
 
-def readme_lines(figures: dict[str, Any]) -> list[str]:
-    """What README.md says in figures."""
+def page_lines(figures: dict[str, Any]) -> list[str]:
+    """What docs/figures.md says of the two-level drive."""
     area, clock = figures["xc3s"], figures["ecp5"]["fmax_worst_mhz"]
     both = figures["mpfc"]["xc3s"]
     return [
@@ -566,10 +566,10 @@ def _between(text: str, name: str, lines: Sequence[str], where: Path) -> str:
     return f"{before}{begin}\n" + "\n".join(lines) + f"\n{end}{after}"
 
 
-def write_texts(figures: dict[str, Any], readme: Path = README, manual: Path = MANUAL) -> None:
-    """Rewrite the tables of README.md and docs/mptc.md from metrics.json's ``mptc``."""
-    text = readme.read_text(encoding="utf-8")
-    tools.write(readme, _between(text, "mptc figures", readme_lines(figures), readme))
+def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUAL) -> None:
+    """Rewrite the tables of docs/figures.md and docs/mptc.md from metrics.json's ``mptc``."""
+    text = page.read_text(encoding="utf-8")
+    tools.write(page, _between(text, "mptc figures", page_lines(figures), page))
     text = manual.read_text(encoding="utf-8")
     for name, lines in manual_tables(figures).items():
         text = _between(text, name, lines, manual)
@@ -684,7 +684,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=5, help="of placement")
     parser.add_argument(
-        "--texts", action="store_true", help="rewrite README.md and docs/mptc.md only"
+        "--texts", action="store_true", help="rewrite docs/figures.md and docs/mptc.md only"
     )
     given = parser.parse_args(arguments)
     console = Console(stderr=True, highlight=False)

@@ -2,7 +2,7 @@
 
 Nothing is copied by hand: cycles come from the simulated RTL, resources from Yosys, clock
 frequencies from nextpnr, fidelity from the bit-true model against the ideal controller. The
-README's table is rewritten from ``reports/metrics.json``.
+The tables of docs/figures.md and README.md are rewritten from ``reports/metrics.json``.
 """
 
 from __future__ import annotations
@@ -50,13 +50,14 @@ IntArray = NDArray[np.int64]
 REPORTS = ROOT / "reports"
 BUILD = ROOT / "build"
 README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "figures.md"
 BEGIN = "<!-- figures: begin (written by make report) -->"
 END = "<!-- figures: end -->"
 
 EXPLORERS = tuple(PAPER_CYCLES)
 #: Explorers of the configurations that are placed and routed: Paper A gives its time for two.
 PLACED = {"fast": (1, 2), "paper": (1, 2)}
-SHOWN = 2  # explorers of the README's comparison
+SHOWN = 2  # explorers of the comparison with Paper A
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 #: Commands of their own that write files of their own, with what is said while they run.
@@ -512,7 +513,7 @@ def _frequency(figures: dict[str, Any]) -> str:
 
 
 def _column(figures: dict[str, Any], variant: str) -> list[str]:
-    """One variant's figures for the README's table, two explorers.
+    """One variant's figures for the page's table, two explorers.
 
     Cycles and resources are those that tests hold the design to.
     """
@@ -539,8 +540,8 @@ def _column(figures: dict[str, Any], variant: str) -> list[str]:
     ]
 
 
-def readme_figures(document: dict[str, Any]) -> str:
-    """The README's table, from metrics.json and the budgets alone."""
+def page_figures(document: dict[str, Any]) -> str:
+    """The table of docs/figures.md, from metrics.json and the budgets alone."""
     index = EXPLORERS.index(SHOWN)
     worst = PAPER_CYCLES[SHOWN]
     labels = [
@@ -580,10 +581,36 @@ def readme_figures(document: dict[str, Any]) -> str:
     return "\n".join([head, "", *table])
 
 
-def write_readme(document: dict[str, Any], path: Path = README) -> None:
-    """Rewrite what stands between the README's markers."""
-    text = path.read_text(encoding="utf-8")
-    tools.write(path, budgets.with_table(text, readme_figures(document), BEGIN, END))
+def readme_figures(document: dict[str, Any]) -> str:
+    """The six figures of README.md beside the papers', from metrics.json and the budgets alone."""
+    key = DESIGNS[DEFAULT_VARIANT].key
+    name = tools.configuration_name("mpdcc_core", _generics(DEFAULT_VARIANT, SHOWN))
+    area = budgets.load().resources[name]["xc3s"]
+    worst, ecp5 = budgets.worst(SHOWN, DEFAULT_VARIANT), document[key]["ecp5"][str(SHOWN)]
+    clock, low = ecp5["fmax_worst_mhz"], document["mptc"]["paper_b"]["low_speed"]["100"]
+    index = EXPLORERS.index(SHOWN)
+    rows = [
+        ("", "paper", "here"),
+        ("---", "---:", "---:"),
+        ("MPDCC, two explorers: clock cycles, worst case", f"{PAPER_CYCLES[SHOWN]}", f"{worst}"),
+        ("the same as time", f"{PAPER_CYCLES[SHOWN] / 40:.1f} us (Spartan-3, 40 MHz)",
+         f"{worst / clock:.2f} us (ECP5, placed, {clock:.1f} MHz)"),
+        ("Spartan-3 slices", f"{PAPER_SLICES[index]}",
+         f"{budgets.slices(area)[0]} and {area['bram']} block RAMs (estimate)"),
+        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}", f"{area['mult']}"),
+        ("decisions that differ from the ideal controller's", "2.5 %",
+         f"{document[key]['fidelity']['decision_mismatch_pct']:.2f} %"),
+        ("MPTC: current THD at 150 r/min, no load", "8.90 % (measured)",
+         f"{low['thd_pct']:.2f} % (simulated)"),
+    ]  # fmt: skip
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = README) -> None:
+    """Rewrite what stands between the markers of docs/figures.md and README.md."""
+    for path, table in ((page, page_figures(document)), (readme, readme_figures(document))):
+        text = path.read_text(encoding="utf-8")
+        tools.write(path, budgets.with_table(text, table, BEGIN, END))
 
 
 def _sources() -> str:
@@ -659,7 +686,7 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
     for text, study in STUDIES.items():
         say(text)
         study([])
-    write_readme(document)
+    write_tables(document)
     mptc_report.write_texts(document["mptc"])
 
 
@@ -679,7 +706,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="numbers of explorers to map to other families than Spartan-3; all without it",
     )  # fmt: skip
     parser.add_argument(
-        "--readme", action="store_true", help="rewrite the README's table from metrics.json only"
+        "--tables", action="store_true", help="rewrite the pages' tables from metrics.json only"
     )
     given = parser.parse_args(arguments)
     console = Console(stderr=True, highlight=False)
@@ -689,9 +716,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
 
     try:
-        if given.readme:
+        if given.tables:
             document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-            write_readme(document)
+            write_tables(document)
             mptc_report.write_texts(document["mptc"])
         else:
             try:

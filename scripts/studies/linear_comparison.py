@@ -341,7 +341,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with console.status("closed loops, and six controllers on each"):
             text = table(*compare(traces(given.steps)))
         if given.write:
-            # it holds the README's tables too
             from scripts.measure.budgets import with_table
 
             page = TABLE.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What is published is what was measured: README and reports agree, figures are of the right shape.
+"""What is published is what was measured: pages and reports agree, figures are of the right shape.
 
 Stimulus: the files that are checked in, and made-up figures.
 Does not prove: that a figure is right; `make report` measures it.
@@ -25,10 +25,14 @@ def document() -> dict:
     return json.loads((report.REPORTS / "metrics.json").read_text(encoding="utf-8"))
 
 
-def test_readme_shows_the_measured_figures(document: dict) -> None:
-    text = report.README.read_text(encoding="utf-8")
-    shown = text.partition(report.BEGIN)[2].partition(report.END)[0].strip()
-    assert shown == report.readme_figures(document).strip(), "make report, or report --readme"
+def test_the_pages_show_the_measured_figures(document: dict) -> None:
+    for path, table in (
+        (report.PAGE, report.page_figures(document)),
+        (report.README, report.readme_figures(document)),
+    ):
+        text = path.read_text(encoding="utf-8")
+        shown = text.partition(report.BEGIN)[2].partition(report.END)[0].strip()
+        assert shown == table.strip(), "make report, or report --tables"
 
 
 def test_metrics_have_the_promised_shape(document: dict) -> None:
@@ -60,16 +64,18 @@ def test_pictures_are_small() -> None:
         assert (report.REPORTS / name).stat().st_size < 150_000
 
 
-def test_the_rest_of_the_readme_stays(tmp_path: Path, document: dict) -> None:
-    path = tmp_path / "README.md"
-    path.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
-    report.write_readme(document, path)
-    first = path.read_text()
-    assert first.startswith("before\n")
-    assert first.endswith("\nafter\n")
-    assert "old" not in first
-    report.write_readme(document, path)
-    assert path.read_text() == first
+def test_the_rest_of_the_pages_stays(tmp_path: Path, document: dict) -> None:
+    paths = tmp_path / "figures.md", tmp_path / "README.md"
+    for path in paths:
+        path.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
+    report.write_tables(document, *paths)
+    first = [path.read_text() for path in paths]
+    for text in first:
+        assert text.startswith("before\n")
+        assert text.endswith("\nafter\n")
+        assert "old" not in text
+    report.write_tables(document, *paths)
+    assert [path.read_text() for path in paths] == first
 
 
 def test_the_report_has_the_studies() -> None:

@@ -1,9 +1,9 @@
-"""Every figure of scripts/measure/budgets.toml holds, nothing lacks one, and the README shows them.
+"""Every figure of budgets.toml holds, nothing lacks one, and docs/figures.md shows them.
 
 Sweep: every configuration of configurations.toml in every family it names, longest first.
 Stimulus: the RTL as it is, through GHDL and Yosys; made-up figures for the messages.
 Checks: LUT, FF, multipliers and block RAMs, exactly; that every entity and configuration has an
-entry and every figure in clocks a bench that reads it; the README's table; what an error says.
+entry and every figure in clocks a bench that reads it; the page's table; what an error says.
 Does not prove: clocks; the benches assert them, each with the figures of the same file.
 """
 
@@ -122,10 +122,10 @@ def test_the_file_is_as_the_command_writes_it(tmp_path) -> None:
         budgets.load(path)
 
 
-def test_the_readme_shows_the_budgets() -> None:
-    text = budgets.README.read_text(encoding="utf-8")
-    table = budgets.readme_table(budgets.load(), LISTED)
-    assert budgets.with_table(text, table) == text, "make budgets ARGS=--readme"
+def test_the_page_shows_the_budgets() -> None:
+    text = budgets.PAGE.read_text(encoding="utf-8")
+    table = budgets.page_table(budgets.load(), LISTED)
+    assert budgets.with_table(text, table) == text, "make budgets ARGS=--page"
     for one in LISTED:
         if one.entity in budgets.PUBLIC and "xc3s" in one.families:
             assert f"`{one.entity}`" in table

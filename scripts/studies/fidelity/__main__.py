@@ -160,7 +160,7 @@ def figures(variant: str) -> dict[str, float]:
 
 
 def publish() -> None:
-    """Bring reports/metrics.json and the README's table up to date with reports/fidelity.json."""
+    """Bring reports/metrics.json and its tables up to date with reports/fidelity.json."""
     from scripts.publish import report  # not above: it imports this module
 
     path = REPORTS / "metrics.json"
@@ -168,11 +168,11 @@ def publish() -> None:
     for variant, key in KEYS.items():
         document[key]["fidelity"] |= figures(variant)
     tools.write(path, json.dumps(document, indent=1) + "\n")
-    report.write_readme(document)
+    report.write_tables(document)
 
 
 def interval(fidelity: dict[str, float], figure: str) -> str:
-    """A pooled difference, "fsw" or "thd", with its interval, for the README's table."""
+    """A pooled difference, "fsw" or "thd", with its interval, as a table shows it."""
     mean, low, high = (fidelity[f"{figure}_diff_{part}"] for part in ("pct", "ci_low", "ci_high"))
     return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"
 

@@ -1,0 +1,378 @@
+"""The pages agree with what is built.
+
+Checks: docs/specification.md has every key of the drive files with its range and default, every
+column of traces and decisions, every make target, every generic of the public entities with its
+default, the clocks that the budgets hold, the paths of reports/metrics.json; docs/positions.md and
+section 1.3 have the tables of the inverter; the example of docs/drive-file.md gives the shipped
+6 kV drive; docs/equations.md names every entity, package and module, and nothing that does not
+exist; no dead link or anchor in any page; docs/README.md lists every page.
+Does not prove: that a sentence is right.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import json
+import re
+import subprocess
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
+import pytest
+
+from directmpc import drive_file
+from directmpc.mpdcc import inverter, trace
+from scripts.hdl import sources
+from scripts.measure import budgets
+from scripts.shared.tools import ROOT
+
+DOCS = ROOT / "docs"
+SPECIFICATION = DOCS / "specification.md"
+LIBRARY = ROOT / "model" / "directmpc"
+PUBLIC = (
+    "mpdcc_core", "mptc_core", "mptc_drive", "mpdcc_scheduler", "mpdcc_explorer", "binary_search",
+    "mac_block", "gate_guard", "mpdcc_system", "mptc_system",
+)  # fmt: skip
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+def between(path: Path, name: str) -> str:
+    """What stands between a page's markers of a name."""
+    text = path.read_text(encoding="utf-8")
+    found = re.search(rf"<!-- {name}: begin[^>]*-->\n(.*?)<!-- {name}: end -->", text, re.S)
+    assert found, f"{path.name}: the markers of '{name}' are missing"
+    return found.group(1)
+
+
+def rows(text: str) -> list[list[str]]:
+    """Cells of the rows of a Markdown table, its head left out."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [
+        [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        for line in lines[2:]
+    ]
+
+
+def ticked(text: str) -> list[str]:
+    """What a text has between backticks."""
+    return re.findall(r"`([^`]+)`", text)
+
+
+# --- drive files ----------------------------------------------------------------------------------
+
+
+def keys(table: Any, prefix: str = "") -> dict[str, Any]:
+    """Every key of a drive file's model, dotted, with pydantic's description of it."""
+    found: dict[str, Any] = {}
+    for name, field in table.__pydantic_fields__.items():
+        if hasattr(field.annotation, "__pydantic_fields__"):
+            found |= keys(field.annotation, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = field
+    return found
+
+
+def limits(field: Any) -> tuple[float, float] | None:
+    """Least and largest value of a number."""
+    low = [m.ge for m in field.metadata if hasattr(m, "ge")]
+    high = [m.le for m in field.metadata if hasattr(m, "le")]
+    return (float(low[0]), float(high[0])) if low and high else None
+
+
+@pytest.mark.parametrize(
+    ("name", "model"), [("mpdcc", drive_file.Drive), ("mptc", drive_file.MptcDrive)]
+)
+def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
+    written = {ticked(row[0])[0]: row for row in rows(between(SPECIFICATION, f"keys of {name}"))}
+    built = keys(model)
+    assert set(written) == set(built)
+    for key, field in built.items():
+        _, _, allowed, default, _ = written[key]
+        if get_origin(field.annotation) is Literal:
+            choices = [f'"{choice}"' for choice in get_args(field.annotation)]
+            assert ticked(allowed) == choices, key
+        elif field.annotation is bool:
+            assert ticked(allowed) == ["true", "false"], key
+        else:
+            shown = tuple(float(number) for number in _NUMBER.findall(allowed))
+            expected = limits(field) or (drive_file.TS_PU_MIN, drive_file.TS_PU_MAX)
+            assert shown == expected, key
+        if field.is_required():
+            assert default == "required", key
+        else:
+            assert json.loads(default.strip("`")) == field.default, key
+
+
+def test_the_example_gives_the_shipped_drive() -> None:
+    names: dict[str, Any] = {}
+    text = between(DOCS / "drive-file.md", "example")
+    exec(text.partition("```python\n")[2].partition("```")[0], names)
+    drive = drive_file.load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    for key in ("rs", "rr", "xls", "xlr", "xm"):
+        assert names[key] == pytest.approx(getattr(drive.machine, key), rel=5e-3), key
+    for key in ("vdc", "xdc", "xph"):
+        assert names[key] == pytest.approx(getattr(drive.inverter, key), rel=5e-3), key
+    assert names["voltage"] == pytest.approx(drive.base.voltage, rel=1e-3)
+    assert names["current"] == pytest.approx(drive.base.current, rel=1e-3)
+
+
+# --- traces and decisions -------------------------------------------------------------------------
+
+
+def columns(name: str) -> list[str]:
+    """Columns that a table of section 4 names."""
+    return [cell for row in rows(between(SPECIFICATION, name)) for cell in ticked(row[0])]
+
+
+def header(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()[0].split(",")
+
+
+def test_every_column_is_specified(tmp_path: Path) -> None:
+    real, flag, path = np.zeros(1), np.zeros(1, np.int64), tmp_path / "file.csv"
+    state = trace.MpdccTrace(
+        np.zeros((1, 4)), np.zeros((1, 4)), real, np.zeros((1, 2)), real, real,
+        np.zeros((1, 3), np.int64),
+    )  # fmt: skip
+    trace.write_trace(path, state)
+    assert header(path) == columns("trace of mpdcc")
+    decisions = trace.Decisions(np.zeros((1, 3), np.int64), flag, flag, flag, flag, flag, flag)
+    trace.write_decisions(path, decisions)
+    assert header(path) == columns("decisions of mpdcc")
+    vectors = np.zeros((1, 2))
+    trace.write_mptc_trace(path, trace.MptcTrace(vectors, vectors, real, real, real, flag))
+    assert header(path) == columns("trace of mptc")
+    trace.write_mptc_decisions(path, trace.MptcDecisions(flag, flag, flag))
+    assert header(path) == columns("decisions of mptc")
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+def test_every_make_target_is_specified() -> None:
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"^([a-z][a-z-]*):[^=#]*##", text, re.M)
+    table = rows(between(SPECIFICATION, "commands"))
+    assert sorted(ticked(row[0])[0] for row in table) == sorted(f"make {t}" for t in targets)
+
+
+# --- VHDL -----------------------------------------------------------------------------------------
+
+
+@functools.cache
+def units() -> tuple[dict[str, Path], dict[str, Path]]:
+    """Entities and packages of the design with their files."""
+    entities: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
+    for path in sources.rtl_files():
+        text = path.read_text(encoding="utf-8")
+        entities |= dict.fromkeys(re.findall(r"^entity\s+(\w+)\s+is", text, re.M), path)
+        packages |= dict.fromkeys(re.findall(r"^package\s+(?!body)(\w+)\s+is", text, re.M), path)
+    return entities, packages
+
+
+def generics(entity: str) -> dict[str, str]:
+    """Generics of an entity with their defaults, in order."""
+    text = units()[0][entity].read_text(encoding="utf-8")
+    head = re.search(rf"^entity\s+{entity}\s+is\s+generic\s*\((.*?)^\s*\);", text, re.M | re.S)
+    assert head, entity
+    found = re.findall(r"^\s*([A-Z]\w*)\s*:[^;]*?:=\s*(\w+)", head.group(1), re.M)
+    assert found, entity
+    return dict(found)
+
+
+def test_every_generic_is_specified() -> None:
+    written: dict[str, dict[str, str]] = {}
+    entity = ""
+    for first, generic, _, default, _ in rows(between(SPECIFICATION, "generics")):
+        entity = ticked(first)[0] if first else entity
+        written.setdefault(entity, {})[ticked(generic)[0]] = default
+    assert set(written) == set(PUBLIC)
+    for entity in PUBLIC:
+        assert written[entity] == generics(entity), entity
+
+
+def test_the_clocks_are_the_budgets() -> None:
+    text = SPECIFICATION.read_text(encoding="utf-8").partition("### 6.3")[2].partition("## 7")[0]
+    table = {row[0]: row[1:] for row in rows(text)}
+    for name, variant in (("fast", "fast"), ("paper", "paper")):
+        held, searched = table[name]
+        assert int(held) == budgets.clocks("mpdcc_core", "hold", variant)
+        bounds = [int(x) for x in re.findall(r"\d+", searched.rpartition(":")[2].replace(",", " "))]
+        if variant == "fast":
+            assert bounds == [budgets.worst(n, variant) for n in range(1, 5)]
+        else:
+            shown = searched.rpartition(":")[2].split(", ")
+            assert [int(x.replace(",", "")) for x in shown[:4]] == [
+                budgets.worst(n, variant) for n in range(1, 5)
+            ]
+    shown = table["fast, SESE without a budget"][1].split(", ")
+    assert [int(x.replace(",", "")) for x in shown] == [
+        budgets.worst(n, "sese") for n in range(1, 5)
+    ]
+
+
+# --- positions ------------------------------------------------------------------------------------
+
+
+def test_the_positions_are_the_inverters() -> None:
+    page = rows(between(DOCS / "positions.md", "positions"))
+    section = SPECIFICATION.read_text(encoding="utf-8").partition("### 1.3")[2]
+    short = rows(section.partition("### 1.4")[0])
+    assert len(page) == len(short) == inverter.POSITIONS
+    words = {0: "nothing", 1: "charges", -1: "discharges"}
+    for s, (row, brief) in enumerate(zip(page, short, strict=True)):
+        g, a, b = s >> 2 & 1, s >> 1 & 1, s & 1
+        following = ", ".join(map(str, inverter.NEXT_POSITIONS[s]))
+        charge, neutral = inverter.CAPACITOR_CURRENT[s], inverter.NEUTRAL_CURRENT[s]
+        assert row[0] == brief[0] == str(s)
+        assert row[1] == f"{g} {a} {b}"
+        assert row[2] == f"{g} {1 - g} {g} {1 - g}"
+        assert row[3] == f"{a} {b} {1 - b} {1 - a}"
+        assert int(row[4]) == inverter.LEVEL[s]
+        assert row[5] == brief[1]
+        terms = (
+            ("-v_dc/2", inverter.HALF_DC[s] < 0), ("+v_dc/2", inverter.HALF_DC[s] > 0),
+            ("v_n", inverter.NEUTRAL[s] > 0), ("+ v_ph", inverter.CAPACITOR[s] > 0),
+            ("- v_ph", inverter.CAPACITOR[s] < 0),
+        )  # fmt: skip
+        assert all((term in row[5]) == there for term, there in terms), s
+        assert row[6] == words[int(charge)]
+        assert int(brief[2]) == charge
+        assert (row[7], brief[3]) == (("yes", "1") if neutral else ("no", "0"))
+        assert row[8] == brief[4] == following
+
+
+# --- metrics --------------------------------------------------------------------------------------
+
+
+def expanded(path: str) -> list[str]:
+    """A path with braces as all the paths it stands for."""
+    found = re.search(r"\{([^}]*)\}", path)
+    if not found:
+        return [path]
+    return [
+        one
+        for choice in found.group(1).split(",")
+        for one in expanded(path[: found.start()] + choice + path[found.end() :])
+    ]
+
+
+def test_the_paths_of_the_metrics_exist() -> None:
+    document = json.loads((ROOT / "reports" / "metrics.json").read_text(encoding="utf-8"))
+    named = [path for row in rows(between(SPECIFICATION, "metrics")) for path in ticked(row[0])]
+    assert len(named) > 15
+    for path in (one for name in named for one in expanded(name)):
+        level = [document]
+        for part in path.split("."):
+            if part == "<n>":
+                level = [value for one in level for key, value in one.items() if key.isdigit()]
+            else:
+                level = [one[part] for one in level if part in one]
+            assert level, path
+
+
+# --- equations ------------------------------------------------------------------------------------
+
+
+@functools.cache
+def functions(path: Path) -> frozenset[str]:
+    """Names that a module defines."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return frozenset(node.name for node in tree.body if isinstance(node, kinds))
+
+
+def test_the_equations_lead_somewhere() -> None:
+    page = DOCS / "equations.md"
+    entities, packages = units()
+    text = page.read_text(encoding="utf-8").partition("## Paper A")[2].partition("## Entities")[0]
+    seen = 0
+    for row in (line for line in text.splitlines() if line.startswith("|")):
+        cells = [cell.strip() for cell in row.split("|")[1:-1]]
+        module: Path | None = None
+        for name in ticked(cells[2]) if len(cells) > 2 else []:
+            if name.endswith(".py"):
+                module = LIBRARY / name
+                assert module.is_file(), f"{page.name}: {name}"
+            else:
+                assert module, f"{page.name}: {name} stands behind no module"
+                assert name in functions(module), f"{page.name}: {module.name} has no {name}"
+            seen += 1
+        for name in ticked(cells[3]) if len(cells) > 3 else []:
+            assert name in entities, f"{page.name}: no entity {name}"
+            seen += 1
+    assert seen > 60
+    for name, found in (("entities", entities), ("packages", packages)):
+        listed = [ticked(row[0])[0] for row in rows(between(page, name))]
+        assert sorted(listed) == sorted(found), f"{page.name}: a row for each of the {name}"
+    built = sorted(path.relative_to(LIBRARY).as_posix() for path in LIBRARY.rglob("*.py"))
+    listed = [ticked(row[0])[0] for row in rows(between(page, "modules"))]
+    assert sorted(listed) == built, f"{page.name}: a row for each module"
+
+
+# --- links ----------------------------------------------------------------------------------------
+
+
+def pages() -> list[Path]:
+    """Every Markdown page of the repository."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return [ROOT / line for line in listed.stdout.splitlines() if (ROOT / line).is_file()]
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub makes them."""
+    found: set[str] = set()
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.M | re.S)
+    for heading in re.findall(r"^#+ (.*)$", text, re.M):
+        plain = re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+        count = 0
+        while (anchor := f"{plain}-{count}" if count else plain) in found:
+            count += 1
+        found.add(anchor)
+    return found
+
+
+def dead_links(path: Path) -> list[str]:
+    """Links of a page to files or headings that do not exist."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.M | re.S)
+    dead = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+://", target):
+            continue
+        name, _, anchor = target.partition("#")
+        goal = (path.parent / name).resolve() if name else path
+        wrong_anchor = anchor and goal.suffix == ".md" and goal.is_file()
+        if not goal.exists() or (wrong_anchor and anchor not in anchors(goal)):
+            dead.append(target)
+    return dead
+
+
+def test_no_link_is_dead() -> None:
+    found = {path.relative_to(ROOT).as_posix(): dead_links(path) for path in pages()}
+    assert not {name: dead for name, dead in found.items() if dead}
+
+
+def test_a_dead_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "other.md").write_text("# One\n\n# One\n\n## `two`: 3.1 Four, five\n")
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# Here\n[a](other.md#one) [b](other.md#one-1) [c](other.md#two-31-four-five) [d](#here)\n"
+        "[e](none.md) [f](other.md#none) [g](#none)\n```\n[h](in-code.md)\n```\n"
+    )
+    assert dead_links(page) == ["none.md", "other.md#none", "#none"]
+
+
+def test_every_page_is_listed() -> None:
+    listed = set(re.findall(r"\]\(([\w-]+\.md)\)", (DOCS / "README.md").read_text("utf-8")))
+    assert listed == {path.name for path in DOCS.glob("*.md")} - {"README.md"}
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 200
