@@ -137,6 +137,9 @@ def lowest_bit(handle) -> int:
 
 
 def number(handle) -> int:
-    """An output as an unsigned integer; fails where a bit is undefined."""
+    """An output as an unsigned integer; an undefined bit is a check that fails."""
     value = handle.value
-    return int(value.to_unsigned()) if hasattr(value, "to_unsigned") else int(value)
+    try:
+        return int(value.to_unsigned()) if hasattr(value, "to_unsigned") else int(value)
+    except ValueError:
+        raise AssertionError(f"{handle._name} is undefined: {value}") from None

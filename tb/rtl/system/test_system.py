@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
@@ -56,5 +56,5 @@ FAULTS = {
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     entity, old, new = FAULTS[name]
     rtl = altered(tmp_path, entity, old, new)
-    with pytest.raises(BenchError, match="expected"):
+    with pytest.raises(CheckError, match="expected"):
         bench("mptc", 60, rtl, registers=False)

@@ -12,10 +12,13 @@ Does not prove: anything about sums too long for ACCUMULATOR_WIDTH, which are th
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 GENERICS = [
@@ -53,3 +56,18 @@ def test_sums_are_exact(values: tuple[int, ...]) -> None:
 def test_impossible_generics_are_refused(values: tuple[int, ...]) -> None:
     with pytest.raises((BenchError, BuildError), match="mac_block"):
         bench(values, clocks=60)
+
+
+FAULTS = [
+    Fault("mac_block", "aligned + seed_2;", "aligned;", r"accumulator:"),
+    Fault("mac_block", "if (enable_2 = '1') then", "if (true) then", r"accumulator:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=RTL)

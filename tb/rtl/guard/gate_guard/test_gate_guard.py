@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
@@ -52,5 +52,5 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     entity, old, new = FAULTS[name]
-    with pytest.raises(BenchError, match=r"expected"):
+    with pytest.raises(CheckError, match=r"expected"):
         bench(True, 16_000, altered(tmp_path, entity, old, new))

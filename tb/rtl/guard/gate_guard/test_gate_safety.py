@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 from tb.rtl.guard.gate_guard import safety
@@ -64,7 +64,7 @@ def short_bench(five_level: bool, rtl: Path, clocks: int = 20_000) -> Outcome:
 @pytest.mark.parametrize("name", SEEDED)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     five_level, *fault = SEEDED[name]
-    with pytest.raises(BenchError, match="violations: got"):
+    with pytest.raises(CheckError, match="violations: got"):
         short_bench(five_level, altered(tmp_path, *fault))
 
 

@@ -13,11 +13,14 @@ Does not prove: metastability; a simulator has none. spi_slave's header says wha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 
 UART, SPI = 0, 1
@@ -46,3 +49,39 @@ def test_every_frame_gets_the_answer_of_the_model(link: int, controls: int) -> N
 def test_mishaps_cost_one_frame() -> None:
     found = bench("mishaps", limit=4_000)
     assert found.covered["recovered"] >= 8
+
+
+def over_uart(rtl: Path) -> object:
+    """Frames of all kinds over the UART."""
+    return bench("frames", rtl=rtl, link=UART, controls=UART, frames=25)
+
+
+def over_spi(rtl: Path) -> object:
+    """The same over SPI."""
+    return bench("frames", rtl=rtl, link=SPI, controls=SPI, frames=25)
+
+
+def mishaps(rtl: Path) -> object:
+    """Late, broken and cut off frames."""
+    return bench("mishaps", rtl=rtl, limit=4_000)
+
+
+FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
+    ("frame_receiver", "crc /= CRC_RESIDUE", "crc /= crc", over_spi),
+    ("frame_receiver", "v.late := '1';", "null;", mishaps),
+    ("frame_transmitter", "not crc(7 downto 0)", "crc(7 downto 0)", over_uart),
+    ("link_executor", "if (ahead <= 0) then", "if (ahead < 0) then", over_spi),
+    ("link_executor", "flags(FLAG_ENABLED)   := enabled;", "flags(7) := '0';", over_uart),
+    ("outcome_counters", "waiting <= serve_outcome;", "waiting <= receive_outcome;", over_spi),
+    ("spi_slave", "if (count = 7) then", "if (count = 6) then", over_spi),
+    ("uart_receiver", "v.broken := not line(2);", "v.broken := '0';", mishaps),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "fault", "look"), FAULTS, ids=lambda v: str(v)[:24])
+def test_a_fault_is_seen(
+    name: str, text: str, fault: str, look: Callable[[Path], object], tmp_path: Path
+) -> None:
+    rtl = altered(tmp_path, name, text, fault)
+    with pytest.raises(CheckError):
+        look(rtl)

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 
@@ -41,3 +42,19 @@ def test_lengths_are_quotients(width: int, length_width: int, throttle: bool) ->
     assert found.covered["exit 1"] >= 20
     assert found.covered["exit 2"] >= 20
     assert found.covered["changing lower"] >= 20
+
+
+FAULTS = [
+    Fault("binary_search", "v.below := '1';", "v.below := '0';", r"below:"),
+    Fault("binary_search", "length <= upper when", "length <= (others => '1') when", r"length:"),
+    Fault("binary_search", "r.busy <= STATE_INIT.busy;", "null;", r"silent after reset:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(17, 6, True, searches=400, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(17, 6, True, searches=400, rtl=RTL)

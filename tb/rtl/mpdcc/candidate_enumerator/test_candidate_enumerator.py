@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
 
 FILES = [MPDCC_FLAT, Path(__file__).with_name("candidate_enumerator_flat.vhd")]
@@ -45,3 +46,29 @@ def test_candidates_and_their_order(blocks: bool) -> None:
     found = bench(blocks=blocks)
     assert found.checks["candidate"] >= (5000 if blocks else 20_000)
     assert found.covered["16 candidates" if blocks else "64 candidates"] >= 40
+
+
+FAULTS = [
+    Fault("candidate_enumerator", "in LAST_PHASE downto 0", "in 0 to LAST_PHASE", r"candidate:"),
+    Fault("candidate_enumerator", "v.candidate.probe  := '0';", "null;", r"candidate is undefined"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(positions=64, rtl=rtl))
+
+
+BLOCK_FAULTS = [
+    Fault("candidate_enumerator", "return 1;", "return 2;", r"candidate:"),
+]
+
+
+@pytest.mark.parametrize("fault", BLOCK_FAULTS, ids=str)
+def test_a_fault_is_seen_block(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(positions=64, blocks=True, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(positions=64, rtl=RTL)
+    bench(positions=64, blocks=True, rtl=RTL)

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
 
 FILES = [MPDCC_FLAT, Path(__file__).with_name("capacitor_search_flat.vhd")]
@@ -35,3 +36,18 @@ def bench(nodes: int = 500, throttle: bool = False, rtl: Path = RTL) -> Outcome:
 @pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
 def test_rows_are_straight_lines(throttle: bool) -> None:
     assert bench(throttle=throttle).checks["row"] >= 7500
+
+
+FAULTS = [
+    Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
+    Fault("capacitor_search", "excess(2) > 0", "excess(2) >= 0", r"held:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(80, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(80, rtl=RTL)

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
 
 FILES = [MPDCC_FLAT, Path(__file__).with_name("common_terms_flat.vhd")]
@@ -41,3 +42,18 @@ def test_nodes_follow_the_equations(variant: str) -> None:
     assert found.checks["node"] >= 480
     assert found.covered["saturated"] >= 50
     assert found.covered["in range"] >= 50
+
+
+FAULTS = [
+    Fault("common_terms", "- 1) <= '1';", "- 1) <= '0';", r"capacitor terms:"),
+    Fault("common_terms", "overflow <= '1';", "overflow <= '0';", r"saturated:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench("fast", nodes=120, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench("fast", nodes=120, rtl=RTL)

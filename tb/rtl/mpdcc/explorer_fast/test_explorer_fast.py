@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
 
 FILES = [MPDCC_FLAT, Path(__file__).parents[1] / "mpdcc_explorer" / "mpdcc_explorer_flat.vhd"]
@@ -55,3 +56,42 @@ def test_results_follow_the_parabolas(throttle: bool, weighted: bool) -> None:
         assert found.covered.get(event, 0) >= 3, event
     if not throttle:
         assert found.checks["result in time"] >= 4000
+
+
+FAULTS = [
+    Fault("explorer_fast", "and not (exceeds and turned and to_std_logic(m > 0))", "", r"length:"),
+    Fault("explorer_fast", "largest_5 <= sum;", "largest_5 <= error_4(0);", r"index:"),
+    Fault("explorer_fast", "key_now < key_best", "key_now <= key_best", r"index:"),
+    Fault(
+        "explorer_fast", "excess_7 > 0 or outside(SEARCH + 2) = '1'", "excess_7 > 0", r"feasible:"
+    ),
+    Fault("explorer_fast", "any and settled and last", "any and last", r"result in time:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(200, rtl=rtl))
+
+
+WEIGHTED_FAULTS = [
+    Fault(
+        "explorer_fast",
+        "shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT)",
+        "shift_left(weighed, 2)",
+        r"(index|excess):",
+    ),
+    Fault(
+        "explorer_fast", "gated(current_9, limits.deadlock_rule)", "current_9", r"(index|excess):"
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", WEIGHTED_FAULTS, ids=str)
+def test_a_fault_is_seen_weighted(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(60, rtl=rtl, weighted=True))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(200, rtl=RTL)
+    bench(60, rtl=RTL, weighted=True)

@@ -26,8 +26,9 @@ import pytest
 from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 
@@ -135,13 +136,13 @@ def bench(case: Case, rtl: Path = RTL) -> tuple[int, int]:
     ):
         wrong = np.flatnonzero((got != want).reshape(len(got), -1).any(axis=1))
         if len(wrong):
-            raise BenchError(f"{case}: {what} differ at {wrong[:5]}, {aborts[wrong[:5]].tolist()}")
+            raise CheckError(f"{case}: {what} differ at {wrong[:5]}, {aborts[wrong[:5]].tolist()}")
     assert found.early is not None
     row, edge = aborts[:, 0], aborts[:, 1]
     out = edge == plain.cycles[row]
     want = np.where(out[:, None], expected[row, :7], -1)
     if not np.array_equal(found.early, want):
-        raise BenchError(f"{case}: a decision that came with the reset is another, or missing")
+        raise CheckError(f"{case}: a decision that came with the reset is another, or missing")
     return int((~out).sum()), int(out.sum())
 
 
@@ -155,3 +156,57 @@ def test_a_reset_leaves_nothing_behind(case: Case) -> None:
     assert searched.sum() >= 6
     assert held.sum() >= 2
     assert dead.sum() >= 2
+
+
+def few_resets(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
+    """Resets in the middle of a few decisions."""
+    stride = 7 if two or variant == "paper" else 2
+    bench(Case(variant, explorers, two, stride, 10, counts=(4, 4, 0)), rtl)
+
+
+#: Whatever the bench compares after a reset; which of it comes first depends on the fault.
+RESET_CHECKS = (
+    r"(valid|busy) without a start|valid in the middle of a decision|idle before the reset"
+    r"|more than one valid|\S+: .* differ at|\S+: a decision that came with the reset"
+)
+FAST_FAULTS = [
+    Fault("mpdcc_scheduler", "r.valid <= STATE_INIT.valid;", "null;  -- valid", RESET_CHECKS),
+    Fault(
+        "explorer_fast",
+        "valid(1 to STAGE_COUNT) <= (others => '0');",
+        "null;  -- pipeline",
+        RESET_CHECKS,
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
+def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_resets("fast", 3, rtl))
+
+
+SECOND_LEVEL_FAULTS = [
+    Fault("mpdcc_scheduler", "r.pending <= STATE_INIT.pending;", "null;  -- pending", RESET_CHECKS),
+    Fault("mpdcc_scheduler", "r.ripe    <= STATE_INIT.ripe;", "null;  -- ripe", RESET_CHECKS),
+]
+
+
+@pytest.mark.parametrize("fault", SECOND_LEVEL_FAULTS, ids=str)
+def test_a_fault_is_seen_second_level(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_resets("fast", 2, rtl, two=True))
+
+
+PAPER_FAULTS = [
+    Fault("explorer_paper", "back.count  <= 0;", "null;  -- result", RESET_CHECKS),
+]
+
+
+@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
+def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_resets("paper", 2, rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    few_resets("fast", 3, RTL)
+    few_resets("fast", 2, RTL, two=True)
+    few_resets("paper", 2, RTL)

@@ -24,8 +24,9 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import RULE, with_rule
 
@@ -62,7 +63,7 @@ def bench(
     rows = with_rule(rows, np.random.default_rng(7).random(len(rows)) < 0.7)
     found = core.simulate(rows, explorers, "fast", throttle=explorers % 3, rtl=rtl)
     if not np.array_equal(found.decisions, rows.model("fast")):
-        raise BenchError("decisions differ")
+        raise CheckError("decisions differ")
     return rows, found.decisions, found.cycles
 
 
@@ -103,3 +104,23 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
     )
     core.in_closed_loop(drive, array, "fast", expected)
     assert expected.decisions.deadlock.sum() >= (10 if horizon == "SE" else 1)
+
+
+FAULTS = [
+    Fault(
+        "explorer_fast",
+        "best.index     <= unsigned(dead_index);",
+        "best.index     <= unsigned(index_dead);",
+        r"decisions differ",
+    ),
+    Fault("mpdcc_core", "<= deadlock_rule;", "<= '0';", r"decisions differ"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(2, 0, (0,), 0, 10, rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(2, 0, (0,), 0, 10, RTL)

@@ -26,11 +26,14 @@ import pytest
 
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.program import COEFFICIENTS
+from directmpc.mpdcc.variants import VARIANTS as LIBRARY_VARIANTS
 from scripts.commands import replay
 from scripts.hdl import mpdcc_rows as core
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl import states
+from scripts.hdl.ghdl import CheckError
+from scripts.hdl.sources import RTL
 from scripts.measure import budgets
-from tb.helpers.faults import altered
+from tb.helpers.faults import Fault, altered, assert_seen
 from tb.helpers.simulation import VARIANTS
 
 #: Cycles in the worst case, Paper A, Table IV, by number of explorers.
@@ -140,5 +143,60 @@ def test_that_rows_are_read_would_be_seen(tmp_path: Path) -> None:
     rows = core.random_rows(8, np.random.default_rng(37), "fast")
     for condition in ("true", "valid(SEARCH) = '1'"):
         rtl = asserting(condition, tmp_path / condition[:5])
-        with pytest.raises(BenchError, match="a row is read"):
+        with pytest.raises(CheckError, match="a row is read"):
             core.simulate(rows, 2, "fast", second=False, rtl=rtl)
+
+
+def few_decisions(variant: str, rtl: Path) -> None:
+    """A few decisions of the core, which have to be the model's."""
+    rng = np.random.default_rng(2)
+    drive = states.shipped("anpc5l_6kv")
+    rows = core.join(
+        [
+            core.of_trace(
+                states.near(drive, 10, rng), LIBRARY_VARIANTS[variant].registers(drive).array()
+            ),
+            core.random_rows(5, rng, variant),
+            core.slow_rows(variant),
+        ]
+    )
+    found = core.simulate(rows, 5, variant, rtl=rtl)
+    if not np.array_equal(found.decisions, rows.model(variant)):
+        raise CheckError("decisions differ")
+
+
+PAPER_FAULTS = [
+    Fault(
+        "mpdcc_scheduler",
+        "result.length    := best.length;",
+        "result.length    := (others => '0');",
+        r"decisions differ",
+    ),
+    Fault("mpdcc_core", "unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ"),
+    Fault(
+        "explorer_paper",
+        "candidate_ready <= not front.busy;",
+        "candidate_ready <= '0';",
+        r"a decision takes more than \d+ clocks",
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
+def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_decisions("paper", rtl))
+
+
+FAST_FAULTS = [
+    Fault("mpdcc_core", "unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ"),
+]
+
+
+@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
+def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_decisions("fast", rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    few_decisions("paper", RTL)
+    few_decisions("fast", RTL)

@@ -14,6 +14,8 @@ Does not prove: that the parameters can be changed during a decision; they must 
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,9 @@ from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from scripts.commands import replay
 from scripts.hdl import mpdcc_rows as core
+from scripts.hdl.ghdl import CheckError
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.rtl.mpdcc.mpdcc_core.second_level_rows import (
     expected,
     longest,
@@ -129,3 +134,70 @@ def test_the_rails_are_the_models(two: int) -> None:
     assert fit.sum() >= 15
     assert want[~fit, 6].all()
     assert (want[fit, 6] == 0).sum() >= 10
+
+
+def few_searches(rtl: Path) -> None:
+    """A few searches of the core with a second level, which have to be the model's."""
+    rows = with_options(rows_of(5, 12, 1, 0), 1, (0,), 0)
+    want, _, nodes = expected(rows, 4)
+    chosen = np.flatnonzero((nodes > 3) & (nodes < 40))[:16]
+    assert len(chosen) >= 2
+    found = core.simulate(rows.pick(chosen), 4, "fast", rtl=rtl)
+    if not np.array_equal(found.decisions, want[chosen, :7]):
+        raise CheckError("decisions differ")
+
+
+def few_predictions(rtl: Path) -> None:
+    """Predictions of k + 1, half of them of states too far out for it."""
+    rows = with_options(core.random_rows(40, np.random.default_rng(31), "fast"), 0, (0,), 1)
+    found = core.simulate(rows, 2, "fast", rtl=rtl)
+    if not np.array_equal(found.decisions, expected(rows, 2)[0][:, :7]):
+        raise CheckError("decisions differ")
+
+
+FAULTS = [
+    Fault(
+        "node_base",
+        "natural_slope(x) + shift_left(",
+        "natural_slope(x) + shift_right(",
+        r"decisions differ",
+    ),
+    Fault(
+        "node_queue",
+        "link(INDEX_WIDTH - 1 downto 0));",
+        "link(6 downto 1));",
+        r"a decision takes more than \d+ clocks",
+    ),
+    Fault(
+        "node_shown",
+        "ERROR_READ  : natural := 3",
+        "ERROR_READ  : natural := 5",
+        r"decisions differ",
+    ),
+    Fault(
+        "leaf_dispatcher",
+        "<= both + transition_weight(from(2), sign(2), c)",
+        "<= both",
+        r"decisions differ",
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_searches(rtl))
+
+
+PREDICTION_FAULTS = [
+    Fault("node_base", "unfit <= found;", "unfit <= '0';", r"decisions differ"),
+]
+
+
+@pytest.mark.parametrize("fault", PREDICTION_FAULTS, ids=str)
+def test_a_fault_is_seen_prediction(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: few_predictions(rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    few_searches(RTL)
+    few_predictions(RTL)

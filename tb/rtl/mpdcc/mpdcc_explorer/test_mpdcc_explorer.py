@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
 from tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer import INTERVAL, INTERVAL_DEAD, LATENCY, PROBE
 
@@ -55,3 +56,20 @@ def test_results_follow_the_trajectories(variant: str) -> None:
     assert found.measured["interval"] == INTERVAL[variant]
     assert found.measured["interval dead"] == INTERVAL_DEAD[variant]
     assert found.measured["probe"] == PROBE[variant]
+
+
+FAULTS = [
+    Fault("explorer_paper", " + 2 ** (FORCED_FRACTION - 1)", "", r"excess:"),
+    Fault("explorer_paper", "if (excess_5 > 0) then", "if (excess_5 >= 0) then", r"held:"),
+    Fault("explorer_paper", 'front.settle = "11"', 'front.settle = "00"', r"length:"),
+    Fault("explorer_paper", "effort - 1);", "shift_left(effort, 1));", r"only losers are dropped:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench("paper", nodes=40, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench("paper", nodes=40, rtl=RTL)

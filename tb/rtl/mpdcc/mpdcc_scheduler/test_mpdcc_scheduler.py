@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
 
 FILES = [MPDCC_FLAT, Path(__file__).with_name("mpdcc_scheduler_flat.vhd")]
@@ -51,3 +52,45 @@ def test_the_earliest_of_the_best_wins(explorers: int, variant: str) -> None:
     elif explorers > 1:
         for event in ("out of order", "earliest arrived later", "results at once"):
             assert found.covered.get(event, 0) >= 3, event
+
+
+PAPER_FAULTS = [
+    Fault(
+        "mpdcc_types",
+        "(not b.feasible & b.rank & b.index & b.saturated)",
+        "(not b.feasible & b.rank & a.index & a.saturated)",
+        r"decision:",
+    ),
+    Fault(
+        "mpdcc_scheduler",
+        "enumerate_done = '1' and explorer_busy = (explorer_busy'range => '0')",
+        "enumerate_done = '1'",
+        r"clocks after the last result:",
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
+def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(3, "paper", decisions=40, rtl=rtl))
+
+
+FAST_FAULTS = [
+    Fault("node_preparation", "xor falling", "or falling", r"band turn:"),
+    Fault(
+        "mpdcc_scheduler",
+        "probe_held = '1' and lines_held = '1'",
+        "probe_held = '1'",
+        r"every candidate was given out:",
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
+def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=40, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(3, "paper", decisions=40, rtl=RTL)
+    bench(3, "fast", decisions=40, rtl=RTL)

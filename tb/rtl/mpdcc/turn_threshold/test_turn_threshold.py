@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 FILES = [Path(__file__).with_name("turn_threshold_flat.vhd")]
@@ -35,3 +36,18 @@ def bench(thresholds: int = 1500, throttle: bool = False, rtl: Path = RTL) -> Ou
 @pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
 def test_thresholds_follow_the_definition(throttle: bool) -> None:
     assert bench(throttle=throttle).checks["threshold"] >= 1200
+
+
+FAULTS = [
+    Fault("turn_threshold", "if (curvature >= 0)", "if (curvature > 0)", r"threshold:"),
+    Fault("turn_threshold", "wide < smallest", "wide > smallest", r"threshold:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(800, rtl=rtl))
+
+
+def test_the_short_benches_see_no_fault_where_none_is() -> None:
+    bench(800, rtl=RTL)

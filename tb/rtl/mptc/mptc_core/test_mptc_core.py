@@ -26,7 +26,7 @@ import pytest
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.mptc_simulation import Job
 from scripts.hdl.simulator import SimulationError
 from scripts.hdl.sources import RTL
@@ -174,7 +174,7 @@ def test_a_reset_leaves_nothing_behind() -> None:
 )
 def test_a_reset_that_forgets_is_found(old: str, new: str, tmp_path: Path) -> None:
     rtl = altered(tmp_path, "mptc_core", old, new)
-    with pytest.raises(BenchError, match="reset at edge"):
+    with pytest.raises(CheckError, match="reset at edge"):
         resets(rtl)
 
 

@@ -26,7 +26,7 @@ from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.plant import plant_parameters
 from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import netlist_check
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from scripts.studies import mptc as study
 from tb.helpers import mptc_rows as core
@@ -124,7 +124,7 @@ FAULTS = {
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     entity, old, new = FAULTS[name]
     rtl = altered(tmp_path, entity, old, new)
-    with pytest.raises(BenchError, match=r"estimate|decision|Cannot convert"):
+    with pytest.raises(CheckError, match=r"estimate|decision|is undefined"):
         bench(entity, 100 if entity != "mptc_drive" else 20, rtl)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
@@ -41,5 +41,5 @@ def test_lengths_are_within_their_bound() -> None:
 
 def test_a_wrong_rotation_is_found(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "mptc_magnitude", "u := u + (du xor sign);", "u := u + du;")
-    with pytest.raises(BenchError, match="difference"):
+    with pytest.raises(CheckError, match="difference"):
         bench(200, rtl)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
@@ -38,5 +38,5 @@ def test_roots_are_exact() -> None:
 
 def test_a_missing_equality_is_found(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "mptc_root", "rest >= trial", "rest > trial")
-    with pytest.raises(BenchError, match="root"):
+    with pytest.raises(CheckError, match="root"):
         bench(100, rtl)

@@ -19,7 +19,7 @@ import pytest
 from directmpc.mpdcc import observer
 from directmpc.mpdcc.plant import stator_voltage
 from scripts.hdl import states
-from scripts.hdl.ghdl import BenchError
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from scripts.studies import observer as observer_study
 from tb.helpers.faults import altered
@@ -49,7 +49,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     rtl = altered(tmp_path, "rotor_flux_observer", *FAULTS[name])
-    with pytest.raises(BenchError, match="estimate"):
+    with pytest.raises(CheckError, match="estimate"):
         bench(90, rtl)
 
 
