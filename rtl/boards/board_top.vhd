@@ -67,8 +67,8 @@ architecture rtl of board_top is
   signal since_start     : unsigned(3 downto 0) := (others => '0');
   signal rst             : std_logic := '1';
   -- vsg_on signal_007
-  signal control         : std_logic_vector(1 downto 0);
-  signal permitted       : std_logic_vector(1 downto 0);
+  signal control         : std_logic; -- steps_over_spi, synchronous to core_clock
+  signal permitted       : std_logic; -- permit, synchronous to core_clock
   signal external_trip   : std_logic;
   signal awready         : std_logic;
   signal awvalid         : std_logic;
@@ -140,13 +140,23 @@ begin
 
   end generate g_divided;
 
+  i_sync_bits : entity work.sync_bits
+    generic map (
+      WIDTH  => 2,
+      STAGES => 2
+    )
+    port map (
+      clk             => core_clock,
+      asynchronous(0) => steps_over_spi,
+      asynchronous(1) => permit,
+      synchronous(0)  => control,
+      synchronous(1)  => permitted
+    );
+
   p_start : process (core_clock) is
   begin
 
     if rising_edge(core_clock) then
-      control   <= control(0) & steps_over_spi;
-      permitted <= permitted(0) & permit;
-
       if (since_start /= 15) then
         since_start <= since_start + 1;
         rst         <= '1';
@@ -157,7 +167,7 @@ begin
 
   end process p_start;
 
-  external_trip <= not permitted(1);
+  external_trip <= not permitted;
 
   i_host_link : entity work.host_link
     generic map (
@@ -173,7 +183,7 @@ begin
     port map (
       clk             => core_clock,
       rst             => rst,
-      control         => control(1),
+      control         => control,
       uart_rx         => uart_rx,
       uart_tx         => uart_tx,
       spi_sck         => spi_sck,
@@ -377,6 +387,6 @@ begin
   leds(0) <= running;
   leds(1) <= tripped;
   leds(2) <= stretch(stretch'left);
-  leds(3) <= control(1);
+  leds(3) <= control;
 
 end architecture rtl;

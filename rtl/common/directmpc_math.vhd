@@ -38,6 +38,16 @@ package directmpc_math is
 
   function to_std_logic (value : boolean) return std_logic;
 
+  -- yes where condition holds, else no; for constants that depend on generics
+  function choose (condition : boolean; yes, no : integer) return integer;
+
+  function choose (condition : boolean; yes, no : boolean) return boolean;
+
+  function choose (condition : boolean; yes, no : std_logic) return std_logic;
+
+  -- yes and no may differ in length
+  function choose (condition : boolean; yes, no : std_logic_vector) return std_logic_vector;
+
   -- index of a variant in generated tables: 1 the paper's, 0 the fast one
   function variant_of (folded : boolean) return natural;
 
@@ -203,14 +213,54 @@ package body directmpc_math is
 
   end function to_std_logic;
 
+  function choose (condition : boolean; yes, no : integer) return integer is
+  begin
+
+    if (condition) then
+      return yes;
+    else
+      return no;
+    end if;
+
+  end function choose;
+
+  function choose (condition : boolean; yes, no : boolean) return boolean is
+  begin
+
+    if (condition) then
+      return yes;
+    else
+      return no;
+    end if;
+
+  end function choose;
+
+  function choose (condition : boolean; yes, no : std_logic) return std_logic is
+  begin
+
+    if (condition) then
+      return yes;
+    else
+      return no;
+    end if;
+
+  end function choose;
+
+  function choose (condition : boolean; yes, no : std_logic_vector) return std_logic_vector is
+  begin
+
+    if (condition) then
+      return yes;
+    else
+      return no;
+    end if;
+
+  end function choose;
+
   function variant_of (folded : boolean) return natural is
   begin
 
-    if (folded) then
-      return 1;
-    else
-      return 0;
-    end if;
+    return choose(folded, 1, 0);
 
   end function variant_of;
 

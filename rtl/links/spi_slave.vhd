@@ -42,6 +42,11 @@ end entity spi_slave;
 
 architecture rtl of spi_slave is
 
+  -- places in seen
+  constant RX : natural := 0;
+  constant TX : natural := 1;
+  constant CS : natural := 2;
+
   -- driven by sck
   signal count     : unsigned(2 downto 0); -- rising edges since the byte began
   signal shift_in  : std_logic_vector(6 downto 0);
@@ -55,9 +60,8 @@ architecture rtl of spi_slave is
 
   -- driven by clk
   signal tx_hold   : byte_t;
-  signal rx_seen   : std_logic_vector(2 downto 0); -- newest on the right
-  signal tx_seen   : std_logic_vector(2 downto 0);
-  signal cs_seen   : std_logic_vector(2 downto 0);
+  signal seen      : std_logic_vector(2 downto 0); -- SCK's side, synchronous to clk: RX, TX, CS
+  signal before    : std_logic_vector(2 downto 0); -- seen a clock ago
   signal rising    : std_logic; -- cs_n has gone high
   signal taken     : std_logic;
 
@@ -116,20 +120,31 @@ begin
 
   miso <= shift_out(7);
 
-  taken <= tx_seen(2) xor tx_seen(1);
+  taken <= before(TX) xor seen(TX);
+
+  i_sync_bits : entity work.sync_bits
+    generic map (
+      WIDTH  => 3,
+      STAGES => 2
+    )
+    port map (
+      clk              => clk,
+      asynchronous(RX) => rx_toggle,
+      asynchronous(TX) => tx_toggle,
+      asynchronous(CS) => cs_n,
+      synchronous      => seen
+    );
 
   p_cross : process (clk) is
   begin
 
     if rising_edge(clk) then
-      rx_seen  <= rx_seen(1 downto 0) & rx_toggle;
-      tx_seen  <= tx_seen(1 downto 0) & tx_toggle;
-      cs_seen  <= cs_seen(1 downto 0) & cs_n;
-      rx_valid <= rx_seen(2) xor rx_seen(1);
-      rising   <= cs_seen(1) and not cs_seen(2);
-      ended    <= rising;                        -- behind the rx_valid of the last byte
+      before   <= seen;
+      rx_valid <= before(RX) xor seen(RX);
+      rising   <= seen(CS) and not before(CS);
+      ended    <= rising;                      -- behind the rx_valid of the last byte
 
-      if (rx_seen(2) /= rx_seen(1)) then
+      if (before(RX) /= seen(RX)) then
         rx_data <= rx_hold;
       end if;
 

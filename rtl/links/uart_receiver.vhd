@@ -59,8 +59,9 @@ architecture rtl of uart_receiver is
     broken => '0'
   );
 
-  signal line : std_logic_vector(3 downto 0); -- synchroniser, newest bit on the right
-  signal r    : state_t;
+  signal line    : std_logic; -- rx, synchronous to clk
+  signal before  : std_logic; -- line a clock ago
+  signal r       : state_t;
   signal bits_in : byte_t;
 
 begin
@@ -69,6 +70,17 @@ begin
     report "uart_receiver: BAUD above a quarter of CLOCK_HZ, or a rate that is no multiple of 100"
     severity failure;
 
+  i_sync_bits : entity work.sync_bits
+    generic map (
+      WIDTH  => 1,
+      STAGES => 3
+    )
+    port map (
+      clk            => clk,
+      asynchronous(0) => rx,
+      synchronous(0)  => line
+    );
+
   p_receive : process (clk) is
 
     variable v : state_t;
@@ -76,7 +88,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      line     <= line(2 downto 0) & rx;
+      before   <= line;
       v        := r;
       v.valid  := '0';
       v.broken := '0';
@@ -85,7 +97,7 @@ begin
         -- half a bit before the first sample; the line has to fall for a start bit
         v.phase := to_unsigned(2 ** (PHASE_WIDTH - 1), PHASE_WIDTH + 1);
         v.count := (others => '0');
-        v.busy  := line(3) and not line(2);
+        v.busy  := before and not line;
       else
         v.phase := ('0' & r.phase(PHASE_WIDTH - 1 downto 0)) + INCREMENT;
 
@@ -93,13 +105,13 @@ begin
           v.count := r.count + 1;
 
           if (r.count = 0) then
-            v.busy := not line(2);          -- a spike is no start bit
+            v.busy := not line;          -- a spike is no start bit
           elsif (r.count = BITS - 1) then
             v.busy   := '0';
-            v.valid  := line(2);
-            v.broken := not line(2);
+            v.valid  := line;
+            v.broken := not line;
           else
-            bits_in <= line(2) & bits_in(7 downto 1);
+            bits_in <= line & bits_in(7 downto 1);
           end if;
         end if;
       end if;
