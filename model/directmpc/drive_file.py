@@ -1,43 +1,6 @@
 """Drive files: the TOML a user writes, checked and turned into frozen objects.
 
-Accepted ranges. Those of the contract where it names one; the rest are chosen here, wide enough
-for any drive the cores can serve and narrow enough to catch a slip of units.
-
-=====================  ==========================  =============================================
-key                    allowed                     origin
-=====================  ==========================  =============================================
-base.voltage           1 to 1e6 V                  display only; chosen
-base.current           0.01 to 1e6 A               display only; chosen
-base.frequency         1 to 1000 Hz                sets the time base; chosen
-machine.rs, rr         0.001 to 0.05 pu            contract
-machine.xls, xlr       0.03 to 0.3 pu              contract
-machine.xm             1 to 5 pu                   contract
-inverter.topology      "anpc5l"                    contract
-inverter.vdc           1.5 to 2.5 pu               contract
-inverter.xdc, xph      0.5 to 10 pu                contract
-control.ts             0.006 to 0.063 pu, in s     contract (20 to 200 us at 50 Hz)
-control.bound_*        0.02 to 0.5 pu              contract
-control.lambda_n       0 to 100                    contract
-control.horizon        1 to 63, an integer         contract
-switching_horizon      "SE" (default) or "SESE"    contract
-control.budget         0 (default) to 4095         chosen; candidates of SESE's second level
-delay_compensation     false (default) or true     chosen
-deadlock_rule          "largest" (default) or      contract (section 2); "weighted":
-                       "weighted"                  docs/deadlocks.md, not with the paper variant
----------------------  --------------------------  ---------------------------------------------
-MPTC: machine.rs, rr   1e-6 to 1e3 ohm             chosen
-machine.lm, ls, lr     1e-6 to 1e3 H               chosen; ls and lr above lm, leakage factor 1e-4
-machine.pole_pairs     1 to 64, an integer         chosen
-inverter.topology      "two_level"                 contract
-inverter.vdc           1 to 1e5 V                  chosen
-control.ts             1e-6 to 1e-2 s              chosen
-control.k_psi          0 to 1e6 N*m/Wb             chosen
-control.psi_max        1e-4 to 1e4 Wb              chosen
-control.current_max    1e-3 to 1e6 A               chosen
-control.torque_max     1e-4 to 1e8 N*m             chosen
-control.speed_max      1 to 1e5 rad/s, electrical  chosen
-control.method         "MPTC" (default), "MPFC"    contract
-=====================  ==========================  =============================================
+Keys, units, ranges and defaults: docs/specification.md, section 4.1.
 """
 
 from __future__ import annotations
@@ -299,7 +262,7 @@ def load_any_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     Parameters
     ----------
     path
-        TOML file as described in the module's table.
+        TOML file as docs/specification.md, section 4.1, describes it.
 
     Returns
     -------

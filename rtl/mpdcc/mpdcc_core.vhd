@@ -1,7 +1,7 @@
 -- Model predictive direct current control of a five-level ANPC drive (Paper A): the core.
 --
 -- One scheduler and EXPLORERS explorers. Give the measurements with a one-clock start; valid comes
--- with the switch position for this step.  The decision is the contract's: hold while every output
+-- with the switch position for this step.  docs/specification.md, section 2: hold while every output
 -- stays inside its bound, else the candidate of least switching effort per step of validity.
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.mpdcc.coefficients computes

@@ -151,7 +151,7 @@ package mpdcc_types is
   type result_t is record
     feasible  : std_logic;                          -- '1': length > 0; '0': none stays inside
     saturated : std_logic;                          -- '1': the weight on v_n saturated
-    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- as in candidate_t; its order is the contract's
+    index     : unsigned(INDEX_WIDTH - 1 downto 0); -- as in candidate_t, in the order of enumeration
     length    : length_t;                           -- L*, steps
     rank      : rank_t;                             -- J, RECIPROCAL_FRACTION fractional bits; or ranked J_dl
   end record result_t;

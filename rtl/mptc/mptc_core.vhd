@@ -2,7 +2,7 @@
 -- two-level inverter (Paper B): the core.
 --
 -- Give the measurements, the references and the vector that is being applied with a one-clock
--- start; valid comes with the vector to apply next.  The decision is the contract's (section 3):
+-- start; valid comes with the vector to apply next.  The decision (docs/specification.md, section 3):
 -- the state is taken to k+1 by Heun's method (eqs. 4, 5), i_s0 is formed once (eq. 14), one stator
 -- flux and one torque per vector (eqs. 13, 15), cost (eq. 11) with k_psi, or for MPFC the distance
 -- from the reference vector of eqs. 18 to 21 (eq. 17, its square).  Ties go to the lowest number;
@@ -22,7 +22,7 @@
 -- Overflow: saturates and sets saturated; nothing wraps.  clamped says that the torque reference was
 -- beyond what the rotor flux allows (the arcsine's argument beyond 1).
 -- Defined corners: with all costs equal the lowest number wins; without rotor flux MPFC takes it to
--- lie along alpha, as the contract's angle of zero does, so that a start from zero flux moves.
+-- lie along alpha (an angle of zero, docs/specification.md, section 3.4), so that a start from zero flux moves.
 -- FLUX_CONTROL = false leaves MPFC out: the core then takes flux_control for '0'.
 -- Alternatives tried, in xc3s slices (LUT + flip-flop)/2: adder, subtractor and a multiplexer behind
 -- them, where one adder with an inverted operand does, here and in mptc_magnitude: 220 more; the

@@ -1,4 +1,4 @@
-"""Random drives, states and words, over the contract's ranges and to their corners."""
+"""Random drives, states and words, over the specified ranges and to their corners."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def changed(drive: Drive, **control: object) -> Drive:
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
-    """A drive anywhere in the contract's ranges, a third of its values at an end of theirs."""
+    """A drive anywhere in the specified ranges, a third of its values at an end of theirs."""
 
     def between(low: float, high: float, *, log: bool = False) -> float:
         if rng.random() < 1 / 3:
@@ -102,7 +102,7 @@ def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) ->
 
 
 def wide(n: int, rng: np.random.Generator, beyond: float = 1.0) -> MpdccTrace:
-    """States anywhere in the contract's ranges, or beyond them so that inputs saturate."""
+    """States anywhere in the specified ranges, or beyond them so that inputs saturate."""
 
     def within(low: float, high: float, *shape: int) -> NDArray[np.float64]:
         middle, half = (low + high) / 2, (high - low) / 2 * beyond

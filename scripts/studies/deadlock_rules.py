@@ -1,15 +1,14 @@
 """Experiments: the fast variant's bit-true decision with other rules for deadlocks.
 
-``decide`` is ``bit_true_fast.decide`` but for what a `Rule` changes, and with the rule's defaults,
-the contract's, it is the same, decision for decision (`tb.model.test_deadlock_study`). Nothing of
-this is in the RTL.
+``decide`` is that of the fast variant but for what a `Rule` changes.  With the rule's defaults it
+is the same, decision for decision (`tb.model.test_deadlock_study`).  Nothing of this is in the RTL.
 
 What may be changed:
 
 * the *criterion* that chooses in a deadlock, where no candidate has L* > 0,
 * the *tie* rule between candidates of equal criterion,
 * weights of the excesses of currents, v_n and v_ph,
-* the step at which the excess is taken (1 in the contract),
+* the step at which the excess is taken (1 in Paper A),
 * whether a trajectory outside its bound that comes closer to it counts as admissible,
 * a terminal weight on the flying capacitors' deviations in the cost J.
 """
@@ -30,11 +29,11 @@ from directmpc.mpdcc.machine import FloatArray
 from directmpc.mpdcc.trace import IntArray
 
 MAX, SUM, SQUARES, BLEND = 0, 1, 2, 3
-"""Criteria: largest excess (contract; Paper A, eq. 15); sum of the positive excesses; sum of their
+"""Criteria: largest excess (Paper A, eq. 15); sum of the positive excesses; sum of their
 squares; largest excess and a share of the largest one of the currents."""
 
 EARLIEST, LATEST, CURRENT, MAGNITUDES, SORTED, EFFORT = 0, 1, 2, 3, 4, 5
-"""Ties: earliest candidate (contract); latest; least excess of the currents; least sum of the
+"""Ties: earliest candidate (as built); latest; least excess of the currents; least sum of the
 magnitudes |error_j(k + 1)|; least second largest excess, then third and so on; least effort f_s."""
 
 ONE = 16
@@ -48,7 +47,7 @@ _N = fast._N_COEFFICIENTS
 
 @dataclass(frozen=True)
 class Rule:
-    """A deadlock rule; the defaults are the contract's (section 2, items 2 to 4).
+    """A deadlock rule; the defaults are as built (docs/specification.md, section 2.6).
 
     Attributes
     ----------

@@ -1,14 +1,14 @@
 """Deadlocks at low speed: what happens in them, and which other rules do better.
 
 ``python -m scripts.studies.deadlocks`` runs the 6 kV drive's exact plant with the fast variant's
-bit-true model (`scripts.studies.deadlock_rules`, by default the contract's rule) and writes
+bit-true model (`scripts.studies.deadlock_rules`, by default Paper A's rule) and writes
 
 * ``reports/deadlocks.csv``: one row per closed loop,
 * ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
 * ``reports/deadlocks.md``: every table, and with it those of `docs/deadlocks.md`,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
 
-The loops are the models'. The RTL has the contract's rule and the recommended one; its netlist
+The loops are the models'. The RTL has Paper A's rule and the recommended one; its netlist
 decides anew on every step of one start of each point where the two stand side by side.
 """
 
@@ -54,12 +54,12 @@ LOW = 0.45
 HORIZONS = ("SE", "SESE")
 STARTS = 3
 DETAILED = 8
-"""Starts for the contract's rule and the recommended one, point by point."""
+"""Starts for Paper A's rule and the recommended one, point by point."""
 
 FRESH = 100
 """First of those starts, so that none of them is one that the rule was chosen with."""
 
-CONTRACT = "contract"
+LARGEST = "largest excess"
 RECOMMENDED = "v_n x 8, 1/16 of current added"
 
 
@@ -74,7 +74,7 @@ class Case:
     Attributes
     ----------
     rule
-        What replaces the contract's rule.
+        What replaces Paper A's rule.
     control
         Values of the drive file's [control] that differ.
     normalised
@@ -87,7 +87,7 @@ class Case:
 
 
 CASES: dict[str, Case] = {
-    CONTRACT: Case(),
+    LARGEST: Case(),
     "ties to the latest": Case(Rule(tie=rules.LATEST)),
     "ties by current": Case(Rule(tie=rules.CURRENT)),
     "ties by effort": Case(Rule(tie=rules.EFFORT)),
@@ -120,7 +120,7 @@ CASES: dict[str, Case] = {
 }
 """What is tried; names as in the tables."""
 
-BUILT_IN = {CONTRACT: "largest", RECOMMENDED: "weighted"}
+BUILT_IN = {LARGEST: "largest", RECOMMENDED: "weighted"}
 """The rules that the RTL has: value of a drive file's ``control.deadlock_rule``."""
 
 RUN_FIELDS = (
@@ -264,7 +264,7 @@ def _errors(result: ClosedLoopResult) -> FloatArray:
 
 
 def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, Any]:
-    """What is outside in the contract's deadlocks, for how long, and what could be chosen.
+    """What is outside in the deadlocks of Paper A's rule, for how long, and what could be chosen.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
     legs: dict[bool, list[Any]] = {True: [], False: []}
     unit = 1.0
     for setting in settings:
-        drive, result = simulate(base, CASES[CONTRACT], setting, steps)
+        drive, result = simulate(base, CASES[LARGEST], setting, steps)
         array, _, _ = rules.parameters(drive, Rule())
         unit = registers(drive, "fast").unit
         excess = np.abs(_errors(result)) - drive.bounds
@@ -458,7 +458,7 @@ def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) 
 
 
 def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """The contract's rule beside the recommended one, point by point, as Markdown."""
+    """Paper A's rule beside the recommended one, point by point, as Markdown."""
     lines = [
         "| horizon, speed, bound | rule | THD | f_sw | deadlocks "
         "| beyond bounds at most: i, v_n, v_ph |",
@@ -467,7 +467,7 @@ def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
     for horizon in HORIZONS:
         for speed in SPEEDS:
             for bound in BOUNDS:
-                for name in (CONTRACT, RECOMMENDED):
+                for name in (LARGEST, RECOMMENDED):
                     chosen = _pick(rows, case=name, horizon=horizon, speed=speed, bound=bound)
                     chosen = [r for r in chosen if r["start"] >= FRESH]
                     cells = []
@@ -499,7 +499,7 @@ def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
 
     figure, axes = plt.subplots(2, 3, figsize=(11, 5.4), layout="constrained")
     setting = Setting("SE", 0.10, 0.2, FRESH)
-    for axis, name in zip(axes[0, :2], (CONTRACT, RECOMMENDED), strict=True):
+    for axis, name in zip(axes[0, :2], (LARGEST, RECOMMENDED), strict=True):
         drive, result = simulate(base, CASES[name], setting, STEPS)
         t = np.arange(len(result)) * drive.control.ts * 1e3
         excess = np.abs(_errors(result)) - drive.bounds
@@ -520,7 +520,7 @@ def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
         (axes[1, 2], "excess_vn", "v_n beyond its bound (pu)"),
     )
     for axis, key, text in panels:
-        for name, colour in zip((CONTRACT, RECOMMENDED), COLOURS, strict=False):
+        for name, colour in zip((LARGEST, RECOMMENDED), COLOURS, strict=False):
             for horizon, style in zip(HORIZONS, ("--", "-"), strict=True):
                 points = [
                     interval(
@@ -560,7 +560,7 @@ SECTIONS = {
 
 #: Rules that the page shows at high speeds.
 AT_HIGH_SPEEDS = (
-    CONTRACT, "ties by current", RECOMMENDED, "inward admissible",
+    LARGEST, "ties by current", RECOMMENDED, "inward admissible",
     "inward admissible, v_n x 8, 1/16 of current", "lambda_n = 100", "bound_vn = 0.03",
     "bound_vph = 0.12",
 )  # fmt: skip
@@ -660,7 +660,7 @@ def intervals(base: Drive, starts: int, steps: int) -> list[str]:
     rows = []
     with progress_bar("starts", len(settings)) as progress:
         for setting in settings:
-            rows.append(run(base, CONTRACT, setting, steps))
+            rows.append(run(base, LARGEST, setting, steps))
             progress(len(rows))
     for speed in speeds:
         saved = [horizon_study.reduction(rows, speed, start) for start in range(starts)]
@@ -696,7 +696,7 @@ def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
     with progress_bar("elsewhere", total) as progress:
         for text, drive, point in places:
             for horizon in HORIZONS:
-                for name in (CONTRACT, RECOMMENDED):
+                for name in (LARGEST, RECOMMENDED):
                     rows = [
                         run(drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
                         for k in range(FRESH, FRESH + starts)
@@ -753,7 +753,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for h, s, b in points
         for start in (
             *range(given.starts),
-            *(range(FRESH, FRESH + given.detailed) if name in (CONTRACT, RECOMMENDED) else ()),
+            *(range(FRESH, FRESH + given.detailed) if name in (LARGEST, RECOMMENDED) else ()),
         )
     ]
     rows: list[dict[str, Any]] = []
@@ -769,11 +769,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     decided, most = verify(base, points, given.steps)
     signed = [
         f"{name}: {_mean([r for r in _pick(rows, case=name) if r['speed'] < LOW], key):+.3f} pu"
-        for name in (CONTRACT, "ties to the latest")
+        for name in (LARGEST, "ties to the latest")
         for key in ("vn_mean_in_deadlocks",)
     ]
     lines = [
-        "What happens in the deadlocks of the contract's rule:",
+        "What happens in the deadlocks of the rule 'largest excess':",
         "",
         *table_of_steps(steps),
         "",
@@ -804,7 +804,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "",
         *elsewhere(base, given.starts, given.steps),
         "",
-        "Switching frequency saved by SESE at equal distortion, contract's rule:",
+        "Switching frequency saved by SESE at equal distortion, rule 'largest excess':",
         "",
         *intervals(base, given.detailed, given.steps),
     ]

@@ -2,9 +2,9 @@
 
 motulator integrates its own Gamma-model machine, stiff shaft and converter with scipy's RK45 and
 calls the controller once per control period; its computational delay of one period is the
-contract's one-step delay.  The controller is the bit-true twin, the ideal controller, or any
-function with their signature.  Imported by tests and reports only: the models themselves do not
-need motulator.
+delay of docs/specification.md, section 3.2.  The controller is the bit-true model, the ideal
+controller, or any function with their signature.  Imported by tests and reports only: the models
+themselves do not need motulator.
 """
 
 from __future__ import annotations

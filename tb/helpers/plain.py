@@ -413,14 +413,14 @@ def capacitor_rows(node: Node, limits: Limits) -> dict[int, tuple[int, int]]:
 
 
 def transition_weight(before: int, after: int) -> int:
-    """Weight of one phase's transition by the contract: 0, 1, or 3 with the ANPC stage."""
+    """Weight of one phase's transition: 0, 1, or 3 with the ANPC stage."""
     if before == after:
         return 0
     return 3 if {before, after} in ({2, 4}, {3, 5}) else 1
 
 
 def candidates(s_prev: Sequence[int]) -> list[tuple[tuple[int, ...], int]]:
-    """Candidates in the contract's order with their effort f_s."""
+    """Candidates in the order of enumeration with their effort f_s."""
     following = itertools.product(*(anpc.NEXT_POSITIONS[p] for p in s_prev))
     return [
         (s, sum(transition_weight(p, q) for p, q in zip(s_prev, s, strict=True))) for s in following

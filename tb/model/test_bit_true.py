@@ -1,6 +1,6 @@
 """The paper variant's bit-true model: no sum overflows, every decision as documented, fast.
 
-Sweep: both shipped drives, 200 random drives over the contract's ranges, five speeds.
+Sweep: both shipped drives, 200 random drives over the specified ranges, five speeds.
 Stimulus: interval arithmetic over any content of registers and measurements; random and corner
 words; closed loops of the ideal controller with the bit-true one as its shadow.
 Checks: widths against intervals; decisions against a slow second writing of them in integers;

@@ -1,6 +1,6 @@
 """The fast variant's bit-true model: parabolas, their first exit, and what that is worth.
 
-Sweep: both shipped drives, random drives over the contract's ranges; speeds of both signs up to
+Sweep: both shipped drives, random drives over the specified ranges; speeds of both signs up to
 1.0; current bounds 0.06, 0.10 and 0.16; bounds in trajectory units up to 29000.
 Stimulus: parabolas of closed loops and random ones; random and corner words; closed loops of the
 ideal controller with the fast one as its shadow.

@@ -177,11 +177,14 @@ def test_the_page_shows_the_report() -> None:
     [
         ("| SE, 0.2, 0.1 | 3394 |", "| SE, 0.2, 0.1 | 3395 |"),
         ("| SE, 0.2 | 45 / 9 % |", "| SE, 0.2 | 45 / 8 % |"),
-        ("| contract | SE | 99 %/pu |", "| contract | SE | 98 %/pu |"),
+        ("| largest excess | SE | 99 %/pu |", "| largest excess | SE | 98 %/pu |"),
         ("| bound_vph = 0.12 | SESE | 71 %/pu |", "| bound_vph = 0.12 | SESE | 72 %/pu |"),
-        ("| SESE, 1, 0.15 | contract | 11.5 ", "| SESE, 1, 0.15 | contract | 11.6 "),
+        ("| SESE, 1, 0.15 | largest excess | 11.5 ", "| SESE, 1, 0.15 | largest excess | 11.6 "),
         ("RTL: 192000 decisions", "RTL: 192001 decisions"),
-        ("| 3.3 kV, 1 pu | SESE | contract | 7.4 % ", "| 3.3 kV, 1 pu | SESE | contract | 7.3 % "),
+        (
+            "| 3.3 kV, 1 pu | SESE | largest excess | 7.4 % ",
+            "| 3.3 kV, 1 pu | SESE | largest excess | 7.3 % ",
+        ),
         ("| 1 pu | 8 | 10.6 ", "| 1 pu | 8 | 10.7 "),
     ],
     ids=list(deadlock_study.SECTIONS),

@@ -1,4 +1,4 @@
-"""The ideal controller against the contract written down a second time, slowly and plainly."""
+"""The ideal controller against section 2 of the specification, written a second time, plainly."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def transitions(s: int, t: int) -> int:
     return 0 if s == t else 3 if {s, t} in ({2, 4}, {3, 5}) else 1
 
 
-class Contract:
-    """Section 2 of the contract, step by step, no compiled code and no shared tables."""
+class Specified:
+    """Section 2 of docs/specification.md, step by step, no compiled code and no shared tables."""
 
     def __init__(self, drive: Drive, trace: MpdccTrace, row: int) -> None:
         self.drive = drive
@@ -181,13 +181,13 @@ def as_rows(decisions) -> list[tuple[int, ...]]:
     ],
     ids=lambda value: ",".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
-def test_ideal_is_the_contract(
+def test_ideal_is_as_specified(
     drive: Drive, with_control: Callable[..., Drive], control: dict, n: int
 ) -> None:
     changed = with_control(drive, **control)
     trace = random_trace(changed, n, seed=len(str(control)))
     decisions = ideal.run(changed, trace)
-    expected = [Contract(changed, trace, row).decide() for row in range(n)]
+    expected = [Specified(changed, trace, row).decide() for row in range(n)]
     assert as_rows(decisions) == expected
     assert decisions.cycles is None
     assert not decisions.saturated.any()

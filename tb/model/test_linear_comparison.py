@@ -1,6 +1,6 @@
 """The two variants with straight lines in both decide alike; what else differs is classified.
 
-Sweep: both shipped drives, random drives over the contract's ranges.
+Sweep: both shipped drives, random drives over the specified ranges.
 Stimulus: closed loops, disturbed states, states over the full ranges and beyond.
 Checks: the fast search with no curvature gives every field that Algorithm 2 gives on the same node;
 with its curvature it does not, so the comparison can fail; differing rows are counted once.

@@ -1,6 +1,6 @@
-"""The ideal MPDCC controller: the contract's decision in float64, nothing approximated.
+"""The ideal MPDCC controller: the decision in float64, nothing approximated.
 
-Paper A, Sections III to VI, with what it leaves open settled by the contract (section 2): the
+Paper A, Sections III to VI; docs/specification.md, section 2, settles what it leaves open: the
 machine by matrix exponential with v_abc held over the horizon, the inverter voltages linear with
 the currents at k (eq. 8c), the reference rotated exactly, L* by looking at every step, bounds
 inclusive. `decide` is compiled code and depends on nothing but its arguments.
@@ -369,7 +369,7 @@ def _best_leaf(
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide on the next switch positions (contract, section 2; Paper A, Algorithm 1).
+    """Decide on the next switch positions (docs/specification.md, section 2; Paper A, Algorithm 1).
 
     Parameters
     ----------

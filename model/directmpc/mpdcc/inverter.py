@@ -139,7 +139,7 @@ PHYSICAL_DEVICES = 36
 
 
 def candidates(s_abc: Sequence[int]) -> list[tuple[int, int, int]]:
-    """List the positions that may follow a three-phase position, in the order of the contract.
+    """List the positions that may follow a three-phase position, in the order of enumeration.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Traces and decisions: the CSV files of the contract, read strictly and written atomically.
+"""Traces and decisions: CSV files, read strictly and written atomically.
+
+Columns and units: docs/specification.md, sections 4.2 and 4.3.
 
 A file's columns are data (`_Column`), so a new kind of trace is a list of columns and a dataclass.
 """
@@ -370,7 +372,7 @@ def read_trace(path: PathLike, drive: Drive) -> MpdccTrace:
     Parameters
     ----------
     path
-        CSV file with the columns of the contract in any order; v_dc is optional.
+        CSV file with the columns in any order; v_dc is optional.
     drive
         Supplies v_dc where the file has no such column.
 
@@ -481,7 +483,7 @@ def write_decisions(path: PathLike, decisions: Decisions) -> None:
 
 
 def read_mptc_trace(path: PathLike) -> MptcTrace:
-    """Read an MPTC trace; the columns of the contract in any order.
+    """Read an MPTC trace; the columns may stand in any order.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Closed loops around an MPTC or MPFC controller, with a plant of our own.
 
 The controller sees the state at k, the vector that is being applied, and its references; what it
-decides at k is applied from k+1 on, as the contract's one-step delay has it.  A speed PI makes the
+decides at k is applied from k+1 on (docs/specification.md, section 3.2).  A speed PI makes the
 torque reference where one is asked for.
 """
 

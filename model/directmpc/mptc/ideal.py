@@ -1,4 +1,4 @@
-"""The ideal MPTC and MPFC controller: the contract's decision (section 3) in float64.
+"""The ideal MPTC and MPFC controller (docs/specification.md, section 3) in float64.
 
 Heun's method takes the state to k+1 under the vector that is being applied (eqs. 4 and 5; eq. 12
 as printed misses lambda*L_r before u_s), i_s0(k+1) follows from eq. 14, one stator flux per vector

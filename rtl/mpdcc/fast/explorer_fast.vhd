@@ -905,7 +905,7 @@ begin
   end process p_cost;
 
   ---------------------------------------------------------------------------------------------
-  -- Best so far; candidates come in the contract's order, so the earliest wins a tie
+  -- Best so far; candidates come in the order of enumeration, so the earliest wins a tie
   ---------------------------------------------------------------------------------------------
 
   flagged <= clipped(STAGE_COUNT) or reached.saturated;

@@ -1,7 +1,7 @@
 -- Enumerates the candidates that follow a switch position, one per clock.
 --
--- Order of the contract: Cartesian product of the phases' next positions, phase a outermost, each
--- phase's positions ascending; index holds the three choices, so that its order is the contract's.
+-- Order (docs/specification.md, section 2.3): Cartesian product of the phases' next positions, phase a
+-- outermost, each phase's positions ascending.  index holds the three choices, so that it ascends too.
 -- With BLOCKS the phases a and b alone are enumerated: an explorer that takes one candidate a clock
 -- expands phase c itself, so that one enumerator feeds up to four of them.  effort is f_s, the sum of
 -- the transition weights of the phases, which may depend on the signs of the phase currents.
@@ -9,7 +9,7 @@
 -- Latency: the first candidate is valid two clocks after start; one per clock while ready is '1'.
 -- done rises with the clock in which the last candidate is taken and stays until the next start.
 -- Overflow: none; the tables' sums are checked against EFFORT_WIDTH where they are generated.
--- Weighed, not built (figures estimated): a table of all 512 x 64 candidates needs nine block RAMs.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

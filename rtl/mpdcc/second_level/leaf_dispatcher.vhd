@@ -1,10 +1,10 @@
 -- Hands the candidates that follow a node of the second level to all explorers in step.
 --
--- Phases a and b are counted, the next positions of phase c are dealt out to the explorers: with
--- four and more a block of up to four candidates goes out in one clock, with two or three in two,
--- with one in four. A node may follow another without a gap.
+-- Phases a and b are counted; each explorer gets next positions of phase c.  With four explorers and
+-- more a block of up to four candidates goes out in one clock, with two or three in two clocks, with
+-- one in four.  A node may follow another without a gap.
 --
--- Order: that of the contract, which does not matter here: of leaves below one s1 the cheapest
+-- Order: that of candidate_enumerator.  It does not matter here: of the leaves below one s1 the cheapest
 -- counts, whichever it is.
 -- Formats: effort counts both levels.
 -- Latency: the first leaf comes two clocks after load, with launch; a node takes one clock for every

@@ -1,11 +1,11 @@
-"""The candidates that follow each switch position, in the contract's order.
+"""The candidates that follow each switch position, in the order of enumeration.
 
 Sweep: single candidates and blocks of phases a and b; all 512 positions, random signs of the phase
 currents.
 Stimulus: every position once in random order, a taker that is always ready or ready half the time,
 resets in the middle, random inputs between enumerations.
-Checks: position, index, effort and order of every candidate against a Cartesian product; weights by
-the contract's rule (1, or 3 with the ANPC stage); valid and done in every clock.
+Checks: position, index, effort and order of every candidate against a Cartesian product; weights as
+specified (1, or 3 with the ANPC stage); valid and done in every clock.
 Timing: first candidate two clocks after start, then one a clock.
 Does not prove: weights that differ with the sign of the current; the tables hold none.
 """

@@ -42,7 +42,7 @@ def bench(
 
 
 @pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
-@pytest.mark.parametrize("weighted", [False, True], ids=["contract's rule", "both rules"])
+@pytest.mark.parametrize("weighted", [False, True], ids=["largest excess", "both rules"])
 def test_results_follow_the_parabolas(throttle: bool, weighted: bool) -> None:
     found = bench(throttle=throttle, weighted=weighted)
     print(found)

@@ -11,7 +11,7 @@ RULE = len(COEFFICIENTS) + 8
 
 
 def with_rule(rows: core.Rows, rule: int | np.ndarray) -> core.Rows:
-    """The same rows under the contract's rule (0) or the weighted one (1)."""
+    """The same rows under the rule "largest" (0) or the weighted one (1)."""
     changed = rows.registers.copy()
     changed[:, RULE] = rule
     return core.Rows(rows.measurements, rows.s_prev, changed)

@@ -4,7 +4,7 @@ Sweep: one to five explorers; SE and SESE, with and without a budget and the pre
 the rule's bit set and not, row by row; the core without the option.
 Stimulus: deadlocks of closed loops of both shipped drives at low speed, random drives, full ranges
 and beyond them, words and parameters of any content; a closed loop at 0.2 pu around the RTL.
-Checks: all fields of every decision; that the rule decides otherwise than the contract's where a
+Checks: all fields of every decision; that the rule decides otherwise than "largest" where a
 deadlock is, and only there; that it takes no clock more; that without the option its bit means
 nothing; every state of the closed loop against the model's own.
 Timing: cycles within the bounds of the core without the option (asserted in mpdcc_core_bench).

@@ -2,7 +2,7 @@
 
 Sweep: one to eight explorers, variants of the explorer.
 Stimulus: (a) closed loops of both shipped drives, both directions, motoring and generating; (b)
-disturbed states of random drives over the contract's ranges, states over the full ranges and beyond
+disturbed states of random drives over the specified ranges, states over the full ranges and beyond
 them, words and parameters of any content with many corners; (c) choices that last for a horizon of
 one to three steps; (d) the slowest decisions known.
 Other parameters in every row; back to back or with idle clocks; the bench shows the row at the

@@ -3,7 +3,7 @@
 Sweep: explorers 1, 2, 3, 4 and 6; the switching horizon SESE with and without a budget, with and
 without the prediction, and the prediction alone.
 Stimulus: searches of closed loops of both shipped drives at several speeds; disturbed states of
-random drives over the contract's ranges; the longest search there is: every candidate but s(k-1)
+random drives over the specified ranges; the longest search there is: every candidate but s(k-1)
 stays inside its bounds for less than the horizon.
 Checks: all fields of every decision, whether the budget ended it, and its clock cycles against the
 schedule of `cycles`; that searches with and without a cut and holds occurred; that the
