@@ -36,7 +36,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: help setup run test lint format replay registers synth budgets pnr sweep report fidelity sources generate \
-  virtual-board bitstream netlist clean
+  virtual-board bitstream netlist layers clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -61,7 +61,7 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 test: $(READY) ## every test
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
-lint: $(READY) ## VHDL and Python style, analysis as VHDL-93 and VHDL-2008, generated files
+lint: $(READY) ## VHDL and Python style, layers, analysis as VHDL-93 and VHDL-2008, generated files
 	@'$(PY)' -m scripts.commands.lint
 
 format: $(READY) ## rewrite VHDL and Python in house style
@@ -91,10 +91,10 @@ registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
 	@'$(PY)' -m directmpc.host.registers "$$DRIVE" $(ARGS)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)
-	@'$(PY)' -m scripts.measure.synth --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts.commands.synth --jobs '$(JOBS)' $(ARGS)
 
 budgets: $(READY) ## measure resources and cycles anew, rewrite what tests hold them to
-	@'$(PY)' -m scripts.measure.budgets --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts.commands.budgets --jobs '$(JOBS)' $(ARGS)
 
 pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
 	@'$(PY)' -m scripts.measure.pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)
@@ -106,7 +106,7 @@ report: $(READY) ## every published number, table and plot into reports/
 	@'$(PY)' -m scripts.publish.report $(ARGS)
 
 fidelity: $(READY) ## decisions and closed loops beside the ideal controller, and the error budget
-	@'$(PY)' -m scripts.studies.fidelity --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts.commands.fidelity --jobs '$(JOBS)' $(ARGS)
 
 sources: $(READY) ## VHDL files in compile order for TOP
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts.hdl.sources '' >&2; exit 2; fi; '$(PY)' -m scripts.hdl.sources "$$TOP"
@@ -121,6 +121,9 @@ bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
 netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)
 	@'$(PY)' -m scripts.measure.bitstream --netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+
+layers: $(READY) ## draw the layers of the project, from its imports, into docs/layers.svg
+	@'$(PY)' -m scripts.commands.layers $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m scripts.generate.mpdcc_package

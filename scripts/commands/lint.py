@@ -44,9 +44,11 @@ _DECLARATION = re.compile(
 )
 
 
-def _run(command: list[str]) -> list[str]:
+def _run(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
     """Output of a checker that failed, nothing if it passed."""
-    done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, text=True, capture_output=True, check=False, env=environment
+    )
     if done.returncode == 0:
         return []
     return (done.stdout + done.stderr).strip().splitlines() or [f"status {done.returncode}"]
@@ -105,6 +107,28 @@ def python_style() -> list[str]:
 def python_format() -> list[str]:
     """Ruff's formatting."""
     return _run([*tools.tool("ruff"), "format", "--check", "--quiet", *_python_directories()])
+
+
+def _on_path() -> dict[str, str]:
+    """Environment in which this folder's packages are found, and no others of their names."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)])}
+
+
+def layers() -> list[str]:
+    """Import-linter over library, tools and tests: `.importlinter` holds the rules."""
+    command = [
+        *tools.tool("lint-imports"),
+        "--no-cache",
+        "--no-logo",
+        "--config",
+        str(ROOT / ".importlinter"),
+    ]
+    return _run(command, _on_path())
+
+
+def picture() -> list[str]:
+    """The picture of the layers is the one that `make layers` draws."""
+    return _run([sys.executable, "-m", "scripts.commands.layers", "--check"], _on_path())
 
 
 def analysis(std: str) -> list[str]:
@@ -205,6 +229,8 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "VHDL style (vsg)": vhdl_style,
     "Python style (ruff check)": python_style,
     "Python format (ruff format)": python_format,
+    "layers (import-linter)": layers,
+    "picture of the layers": picture,
     "VHDL-93 analysis (ghdl)": lambda: analysis("93"),
     "VHDL-2008 analysis (ghdl)": lambda: analysis("08"),
     "ports and generics documented": documented_ports,

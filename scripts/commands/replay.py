@@ -25,44 +25,15 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
 from scripts.commands import mptc_replay
-from scripts.hdl import mpdcc_simulation as rtl_simulation
-from scripts.hdl.mpdcc_simulation import Job
-from scripts.hdl.simulator import SimulationError, in_parallel, terminable
-from scripts.measure import budgets
-
-IntArray = NDArray[np.int64]
+from scripts.hdl.mpdcc_simulation import EXPLORERS, simulate_rows
+from scripts.hdl.simulator import SimulationError, terminable
+from scripts.shared.command import InputError
 
 ENGINES = ("rtl", "model", "ideal")
-EXPLORERS = range(1, 9)
 DEFAULT_EXPLORERS = 2
 
 
-def worst_cycles(
-    variant: str, explorers: int, two_switchings: bool = False, compensate: bool = False
-) -> int:
-    """Most clock cycles of a decision of an MPDCC core, any input.
-
-    Parameters
-    ----------
-    variant, explorers
-        Configuration of the core.
-    two_switchings
-        Whether SESE is set, without a budget; the fast variant alone has it.
-    compensate
-        Whether the core predicts k + 1 first; the fast variant alone can.
-
-    Returns
-    -------
-    int
-        The published bound of scripts/measure/budgets.toml, counted as `cycles` of the decisions
-        file.
-    """
-    most = budgets.worst(explorers, "sese" if two_switchings else variant)
-    return most + (budgets.clocks("mpdcc_core", "prediction", "sese") if compensate else 0)
-
-
-class ReplayError(ValueError):
-    """What was asked for cannot be done; the message is for a user."""
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -75,51 +46,6 @@ class Request:
     engine: str
     explorers: int
     variant: str
-
-
-def simulate_rows(
-    measurements: IntArray,
-    s_prev: IntArray,
-    values: IntArray,
-    explorers: int,
-    variant: str,
-    progress: Callable[[int], None] | None = None,
-    processes: int | None = None,
-) -> IntArray:
-    """Let the RTL decide on independent rows.
-
-    Parameters
-    ----------
-    measurements : (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : (n, 3)
-        s(k-1).
-    values
-        ``Registers.array()``.
-    explorers, variant
-        Configuration of the core.
-    progress
-        Called now and then with the number of decisions made.
-    processes
-        Simulators to split the rows over, see `simulator.in_parallel`.
-
-    Returns
-    -------
-    (n, 9)
-        In the order of ``variants.FIELDS``.
-
-    Raises
-    ------
-    SimulationError
-        If a simulator is missing or fails.
-    """
-
-    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
-        job = Job(values, measurements[rows], s_prev[rows])
-        answer = rtl_simulation.simulate(job, explorers, variant, advance)
-        return np.asarray(answer["decisions"], dtype=np.int64)
-
-    return in_parallel(len(measurements), run, progress, processes)
 
 
 def decide_mpdcc(
@@ -198,7 +124,7 @@ def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int]
         else:
             yield None
     except ValueError as error:  # names the key, but does not know the file
-        raise ReplayError(f"{request.drive}: {error}") from error
+        raise InputError(f"{request.drive}: {error}") from error
 
 
 CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {

@@ -1,299 +1,23 @@
-"""`make run`: the RTL, simulated, controls a drive in closed loop; prints and draws the result.
-
-The plant is the exact one in float64. Every decision of the RTL is checked against the bit-true
-model on the states that the plant went through, and compared with the ideal controller's.
-"""
+"""`make run`: the RTL, simulated, controls a drive in closed loop; prints and draws the result."""
 
 from __future__ import annotations
 
 import math
 import signal
 import sys
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 
-from directmpc.drive_file import Drive, load_drive
-from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
-from directmpc.mpdcc import ideal, metrics
-from directmpc.mpdcc.closed_loop import (
-    ClosedLoopResult,
-    OperatingPoint,
-    constant_profile,
-    initial_conditions,
-)
-from directmpc.mpdcc.machine import CLARKE_INVERSE
-from directmpc.mpdcc.trace import MpdccTrace
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, count_differences, decisions_of
-from scripts.commands.replay import EXPLORERS, ReplayError, worst_cycles
-from scripts.hdl import mpdcc_simulation as rtl_simulation
-from scripts.hdl.mpdcc_simulation import Job, Loop
-from scripts.hdl.simulator import ROOT, SimulationError, terminable
-from scripts.shared import tools
-
-FloatArray = NDArray[np.float64]
-
-PERIODS = 2
-"""Fundamental periods run unless the number of steps is given."""
-
-CLOCKS_MHZ = (40, 100)
-"""Clock frequencies that latencies are stated for; Paper A's is 40 MHz."""
-
-PAPER_CYCLES = {1: 2223, 2: 1135, 3: 772, 4: 591, 5: 482, 6: 410}
-"""Worst-case clock cycles by number of explorers (Paper A, Table II)."""
-
-PHASES = "abc"
-COLOURS = ("#1b6ca8", "#d1495b", "#3a7d44")
-
-
-@dataclass(frozen=True)
-class Run:
-    """A closed loop around the RTL and what its models say about it.
-
-    Attributes
-    ----------
-    drive
-        Plant and controller.
-    explorers, variant
-        Configuration of the core.
-    result
-        Recorded states and the RTL's decisions, the ideal controller's as the shadow.
-    differing
-        Steps in which the RTL and its bit-true model differ in any field.
-    seconds
-        Time the simulation took.
-    """
-
-    drive: Drive
-    explorers: int
-    variant: str
-    result: ClosedLoopResult
-    differing: int
-    seconds: float
-
-    @property
-    def cycles(self) -> NDArray[np.int64]:
-        """Clock cycles of every decision."""
-        assert self.result.decisions.cycles is not None
-        return self.result.decisions.cycles
-
-
-def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, variant: str) -> Run:
-    """Run the RTL in closed loop at rated current, from the steady state.
-
-    Parameters
-    ----------
-    drive
-        Plant and controller.
-    speed
-        Stator frequency, per unit, signed.
-    steps
-        Control steps; ``PERIODS`` fundamental periods if None.
-    explorers, variant
-        Configuration of the core.
-
-    Raises
-    ------
-    ValueError
-        If the variant does not serve the drive, or the drive cannot be represented.
-    SimulationError
-        If the simulation fails.
-    """
-    period = 2 * math.pi / abs(speed * drive.ts_pu)
-    count = steps if steps is not None else math.ceil(PERIODS * period)
-    profile = constant_profile(drive, OperatingPoint(speed), count)
-    state, positions = initial_conditions(profile)
-    iref = np.column_stack([profile.iref.real, profile.iref.imag])
-    # who has the core decide for k + 1 has a decision take effect then
-    delay = drive.control.delay_compensation
-    loop = Loop(drive, state, positions, profile.vdc, profile.omega_s, profile.omega_r, iref, delay)
-    values = VARIANTS[variant].registers(drive).array()
-    began = time.perf_counter()
-    with progress_bar("RTL in closed loop", count) as progress:
-        empty = np.empty((0, 0), np.int64)
-        answer = rtl_simulation.simulate(
-            Job(values, empty, empty, loop=loop), explorers, variant, progress
-        )
-    seconds = time.perf_counter() - began
-    decided = np.asarray(answer["decisions"], dtype=np.int64)
-    states = np.asarray(answer["states"], dtype=np.float64)
-    applied = np.vstack([positions, decided[:, 0:3]])
-    before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
-    if delay:
-        applied = np.vstack([positions, before])
-    seen = MpdccTrace(
-        states[:-1, :4], states[:-1, 4:], profile.vdc, iref, profile.omega_s, profile.omega_r,
-        before,
-    )  # fmt: skip
-    decisions = decisions_of(decided, np.zeros(count, np.int64))
-    return Run(
-        drive=drive,
-        explorers=explorers,
-        variant=variant,
-        result=ClosedLoopResult(
-            ts=drive.ts_pu,
-            state=states,
-            positions=applied,
-            seen=seen,
-            decisions=decisions,
-            shadow=ideal.run(drive, seen),
-            profile=profile,
-        ),
-        differing=count_differences(decisions, VARIANTS[variant].run(drive, seen)),
-        seconds=seconds,
-    )
-
-
-def _outcome(run: Run) -> Table:
-    """What the drive did."""
-    drive, result = run.drive, run.result
-    count = result.shadow_count()
-    table = Table(title="Closed loop", show_header=False)
-    table.add_column("", style="bold")
-    table.add_column("")
-    table.add_row(
-        "decisions",
-        f"{count.steps} checked against the bit-true model, {run.differing} differ",
-    )
-    table.add_row(
-        "ideal controller",
-        f"{count.differing} of {count.steps} decisions on the same states differ "
-        f"({100 * count.differing / count.steps:.1f} %)",
-    )
-    table.add_row("held", f"{count.held}; searched {count.searched}; deadlocks {count.deadlocks}")
-    try:
-        summary = metrics.summarise(drive, result)
-        distortion = f"{100 * summary.thd_mean:.2f} % (sampled every control step)"
-    except ValueError:
-        distortion = "not stated: less than one fundamental period"
-    switching = metrics.switching_frequency(result.positions, drive.control.ts)
-    excess = metrics.bound_violations(result, drive.bounds)
-    table.add_row("current THD", distortion)
-    table.add_row(
-        "switching frequency",
-        f"{switching.per_device_24_logical:.0f} Hz per device, 24 logical; "
-        f"{switching.per_device_36_physical:.0f} Hz, 36 physical",
-    )
-    table.add_row(
-        "largest excess over the bound",
-        f"currents {excess[:3].max():.4f}, v_n {excess[3]:.4f}, v_ph {excess[4:].max():.4f} pu "
-        f"(bounds {drive.control.bound_current:g}, {drive.control.bound_vn:g}, "
-        f"{drive.control.bound_vph:g})",
-    )
-    table.add_row("saturated", f"{int(result.decisions.saturated.sum())} decisions")
-    return table
-
-
-def _latency(run: Run) -> Table:
-    """How long decisions took."""
-    searches = run.cycles[run.result.decisions.held == 0]
-    held = run.cycles[run.result.decisions.held == 1]
-    table = Table(title=f"Decision time, {run.explorers} explorer(s), variant {run.variant}")
-    table.add_column("")
-    table.add_column("clock cycles", justify="right")
-    for clock in CLOCKS_MHZ:
-        table.add_column(f"us at {clock} MHz", justify="right")
-
-    def add(name: str, cycles: float | None) -> None:
-        if cycles is not None:
-            times = [f"{cycles / clock:.2f}" for clock in CLOCKS_MHZ]
-            table.add_row(name, f"{cycles:.0f}", *times)
-
-    add("held", float(held.max()) if len(held) else None)
-    add("search, median", float(np.median(searches)) if len(searches) else None)
-    add("search, longest in this run", float(searches.max()) if len(searches) else None)
-    control = run.drive.control
-    options = {
-        "two_switchings": control.switching_horizon == "SESE",
-        "compensate": control.delay_compensation,
-    }
-    fast = run.variant == "fast"
-    worst = worst_cycles(run.variant, run.explorers, **(options if fast else {}))
-    add("worst case, any input", worst)
-    add("Paper A, Table II, worst case", PAPER_CYCLES.get(run.explorers))
-    return table
-
-
-def draw(run: Run, path: Path) -> None:
-    """Draw currents, positions and capacitor voltages into a PNG file."""
-    import matplotlib  # here, not above: replay and the tests of the model need no plots
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    drive, result = run.drive, run.result
-    n = len(result)
-    t = 1e3 * drive.control.ts * np.arange(n + 1)
-    currents = result.state[:, :2] @ CLARKE_INVERSE.T
-    reference = (
-        np.column_stack([result.profile.iref.real, result.profile.iref.imag]) @ CLARKE_INVERSE.T
-    )
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    figure, axes = plt.subplots(
-        4, 1, figsize=(9.0, 8.6), sharex=True, height_ratios=(3.0, 2.2, 1.3, 1.5),
-        layout="constrained",
-    )  # fmt: skip
-    bounds = drive.control
-    for phase in range(3):
-        middle, colour = reference[:, phase], COLOURS[phase]
-        axes[0].fill_between(
-            t[:n], middle - bounds.bound_current, middle + bounds.bound_current,
-            color=colour, alpha=0.16, linewidth=0,
-        )  # fmt: skip
-        axes[0].plot(t, currents[:, phase], color=colour, linewidth=0.8, label=PHASES[phase])
-        # One lane per phase, its level from -2 to 2 and the two positions of a level apart.
-        lane = 8.0 * (2 - phase)
-        axes[1].step(
-            t, np.append(result.positions[1:, phase], result.positions[-1, phase]) + lane,
-            where="post", color=colour, linewidth=0.8,
-        )  # fmt: skip
-        axes[3].plot(t, result.state[:, 5 + phase], color=colour, linewidth=0.9)
-    axes[0].set_ylabel("phase currents (pu)")
-    axes[0].legend(loc="upper right", ncols=3, frameon=False, title="shaded: reference ± bound")
-    axes[0].set_ylim(top=1.7)
-    axes[1].set_ylabel("switch positions")
-    axes[1].set_yticks([lane + s for lane in (0, 8, 16) for s in (0, 7)], ["0", "7"] * 3)
-    for edge in (7.5, 15.5):
-        axes[1].axhline(edge, color="0.85", linewidth=0.6)
-    neutral = axes[2]
-    neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
-    neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)
-    neutral.set_ylabel(r"$v_n$ (pu)")
-    quarter = result.profile.vdc[0] / 4
-    axes[3].axhspan(
-        quarter - bounds.bound_vph, quarter + bounds.bound_vph, color="0.93", linewidth=0
-    )
-    axes[3].set_ylabel(r"$v_{ph}$ (pu)")
-    axes[3].set_xlabel("time (ms)")
-    axes[3].set_xlim(0, t[-1])
-    name = "explorer" if run.explorers == 1 else "explorers"
-    figure.suptitle(
-        f"mpdcc_core in RTL simulation, {run.explorers} {name}, closed loop with the exact plant",
-        fontsize=10,
-    )
-    figure.align_ylabels(axes)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_png(figure, path)
-    plt.close(figure)
-
-
-def save_png(figure: object, path: Path) -> None:
-    """Save a matplotlib figure as a PNG with a palette, a third of the size of true colour."""
-    import io
-
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    image = Image.open(buffer).convert("RGB").quantize(128, dither=Image.Dither.NONE)
-    with tools.replacing(path) as temporary:
-        image.save(temporary, format="PNG", optimize=True)
+from directmpc.drive_file import load_drive
+from directmpc.host.console import OneParagraphParser, clear_output, report_error
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from scripts.hdl.mpdcc_simulation import EXPLORERS
+from scripts.hdl.simulator import SimulationError, terminable
+from scripts.shared.command import InputError
+from scripts.shared.tools import ROOT
+from scripts.studies import rtl_loop
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -314,15 +38,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         drive = load_drive(given.drive)
         if given.speed == 0.0:
-            raise ReplayError("--speed: got 0; a stator frequency other than 0 is needed")
+            raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
         given.out.parent.mkdir(parents=True, exist_ok=True)
         clear_output(given.out, given.drive)
         with terminable():
             try:
-                run = simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+                run = rtl_loop.simulate(
+                    drive, given.speed, given.steps, given.explorers, given.variant
+                )
             except ValueError as error:  # names the key, but does not know the file
-                raise ReplayError(f"{given.drive}: {error}") from error
-        draw(run, given.out)
+                raise InputError(f"{given.drive}: {error}") from error
+        rtl_loop.draw(run, given.out)
     except (ValueError, SimulationError, OSError) as error:
         report_error("run", error)
         return 2
@@ -335,8 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"{given.speed * base.frequency:g} Hz and rated current; RTL simulated in "
         f"{run.seconds:.0f} s"
     )
-    console.print(_outcome(run))
-    console.print(_latency(run))
+    console.print(rtl_loop.outcome(run))
+    console.print(rtl_loop.latency(run))
     console.print(f"picture: {given.out}", soft_wrap=True)
     if run.differing:
         print(

@@ -31,8 +31,8 @@ from directmpc.mpdcc import program as common_terms
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
+from scripts.shared.tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "registers" / "directmpc.rdl"
 PARAMETERS = ROOT / "registers" / "parameters.rdl"
 VHDL = ROOT / "rtl" / "system" / "generated"

@@ -18,11 +18,11 @@ from directmpc.mpdcc.coefficients import registers, second_level, weighted_deadl
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl import states
+from scripts.hdl.clocks import worst_clocks
 from scripts.hdl.ghdl import execute
 from scripts.hdl.mpdcc_simulation import BENCH, Job, Loop, generics
 from scripts.hdl.sources import RTL
 from scripts.hdl.states import IntArray
-from scripts.measure import budgets
 
 #: Rows that take the paper's explorers long, found by a search over states and parameters:
 #: measurements, s(k-1), parameters.
@@ -236,7 +236,7 @@ def simulate(
     where the rows need it. Each row of `aborts` is
     a decision that a reset ends before one is made, see ``cosimulation_reset``.
     """
-    bound = bound or budgets.worst(explorers, variant)
+    bound = bound or worst_clocks(explorers, variant)
     second = second_level(rows.registers) if second is None else second
     weighted = weighted_deadlock(rows.registers) if weighted is None else weighted
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:

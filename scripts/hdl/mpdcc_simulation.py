@@ -17,10 +17,14 @@ from directmpc.drive_file import Drive
 from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
 from directmpc.mpdcc.plant import Plant
 from scripts.hdl import simulator
-from scripts.hdl.simulator import ROOT, Answer
+from scripts.hdl.clocks import clocks_of, worst_clocks
+from scripts.hdl.simulator import Answer
+from scripts.shared.tools import ROOT
 
 BENCH = ROOT / "scripts" / "hdl" / "mpdcc_core_bench.vhd"
 
+#: Numbers of explorers that a core may have.
+EXPLORERS = range(1, 9)
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -98,8 +102,8 @@ def simulate(
     Returns
     -------
     dict
-        ``decisions`` (n, 9) in the order of ``variants.FIELDS``; ``states`` (n + 1, 8) for a
-        closed loop.
+        ``decisions`` (n, 9) in the order of ``variants.FIELDS``; for a closed loop ``states``
+        (n + 1, 8).
 
     Raises
     ------
@@ -118,17 +122,14 @@ def generics(
 
     `second`: SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
     """
-    # Needed here alone: who only uses the models needs no budgets.
-    from scripts.measure import budgets
-
     return {
         "EXPLORERS": explorers,
         "FOLDED": str(variant == "paper").lower(),
         "SECOND_LEVEL": str(second).lower(),
         "WEIGHTED_DEADLOCK": str(weighted).lower(),
-        "MOST_CLOCKS": budgets.worst(explorers, variant),
-        "SESE_CLOCKS": budgets.worst(explorers, "sese"),
-        "PREDICTION_CLOCKS": budgets.clocks("mpdcc_core", "prediction", "sese"),
+        "MOST_CLOCKS": worst_clocks(explorers, variant),
+        "SESE_CLOCKS": worst_clocks(explorers, "sese"),
+        "PREDICTION_CLOCKS": clocks_of("mpdcc_core", "prediction", "sese"),
     }
 
 
@@ -143,6 +144,51 @@ def build_and_run(
         module="scripts.hdl.mpdcc_cosimulation",
         generics=generics(explorers, variant, second, weighted),
     )
+
+
+def simulate_rows(
+    measurements: IntArray,
+    s_prev: IntArray,
+    values: IntArray,
+    explorers: int,
+    variant: str,
+    progress: Callable[[int], None] | None = None,
+    processes: int | None = None,
+) -> IntArray:
+    """Let the RTL decide on independent rows.
+
+    Parameters
+    ----------
+    measurements : (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : (n, 3)
+        s(k-1).
+    values
+        ``Registers.array()``.
+    explorers, variant
+        Configuration of the core.
+    progress
+        Called now and then with the number of decisions made.
+    processes
+        Simulators to split the rows over, see `simulator.in_parallel`.
+
+    Returns
+    -------
+    (n, 9)
+        In the order of ``variants.FIELDS``.
+
+    Raises
+    ------
+    SimulationError
+        If a simulator is missing or fails.
+    """
+
+    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        job = Job(values, measurements[rows], s_prev[rows])
+        answer = simulate(job, explorers, variant, advance)
+        return np.asarray(answer["decisions"], dtype=np.int64)
+
+    return simulator.in_parallel(len(measurements), run, progress, processes)
 
 
 if __name__ == "__main__":

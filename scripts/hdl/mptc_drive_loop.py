@@ -14,12 +14,11 @@ import numpy as np
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, observer
 from directmpc.mptc import drive_twin as joined
-from directmpc.mptc.closed_loop import RPM, Run, Scenario
+from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import COEFFICIENTS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.hdl.simulator import SimulationError
-from scripts.studies import motulator_plant
 
 ENTITY = "mptc_drive"
 #: Generics of the netlist that is run; both methods are in it.
@@ -82,21 +81,6 @@ def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[Any]:
             return out["u_next"], out["saturated"] | clipped, out["clamped"]
 
         yield decide
-
-
-def run(drive: MptcDrive, words: joined.Parameters, scenario: Scenario, inertia: float) -> Run:
-    """One scenario from a standstill without flux: the RTL, and motulator's machine and inverter.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-    words : joined.Parameters
-    scenario : Scenario
-    inertia : float
-        kg*m^2.
-    """
-    with controller(drive, words) as decide:
-        return motulator_plant.simulate(drive, scenario, inertia=inertia, decide=decide)
 
 
 def tour(

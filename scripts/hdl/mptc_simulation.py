@@ -13,7 +13,8 @@ from pathlib import Path
 from directmpc.mpdcc.trace import FloatArray, IntArray
 from directmpc.mptc.plant import PlantParameters
 from scripts.hdl import simulator
-from scripts.hdl.simulator import ROOT, Answer
+from scripts.hdl.simulator import Answer
+from scripts.shared.tools import ROOT
 
 BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
 

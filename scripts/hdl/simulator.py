@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scripts.shared import tools
+from scripts.shared.tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 CLOCK_NS = 10  # period of the benches' clock
 PARALLEL_ROWS = 2000
 """A trace of more rows than this is worth a second simulator."""

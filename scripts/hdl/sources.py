@@ -15,7 +15,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from scripts.shared.tools import ROOT
+
 RTL = ROOT / "rtl"
 #: Rooms of what is around the controllers, where VHDL-2008 is allowed.
 WRAPPER_ROOMS = ("links", "system", "boards")

@@ -27,8 +27,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from scripts.generate.boards import BOARDS
 from scripts.hdl import conversion as netlist
+from scripts.hdl.boards import BOARDS
 from scripts.hdl.sources import SourcesError
 from scripts.shared import tools
 from scripts.shared.tools import BUILD, ROOT, Generics, ToolError

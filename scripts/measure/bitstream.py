@@ -25,10 +25,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from scripts.generate import boards
-from scripts.generate.boards import BOARDS, Board
 from scripts.hdl import conversion as netlist
 from scripts.hdl import sources
+from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
 from scripts.shared import tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
@@ -317,9 +316,7 @@ def _table(found: dict[str, Any]) -> Table:
     table.add_row(
         "clock, worst seed", f"{found['fmax_worst_mhz']} MHz, needed {found['clock_mhz']:g} MHz"
     )
-    table.add_row(
-        "SPI clock, worst seed", f"{found['sck_worst_mhz']} MHz, needed {boards.SCK_MHZ} MHz"
-    )
+    table.add_row("SPI clock, worst seed", f"{found['sck_worst_mhz']} MHz, needed {SCK_MHZ} MHz")
     table.add_row("unpacked again", f"the same, {found['words_compared']} words agree")
     table.add_row("bitstream", f"{found['bytes']} bytes, sha256 {found['sha256'][:16]}...")
     return table
@@ -357,7 +354,7 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
         reproduced = ", twice" if found.get("reproduced") else ""
         rows[name] = (
             f"| {name} | {' | '.join(cells)} | {found['fmax_worst_mhz']} MHz of "
-            f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {boards.SCK_MHZ} | "
+            f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {SCK_MHZ} | "
             f"{found['seeds']} | {found['bytes']} | `{found['sha256'][:16]}`{reproduced} | "
             f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''} |"
         )

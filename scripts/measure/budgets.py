@@ -2,8 +2,8 @@
 
 ``budgets.toml`` has two parts. ``resources`` are what Yosys maps each configuration of
 ``configurations.toml`` to: exact, because the tools are pinned and deterministic. ``cycles`` are
-clocks that the test benches assert on the simulated RTL; they read them here (`clocks`) and have no
-numbers of their own.
+clocks that the test benches assert on the simulated RTL; they read them with `hdl.clocks` and have
+no numbers of their own.
 
 Tests fail when a figure changes, when an entity or configuration has no entry, and when the table
 of docs/figures.md is not the file's. This command stores new figures: it measures, writes the file
@@ -13,12 +13,7 @@ to see, are edited by hand together with the entity's header; the bench holds th
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
-import functools
-import json
-import sys
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,13 +22,13 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
-from scripts.hdl import sources
+from scripts.hdl import clocks, sources
+from scripts.hdl.clocks import BUDGETS, BudgetError, clocks_of
 from scripts.measure.synth import Configuration, configurations, measure
 from scripts.measure.synth import coverage as uncovered
-from scripts.shared import tools
-from scripts.shared.tools import ROOT, ToolError
+from scripts.shared import tables, tools
+from scripts.shared.tools import ROOT
 
-BUDGETS = Path(__file__).with_name("budgets.toml")
 PAGE = ROOT / "docs" / "figures.md"
 BEGIN = "<!-- budgets: begin (written by make budgets) -->"
 END = "<!-- budgets: end -->"
@@ -60,10 +55,6 @@ _HEAD = """\
 # `make budgets` measures anew and rewrites this file and docs/figures.md; latencies of inner
 # blocks are edited here by hand, together with the header that states them.
 """
-
-
-class BudgetError(ToolError):
-    """The file of budgets cannot be used, or lacks an entry."""
 
 
 @dataclass
@@ -94,43 +85,9 @@ def load(path: Path = BUDGETS) -> Budgets:
         If it is no TOML or has other parts.
     """
     try:
-        return Budgets(**tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, TypeError) as error:
+        return Budgets(**clocks.read(path))
+    except TypeError as error:
         raise BudgetError(f"{path.name}: {error}") from None
-
-
-@functools.cache
-def _loaded() -> Budgets:
-    return load()
-
-
-def clocks(entity: str, figure: str, variant: str | None = None) -> int:
-    """Clocks of an entity that its test bench asserts.
-
-    Raises
-    ------
-    BudgetError
-        If there is no such figure.
-    """
-    found: Any = _loaded().cycles.get(entity, {})
-    if variant is not None:
-        found = found.get(variant, {})
-    value = found.get(figure)
-    if not isinstance(value, int):
-        where = ".".join(filter(None, (entity, variant)))
-        raise BudgetError(f"{BUDGETS.name}: cycles.{where} has no figure '{figure}'")
-    return value
-
-
-def worst(explorers: int, variant: str) -> int:
-    """Most clocks of a decision of mpdcc_core, any input."""
-    values = _loaded().cycles.get("mpdcc_core", {}).get(variant, {}).get("worst", [])
-    if not 1 <= explorers <= len(values):
-        raise BudgetError(
-            f"{BUDGETS.name}: cycles.mpdcc_core.{variant}.worst has {len(values)} entries: none "
-            f"for {explorers} explorers"
-        )
-    return values[explorers - 1]
 
 
 # --- comparison -----------------------------------------------------------------------------------
@@ -145,7 +102,7 @@ def compare(
     name: str, family: str, measured: dict[str, Any], budgets: Budgets | None = None
 ) -> list[str]:
     """What differs between a measurement and its budget, one line each."""
-    budgets = budgets or _loaded()
+    budgets = budgets or load()
     expected = budgets.resources.get(name, {}).get(family)
     if expected is None:
         return [f"{name} for {family} has no entry in {BUDGETS.name}; to add it: {COMMAND}"]
@@ -175,7 +132,7 @@ def coverage(
 ) -> list[str]:
     """Entities and configurations without an entry, and entries of nothing, one line each."""
     listed = list(listed if listed is not None else configurations())
-    budgets = budgets or _loaded()
+    budgets = budgets or load()
     files = sources.entities()
     known = {name.lower() for name in files}
     # what decides has clocks to hold; links, registers and gates have times that are parameters
@@ -278,33 +235,12 @@ def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
-    """A text with what stands between two markers replaced.
-
-    Raises
-    ------
-    BudgetError
-        If the markers are missing.
-    """
-    before, found_begin, rest = text.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not found_begin or not found_end:
-        raise BudgetError(f"the markers '{begin}' and '{end}' are missing")
-    return f"{before}{begin}\n{table}\n{end}{after}"
-
-
 def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
-    """Write the file, the page's table, and the tables of the report that show budgets."""
-    # it imports this module
-    from scripts.publish import report
-
+    """Write the file and the page's table."""
     tools.write(BUDGETS, render(budgets))
-    _loaded.cache_clear()
+    clocks.forget()
     text = PAGE.read_text(encoding="utf-8")
-    tools.write(PAGE, with_table(text, page_table(budgets, listed)))
-    metrics = report.REPORTS / "metrics.json"
-    if metrics.exists():
-        report.write_tables(json.loads(metrics.read_text(encoding="utf-8")))
+    tools.write(PAGE, tables.between(text, page_table(budgets, listed), BEGIN, END))
 
 
 # --- measuring ------------------------------------------------------------------------------------
@@ -356,15 +292,15 @@ def measure_core(variant: str, jobs: int) -> dict[str, Any]:
     """
     import numpy as np
 
-    from scripts.hdl import mpdcc_rows as core
+    from scripts.hdl import mpdcc_rows
 
     rng = np.random.default_rng(1)
-    recorded = core.recorded_rows(4, rng, variant)
-    rows = core.join([core.slow_rows(variant), recorded])
+    recorded = mpdcc_rows.recorded_rows(4, rng, variant)
+    rows = mpdcc_rows.join([mpdcc_rows.slow_rows(variant), recorded])
     expected = rows.model(variant)
 
     def one(explorers: int) -> tuple[int, set[int]]:
-        found = core.simulate(rows, explorers, variant, bound=PATIENCE)
+        found = mpdcc_rows.simulate(rows, explorers, variant, bound=PATIENCE)
         if not np.array_equal(found.decisions, expected):
             raise BudgetError(f"{explorers} explorers ({variant}): the RTL differs from its model")
         held = expected[:, 3] == 1
@@ -392,56 +328,10 @@ def paper_bound(explorers: int) -> int:
     candidate every `interval` clocks, and one candidate is handed out a clock.
     """
     rounds, left = divmod(63, explorers)
-    return 62 + clocks("mpdcc_explorer", "interval", "paper") * rounds + left
+    return 62 + clocks_of("mpdcc_explorer", "interval", "paper") * rounds + left
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure and write; or only rewrite the page's table."""
-    parser = argparse.ArgumentParser(prog="budgets", description=__doc__.splitlines()[0])
-    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
-    parser.add_argument("--page", action="store_true", help="only the table of docs/figures.md")
-    given = parser.parse_args(arguments)
-    try:
-        listed = configurations()
-        budgets = load() if BUDGETS.exists() else Budgets()
-        old = {name: dict(row) for name, row in budgets.resources.items()}
-        if not given.page:
-            chosen = [
-                one for one in listed if not given.only or any(w in one.name for w in given.only)
-            ]
-            if not chosen:
-                raise BudgetError("no configuration has that in its name")
-            measured = measure_resources(chosen, given.jobs)
-            budgets.resources = {
-                one.name: row
-                for one in listed
-                if (row := measured.get(one.name) or old.get(one.name))
-            }
-            budgets.tools = versions()
-            if not given.no_cycles and (
-                not given.only or any(w in "mpdcc_core" for w in given.only)
-            ):
-                for variant in ("fast", "paper"):
-                    print(f"budgets: clocks of mpdcc_core, {variant}", file=sys.stderr)
-                    budgets.cycles["mpdcc_core"][variant] |= measure_core(variant, given.jobs)
-        before = load() if BUDGETS.exists() else Budgets()
-        write(budgets, listed)
-    except (ToolError, sources.SourcesError) as error:
-        print(f"budgets: {error}", file=sys.stderr)
-        return 1
-    for line in _changes(before, budgets):
-        print(line)
-        if line.startswith("clocks"):
-            print("  (state them in the entity's header too)")
-    problems = coverage(listed, budgets)
-    for line in problems:
-        print(f"budgets: {line}", file=sys.stderr)
-    return 1 if problems else 0
-
-
-def _changes(before: Budgets, after: Budgets) -> list[str]:
+def changes(before: Budgets, after: Budgets) -> list[str]:
     """What moved, one line each."""
     lines = []
     for name, families in after.resources.items():
@@ -454,7 +344,3 @@ def _changes(before: Budgets, after: Budgets) -> list[str]:
         if before.cycles.get(entity) != table:
             lines.append(f"clocks of {entity}: {before.cycles.get(entity)} -> {table}")
     return lines or ["nothing moved"]
-
-
-if __name__ == "__main__":
-    sys.exit(main())

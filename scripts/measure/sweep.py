@@ -35,9 +35,9 @@ from typing import Any
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from rich.console import Console
 
+from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.measure import budgets, pnr, synth
-from scripts.measure.synth import PAPER_SLICES
-from scripts.shared import tools
+from scripts.shared import paper_a, tables, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 CSV = ROOT / "reports" / "design_space.csv"
@@ -46,7 +46,6 @@ PAGE = ROOT / "docs" / "design-space.md"
 BEGIN = "<!-- table: begin (written by make sweep) -->"
 END = "<!-- table: end -->"
 #: Cycles in the worst case, Paper A, Table II.
-PAPER_CYCLES = (2223, 1135, 772, 591, 482, 410)
 #: What a design is made of, and what measures it.
 DESIGN = ("rtl/**/*.vhd", "model/directmpc/**/*.py", "scripts/generate/mpdcc_package.py")
 DESIGNED = ("rtl", "model")
@@ -281,8 +280,8 @@ def simulated(point: Point) -> dict[str, Any]:
 
     if point.is_default:
         return {
-            "cycles_worst": budgets.worst(point.explorers, point.variant),
-            "cycles_hold": budgets.clocks("mpdcc_core", "hold", point.variant),
+            "cycles_worst": worst_clocks(point.explorers, point.variant),
+            "cycles_hold": clocks_of("mpdcc_core", "hold", point.variant),
             "bit_exact_rows": None,
         }
     from scripts.hdl import mpdcc_rows as core
@@ -540,9 +539,10 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
     colours = {"fast": "#1b6ca8", "paper": "#c8553d"}
     cycles, times, words = axes
-    cycles.plot(PAPER_SLICES, PAPER_CYCLES, "s--", color="0.45", markersize=5, linewidth=0.8,
+    cycles.plot(paper_a.SLICES, list(paper_a.CYCLES.values()), "s--", color="0.45", markersize=5,
+                linewidth=0.8,
                 label="Paper A, Table II:\nvendor-mapped slices")  # fmt: skip
-    for n, (x, y) in enumerate(zip(PAPER_SLICES, PAPER_CYCLES, strict=True), start=1):
+    for n, x, y in zip(paper_a.CYCLES, paper_a.SLICES, paper_a.CYCLES.values(), strict=True):
         cycles.annotate(f"{n}", (x, y), textcoords="offset points", xytext=(4, 4), color="0.35")
     for variant, colour in colours.items():
         chosen = [r for r in rows if r["dimension"] == "explorers" and r["variant"] == variant]
@@ -620,7 +620,7 @@ def publish(rows: list[dict[str, Any]]) -> None:
     """Draw the plot and write the table of the documentation."""
     draw(rows, PLOT)
     page = PAGE.read_text(encoding="utf-8")
-    tools.write(PAGE, budgets.with_table(page, table(rows, measured_at()), BEGIN, END))
+    tools.write(PAGE, tables.between(page, table(rows, measured_at()), BEGIN, END))
 
 
 def main(arguments: list[str] | None = None) -> int:

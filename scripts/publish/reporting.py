@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from scripts.hdl.simulator import ROOT
+from scripts.shared.tools import ROOT
 
 
 class ReportError(RuntimeError):

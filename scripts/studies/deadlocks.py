@@ -33,9 +33,9 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
-from scripts.hdl.mpdcc_simulation import ROOT
-from scripts.measure import budgets as budgets_file
-from scripts.shared import tools
+from scripts.shared import tables, tools
+from scripts.shared.figures import COLOURS, save_png
+from scripts.shared.tools import ROOT
 from scripts.studies import deadlock_rules as rules
 from scripts.studies import horizon as horizon_study
 from scripts.studies.deadlock_rules import ONE, Rule
@@ -495,8 +495,6 @@ def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from scripts.commands.run import COLOURS, save_png
-
     figure, axes = plt.subplots(2, 3, figsize=(11, 5.4), layout="constrained")
     setting = Setting("SE", 0.10, 0.2, FRESH)
     for axis, name in zip(axes[0, :2], (LARGEST, RECOMMENDED), strict=True):
@@ -595,7 +593,7 @@ def page(text: str, report: str) -> str:
     ------
     ValueError
         If the report lacks a table.
-    BudgetError
+    MarkerError
         If the page lacks the markers around one.
     """
     blocks = report.strip().split("\n\n")
@@ -615,7 +613,7 @@ def page(text: str, report: str) -> str:
                 f"| {rule} | {horizon} |" for rule in AT_HIGH_SPEEDS for horizon in HORIZONS
             )
             lines = lines[:2] + [line for line in lines[2:] if line.startswith(shown)]
-        text = budgets_file.with_table(text, "\n".join(lines), BEGIN.format(name), END.format(name))
+        text = tables.between(text, "\n".join(lines), BEGIN.format(name), END.format(name))
     return text
 
 

@@ -32,9 +32,10 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import discretise
-from scripts.hdl.mpdcc_simulation import ROOT
 from scripts.measure import budgets as budgets_file
-from scripts.shared import tools
+from scripts.shared import tables, tools
+from scripts.shared.figures import COLOURS, save_png
+from scripts.shared.tools import ROOT
 from scripts.studies.fidelity import decisions
 
 BOUNDS = (0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
@@ -303,8 +304,6 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from scripts.commands.run import COLOURS, save_png
-
     speeds = sorted({r["speed"] for r in rows}, reverse=True)
     figure, axes = plt.subplots(
         1, len(speeds), figsize=(2.7 * len(speeds), 3.2), sharey=True, layout="constrained"
@@ -344,8 +343,6 @@ def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) ->
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
-
-    from scripts.commands.run import save_png
 
     figure, (above, below) = plt.subplots(2, 1, figsize=(6.4, 6), sharex=True, layout="constrained")
     for explorers, colour in ((1, "#b3472d"), (2, "#c9a227"), (4, "#1b6ca8")):
@@ -505,7 +502,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     (given.out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     if given.out == REPORTS:
         page = PAGE.read_text(encoding="utf-8")
-        tools.write(PAGE, budgets_file.with_table(page, "\n".join(lines), BEGIN, END))
+        tools.write(PAGE, tables.between(page, "\n".join(lines), BEGIN, END))
     print("\n".join(lines))
 
     path = given.out / "metrics.json"

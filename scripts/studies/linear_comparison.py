@@ -43,8 +43,8 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.hdl.mpdcc_simulation import ROOT
-from scripts.shared import tools
+from scripts.shared import tables, tools
+from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 SPEEDS = (-1.0, -0.6, -0.2, 0.2, 0.6, 1.0)
@@ -341,10 +341,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with console.status("closed loops, and six controllers on each"):
             text = table(*compare(traces(given.steps)))
         if given.write:
-            from scripts.measure.budgets import with_table
-
             page = TABLE.read_text(encoding="utf-8")
-            tools.write(TABLE, with_table(page, text, BEGIN, END))
+            tools.write(TABLE, tables.between(page, text, BEGIN, END))
     except (ValueError, OSError, tools.ToolError) as error:
         report_error("linear_comparison", error)
         return 2

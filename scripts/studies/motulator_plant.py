@@ -22,8 +22,10 @@ with matplotlib.rc_context():  # motulator sets a style for every plot there is
 from directmpc.drive_file import MptcDrive
 from directmpc.mpdcc.trace import FloatArray, IntArray
 from directmpc.mptc import bit_true, ideal
+from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import Run, Scenario, as_trace
 from directmpc.mptc.inverter import STATES
+from scripts.hdl import mptc_drive_loop
 
 
 def machine_parameters(drive: MptcDrive) -> InductionMachinePars:
@@ -177,3 +179,18 @@ def simulate(
         shadow=controller.out[:, 3],
         margin=controller.result[:, 2],
     )
+
+
+def run_rtl(drive: MptcDrive, words: joined.Parameters, scenario: Scenario, inertia: float) -> Run:
+    """One scenario from a standstill without flux: the RTL, and motulator's machine and inverter.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+    words : joined.Parameters
+    scenario : Scenario
+    inertia : float
+        kg*m^2.
+    """
+    with mptc_drive_loop.controller(drive, words) as decide:
+        return simulate(drive, scenario, inertia=inertia, decide=decide)

@@ -28,8 +28,8 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.plant import plant_data, plant_step
+from scripts.shared.tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 SPEEDS = (0.05, 0.1, 0.2, 0.5, 1.0)
 CROSSOVERS = (0.03, 0.1, 0.3)
 COLOURS = {0.03: "C1", 0.1: "C0", 0.3: "C2"}

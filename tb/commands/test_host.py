@@ -35,7 +35,7 @@ from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc.trace import read_decisions
 from scripts.generate import link_package as vhdl_package
 from scripts.generate import protocol_examples as examples
-from scripts.hdl.mpdcc_simulation import ROOT
+from scripts.shared.tools import ROOT
 
 
 def model(

@@ -20,7 +20,7 @@ import pytest
 from directmpc.drive_file import load_drive
 from directmpc.mpdcc import closed_loop, ideal, trace
 from directmpc.mpdcc.trace import MpdccTrace
-from scripts.commands import replay
+from scripts.hdl import mpdcc_simulation
 from tb.helpers.commands import assert_one_paragraph, command, started
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -68,10 +68,10 @@ def test_rows_are_put_together_in_order(rows: MpdccTrace, monkeypatch: pytest.Mo
         progress(len(job.measurements))
         return {"decisions": np.repeat(job.measurements[:, :1], 8, axis=1)}
 
-    monkeypatch.setattr(replay.rtl_simulation, "simulate", answer)
+    monkeypatch.setattr(mpdcc_simulation, "simulate", answer)
     measurements = np.arange(13 * 101).reshape(101, 13)
     seen: list[int] = []
-    found = replay.simulate_rows(
+    found = mpdcc_simulation.simulate_rows(
         measurements, np.zeros((101, 3), np.int64), np.zeros(1), 2, "paper", seen.append, 2
     )
     np.testing.assert_array_equal(found[:, 0], measurements[:, 0])

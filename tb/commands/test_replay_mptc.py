@@ -24,11 +24,11 @@ import pytest
 from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.mpdcc.trace import MptcDecisions, MptcTrace, read_mptc_decisions, write_mptc_trace
 from directmpc.mptc import closed_loop
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.commands import assert_one_paragraph, command, started
 
 ROOT = Path(__file__).resolve().parents[2]
-CYCLES = {method: budgets.clocks("mptc_core", method.lower()) for method in ("MPTC", "MPFC")}
+CYCLES = {method: clocks_of("mptc_core", method.lower()) for method in ("MPTC", "MPFC")}
 
 
 def drive_file(

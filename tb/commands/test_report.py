@@ -14,8 +14,8 @@ import pytest
 
 from directmpc.drive_file import load_drive
 from directmpc.mpdcc import coefficients
-from scripts.hdl.simulator import ROOT
 from scripts.publish import report
+from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
 

@@ -17,7 +17,8 @@ from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.commands import run
 from scripts.hdl import states
-from scripts.hdl.simulator import ROOT
+from scripts.shared.tools import ROOT
+from scripts.studies import rtl_loop
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -32,8 +33,8 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.fixture
-def modelled() -> run.Run:
-    """A run as `run.simulate` returns it, the bit-true model in place of the RTL."""
+def modelled() -> rtl_loop.Run:
+    """A run as `rtl_loop.simulate` returns it, the bit-true model in place of the RTL."""
     drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     variant = VARIANTS["paper"]
     profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(-0.6), 30)
@@ -43,11 +44,11 @@ def modelled() -> run.Run:
     )  # fmt: skip
     decisions = dataclasses.replace(result.decisions, cycles=np.full(30, 100))
     result = dataclasses.replace(result, decisions=decisions)
-    return run.Run(drive, 2, "paper", result, differing=1, seconds=0.0)
+    return rtl_loop.Run(drive, 2, "paper", result, differing=1, seconds=0.0)
 
 
-def test_the_rtl_makes_the_same_loop(modelled: run.Run) -> None:
-    found = run.simulate(modelled.drive, -0.6, 30, 2, "paper")
+def test_the_rtl_makes_the_same_loop(modelled: rtl_loop.Run) -> None:
+    found = rtl_loop.simulate(modelled.drive, -0.6, 30, 2, "paper")
     assert found.differing == 0
     np.testing.assert_array_equal(found.result.positions, modelled.result.positions)
     np.testing.assert_allclose(found.result.state, modelled.result.state, atol=1e-12)
@@ -59,21 +60,21 @@ def test_what_the_paper_variant_cannot_do_is_an_error() -> None:
     for setting in ({"switching_horizon": "SESE"}, {"delay_compensation": True}):
         (key,) = setting
         with pytest.raises(ValueError, match=rf"control\.{key}: got .*variant paper serves"):
-            run.simulate(states.changed(drive, **setting), 1.0, 3, 2, "paper")
+            rtl_loop.simulate(states.changed(drive, **setting), 1.0, 3, 2, "paper")
 
 
 def test_a_difference_is_an_error(
-    modelled: run.Run,
+    modelled: rtl_loop.Run,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(run, "simulate", lambda *arguments: modelled)
+    monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
     assert run.main(["--out", str(tmp_path / "run.png")]) == 1
     assert "1 of 30 decisions of the RTL differ" in capsys.readouterr().err
 
 
-def test_differences_are_counted(modelled: run.Run) -> None:
+def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
     decisions = modelled.result.decisions
     assert count_differences(decisions, decisions) == 0
     other = dataclasses.replace(decisions, length=decisions.length + (np.arange(30) == 7))

@@ -22,7 +22,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import states
-from scripts.measure.budgets import BudgetError
+from scripts.shared.tables import MarkerError
 from scripts.studies import deadlock_rules
 from scripts.studies import deadlocks as deadlock_study
 from scripts.studies.deadlock_rules import Rule
@@ -203,5 +203,5 @@ def test_a_table_that_is_missing_is_seen() -> None:
     report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
     with pytest.raises(ValueError, match="'Elsewhere' stands there 0 times"):
         deadlock_study.page(text, report.replace("Elsewhere", "There"))
-    with pytest.raises(BudgetError, match="points: begin"):
+    with pytest.raises(MarkerError, match="points: begin"):
         deadlock_study.page(text.replace("<!-- points: begin", "<!-- points begin"), report)

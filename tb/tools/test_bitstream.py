@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from scripts.generate.boards import BOARDS
 from scripts.hdl import conversion as netlist
+from scripts.hdl.boards import BOARDS
 from scripts.measure import bitstream
 from scripts.shared import tools
 from scripts.shared.tools import ToolError

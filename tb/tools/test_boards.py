@@ -13,8 +13,8 @@ import pytest
 
 from directmpc.host import registers
 from scripts.generate import boards
-from scripts.generate.boards import BOARDS, Board
 from scripts.hdl import sources
+from scripts.hdl.boards import BOARDS, Board
 from scripts.shared.tools import ROOT
 
 

@@ -14,10 +14,11 @@ import re
 
 import pytest
 
+from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.measure import budgets, synth
 from scripts.measure.budgets import Budgets
 from scripts.measure.synth import Configuration
-from scripts.shared import tools
+from scripts.shared import tables, tools
 
 LISTED = synth.configurations()
 WORK = budgets.work(LISTED)
@@ -88,7 +89,7 @@ def test_a_figure_that_moved_is_reported() -> None:
 def test_every_clock_is_asserted_by_a_bench() -> None:
     # the benches have no numbers of their own, so a figure nobody reads is one nobody asserts
     text = "".join(path.read_text(encoding="utf-8") for path in (tools.ROOT / "tb").rglob("*.py"))
-    read = set(re.findall(r'budgets\.clocks\(\s*"(\w+)", "(\w+)"', text))
+    read = set(re.findall(r'\bclocks_of\(\s*"(\w+)", "(\w+)"', text))
     entities = {entity for entity, _ in read} | {"mpdcc_core"}
     for entity, table in budgets.load().cycles.items():
         if "asserted_within" in table:
@@ -98,16 +99,16 @@ def test_every_clock_is_asserted_by_a_bench() -> None:
         for figure in {name for row in rows for name in row} - {"worst"}:
             assert (entity, figure) in read or (entity == "mptc_core"), f"{entity}.{figure}"
     assert set(budgets.load().cycles["mptc_core"]) == {"mptc", "mpfc"}
-    assert 'budgets.clocks("mptc_core", method.lower())' in text
+    assert 'clocks_of("mptc_core", method.lower())' in text
 
 
 def test_unknown_clocks_are_refused() -> None:
-    assert budgets.clocks("mac_block", "latency") == 3
+    assert clocks_of("mac_block", "latency") == 3
     for ask in (("mac_block", "worst"), ("nobody", "latency"), ("common_terms", "done", "other")):
         with pytest.raises(budgets.BudgetError, match=r"budgets\.toml: cycles"):
-            budgets.clocks(*ask)
+            clocks_of(*ask)
     with pytest.raises(budgets.BudgetError, match="none for 9 explorers"):
-        budgets.worst(9, "fast")
+        worst_clocks(9, "fast")
 
 
 def test_the_file_is_as_the_command_writes_it(tmp_path) -> None:
@@ -125,9 +126,10 @@ def test_the_file_is_as_the_command_writes_it(tmp_path) -> None:
 def test_the_page_shows_the_budgets() -> None:
     text = budgets.PAGE.read_text(encoding="utf-8")
     table = budgets.page_table(budgets.load(), LISTED)
-    assert budgets.with_table(text, table) == text, "make budgets ARGS=--page"
+    markers = (budgets.BEGIN, budgets.END)
+    assert tables.between(text, table, *markers) == text, "make budgets ARGS=--page"
     for one in LISTED:
         if one.entity in budgets.PUBLIC and "xc3s" in one.families:
             assert f"`{one.entity}`" in table
-    with pytest.raises(budgets.BudgetError, match="markers"):
-        budgets.with_table("no markers", table)
+    with pytest.raises(tables.MarkerError, match="markers"):
+        tables.between("no markers", table, *markers)

@@ -25,7 +25,7 @@ import pytest
 from directmpc import drive_file
 from directmpc.mpdcc import inverter, trace
 from scripts.hdl import sources
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.shared.tools import ROOT
 
 DOCS = ROOT / "docs"
@@ -200,18 +200,18 @@ def test_the_clocks_are_the_budgets() -> None:
     table = {row[0]: row[1:] for row in rows(text)}
     for name, variant in (("fast", "fast"), ("paper", "paper")):
         held, searched = table[name]
-        assert int(held) == budgets.clocks("mpdcc_core", "hold", variant)
+        assert int(held) == clocks_of("mpdcc_core", "hold", variant)
         bounds = [int(x) for x in re.findall(r"\d+", searched.rpartition(":")[2].replace(",", " "))]
         if variant == "fast":
-            assert bounds == [budgets.worst(n, variant) for n in range(1, 5)]
+            assert bounds == [worst_clocks(n, variant) for n in range(1, 5)]
         else:
             shown = searched.rpartition(":")[2].split(", ")
             assert [int(x.replace(",", "")) for x in shown[:4]] == [
-                budgets.worst(n, variant) for n in range(1, 5)
+                worst_clocks(n, variant) for n in range(1, 5)
             ]
     shown = table["fast, SESE without a budget"][1].split(", ")
     assert [int(x.replace(",", "")) for x in shown] == [
-        budgets.worst(n, "sese") for n in range(1, 5)
+        worst_clocks(n, "sese") for n in range(1, 5)
     ]
 
 

@@ -14,9 +14,9 @@ import subprocess
 import pytest
 
 from scripts.hdl import sources
-from scripts.measure import budgets, sweep
+from scripts.measure import sweep
 from scripts.measure.sweep import Edit, Point
-from scripts.shared import tools
+from scripts.shared import tables, tools
 
 POINTS = sweep.points()
 CHANGED = [point for point in POINTS if not point.is_default]
@@ -90,5 +90,5 @@ def test_points_are_distinct_and_published() -> None:
     assert any(row["on_frontier"] == "1" for row in rows)
     page = sweep.PAGE.read_text(encoding="utf-8")
     shown = sweep.table([sweep._typed(row) for row in rows], sweep.measured_at())
-    assert budgets.with_table(page, shown, sweep.BEGIN, sweep.END) == page, "make sweep ARGS=--plot"
+    assert tables.between(page, shown, sweep.BEGIN, sweep.END) == page, "make sweep ARGS=--plot"
     assert sweep.PLOT.stat().st_size < 150_000

@@ -19,9 +19,9 @@ from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS
-from scripts.commands.replay import simulate_rows
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
+from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.studies.fidelity.points import Point, Row, kept, points, stored
 
 IntArray = NDArray[np.int64]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scripts.commands.run import save_png
+from scripts.shared.figures import save_png
 from scripts.studies.fidelity import budget
 from scripts.studies.fidelity.points import Row
 from scripts.studies.fidelity.pooling import NORMAL_95

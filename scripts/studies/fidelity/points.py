@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from directmpc.drive_file import Drive, load_drive
-from scripts.hdl.mpdcc_simulation import ROOT
 from scripts.shared import tools
+from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 SPEEDS = (0.1, 0.325, 0.55, 0.775, 1.0)

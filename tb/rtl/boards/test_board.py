@@ -34,8 +34,8 @@ from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import Decisions, IntArray
-from scripts.commands import replay
 from scripts.hdl import states
+from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
 from tb.rtl.boards.board_steps import (
     CLOCK,
@@ -101,7 +101,7 @@ def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path
     sample = sample_of(decisions)
     assert [told[0], *(told[1 + k] for k in sample)] == replayed(tmp_path, "rtl", seen.rows(sample))
     assert run.cycles.min() >= 21
-    assert run.cycles.max() <= replay.worst_cycles("fast", 1)
+    assert run.cycles.max() <= worst_cycles("fast", 1)
     assert run.running.all()
     assert run.faults == 0
     assert len(np.unique(run.gates)) > 50
@@ -329,6 +329,6 @@ def test_an_spi_exchange_of_a_step_fits_well_into_a_control_period() -> None:
         assert frame is not None
         decision = Decision.unpack(frame.payload)
         # a byte is 8 clocks
-        slowest = replay.worst_cycles("fast", 1)
+        slowest = worst_cycles("fast", 1)
         clocks = 8 * end + slowest - decision.cycles
         assert clocks / CLOCK < 33e-6

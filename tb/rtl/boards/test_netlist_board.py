@@ -40,10 +40,10 @@ from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Ty
 from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import MpdccTrace
-from scripts.commands import replay
-from scripts.generate.boards import BOARDS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import states
+from scripts.hdl.boards import BOARDS
+from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard
 from scripts.measure import bitstream
 from scripts.shared.tools import Generics
@@ -238,7 +238,7 @@ def check_options(board: Board, steps: int) -> None:
     assert decisions.exhausted is not None
     assert decisions.exhausted.tolist() == wanted
     assert sum(wanted) > 0
-    assert run.cycles.max() > replay.worst_cycles("fast", 1)
+    assert run.cycles.max() > worst_cycles("fast", 1)
 
 
 def check_replay(

@@ -6,11 +6,11 @@ import random
 
 import cocotb
 
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, join, number, signed, word
 
 #: Clocks from the controls to the accumulator, as the entity's header declares.
-LATENCY = budgets.clocks("mac_block", "latency")
+LATENCY = clocks_of("mac_block", "latency")
 
 
 @cocotb.test()

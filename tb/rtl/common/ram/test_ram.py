@@ -19,16 +19,17 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl import conversion
+from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
-from scripts.measure import budgets, synth
+from scripts.measure import synth
 from tb.helpers.faults import Fault, assert_seen, file_of
 from tb.helpers.simulation import Outcome, run
 
 #: Eight words of five bits.
 CONTENTS = f"{random.Random(5).getrandbits(40):040b}"
 #: Clocks from address to word with the default generics, as the header declares.
-LATENCY = budgets.clocks("ram", "latency")
+LATENCY = clocks_of("ram", "latency")
 
 
 def bench(

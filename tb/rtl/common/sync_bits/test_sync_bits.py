@@ -16,9 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
-from scripts.measure import budgets, synth
+from scripts.measure import synth
 from tb.helpers.faults import Fault, assert_seen, file_of
 from tb.helpers.simulation import Outcome, run
 
@@ -36,7 +37,7 @@ ATTRIBUTES = {
 
 
 #: Clocks with the default number of stages, as the header declares.
-LATENCY = budgets.clocks("sync_bits", "latency")
+LATENCY = clocks_of("sync_bits", "latency")
 
 
 def bench(width: int = 3, stages: int = LATENCY, clocks: int = 500, rtl: Path = RTL) -> Outcome:

@@ -7,14 +7,14 @@ import random
 import cocotb
 
 from directmpc.mpdcc import formats as f
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number, word
 
 #: Clocks from start to done: with exit 1, with exit 2 after the first bit, with all bits of a
 #: length as wide as the cores'.
-EXIT_1 = budgets.clocks("binary_search", "exit_1")
-EXIT_2 = budgets.clocks("binary_search", "exit_2")
-FULL = budgets.clocks("binary_search", "latency")
+EXIT_1 = clocks_of("binary_search", "exit_1")
+EXIT_2 = clocks_of("binary_search", "exit_2")
+FULL = clocks_of("binary_search", "latency")
 
 
 def expectation(

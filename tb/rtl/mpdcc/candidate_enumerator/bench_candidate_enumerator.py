@@ -7,12 +7,12 @@ import random
 
 import cocotb
 
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 #: Clocks from start to the first candidate, as the entity's header declares.
-LATENCY = budgets.clocks("candidate_enumerator", "latency")
+LATENCY = clocks_of("candidate_enumerator", "latency")
 
 
 def expected_after(s_prev: tuple[int, ...], blocks: bool) -> list[tuple[int, tuple[int, ...], int]]:

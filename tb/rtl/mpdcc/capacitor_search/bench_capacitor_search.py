@@ -8,14 +8,14 @@ import cocotb
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.mpdcc_ports import unpack_row
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, word
 
 #: Clocks after start, as the entity's header declares.
-HELD = budgets.clocks("capacitor_search", "held")
-LAST_ROW = budgets.clocks("capacitor_search", "last_row")
+HELD = clocks_of("capacitor_search", "held")
+LAST_ROW = clocks_of("capacitor_search", "last_row")
 ROWS = 17
 READY_BEFORE = 6
 

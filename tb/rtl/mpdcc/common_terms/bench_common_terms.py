@@ -8,15 +8,15 @@ import cocotb
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.program import COEFFICIENTS, PROGRAM_LENGTHS, SIGNALS
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, join, number, word
 
 #: Clocks from start to done, as the entity's header declares; issued comes five clocks before.
-LATENCIES = {v: budgets.clocks("common_terms", "done", v) for v in PROGRAM_LENGTHS}
+LATENCIES = {v: clocks_of("common_terms", "done", v) for v in PROGRAM_LENGTHS}
 ISSUED_BEFORE = 5
 #: Clocks from start to the pulse after which the capacitors' terms are there.
-CAPACITORS = {v: budgets.clocks("common_terms", "capacitors", v) for v in PROGRAM_LENGTHS}
+CAPACITORS = {v: clocks_of("common_terms", "capacitors", v) for v in PROGRAM_LENGTHS}
 
 
 def operands(rng: random.Random, kind: str) -> dict[str, int]:

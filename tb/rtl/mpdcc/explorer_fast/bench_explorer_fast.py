@@ -10,7 +10,7 @@ import numpy as np
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.mpdcc_ports import (
     RANKED,
@@ -21,8 +21,8 @@ from tb.helpers.mpdcc_ports import (
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 #: Clocks after the clock in which something is taken, as the header declares.
-PROBE = budgets.clocks("mpdcc_explorer", "probe", "fast")
-COMPARED = budgets.clocks("mpdcc_explorer", "latency", "fast")
+PROBE = clocks_of("mpdcc_explorer", "probe", "fast")
+COMPARED = clocks_of("mpdcc_explorer", "latency", "fast")
 CAPACITOR_BITS = 6 + f.LENGTH_WIDTH + f.TRAJECTORY_WIDTH
 
 Candidate = tuple[int, tuple[int, ...], plain.Evaluation]

@@ -12,16 +12,16 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 
 FIRST = len(COEFFICIENTS)
 
 
 #: Further clocks where the state of k + 1 is predicted: of a search, and where s(k-1) is held then.
-PREDICTION = budgets.clocks("mpdcc_core", "prediction", "sese")
+PREDICTION = clocks_of("mpdcc_core", "prediction", "sese")
 
 
-PREDICTION_HELD = budgets.clocks("mpdcc_core", "prediction_held", "sese")
+PREDICTION_HELD = clocks_of("mpdcc_core", "prediction_held", "sese")
 
 
 TWO, BUDGET, COMPENSATE = FIRST + 5, FIRST + 6, FIRST + 7

@@ -27,18 +27,18 @@ import pytest
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.variants import VARIANTS as LIBRARY_VARIANTS
-from scripts.commands import replay
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from scripts.measure import budgets
+from scripts.shared import paper_a
 from tb.helpers.faults import Fault, altered, assert_seen
 from tb.helpers.simulation import VARIANTS
 
 #: Cycles in the worst case, Paper A, Table IV, by number of explorers.
-PAPER_CYCLES = {1: 2223, 2: 1135, 3: 772, 4: 591, 5: 482, 6: 410}
-HELD = {variant: budgets.clocks("mpdcc_core", "hold", variant) for variant in VARIANTS}
+HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANTS}
 #: Most cycles that the fast variant may take by number of explorers.
 LIMITS = {1: 120, 2: 90, 3: 80, 4: 72, 5: 72, 6: 72}
 
@@ -93,12 +93,12 @@ def test_every_decision_is_the_models(
 
     print(f"{explorers} explorers: slowest {found.cycles.max()}, bound {found.bound}")
     assert set(found.cycles[held]) == {HELD[variant]}
-    assert found.bound == replay.worst_cycles(variant, explorers)
+    assert found.bound == worst_cycles(variant, explorers)
     assert found.cycles.max() <= found.bound
     if variant == "paper":
         assert found.bound == budgets.paper_bound(explorers)
-    if explorers in PAPER_CYCLES:
-        assert found.bound < PAPER_CYCLES[explorers]
+    if explorers in paper_a.CYCLES:
+        assert found.bound < paper_a.CYCLES[explorers]
     # the bound is of the right size: the slowest decisions known come near it, or reach it
     slow = found.cycles[-slowest:]
     if variant == "paper":

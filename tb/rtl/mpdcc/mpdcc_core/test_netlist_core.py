@@ -24,17 +24,16 @@ import pytest
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.variants import VARIANTS
-from scripts.commands import replay
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import netlist_check, states
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.measure.synth import Configuration, configurations
 from scripts.shared.tools import Generics
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import with_rule
 
-HELD = {variant: budgets.clocks("mpdcc_core", "hold", variant) for variant in VARIANTS}
+HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANTS}
 HOLD = (
     *(f"c_{name}" for name in COEFFICIENTS),
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
@@ -183,7 +182,7 @@ def test_the_netlists_second_level_decides_alike(two_level_rows: core.Rows) -> N
     result = run(rows, generics, expected, (*OUTPUTS, "exhausted"), known)
     assert result.checked == len(rows)
     assert not result.mismatches, result.mismatches[:5]
-    most = replay.worst_cycles("fast", explorers, two_switchings=True)
+    most = worst_cycles("fast", explorers, two_switchings=True)
     assert most - 8 <= result.cycles[0] <= most
     print(
         f"second level: {len(rows)} rows, {cut.sum()} cut, slowest {max(result.cycles)} of {most}"

@@ -22,8 +22,8 @@ import pytest
 from directmpc.mpdcc import cycles as sese_cycles
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from scripts.commands import replay
 from scripts.hdl import mpdcc_rows as core
+from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
@@ -62,7 +62,7 @@ def test_second_level_is_the_models(
     assert (nodes > 1).sum() >= each
     if any(limits):
         assert want[:, 7].sum() >= 1
-    most = replay.worst_cycles("fast", explorers, two_switchings=True)
+    most = worst_cycles("fast", explorers, two_switchings=True)
     assert tuple(want[-2, :3]) == (4, 2, 0)
     assert nodes[-1] == 63
     assert most - 8 <= found.cycles[-1] <= most
@@ -72,7 +72,7 @@ def test_second_level_is_the_models(
 @pytest.mark.parametrize("explorers", range(1, 9))
 def test_the_published_bound_is_the_schedules(explorers: int) -> None:
     most, _ = sese_cycles.worst(explorers)
-    assert replay.worst_cycles("fast", explorers, two_switchings=True) == most
+    assert worst_cycles("fast", explorers, two_switchings=True) == most
 
 
 def _climb(explorers: int, budget: int, rng: np.random.Generator) -> int:

@@ -9,16 +9,16 @@ import cocotb
 import numpy as np
 
 from directmpc.mpdcc import formats as f
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.mpdcc_ports import example, pack_candidate, unpack_result
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 #: Clocks the variants declare in their headers.
-LATENCY = {"paper": budgets.clocks("mpdcc_explorer", "latency", "paper")}
-INTERVAL = {"paper": budgets.clocks("mpdcc_explorer", "interval", "paper")}
-INTERVAL_DEAD = {"paper": budgets.clocks("mpdcc_explorer", "interval_dead", "paper")}
-PROBE = {"paper": budgets.clocks("mpdcc_explorer", "probe", "paper")}
+LATENCY = {"paper": clocks_of("mpdcc_explorer", "latency", "paper")}
+INTERVAL = {"paper": clocks_of("mpdcc_explorer", "interval", "paper")}
+INTERVAL_DEAD = {"paper": clocks_of("mpdcc_explorer", "interval_dead", "paper")}
+PROBE = {"paper": clocks_of("mpdcc_explorer", "probe", "paper")}
 
 
 @dataclass

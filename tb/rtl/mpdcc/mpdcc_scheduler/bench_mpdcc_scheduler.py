@@ -12,7 +12,7 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import states
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain, plain_states
 from tb.helpers.mpdcc_ports import RANKED, pack_candidate, unpack_row
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, join, lowest_bit, number, signed
@@ -25,9 +25,9 @@ TABLE_AFTER = 7
 
 #: Clocks from start to candidate_valid of the probe, from the probe's answer to valid, and from
 #: the taking of the last result to valid.
-TO_PROBE = {v: budgets.clocks("mpdcc_scheduler", "to_probe", v) for v in ("paper", "fast")}
-FROM_PROBE = {v: budgets.clocks("mpdcc_scheduler", "from_probe", v) for v in ("paper", "fast")}
-FROM_LAST = {v: budgets.clocks("mpdcc_scheduler", "from_last", v) for v in ("paper", "fast")}
+TO_PROBE = {v: clocks_of("mpdcc_scheduler", "to_probe", v) for v in ("paper", "fast")}
+FROM_PROBE = {v: clocks_of("mpdcc_scheduler", "from_probe", v) for v in ("paper", "fast")}
+FROM_LAST = {v: clocks_of("mpdcc_scheduler", "from_last", v) for v in ("paper", "fast")}
 
 RESULT_BITS = 2 + f.INDEX_WIDTH + f.LENGTH_WIDTH + f.RANK_WIDTH
 

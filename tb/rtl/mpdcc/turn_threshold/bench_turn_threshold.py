@@ -7,11 +7,11 @@ import random
 import cocotb
 
 from directmpc.mpdcc import formats as f
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, word
 
-LATENCY = budgets.clocks("turn_threshold", "latency")  # clocks from start until threshold is valid
+LATENCY = clocks_of("turn_threshold", "latency")  # clocks from start until threshold is valid
 
 
 @cocotb.test()

@@ -11,17 +11,17 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import formats as f
 from directmpc.mptc import observer, preexcitation
 from directmpc.mptc.coefficients import COEFFICIENTS
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import mptc_rows as core
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
 
 LATENCY = {
-    "mptc_observer": budgets.clocks("mptc_observer", "latency"),
-    "mptc_preexcitation": budgets.clocks("mptc_preexcitation", "latency"),
+    "mptc_observer": clocks_of("mptc_observer", "latency"),
+    "mptc_preexcitation": clocks_of("mptc_preexcitation", "latency"),
 }
 DRIVE_LATENCY = {
-    "mptc": budgets.clocks("mptc_drive", "mptc"),
-    "mpfc": budgets.clocks("mptc_drive", "mpfc"),
+    "mptc": clocks_of("mptc_drive", "mptc"),
+    "mpfc": clocks_of("mptc_drive", "mpfc"),
 }
 
 

@@ -39,7 +39,7 @@ LEGS = (1450, 350, 150, 1050)  # periods, see `rtl_loop.tour`
 def test_start_load_step_and_reversal(method: str) -> None:
     drive = core.changed(core.shipped("motulator_2kw2"), method=method)
     scenario, words = rtl_loop.tour(drive, PSI, LOAD, INERTIA, LEGS)
-    found = rtl_loop.run(drive, words, scenario, INERTIA)
+    found = motulator_plant.run_rtl(drive, words, scenario, INERTIA)
     rpm = found.trace.omega_r / drive.machine.pole_pairs / RPM
     started, loaded, freed = np.cumsum(LEGS[:3])
     magnetised = int(np.argmax(found.flux > 0.98 * PSI))

@@ -9,10 +9,10 @@ import cocotb
 
 from directmpc.mptc import bit_true
 from directmpc.mptc import formats as f
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
 
-LATENCY = budgets.clocks("mptc_magnitude", "latency")
+LATENCY = clocks_of("mptc_magnitude", "latency")
 LIMIT = 3 * 2 ** (f.MAGNITUDE_FRACTION - 1)  # components of 1.5
 GAIN = math.prod(math.sqrt(1.0 + 4.0**-i) for i in range(f.ITERATIONS))
 

@@ -8,10 +8,10 @@ import random
 import cocotb
 
 from directmpc.mptc import formats as f
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
-LATENCY = budgets.clocks("mptc_root", "latency")
+LATENCY = clocks_of("mptc_root", "latency")
 HIGH = 2 ** (2 * f.ROOT_WIDTH) - 1
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from directmpc.mpdcc import observer
 from scripts.hdl import states
-from scripts.measure import budgets
+from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
 
 PORTS = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r")
 SIGNED = {"is_alpha", "is_beta", "v_n", "omega_r"}
-LATENCY = budgets.clocks("rotor_flux_observer", "latency")
-BUSY = budgets.clocks("rotor_flux_observer", "busy")
+LATENCY = clocks_of("rotor_flux_observer", "latency")
+BUSY = clocks_of("rotor_flux_observer", "busy")
 
 
 def inputs(rng: random.Random, n: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""`make fidelity`: how close the bit-true controllers come to the ideal one, and why no closer."""
+"""How close the bit-true controllers come to the ideal one, and why no closer."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ import csv
 import io
 import json
 import multiprocessing
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from directmpc.host.console import OneParagraphParser, progress_bar, report_error
-from scripts.hdl.mpdcc_simulation import ROOT
-from scripts.hdl.simulator import SimulationError
+from directmpc.host.console import progress_bar
 from scripts.shared import tools
+from scripts.shared.tools import ROOT
 from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
 from scripts.studies.fidelity.points import DRIVES, Row, points
 
@@ -159,42 +157,7 @@ def figures(variant: str) -> dict[str, float]:
     return {key: value for key, value in found.items() if key != "by_speed"}
 
 
-def publish() -> None:
-    """Bring reports/metrics.json and its tables up to date with reports/fidelity.json."""
-    from scripts.publish import report  # not above: it imports this module
-
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    for variant, key in KEYS.items():
-        document[key]["fidelity"] |= figures(variant)
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    report.write_tables(document)
-
-
 def interval(fidelity: dict[str, float], figure: str) -> str:
     """A pooled difference, "fsw" or "thd", with its interval, as a table shows it."""
     mean, low, high = (fidelity[f"{figure}_diff_{part}"] for part in ("pct", "ci_low", "ci_high"))
     return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and write; 0 when all is written, 2 when a figure could not be had."""
-    parser = OneParagraphParser(prog="fidelity", description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
-    given = parser.parse_args(arguments)
-    try:
-        write(collect(given.jobs))
-        publish()
-    except (
-        decisions.FidelityError, SimulationError, ValueError, tools.ToolError, OSError,
-    ) as error:  # fmt: skip
-        report_error("fidelity", error)
-        return 2
-    except KeyboardInterrupt:
-        print("fidelity: interrupted; what was measured is kept", file=sys.stderr)
-        return 130
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,250 @@
+"""Boards: parts, clocks and pins, and the generics that build ``board_top`` for one.
+
+Pins are those of public board files, named per board. `generate.boards` makes the constraint files
+from this table; tests compare its port names with ``board_top`` and look for pins used twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scripts.shared.tools import ROOT, Generics
+
+CONSTRAINTS = ROOT / "constraints"
+SCK_MHZ = 25
+"""Fastest SPI clock that is constrained."""
+
+#: Ports of board_top that are vectors, and their widths.
+VECTORS = {"gates": 24, "leds": 4}
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board.
+
+    Attributes
+    ----------
+    name, title
+        As `make bitstream` takes it; in words.
+    part
+        Device, package and speed grade.
+    clock_mhz, divide
+        Oscillator, and by how much board_top divides it for the core.
+    baud
+        UART rate it is built for.
+    controllers
+        Build options it has room for.
+    pins
+        Port (bit) to package pin.
+    source
+        Where the pins were taken from.
+    family
+        "ecp5", "xc7", "xc6s" or "xc3s".
+    notes
+        Lines for the constraint file's head.
+    pulls
+        Port to "UP" or "DOWN".
+    clock_standard
+        I/O standard of the clock where it is another than the rest's.
+    """
+
+    name: str
+    title: str
+    part: str
+    clock_mhz: int
+    divide: int
+    baud: int
+    controllers: tuple[str, ...]
+    pins: dict[str, str]
+    source: str
+    family: str
+    notes: tuple[str, ...] = ()
+    clock_standard: str = "LVCMOS33"
+    tail: tuple[str, ...] = ()
+    pulls: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def core_mhz(self) -> float:
+        """Clock of the core."""
+        return self.clock_mhz / self.divide
+
+    def generics(self, controller: str, explorers: int = 1) -> Generics:
+        """Generics of board_top."""
+        found: Generics = {
+            "CONTROLLER": {"mpdcc": 1, "mptc": 2}[controller],
+            "CLOCK_HZ": int(self.core_mhz * 1e6),
+            "DIVIDE": self.divide,
+            "BAUD": self.baud,
+        }
+        if controller == "mpdcc":
+            found["EXPLORERS"] = explorers
+        return found
+
+    @property
+    def constraint_file(self) -> Path:
+        """Where its constraints are."""
+        suffix = {"ecp5": "lpf", "xc7": "xdc"}.get(self.family, "ucf")
+        stem = self.name.rsplit("-", 1)[0] if self.family == "ecp5" else self.name
+        return CONSTRAINTS / f"{stem.replace('-', '_')}.{suffix}"
+
+
+def _bits(name: str, pins: str) -> dict[str, str]:
+    return {f"{name}[{index}]": pin for index, pin in enumerate(pins.split())}
+
+
+_ULX3S_PINS = {
+    "clock": "G2",
+    "uart_tx": "L4",
+    "uart_rx": "M1",
+    "steps_over_spi": "E8",  # DIP switch 1
+    "spi_sck": "B11",  # J1, GP0
+    "spi_cs_n": "C11",  # GN0
+    "spi_mosi": "A10",  # GP1
+    "spi_miso": "A11",  # GN1
+    "permit": "A9",  # GP2
+    **_bits("leds", "B2 C2 C1 D2"),
+    # J2: GP14, GN14, GP15, ... GN25
+    **_bits(
+        "gates",
+        "U18 U17 N17 P16 N16 M17 L16 L17 H18 H17 F17 G18 D18 E17 C18 D17 B15 C15 B17 C17 C16 D16 "
+        "D14 E14",
+    ),
+}
+_PULLS = {"uart_rx": "UP", "spi_cs_n": "UP", "permit": "DOWN", "steps_over_spi": "DOWN"}
+_PULLS |= {"spi_sck": "DOWN", "spi_mosi": "DOWN"}
+
+
+def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
+    return Board(
+        name=f"ulx3s-{size}",
+        title=f"ULX3S, LFE5U-{size.upper()}",
+        part=f"LFE5U-{size.upper()}-6BG381C",
+        clock_mhz=25,
+        divide=1,
+        baud=3_000_000,
+        controllers=controllers,
+        pins=_ULX3S_PINS,
+        source="github.com/emard/ulx3s, doc/constraints/ulx3s_v20.lpf",
+        family="ecp5",
+        notes=(
+            "SPI and permit on J1 (GP0, GN0, GP1, GN1, GP2), gates on J2 (GP14, GN14 to GP25,",
+            "GN25), steps over SPI with DIP switch 1.",
+        ),
+        pulls=_PULLS,
+    )
+
+
+BOARDS = {
+    board.name: board
+    for board in (
+        _ulx3s("85f", ("mpdcc", "mptc")),
+        _ulx3s("25f", ("mpdcc", "mptc")),
+        _ulx3s("12f", ("mpdcc", "mptc")),
+        Board(
+            name="arty-s7-50",
+            title="Digilent Arty S7-50, XC7S50",
+            part="xc7s50csga324-1",
+            clock_mhz=100,
+            divide=4,
+            baud=3_000_000,
+            controllers=("mpdcc", "mptc"),
+            pins={
+                "clock": "R2",
+                "uart_tx": "R12",
+                "uart_rx": "V12",
+                "steps_over_spi": "H14",
+                "spi_sck": "G16",
+                "spi_cs_n": "H16",
+                "spi_mosi": "H17",
+                "spi_miso": "K14",
+                "permit": "L13",
+                **_bits("leds", "E18 F13 E13 H15"),
+                **_bits(
+                    "gates",
+                    "L17 L18 M14 N14 M16 M17 M18 N18 P17 P18 R18 T18 P14 P15 N15 P16 "
+                    "U15 V16 U17 U18 U16 P13 R13 V14",
+                ),
+            },
+            source="github.com/Digilent/digilent-xdc, Arty-S7-50-Master.xdc",
+            family="xc7",
+            notes=(
+                "SPI on ck_io10 to 13, permit on ck_io0, gates of phases a, b, c on Pmods JA, JB,",
+                "JC, steps over SPI with SW0.",
+            ),
+            clock_standard="SSTL135",
+            tail=(
+                "set_property CFGBVS VCCO [current_design]",
+                "set_property CONFIG_VOLTAGE 3.3 [current_design]",
+                "set_property INTERNAL_VREF 0.675 [get_iobanks 34]",
+            ),
+            pulls=_PULLS,
+        ),
+        Board(
+            name="pipistrello",
+            title="Saanlima Pipistrello, XC6SLX45",
+            part="xc6slx45-csg324-3",
+            clock_mhz=50,
+            divide=2,
+            baud=3_000_000,
+            controllers=("mpdcc", "mptc"),
+            pins={
+                "clock": "H17",
+                "uart_tx": "A10",
+                "uart_rx": "A11",
+                "steps_over_spi": "G14",
+                "spi_sck": "F17",
+                "spi_cs_n": "F16",
+                "spi_mosi": "E16",
+                "spi_miso": "G16",
+                "permit": "F15",
+                **_bits("leds", "V16 U16 A16 A15"),
+                **_bits(
+                    "gates",
+                    "U18 T17 P17 P16 N16 N17 M16 L15 L17 K15 K17 J16 H15 H18 F18 D18 "
+                    "C18 E18 G18 H16 J18 K18 K16 L18",
+                ),
+            },
+            source="github.com/litex-hub/litex-boards, platforms/saanlima_pipistrello.py, and "
+            "github.com/Saanlima/Pipistrello",
+            family="xc6s",
+            notes=(
+                "Gates on wings A0 to A15 and B0 to B7, SPI on C0 to C3, permit on C4, steps over",
+                "SPI on C5.",
+            ),
+            pulls=_PULLS,
+        ),
+        Board(
+            name="spartan3-starter",
+            title="Spartan-3 Starter Kit, XC3S1000",
+            part="xc3s1000-ft256-4",
+            clock_mhz=50,
+            divide=2,
+            baud=115_200,
+            controllers=("mptc",),
+            pins={
+                "clock": "T9",
+                "uart_tx": "R13",
+                "uart_rx": "T13",
+                "steps_over_spi": "F12",
+                "spi_sck": "A10",
+                "spi_cs_n": "B11",
+                "spi_mosi": "B12",
+                "spi_miso": "A12",
+                "permit": "B13",
+                **_bits("leds", "K12 P14 L12 N14"),
+                **_bits(
+                    "gates",
+                    "E6 D5 C5 D6 C6 E7 C7 D7 C8 D8 C9 D10 A3 B4 A4 B5 A5 B6 B7 A7 B8 A8 A9 B10",
+                ),
+            },
+            source="github.com/AakaFosfor/S3StarterKit, S3StarterKit.ucf (board: UG130)",
+            family="xc3s",
+            notes=(
+                "Gates on A2, pins 4 to 27, SPI on 28 to 31, permit on 32, steps over SPI: SW0.",
+                "Its UART is an RS-232 transceiver: 115200 baud.",
+            ),
+            pulls=_PULLS,
+        ),
+    )
+}
