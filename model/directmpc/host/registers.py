@@ -25,7 +25,7 @@ from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
 
-#: Clock of the core on every board of scripts/generate/boards.py, Hz.
+#: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
 
 #: Clocks that the guard's times have after a reset.
