@@ -22,8 +22,8 @@ import pytest
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from scripts.shared.tools import ROOT
-from scripts.studies.fidelity import study as command
 from scripts.studies.fidelity import budget, decisions, loops, plots, pooling, replica
+from scripts.studies.fidelity import study as command
 from scripts.studies.fidelity.points import BOUNDS, DRIVES, Point, Row
 
 STEPS = 5_000
