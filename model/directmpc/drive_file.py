@@ -256,7 +256,7 @@ def _check(path: str | os.PathLike[str], model: type[_DriveModel], data: Any) ->
     return drive
 
 
-def load_any_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
+def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     """Load a drive file of either controller.
 
     Parameters
@@ -285,17 +285,17 @@ def load_any_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     raise DriveFileError(f'{path}: controller: {found}; it must be "mpdcc" or "mptc"')
 
 
-def load_drive(path: str | os.PathLike[str]) -> Drive:
-    """Load an MPDCC drive file; raises `DriveFileError` as `load_any_drive`, or if it is MPTC."""
-    drive = load_any_drive(path)
+def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
+    """Load an MPDCC drive file; raises `DriveFileError` as `load_drive`, or if it is MPTC."""
+    drive = load_drive(path)
     if not isinstance(drive, Drive):
         raise DriveFileError(f'{path}: controller: got "mptc"; it must be "mpdcc" here')
     return drive
 
 
 def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
-    """Load an MPTC drive file; raises `DriveFileError` as `load_any_drive`, or if it is MPDCC."""
-    drive = load_any_drive(path)
+    """Load an MPTC drive file; raises `DriveFileError` as `load_drive`, or if it is MPDCC."""
+    drive = load_drive(path)
     if not isinstance(drive, MptcDrive):
         raise DriveFileError(f'{path}: controller: got "mpdcc"; it must be "mptc" here')
     return drive

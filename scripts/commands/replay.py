@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -137,7 +137,7 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 def replay(request: Request) -> None:
     """Do what was asked for; raises the errors that `main` reports."""
     clear_output(request.out, request.drive, request.trace)
-    drive = load_any_drive(request.drive)
+    drive = load_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from directmpc.drive_file import load_drive
+from directmpc.drive_file import load_mpdcc_drive
 from directmpc.host.console import OneParagraphParser, clear_output, report_error
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
     console = Console(width=None if sys.stdout.isatty() else 110)
     try:
-        drive = load_drive(given.drive)
+        drive = load_mpdcc_drive(given.drive)
         if given.speed == 0.0:
             raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
         given.out.parent.mkdir(parents=True, exist_ok=True)

@@ -163,7 +163,7 @@ def whole_horizon_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
     found = 0
     for k in range(10 * n):
         horizon = 1 + k % 3
-        drive = states.changed(states.random_drive(rng), horizon=horizon)
+        drive = states.random_drive(rng).with_control(horizon=horizon)
         rows = of_trace(states.near(drive, 16, rng, reach=1.1), registers(drive, variant).array())
         answers = rows.model(variant)
         searched = (answers[:, 3] == 0) & (answers[:, 4] == 0)

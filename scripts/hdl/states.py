@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -27,12 +27,7 @@ IntArray = NDArray[np.int64]
 @cache
 def shipped(name: str) -> Drive:
     """A drive file that ships."""
-    return load_drive(DRIVES / f"{name}.toml")
-
-
-def changed(drive: Drive, **control: object) -> Drive:
-    """The same drive with other settings of its controller."""
-    return drive.model_copy(update={"control": drive.control.model_copy(update=control)})
+    return load_mpdcc_drive(DRIVES / f"{name}.toml")
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
@@ -170,8 +165,8 @@ def recorded(
     drive: Drive, steps: int, speed: float, generating: bool = False, seed: int = 0
 ) -> MpdccTrace:
     """What the paper's controller saw in a closed loop of its own, whatever the drive asks for."""
-    plain_settings = changed(
-        drive, switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
+    plain_settings = drive.with_control(
+        switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
     )
     values = registers(plain_settings, "paper").array()
     point = OperatingPoint(speed, current=1.0 if not generating else 0.7, generating=generating)

@@ -322,16 +322,15 @@ def accuracy(point: Point) -> dict[str, Any]:
     """Share of decisions that differ from the ideal controller's, on the same states."""
     import numpy as np
 
-    from directmpc.drive_file import load_drive
+    from directmpc.drive_file import load_mpdcc_drive
     from directmpc.mpdcc import closed_loop, ideal
     from directmpc.mpdcc import formats as f
     from directmpc.mpdcc.closed_loop import OperatingPoint
     from directmpc.mpdcc.variants import VARIANTS
 
-    drive = load_drive(ROOT / "drives" / f"{DRIVE}.toml")
+    drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVE}.toml")
     horizon = min(drive.control.horizon, 2**f.LENGTH_WIDTH - 1)
-    control = drive.control.model_copy(update={"horizon": horizon})
-    shortened = drive.model_copy(update={"control": control})
+    shortened = drive.with_control(horizon=horizon)
     chosen = VARIANTS[point.variant]
     # a shorter horizon is an approximation: the ideal controller keeps the drive's own; its states
     # are the same for every point

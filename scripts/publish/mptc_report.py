@@ -210,7 +210,7 @@ def toured(method: str) -> tuple[Run, dict[str, Any]]:
 
     Every decision, flag and flux estimate is compared with the twin's on the way.
     """
-    drive = study.changed(load_mptc_drive(VERIFIED), method=method)
+    drive = load_mptc_drive(VERIFIED).with_control(method=method)
     scenario, words = rtl_loop.tour(
         drive, study.HIGH_SPEED_FLUX, TOUR_LOAD, TOUR_INERTIA, TOUR_LEGS
     )
@@ -614,7 +614,7 @@ def build(
         f"{rpm:g}": study.step_run(drive, rpm, study.RATED_FLUX, 200)
         for rpm in (0.0, 150.0, 500.0, 900.0)
     }
-    flux_control = study.changed(drive, method="MPFC")
+    flux_control = drive.with_control(method="MPFC")
     started = {
         "without": study.start(flux_control, excited=False),
         "with": study.start(flux_control, excited=True),
@@ -632,7 +632,7 @@ def build(
     figures["fidelity"] = fidelity(study.fidelity(drive))
 
     def of(key: str) -> MptcDrive:
-        return flux_control if key == "MPFC" else study.changed(drive, k_psi=float(key))
+        return flux_control if key == "MPFC" else drive.with_control(k_psi=float(key))
 
     recorded = {f"1500 {key}": (of(key), run) for key, run in weights.items()}
     recorded |= {f"150 {key}": (of(key), run) for key, run in low.items()}

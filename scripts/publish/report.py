@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import inverter as anpc
@@ -132,10 +132,7 @@ def wide_drive(drive: Drive) -> Drive:
     Wide bounds keep candidates alive; a heavy weight on v_n makes every cost large beside the
     switching effort, so that no candidate can be dropped early.
     """
-    control = drive.control.model_copy(
-        update={"bound_current": 0.5, "bound_vn": 0.5, "bound_vph": 0.5, "lambda_n": 100.0}
-    )
-    return drive.model_copy(update={"control": control})
+    return drive.with_control(bound_current=0.5, bound_vn=0.5, bound_vph=0.5, lambda_n=100.0)
 
 
 def hardest_rows(
@@ -200,7 +197,7 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
     ReportError
         If a decision differs from the model, or takes longer than the published bound.
     """
-    base = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+    base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
     wide = wide_drive(base)
     corpus = []
     for drive, rows in (
@@ -305,12 +302,11 @@ def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
     points: list[tuple[Drive, str, float, str, str]] = []
     for name in DRIVES:
-        drive = load_drive(ROOT / "drives" / f"{name}.toml")
+        drive = load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
         for omega_s in (*(-s for s in reversed(SPEEDS)), *SPEEDS):
             points.append((drive, variant, omega_s, name, "speed"))
         for bound in BOUNDS:
-            control = drive.control.model_copy(update={"bound_current": bound})
-            changed = drive.model_copy(update={"control": control})
+            changed = drive.with_control(bound_current=bound)
             points.append((changed, variant, 1.0, name, "bound"))
     # what the rows depend on, RTL excluded: it equals the model
     stored = BUILD / "fidelity" / f"{variant}-{_model_digest()[:16]}.json"
@@ -682,7 +678,7 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
         files[f"fidelity{suffix}.csv"] = _csv_text(rows, ["part: none, models only", *head[1:]])
         draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
-        drive = load_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
         run = simulate(drive, 1.0, None, SHOWN, variant)
         if run.differing:
             raise ReportError(f"{run.differing} decisions of the RTL differ from its model")

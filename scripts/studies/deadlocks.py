@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.bit_true import fast
@@ -159,9 +159,7 @@ def simulate(
     `deadlock` in the result's decisions is the number of candidates that shared the least value of
     the criterion, 0 where there was no deadlock.
     """
-    drive = horizon_study.drive_of(base, setting)
-    control = drive.control.model_copy(update=dict(case.control))
-    drive = drive.model_copy(update={"control": control})
+    drive = horizon_study.drive_of(base, setting).with_control(**dict(case.control))
     result = closed_loop.simulate(
         drive, rules.decide, rules.parameters(drive, rule_of(case, drive)),
         point or OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
@@ -674,7 +672,7 @@ def intervals(base: Drive, starts: int, steps: int) -> list[str]:
 
 def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
     """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
-    other = load_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
+    other = load_mpdcc_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
     places = (
         ("6 kV, -0.3 pu", base, OperatingPoint(-0.3)),
         ("6 kV, 0.3 pu, braking", base, OperatingPoint(0.3, current=1.0, generating=True)),
@@ -733,7 +731,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.page:
         write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
         return 0
-    base = load_drive(given.drive)
+    base = load_mpdcc_drive(given.drive)
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     given.out.mkdir(parents=True, exist_ok=True)
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import cycles as sese_cycles
@@ -74,16 +74,13 @@ class Setting:
 
 def drive_of(base: Drive, setting: Setting) -> Drive:
     """The drive with the controller settings of a run."""
-    control = base.control.model_copy(
-        update={
-            "bound_current": setting.bound,
-            "switching_horizon": setting.horizon,
-            "budget": setting.budget,
-            "delay_compensation": setting.compensate,
-            "deadlock_rule": setting.deadlock_rule,
-        }
+    return base.with_control(
+        bound_current=setting.bound,
+        switching_horizon=setting.horizon,
+        budget=setting.budget,
+        delay_compensation=setting.compensate,
+        deadlock_rule=setting.deadlock_rule,
     )
-    return base.model_copy(update={"control": control})
 
 
 def run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> dict[str, Any]:
@@ -374,7 +371,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--starts", type=int, default=STARTS)
     parser.add_argument("--out", type=Path, default=REPORTS)
     given = parser.parse_args(arguments)
-    base = load_drive(given.drive)
+    base = load_mpdcc_drive(given.drive)
     settings = [
         Setting(horizon, bound, speed, start)
         for horizon in ("SE", "SESE")

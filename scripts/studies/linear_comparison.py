@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -268,7 +268,7 @@ class Difference:
 def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
     """States of closed loops under the paper's controller, both drives, all speeds."""
     for name in DRIVES:
-        drive = load_drive(ROOT / "drives" / f"{name}.toml")
+        drive = load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
         register = registers(drive, "paper").array()
         for speed in SPEEDS:
             point = OperatingPoint(speed)

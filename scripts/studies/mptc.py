@@ -47,11 +47,6 @@ class Observed:
     estimate: FloatArray
 
 
-def changed(drive: MptcDrive, **control: object) -> MptcDrive:
-    """The same drive with other settings of its controller."""
-    return drive.model_copy(update={"control": drive.control.model_copy(update=control)})
-
-
 def observed(drive: MptcDrive, scenario: Scenario, plant: PlantParameters) -> Observed:
     """A run on the observer's flux, begun with an estimate that is 20 % too small."""
     words = joined.parameters(drive)
@@ -153,8 +148,8 @@ def weight_runs(drive: MptcDrive, steps: int = 60_000) -> dict[str, Run]:
     return {
         key: at_speed(one, 1500.0, 0.0, HIGH_SPEED_FLUX, steps)
         for key, one in (
-            *((f"{k:g}", changed(drive, k_psi=k, method="MPTC")) for k in WEIGHTS),
-            ("MPFC", changed(drive, method="MPFC")),
+            *((f"{k:g}", drive.with_control(k_psi=k, method="MPTC")) for k in WEIGHTS),
+            ("MPFC", drive.with_control(method="MPFC")),
         )
     }
 
@@ -164,9 +159,9 @@ def low_speed_runs(drive: MptcDrive, steps: int = 200_000) -> dict[str, Run]:
     return {
         key: at_speed(one, 150.0, 0.0, RATED_FLUX, steps)
         for key, one in (
-            ("32", changed(drive, k_psi=32.0)),
-            ("100", changed(drive, k_psi=100.0)),
-            ("MPFC", changed(drive, method="MPFC")),
+            ("32", drive.with_control(k_psi=32.0)),
+            ("100", drive.with_control(k_psi=100.0)),
+            ("MPFC", drive.with_control(method="MPFC")),
         )
     }
 
@@ -202,7 +197,7 @@ def distortion(drive: MptcDrive, steps: int = 200_000) -> dict[str, float]:
         "flux 0.9 Wb": figures(at_speed(drive, 150.0, 0.0, 0.9, steps))["thd_pct"],
     }
     for weight in (50.0, 150.0):
-        one = changed(drive, k_psi=weight)
+        one = drive.with_control(k_psi=weight)
         found[f"k_psi = {weight:g}"] = figures(at_speed(one, 150.0, 0.0, RATED_FLUX, steps))[
             "thd_pct"
         ]
@@ -299,7 +294,7 @@ def robustness(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, flo
 def starts(drive: MptcDrive) -> dict[str, dict[str, float]]:
     """Fig. 21: start with MPFC, without and with pre-excitation."""
     rows = {}
-    one = changed(drive, method="MPFC")
+    one = drive.with_control(method="MPFC")
     for key, excited in (("without", False), ("with", True)):
         run = start(one, excited=excited)
         rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
@@ -315,7 +310,7 @@ def fidelity(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float
     """Decisions against ideal: three speeds, both rotations; no load, motoring, generating."""
     rows = {}
     for method in ("MPTC", "MPFC"):
-        one = changed(drive, method=method)
+        one = drive.with_control(method=method)
         for rpm in (150.0, 900.0, 1500.0, -150.0, -900.0, -1500.0):
             for load in (0.0, RATED_TORQUE, -RATED_TORQUE):
                 scenario = closed_loop.constant(one, rpm, load, RATED_FLUX, steps)

@@ -21,7 +21,7 @@ import numpy as np
 from rich.progress import track
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -241,7 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Command line: write CSV, plot and table."""
     parser = argparse.ArgumentParser(prog="observer_study", description=main.__doc__)
     parser.add_argument("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
-    drive = load_drive(parser.parse_args(arguments).drive)
+    drive = load_mpdcc_drive(parser.parse_args(arguments).drive)
     rows = table(drive)
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_any_drive, load_drive
+from directmpc.drive_file import load_drive, load_mpdcc_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError
@@ -186,9 +186,9 @@ def test_refusals_say_why() -> None:
 @pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
                                      {"deadlock_rule": "weighted"}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
-    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     plain = values(drive, GuardSettings(clock=25e6), "fast")
-    asked = drive.model_copy(update={"control": drive.control.model_copy(update=control)})
+    asked = drive.with_control(**control)
     found = values(asked, GuardSettings(clock=25e6), "fast")
     address, fields = registers_of("mpdcc")["system.capabilities"]
     lacking, complete = (
@@ -234,9 +234,7 @@ def test_a_value_that_does_not_fit_is_refused_before_anything_is_sent(
 
 def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:
     words: dict[int, int] = {}
-    found = values(
-        load_any_drive(ROOT / "drives" / "induction_2kw2.toml"), GuardSettings(clock=25e6)
-    )
+    found = values(load_drive(ROOT / "drives" / "induction_2kw2.toml"), GuardSettings(clock=25e6))
     found.words["guard.watchdog"] = 70_000
     with pytest.raises(RegisterError, match=r"guard.watchdog: clocks = 70000 .*0 to 65535"):
         Board(link_of(model(words=words))).load(found)
@@ -257,9 +255,8 @@ def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
 
 
 def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
-    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
-    control = drive.control.model_copy(update={"method": "MPFC"})
-    found = values(drive.model_copy(update={"control": control}), GuardSettings(clock=25e6))
+    drive = load_drive(ROOT / "drives" / "induction_2kw2.toml")
+    found = values(drive.with_control(method="MPFC"), GuardSettings(clock=25e6))
     address, fields = registers_of("mptc")["system.capabilities"]
     words: dict[int, int] = {}
     lacking = Board(link_of(model(words=words)))

@@ -124,7 +124,7 @@ def test_a_broken_promise_is_not_published() -> None:
 
 def test_recorded_runs_are_compared_on_the_rtl(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = core.shipped("induction_2kw2")
-    other = core.changed(drive, method="MPFC")
+    other = drive.with_control(method="MPFC")
     runs = {
         name: (one, closed_loop.simulate(one, closed_loop.constant(one, 900.0, 7.0, 0.9, 60)))
         for name, one in (("MPTC", drive), ("MPFC", other))

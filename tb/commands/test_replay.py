@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_drive
+from directmpc.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal, trace
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import mpdcc_simulation
@@ -29,7 +29,7 @@ DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
 
 @pytest.fixture(scope="module")
 def rows() -> MpdccTrace:
-    drive = load_drive(DRIVE)
+    drive = load_mpdcc_drive(DRIVE)
     run = closed_loop.simulate(
         drive, ideal.decide, ideal.ideal_parameters(drive), closed_loop.OperatingPoint(), 400
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_drive
+from directmpc.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import coefficients
 from scripts.publish import report
 from scripts.shared.tools import ROOT
@@ -91,7 +91,7 @@ def test_the_observers_page_shows_what_was_measured() -> None:
     page = (ROOT / "docs" / "observer.md").read_text(encoding="utf-8")
     assert f"<!-- table: begin -->\n{observer_study._markdown(rows)}\n<!-- table: end -->" in page
     # one of its points anew; another libm turns roundings, and closed loops part after some steps
-    drive = load_drive(ROOT / "drives" / f"{report.DRIVES[0]}.toml")
+    drive = load_mpdcc_drive(ROOT / "drives" / f"{report.DRIVES[0]}.toml")
     (row,) = [
         row
         for row in rows

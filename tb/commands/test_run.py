@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_drive
+from directmpc.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.commands import run
-from scripts.hdl import states
 from scripts.shared.tools import ROOT
 from scripts.studies import rtl_loop
 
@@ -35,7 +34,7 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.fixture
 def modelled() -> rtl_loop.Run:
     """A run as `rtl_loop.simulate` returns it, the bit-true model in place of the RTL."""
-    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     variant = VARIANTS["paper"]
     profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(-0.6), 30)
     result = closed_loop.simulate(
@@ -56,11 +55,11 @@ def test_the_rtl_makes_the_same_loop(modelled: rtl_loop.Run) -> None:
 
 
 def test_what_the_paper_variant_cannot_do_is_an_error() -> None:
-    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     for setting in ({"switching_horizon": "SESE"}, {"delay_compensation": True}):
         (key,) = setting
         with pytest.raises(ValueError, match=rf"control\.{key}: got .*variant paper serves"):
-            rtl_loop.simulate(states.changed(drive, **setting), 1.0, 3, 2, "paper")
+            rtl_loop.simulate(drive.with_control(**setting), 1.0, 3, 2, "paper")
 
 
 def test_a_difference_is_an_error(

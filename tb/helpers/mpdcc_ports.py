@@ -52,7 +52,7 @@ def example(
             else states.random_drive(generator)
         )
         if kind != 2:
-            drive = states.changed(drive, horizon=rng.choice([1, 2, 5, 33, 62, 63]))
+            drive = drive.with_control(horizon=rng.choice([1, 2, 5, 33, 62, 63]))
         array = registers(drive, variant).array()
         trace = states.near(drive, 1, generator)
         row, s_prev = states.trace_words(trace)[0], tuple(int(p) for p in trace.s_prev[0])

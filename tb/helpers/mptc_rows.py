@@ -35,11 +35,6 @@ def shipped(name: str) -> MptcDrive:
     return load_mptc_drive(DRIVES / f"{name}.toml")
 
 
-def changed(drive: MptcDrive, **control: object) -> MptcDrive:
-    """The same drive with other settings of its controller."""
-    return drive.model_copy(update={"control": drive.control.model_copy(update=control)})
-
-
 @dataclass(frozen=True)
 class Rows:
     """Inputs of the core, one row per decision.
@@ -87,7 +82,7 @@ def together(*parts: Rows) -> Rows:
 
 def recorded(name: str, method: str, rpm: float, load: float, steps: int) -> Rows:
     """What the twin saw in a closed loop of its own."""
-    drive = changed(shipped(name), method=method)
+    drive = shipped(name).with_control(method=method)
     run = closed_loop.simulate(drive, closed_loop.constant(drive, rpm, load, 0.95, steps))
     measurements, _ = bit_true.encode(drive, run.trace)
     return Rows(np.tile(registers(drive).array(), (steps, 1)), measurements, run.trace.u)
@@ -110,7 +105,7 @@ def any_measurements(rng: np.random.Generator, n: int) -> IntArray:
 
 def any_state(name: str, method: str, rng: np.random.Generator, n: int) -> Rows:
     """A drive's registers with measurements of any content, zero flux and current among them."""
-    drive = changed(shipped(name), method=method)
+    drive = shipped(name).with_control(method=method)
     measurements = any_measurements(rng, n)
     measurements[rng.random(n) < 0.05, 0:4] = 0
     measurements[rng.random(n) < 0.05, 6] = 0
@@ -164,7 +159,7 @@ def stretches(seed: int, steps: int) -> list[Stretch]:
     columns = [f.MEASUREMENTS.index(name) for name, _ in DRIVE_INPUTS]
     found = []
     for method in METHODS:
-        drive = changed(shipped("motulator_2kw2"), method=method)
+        drive = shipped("motulator_2kw2").with_control(method=method)
         rows = recorded("motulator_2kw2", method, 900.0, 7.0, steps).measurements[:, columns]
         flux = 0.02 * drive.control.psi_max
         found += [

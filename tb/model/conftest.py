@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "model"))
 
-from directmpc.drive_file import Drive, load_drive  # noqa: E402
+from directmpc.drive_file import Drive, load_mpdcc_drive  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -23,21 +22,10 @@ def drives_folder() -> Path:
 @pytest.fixture(scope="session")
 def drive(drives_folder: Path) -> Drive:
     """The 6 kV drive as it ships."""
-    return load_drive(drives_folder / "anpc5l_6kv.toml")
+    return load_mpdcc_drive(drives_folder / "anpc5l_6kv.toml")
 
 
 @pytest.fixture(scope="session")
 def verified_drive(drives_folder: Path) -> Drive:
     """The 3.3 kV drive as it ships."""
-    return load_drive(drives_folder / "anpc5l_3kv3.toml")
-
-
-@pytest.fixture(scope="session")
-def with_control() -> Callable[..., Drive]:
-    """Make a function that changes keys of a drive's control table."""
-
-    def change(drive: Drive, **control: object) -> Drive:
-        changed = drive.control.model_copy(update=control)
-        return drive.model_copy(update={"control": changed})
-
-    return change
+    return load_mpdcc_drive(drives_folder / "anpc5l_3kv3.toml")

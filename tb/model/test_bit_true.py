@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
 from fractions import Fraction
 
 import numpy as np
@@ -299,11 +298,10 @@ def test_registers_of_any_drive_are_representable(variant: str) -> None:
     assert worst < 0.02
 
 
-def test_registers_refuse_what_does_not_fit(
-    drive: Drive, with_control: Callable[..., Drive]
-) -> None:
+def test_registers_refuse_what_does_not_fit(drive: Drive) -> None:
+    beyond_any_file = drive.control.model_copy(update={"lambda_n": 1e6})
     with pytest.raises(ValueError, match="lambda_n"):
-        co.registers(with_control(drive, lambda_n=1e6), "paper")
+        co.registers(drive.model_copy(update={"control": beyond_any_file}), "paper")
 
 
 @pytest.mark.parametrize(
@@ -315,9 +313,9 @@ def test_registers_refuse_what_does_not_fit(
     ],
 )
 def test_registers_refuse_what_the_paper_variant_cannot_do(
-    drive: Drive, with_control: Callable[..., Drive], setting: dict, port: str, value: int
+    drive: Drive, setting: dict, port: str, value: int
 ) -> None:
-    asked = with_control(drive, **setting)
+    asked = drive.with_control(**setting)
     assert co.registers(asked, "fast").ports()[port] == value
     assert co.registers(drive, "paper").ports()[port] == 0
     (key,) = setting
@@ -325,8 +323,8 @@ def test_registers_refuse_what_the_paper_variant_cannot_do(
         co.registers(asked, "paper")
 
 
-def test_a_budget_without_sese_has_no_effect(drive: Drive, with_control) -> None:
-    asked = with_control(drive, budget=7)
+def test_a_budget_without_sese_has_no_effect(drive: Drive) -> None:
+    asked = drive.with_control(budget=7)
     assert co.registers(asked, "fast").ports()["budget"] == 7
     assert co.registers(asked, "paper") == co.registers(drive, "paper")
 

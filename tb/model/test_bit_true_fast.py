@@ -199,8 +199,8 @@ def test_no_rank_of_a_deadlock_overflows() -> None:
 
 
 def test_the_weighted_rule_changes_deadlocks_alone() -> None:
-    drive = states.changed(states.shipped("anpc5l_6kv"), bound_current=0.06)
-    weighted = states.changed(drive, deadlock_rule="weighted")
+    drive = states.shipped("anpc5l_6kv").with_control(bound_current=0.06)
+    weighted = drive.with_control(deadlock_rule="weighted")
     trace = states.recorded(drive, 4000, 0.2)
     before, after = bit_true_fast.run(drive, trace), bit_true_fast.run(weighted, trace)
     differs = np.any(before.s != after.s, axis=1)
@@ -212,8 +212,8 @@ def test_the_weighted_rule_changes_deadlocks_alone() -> None:
 
 @pytest.mark.parametrize("horizon", ["SE", "SESE"])
 def test_the_weighted_rule_is_the_ideal_controllers(horizon: str) -> None:
-    drive = states.changed(
-        states.shipped("anpc5l_6kv"), deadlock_rule="weighted", switching_horizon=horizon
+    drive = states.shipped("anpc5l_6kv").with_control(
+        deadlock_rule="weighted", switching_horizon=horizon
     )
     count = closed_loop.simulate(
         drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(0.25), 6000,
@@ -238,7 +238,7 @@ def test_decisions_are_the_ideal_controllers() -> None:
     steps = differing = 0
     worst = 0.0
     for name, speed, bound in itertools.product(states.SHIPPED, speeds, (0.06, 0.10, 0.16)):
-        drive = states.changed(states.shipped(name), bound_current=bound)
+        drive = states.shipped(name).with_control(bound_current=bound)
         count = closed_loop.simulate(
             drive, ideal.decide, ideal.ideal_parameters(drive),
             OperatingPoint(speed, current=1.0), 1800, settle=300,
@@ -267,6 +267,6 @@ def test_fast_enough(drive: Drive) -> None:
 @pytest.mark.parametrize("name", ["anpc5l_6kv", "anpc5l_3kv3"])
 def test_the_unit_leaves_room_for_the_curvature_of_a_long_period(name: str) -> None:
     # the curvature goes with the square of the period; a finer unit would clip one row in five
-    drive = states.changed(states.shipped(name), ts=200e-6)
+    drive = states.shipped(name).with_control(ts=200e-6)
     found = bit_true_fast.run(drive, states.near(drive, 600, np.random.default_rng(3)))
     assert found.saturated.sum() < 18  # states beyond rated speed and flux

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -31,13 +30,12 @@ def run(drive: Drive, point=RATED, steps: int = 2000, **options) -> closed_loop.
 )
 def test_indicative_figures_of_the_6_kv_drive(
     drive: Drive,
-    with_control: Callable[..., Drive],
     bound: float,
     distortion: float,
     logical: float,
     physical: float,
 ) -> None:
-    changed = with_control(drive, bound_current=bound, lambda_n=10.0)
+    changed = drive.with_control(bound_current=bound, lambda_n=10.0)
     result = run(changed, steps=16000, settle=2000, seed=1)
     found = metrics.summarise(changed, result)
     assert 100 * found.thd_mean == pytest.approx(distortion, rel=0.05)
@@ -55,21 +53,20 @@ def test_indicative_figures_of_the_6_kv_drive(
 )
 def test_indicative_figures_of_the_verified_machine(
     verified_drive: Drive,
-    with_control: Callable[..., Drive],
     bound: float,
     distortion: float,
     logical: float,
 ) -> None:
-    changed = with_control(verified_drive, bound_current=bound, lambda_n=10.0)
+    changed = verified_drive.with_control(bound_current=bound, lambda_n=10.0)
     found = metrics.summarise(changed, run(changed, steps=16000, settle=2000, seed=1))
     assert 100 * found.thd_mean == pytest.approx(distortion, rel=0.05)
     assert found.switching.per_device_24_logical == pytest.approx(logical, rel=0.15)
 
 
-def test_longer_horizon_switches_less(drive: Drive, with_control: Callable[..., Drive]) -> None:
+def test_longer_horizon_switches_less(drive: Drive) -> None:
     frequency = {}
     for kind in ("SE", "SESE"):
-        changed = with_control(drive, switching_horizon=kind)
+        changed = drive.with_control(switching_horizon=kind)
         result = run(changed, steps=8000, settle=1000)
         frequency[kind] = metrics.summarise(changed, result).switching.per_device_24_logical
     assert frequency["SESE"] < frequency["SE"]
@@ -162,13 +159,13 @@ def test_plant_may_differ_from_the_controllers_model(drive: Drive, verified_driv
     assert not np.array_equal(same.state, other.state)
 
 
-def test_shadow_counts(drive: Drive, with_control: Callable[..., Drive]) -> None:
+def test_shadow_counts(drive: Drive) -> None:
     parameters = ideal.ideal_parameters(drive)
     twin = run(drive, steps=1000, shadow=ideal.decide, shadow_parameters=parameters)
     count = twin.shadow_count(parameters)
     assert (count.steps, count.differing, count.near_ties) == (1000, 0, 0)
     assert count.held + count.searched == 1000
-    tighter = ideal.ideal_parameters(with_control(drive, bound_current=0.09))
+    tighter = ideal.ideal_parameters(drive.with_control(bound_current=0.09))
     other = run(drive, steps=1000, shadow=ideal.decide, shadow_parameters=tighter)
     assert np.array_equal(other.state, twin.state)
     count = other.shadow_count(parameters, tolerance=np.inf)

@@ -50,8 +50,7 @@ def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
 @pytest.mark.parametrize("speed", [0.2, 0.3, 1.0])
 @pytest.mark.parametrize("rule", BUILT_IN)
 def test_closed_loops_are_the_production_models(horizon: str, speed: float, rule: str) -> None:
-    drive = states.changed(
-        states.shipped("anpc5l_6kv"), bound_current=0.06, switching_horizon=horizon,
+    drive = states.shipped("anpc5l_6kv").with_control(bound_current=0.06, switching_horizon=horizon,
         deadlock_rule=rule,
     )  # fmt: skip
     runs = [
@@ -76,8 +75,8 @@ def test_random_drives_and_states(horizon: str, rule: str) -> None:
     rng = np.random.default_rng(17)
     deadlocks = 0
     for _ in range(60):
-        drive = states.changed(
-            states.random_drive(rng), switching_horizon=horizon, budget=0, deadlock_rule=rule
+        drive = states.random_drive(rng).with_control(
+            switching_horizon=horizon, budget=0, deadlock_rule=rule
         )
         deadlocks += assert_alike(drive, states.near(drive, 8, rng))
         deadlocks += assert_alike(drive, states.wide(8, rng, beyond=1.2))

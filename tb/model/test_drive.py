@@ -11,11 +11,13 @@ from pydantic import ValidationError
 
 from directmpc.drive_file import (
     Drive,
+    DriveError,
     DriveFileError,
     MptcDrive,
-    load_any_drive,
     load_drive,
+    load_mpdcc_drive,
     load_mptc_drive,
+    shipped_drives,
 )
 from directmpc.mpdcc.machine import InductionMachine
 
@@ -76,23 +78,23 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
     text = text.replace("vdc = 2.0", "vdc = 2").replace('"SE"   #', '"SESE"   #')
     path = tmp_path / "drive.toml"
     path.write_text(text)
-    drive = load_drive(path)
+    drive = load_mpdcc_drive(path)
     assert drive.inverter.vdc == 2.0
     assert drive.control.switching_horizon == "SESE"
     path.write_text(text.replace("switching_horizon", "# switching_horizon"))
-    assert load_drive(path).control.switching_horizon == "SE"
+    assert load_mpdcc_drive(path).control.switching_horizon == "SE"
     assert (drive.control.budget, drive.control.delay_compensation) == (0, False)
     assert drive.control.deadlock_rule == "largest"
     for rule in ("largest", "weighted"):
         path.write_text(text.replace("[control]", f'[control]\ndeadlock_rule = "{rule}"'))
-        assert load_drive(path).control.deadlock_rule == rule
+        assert load_mpdcc_drive(path).control.deadlock_rule == rule
     path.write_text(text)
     # both stand with either horizon: a budget without SESE limits nothing
     for budget, delay in ((0, "false"), (1, "true"), (4095, "true")):
         for kind in (text, text_of(drives_folder)):
             more = f"[control]\nbudget = {budget}\ndelay_compensation = {delay}"
             path.write_text(kind.replace("[control]", more))
-            control = load_drive(path).control
+            control = load_mpdcc_drive(path).control
             assert (control.budget, control.delay_compensation) == (budget, delay == "true")
 
 
@@ -159,7 +161,7 @@ def test_bad_files(
     path = tmp_path / "bad.toml"
     path.write_text(text.replace(old, new))
     with pytest.raises(DriveFileError) as caught:
-        load_drive(path)
+        load_mpdcc_drive(path)
     message = str(caught.value)
     assert "\n" not in message
     for part in [str(path), *named]:
@@ -170,35 +172,35 @@ def test_a_byte_order_mark_is_no_key(drives_folder: Path, tmp_path: Path) -> Non
     text = (drives_folder / "anpc5l_6kv.toml").read_text(encoding="utf-8")
     path = tmp_path / "drive.toml"
     path.write_text(text, encoding="utf-8-sig")
-    assert load_drive(path) == load_drive(drives_folder / "anpc5l_6kv.toml")
+    assert load_mpdcc_drive(path) == load_mpdcc_drive(drives_folder / "anpc5l_6kv.toml")
 
 
 def test_unreadable_files(tmp_path: Path) -> None:
     with pytest.raises(DriveFileError, match=r"none\.toml: cannot be read"):
-        load_drive(tmp_path / "none.toml")
+        load_mpdcc_drive(tmp_path / "none.toml")
     with pytest.raises(DriveFileError, match="cannot be read"):
-        load_drive(tmp_path)
+        load_mpdcc_drive(tmp_path)
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DriveFileError, match="not a TOML file"):
-        load_drive(binary)
+        load_mpdcc_drive(binary)
     empty = tmp_path / "empty.toml"
     empty.write_text("")
     with pytest.raises(DriveFileError, match="controller: missing"):
-        load_drive(empty)
+        load_mpdcc_drive(empty)
 
 
 def test_mptc_drives(tmp_path: Path, drives_folder: Path) -> None:
     path = tmp_path / "mptc.toml"
     path.write_text(MPTC)
-    drive = load_any_drive(path)
+    drive = load_drive(path)
     assert isinstance(drive, MptcDrive)
     assert drive == load_mptc_drive(path)
     assert (drive.control.method, drive.inverter.vdc) == ("MPTC", 582.0)
     path.write_text(MPTC + 'method = "MPFC"\n')
     assert load_mptc_drive(path).control.method == "MPFC"
     with pytest.raises(DriveFileError, match='must be "mpdcc"'):
-        load_drive(path)
+        load_mpdcc_drive(path)
     with pytest.raises(DriveFileError, match='must be "mptc"'):
         load_mptc_drive(drives_folder / "anpc5l_6kv.toml")
 
@@ -206,8 +208,9 @@ def test_mptc_drives(tmp_path: Path, drives_folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ("ls = 0.175", "ls = 0.17", ["machine.ls", "above machine.lm"]),
-        ("lr = 0.175", "lr = 0.1", ["machine.lr", "above machine.lm"]),
+        ("ls = 0.175", "ls = 0.165", ["machine.lm", "got 0.17;", "below 0.1699265 H", "ls*lr"]),
+        ("lr = 0.175", "lr = 0.1", ["machine.lm", "below 0.1322876 H"]),
+        ("ls = 0.175\nlr = 0.175", "ls = 0.17\nlr = 0.17", ["machine.lm", "below 0.17 H"]),
         ("pole_pairs = 1", "pole_pairs = 1.0", ["machine.pole_pairs", "an integer from 1"]),
         ("psi_max = 1.5", "", ["control.psi_max", "missing"]),
         ('"two_level"', '"anpc5l"', ["inverter.topology", '"two_level"']),
@@ -233,3 +236,53 @@ def test_bad_mptc_files(tmp_path: Path, old: str, new: str, named: list[str]) ->
 def test_bounds_are_a_fresh_array(drive: Drive) -> None:
     drive.bounds[0] = np.nan
     assert drive.bounds[0] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("ls", "lm", "lr"),
+    [(0.245, 0.224, 0.224), (0.17, 0.17, 0.175), (0.245, 0.448, 0.896), (0.245, 0.112, 0.056)],
+)
+def test_any_turns_ratio_is_a_machine(tmp_path: Path, ls: float, lm: float, lr: float) -> None:
+    path = tmp_path / "drive.toml"
+    text = MPTC.replace("ls = 0.175", f"ls = {ls}").replace("lr = 0.175", f"lr = {lr}")
+    path.write_text(text.replace("lm = 0.170", f"lm = {lm}"))
+    machine = load_mptc_drive(path).machine
+    assert (machine.ls, machine.lm, machine.lr) == (ls, lm, lr)
+
+
+def test_changed_values_are_checked_as_a_files(drive: Drive, drives_folder: Path) -> None:
+    other = drive.changed(machine={"rs": 0.006}, control={"horizon": np.int64(20)})
+    assert (other.machine.rs, other.control.horizon) == (0.006, 20)
+    assert isinstance(other.machine, InductionMachine)
+    assert (drive.machine.rs, drive.control.horizon) == (0.0057, 63)
+    assert other.machine.xm == drive.machine.xm
+    mptc = load_mptc_drive(drives_folder / "induction_2kw2.toml")
+    assert mptc.with_control(method="MPFC").control.method == "MPFC"
+    for change, message in (
+        (lambda: drive.with_control(horizon=64), "control.horizon: got 64; .*from 1 to 63"),
+        (lambda: drive.with_control(horizons=6), "control.horizons: unknown key; .control. may"),
+        (lambda: drive.with_control(ts=300e-6), "control.ts: got 0.0003 s; .*0.0002005 s"),
+        (lambda: drive.changed(base={"frequency": 400.0}), "control.ts: .*= 400 Hz"),
+        (lambda: drive.changed(motor={"rs": 1.0}), "motor: unknown key"),
+        (lambda: drive.changed(machine=3), "machine: got 3; a table of keys"),
+        (lambda: mptc.changed(machine={"lr": 0.1}), "machine.lm: got 0.221; .*below 0.151657"),
+        (lambda: mptc.with_control(method="FOC"), 'control.method: got "FOC"; .*"MPFC"'),
+    ):
+        with pytest.raises(DriveError, match=message):
+            change()
+
+
+def test_a_drive_that_ships_is_found_by_its_name(
+    drives_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {path.stem: path.read_text(encoding="utf-8") for path in drives_folder.glob("*.toml")}
+    assert shipped_drives() == files
+    monkeypatch.chdir(tmp_path)
+    for name in files:
+        assert load_drive(name) == load_drive(drives_folder / f"{name}.toml")
+        assert load_drive(f"{name}.toml") == load_drive(name)
+    with pytest.raises(DriveFileError, match=r"nothing: cannot be read.*anpc5l_6kv"):
+        load_drive("nothing")
+    Path("anpc5l_6kv.toml").write_text(MPTC)  # a file of the user's comes first
+    assert isinstance(load_drive("anpc5l_6kv.toml"), MptcDrive)
+    assert isinstance(load_drive("anpc5l_6kv"), Drive)

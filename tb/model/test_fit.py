@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -36,13 +35,11 @@ def test_fit_is_the_least_squares_minimum(drive: Drive) -> None:
     assert again.p == pytest.approx(best.p)
 
 
-def test_choice_for_the_drives_that_ship(
-    drive: Drive, verified_drive: Drive, with_control: Callable[..., Drive]
-) -> None:
+def test_choice_for_the_drives_that_ship(drive: Drive, verified_drive: Drive) -> None:
     assert fit.choose_extrapolation(drive) == (2, pytest.approx(2.689, abs=1e-3))
     assert fit.choose_extrapolation(verified_drive) == (4, pytest.approx(1.869, abs=1e-3))
-    wide, _ = fit.choose_extrapolation(with_control(drive, bound_current=0.5))
-    narrow, _ = fit.choose_extrapolation(with_control(drive, bound_current=0.02))
+    wide, _ = fit.choose_extrapolation(drive.with_control(bound_current=0.5))
+    narrow, _ = fit.choose_extrapolation(drive.with_control(bound_current=0.02))
     assert narrow == 1
     assert wide > 4
 

@@ -184,7 +184,7 @@ def as_rows(decisions) -> list[tuple[int, ...]]:
 def test_ideal_is_as_specified(
     drive: Drive, with_control: Callable[..., Drive], control: dict, n: int
 ) -> None:
-    changed = with_control(drive, **control)
+    changed = drive.with_control(**control)
     trace = random_trace(changed, n, seed=len(str(control)))
     decisions = ideal.run(changed, trace)
     expected = [Specified(changed, trace, row).decide() for row in range(n)]
@@ -199,7 +199,7 @@ def test_ideal_is_as_specified(
 
 @pytest.mark.parametrize("kind", ["SE", "SESE"])
 def test_every_branch_occurs(drive: Drive, with_control: Callable[..., Drive], kind: str) -> None:
-    changed = with_control(drive, switching_horizon=kind)
+    changed = drive.with_control(switching_horizon=kind)
     decisions = ideal.run(changed, random_trace(changed, 3000, seed=5))
     assert decisions.held.mean() > 0.02
     assert decisions.deadlock.mean() > 0.02
@@ -212,7 +212,7 @@ def test_every_branch_occurs(drive: Drive, with_control: Callable[..., Drive], k
 def test_pruning_changes_nothing(
     drive: Drive, with_control: Callable[..., Drive], kind: str
 ) -> None:
-    changed = with_control(drive, switching_horizon=kind, lambda_n=0.0)
+    changed = drive.with_control(switching_horizon=kind, lambda_n=0.0)
     parameters = ideal.ideal_parameters(changed)
     trace = random_trace(changed, 400, seed=8)
     for k in range(len(trace)):

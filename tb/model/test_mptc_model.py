@@ -29,7 +29,7 @@ from directmpc.mpdcc.trace import (
     write_mptc_decisions,
     write_mptc_trace,
 )
-from directmpc.mptc import bit_true, closed_loop, ideal
+from directmpc.mptc import bit_true, closed_loop, ideal, observer
 from directmpc.mptc import formats as f
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import registers
@@ -84,7 +84,7 @@ def test_ideal_predicts_by_heuns_method() -> None:
 
 @pytest.mark.parametrize("method", core.METHODS)
 def test_ideal_takes_the_cheapest(method: str) -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), method=method)
+    drive = core.shipped("induction_2kw2").with_control(method=method)
     p = ideal.ideal_parameters(drive)
     rng = np.random.default_rng(2)
     seen = set()
@@ -107,7 +107,7 @@ def test_ideal_ties_go_to_the_lowest_number() -> None:
 
 
 def test_reference_vector_makes_the_torque() -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), method="MPFC")
+    drive = core.shipped("induction_2kw2").with_control(method="MPFC")
     p, m = ideal.ideal_parameters(drive), drive.machine
     lam = 1 / (m.ls * m.lr - m.lm**2)
     rng = np.random.default_rng(3)
@@ -128,7 +128,7 @@ def test_reference_vector_makes_the_torque() -> None:
 @pytest.mark.parametrize("name", core.SHIPPED)
 @pytest.mark.parametrize(("rpm", "load"), POINTS)
 def test_twin_decides_as_ideal(name: str, method: str, rpm: float, load: float) -> None:
-    drive = core.changed(core.shipped(name), method=method)
+    drive = core.shipped(name).with_control(method=method)
     run = closed_loop.simulate(drive, closed_loop.constant(drive, rpm, load, 0.986, 20_000))
     assert run.mismatch <= 0.01
     if method == "MPTC":
@@ -211,7 +211,7 @@ def test_twin_serves_drives_of_any_size() -> None:
 
 @pytest.mark.parametrize("method", core.METHODS)
 def test_start_without_flux_moves(method: str) -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), method=method)
+    drive = core.shipped("induction_2kw2").with_control(method=method)
     n = 2000
     scenario = Scenario(np.zeros(n), np.full(n, 0.9), np.zeros(n))
     run = closed_loop.simulate(drive, scenario)
@@ -234,7 +234,7 @@ def test_values_outside_their_format_are_flagged() -> None:
 
 
 def test_torque_reference_out_of_reach_is_flagged() -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), method="MPFC")
+    drive = core.shipped("induction_2kw2").with_control(method="MPFC")
     q, p = bit_true.parameters(drive), ideal.ideal_parameters(drive)
     for inputs in (
         (2 + 0j, 0.2 + 0j, 10.0, 0, 540.0, 39.0, 0.9),
@@ -250,7 +250,7 @@ def test_torque_reference_out_of_reach_is_flagged() -> None:
     [("k_psi", 1e6), ("ts", 5e-3), ("speed_max", 9e4), ("torque_max", 1e-4), ("psi_max", 1e-3)],
 )
 def test_what_does_not_fit_names_its_key(key: str, value: float) -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), **{key: value})
+    drive = core.shipped("induction_2kw2").with_control(**{key: value})
     with pytest.raises(ValueError, match=r"control\.") as error:
         registers(drive)
     assert key in str(error.value)
@@ -275,8 +275,42 @@ def test_trace_and_decisions_survive_the_file(tmp_path: Path) -> None:
         read_mptc_trace(tmp_path / "t.csv")
 
 
-def test_our_plant_is_motulators() -> None:
+#: Turns ratios that make other circuits of a machine: lr = lm (inverse gamma), ls = lm (gamma), 2.
+FORMS = {"inverse gamma": lambda m: m.lm / m.lr, "gamma": lambda m: m.ls / m.lm, "2": lambda m: 2.0}
+
+
+def in_form(drive: MptcDrive, form: str) -> MptcDrive:
+    """The same machine with another turns ratio: nothing changes at the stator."""
+    m, k = drive.machine, FORMS[form](drive.machine)
+    return drive.changed(machine={"lm": k * m.lm, "lr": k * k * m.lr, "rr": k * k * m.rr})
+
+
+@pytest.mark.parametrize("method", core.METHODS)
+@pytest.mark.parametrize("form", FORMS)
+def test_the_form_of_the_circuit_does_not_matter(form: str, method: str) -> None:
+    drive = core.shipped("motulator_2kw2").with_control(method=method)
+    other = in_form(drive, form)
+    if form == "inverse gamma":
+        assert (other.machine.lm, other.machine.rr) == (
+            pytest.approx(other.machine.lr), pytest.approx(2.1),
+        )  # fmt: skip
+    assert registers(other).ports() == registers(drive).ports()
+    assert observer.coefficients(other) == observer.coefficients(drive)
+    inputs = closed_loop.constant(drive, 900.0, 7.0, 0.95, 400)
+    again = closed_loop.constant(other, 900.0, 7.0, 0.95, 400)
+    assert again.current == pytest.approx(inputs.current)
+    for engine in ("ideal", "model"):
+        one = closed_loop.simulate(drive, inputs, engine=engine)
+        two = closed_loop.simulate(other, again, engine=engine)
+        np.testing.assert_array_equal(one.u, two.u)
+        np.testing.assert_allclose(one.trace.i_s, two.trace.i_s, atol=1e-9)
+        np.testing.assert_allclose(one.torque, two.torque, atol=1e-9)
+
+
+@pytest.mark.parametrize("form", [None, *FORMS])
+def test_our_plant_is_motulators(form: str | None) -> None:
     drive = core.shipped("motulator_2kw2")
+    drive = drive if form is None else in_form(drive, form)
     scenario = closed_loop.constant(drive, 900.0, 7.0, 0.95, 400)
     ours = closed_loop.simulate(drive, scenario)
     theirs = motulator_plant.simulate(drive, scenario)

@@ -110,7 +110,7 @@ def test_the_example_gives_the_shipped_drive() -> None:
     names: dict[str, Any] = {}
     text = between(DOCS / "drive-file.md", "example")
     exec(text.partition("```python\n")[2].partition("```")[0], names)
-    drive = drive_file.load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = drive_file.load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     for key in ("rs", "rr", "xls", "xlr", "xm"):
         assert names[key] == pytest.approx(getattr(drive.machine, key), rel=5e-3), key
     for key in ("vdc", "xdc", "xph"):

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.host import lockstep
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
@@ -102,13 +102,13 @@ def _load(board: Board, console: Console, drive: Drive | MptcDrive, given: Any) 
 
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Write a drive file's registers."""
-    _load(board, console, load_any_drive(given.drive), given)
+    _load(board, console, load_drive(given.drive), given)
     return 0
 
 
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Close the loop with a plant here."""
-    drive = load_any_drive(given.drive)
+    drive = load_drive(given.drive)
     if given.out:  # found out after the last step, all of them would have been for nothing
         if not isinstance(drive, Drive):
             raise ValueError(

@@ -19,7 +19,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.mpdcc import coefficients, formats
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
@@ -358,7 +358,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         **{name: getattr(given, name) for name in GuardSettings.__dataclass_fields__}
     )
     try:
-        found = values(load_any_drive(given.drive), settings, given.variant)
+        found = values(load_drive(given.drive), settings, given.variant)
         if given.c:
             text = format_c(found, os.path.basename(given.drive))
         else:

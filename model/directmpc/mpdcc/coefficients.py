@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.parabola import FAR, fit_parabola
@@ -381,7 +381,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     given = parser.parse_args(arguments)
     try:
-        values = registers(load_drive(given.drive), given.variant)
+        values = registers(load_mpdcc_drive(given.drive), given.variant)
         print(format_csv(values) if given.csv else format_table(values), flush=True)
     except BrokenPipeError:  # a reader such as head has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

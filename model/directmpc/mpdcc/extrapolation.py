@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, DriveFileError, load_drive
+from directmpc.drive_file import Drive, DriveFileError, load_mpdcc_drive
 from directmpc.mpdcc.machine import InductionMachine, discretise
 
 LENGTHS = (1, 2, 4, 8, 16, 32, 64)
@@ -222,7 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("drive", help="drive file (TOML) of an MPDCC drive")
     given = parser.parse_args(arguments)
     try:
-        print(format_table(load_drive(given.drive)))
+        print(format_table(load_mpdcc_drive(given.drive)))
     except DriveFileError as error:
         print(f"fit: {error}", file=sys.stderr)
         return 2

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from directmpc.drive_file import Drive, load_drive
+from directmpc.drive_file import Drive, load_mpdcc_drive
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
@@ -45,7 +45,7 @@ class Point:
 
     def load(self) -> Drive:
         """The drive with this point's bound."""
-        drive = load_drive(ROOT / "drives" / f"{self.drive}.toml")
+        drive = load_mpdcc_drive(ROOT / "drives" / f"{self.drive}.toml")
         control = drive.control.model_copy(update={"bound_current": self.bound})
         return drive.model_copy(update={"control": control})
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.drive_file import Drive, load_any_drive
+from directmpc.drive_file import Drive, load_drive
 from directmpc.host import protocol as p
 from directmpc.host.link import RefusedError
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
@@ -96,7 +96,7 @@ class Hostile:
 
     def run_up(self) -> Decision:
         """Load a drive, enable the gates, decide twice: the gates are on now."""
-        drive = load_any_drive(MPTC)
+        drive = load_drive(MPTC)
         found = values(drive, GuardSettings(clock=CLOCK))
         # nothing else may switch the gates off during the test: no watchdog within its length
         for _, address, word in found.writes():

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_any_drive
+from directmpc.drive_file import load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import lockstep
 from directmpc.host import protocol as p
@@ -34,7 +34,6 @@ from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import Decisions, IntArray
-from scripts.hdl import states
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
 from tb.rtl.boards.board_steps import (
@@ -75,7 +74,7 @@ def sample_of(decisions: Decisions) -> IntArray:
 
 
 def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path: Path) -> None:
-    drive = load_any_drive(MPDCC)
+    drive = load_drive(MPDCC)
     log = tmp_path / "gates.csv"
     with VirtualBoard(generics("mpdcc"), tmp_path / "board", log) as running:
         stream = SerialStream(str(running.port), 3_000_000)
@@ -112,7 +111,7 @@ def test_2000_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(tmp_path
 
 
 def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
-    drive = states.changed(load_any_drive(MPDCC), switching_horizon="SESE", budget=BUDGET)
+    drive = load_drive(MPDCC).with_control(switching_horizon="SESE", budget=BUDGET)
     with VirtualBoard(generics("mpdcc"), tmp_path / "board") as running:
         stream = SerialStream(str(running.port), 3_000_000)
         board = Board(Link(stream))
@@ -133,7 +132,7 @@ def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
 
 
 def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
-    drive = load_any_drive(MPTC)
+    drive = load_drive(MPTC)
     with VirtualBoard(generics("mptc"), tmp_path / "board") as running:
         stream = SerialStream(str(running.port), 3_000_000)
         board = Board(Link(stream))

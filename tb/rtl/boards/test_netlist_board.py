@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive, MptcDrive, load_any_drive
+from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.gate_guard import FAULTS as FAULT_NAMES
 from directmpc.gate_guard import anpc_gates, two_level_gates
 from directmpc.host import lockstep
@@ -41,7 +41,6 @@ from directmpc.host.registers import GuardSettings, RegisterValues, registers_of
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import conversion as netlist
-from scripts.hdl import states
 from scripts.hdl.boards import BOARDS
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard
@@ -177,7 +176,7 @@ def prove(
         check_facts(board, chosen)
         name = board.controller
         steps = int(STEPS[name] * scale)
-        drive = load_any_drive(MPDCC if name == "mpdcc" else MPTC)
+        drive = load_drive(MPDCC if name == "mpdcc" else MPTC)
         loaded(board, drive)
         assert board.read("system.commits")["count"] == 2  # the first is the reset's
         assert log.read_text() == "clock,gates\n"
@@ -227,8 +226,7 @@ def prove(
 
 def check_options(board: Board, steps: int) -> None:
     """SESE with a budget, delay compensation and the weighted deadlock rule, decisions alike."""
-    drive = states.changed(
-        load_any_drive(MPDCC),
+    drive = load_drive(MPDCC).with_control(
         switching_horizon="SESE", budget=BUDGET, delay_compensation=True, deadlock_rule="weighted",
     )  # fmt: skip
     loaded(board, drive)
@@ -298,7 +296,7 @@ def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(tmp_p
         stream = SerialStream(str(running.port), 115_200)
         board = Board(Link(stream, 30.0))
         check_facts(board, chosen)
-        drive = load_any_drive(MPTC)
+        drive = load_drive(MPTC)
         loaded(board, drive)
         with lockstep.gates_enabled(board):
             run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 15)

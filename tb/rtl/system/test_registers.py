@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_any_drive
+from directmpc.drive_file import load_drive
 from directmpc.host import registers
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import formats
@@ -63,7 +63,7 @@ def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
 
 @pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
 def test_a_drive_becomes_register_values(path: Path) -> None:
-    drive = load_any_drive(path)
+    drive = load_drive(path)
     found = registers.values(drive)
     assert found.saturated == []
     for name, (_, fields) in MAPS[found.controller].items():
@@ -82,7 +82,7 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
 
 
 def test_what_does_not_fit_is_named_and_safe() -> None:
-    drive = load_any_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     settings = registers.GuardSettings(
         decision_limit=90.0, watchdog=60.0, current=5.0, link_high=9.0
     )
@@ -119,7 +119,7 @@ def test_what_does_not_fit_is_named_and_safe() -> None:
 def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: str) -> None:
     path = ROOT / "drives" / "induction_2kw2.toml"
     with pytest.raises(ValueError, match=name) as refused:
-        registers.values(load_any_drive(path), registers.GuardSettings(**{name: asked}))
+        registers.values(load_drive(path), registers.GuardSettings(**{name: asked}))
     assert allowed in str(refused.value)
     status, text, complaints = command(str(path), f"--{name.replace('_', '-')}", str(asked), "--c")
     assert (status, text) == (2, "")
@@ -127,7 +127,7 @@ def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: s
 
 
 def test_the_longest_times_fit() -> None:
-    drive = load_any_drive(ROOT / "drives" / "induction_2kw2.toml")
+    drive = load_drive(ROOT / "drives" / "induction_2kw2.toml")
     longest = 0.0001638
     settings = registers.GuardSettings(
         dead_time=longest, minimum_on=longest, minimum_off=longest, link_low=1.99996948242

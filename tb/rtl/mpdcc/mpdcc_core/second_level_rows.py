@@ -53,9 +53,7 @@ def rounded() -> core.Rows:
 
     Leaves that leave v_n alone have it inside nevertheless, and one of them is the best.
     """
-    drive = states.changed(
-        states.shipped("anpc5l_6kv"), switching_horizon="SESE", bound_current=0.15
-    )
+    drive = states.shipped("anpc5l_6kv").with_control(switching_horizon="SESE", bound_current=0.15)
     row = (
         15487, -7893, -34, -8527, -3024, 17050, 18275, 13550, 32006, 14781, -6125, 9600, 9532
     )  # fmt: skip
@@ -76,7 +74,7 @@ def rows_of(seed: int, each: int, two: int, compensate: int) -> core.Rows:
     rng = np.random.default_rng(seed)
     parts = []
     for name, speed in (("anpc5l_6kv", 1.0), ("anpc5l_6kv", 0.3), ("anpc5l_3kv3", -0.7)):
-        drive = states.changed(states.shipped(name), switching_horizon="SESE")
+        drive = states.shipped(name).with_control(switching_horizon="SESE")
         array = registers(drive, "fast").array()
         rows = core.of_trace(states.recorded(drive, 1500, speed, False), array)
         rows = with_options(rows, two, (0,), compensate)
@@ -84,7 +82,7 @@ def rows_of(seed: int, each: int, two: int, compensate: int) -> core.Rows:
         chosen = rng.permutation(np.flatnonzero(~held))[:each]
         parts.append(rows.pick(np.append(chosen, np.flatnonzero(held)[:1])))
     for _ in range(each):
-        drive = states.changed(states.random_drive(rng), switching_horizon="SESE")
+        drive = states.random_drive(rng).with_control(switching_horizon="SESE")
         array = registers(drive, "fast").array()
         parts.append(core.of_trace(states.near(drive, 1, rng, reach=0.6), array))
     return core.join(parts)

@@ -42,7 +42,7 @@ def rows_of(each: int, any_words: int) -> core.Rows:
     rng = np.random.default_rng(41)
     parts = []
     for name, speed in (("anpc5l_6kv", 0.2), ("anpc5l_6kv", -0.3), ("anpc5l_3kv3", 0.25)):
-        drive = states.changed(states.shipped(name), bound_current=0.06)
+        drive = states.shipped(name).with_control(bound_current=0.06)
         array = registers(drive, "fast").array()
         rows = core.of_trace(states.recorded(drive, 3000, speed), array)
         dead = np.flatnonzero(rows.model("fast")[:, 4] == 1)
@@ -93,8 +93,7 @@ def test_every_decision_is_the_models(
 
 @pytest.mark.parametrize("horizon", ["SE", "SESE"])
 def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> None:
-    drive = states.changed(
-        states.shipped("anpc5l_6kv"), bound_current=0.06, switching_horizon=horizon,
+    drive = states.shipped("anpc5l_6kv").with_control(bound_current=0.06, switching_horizon=horizon,
         deadlock_rule="weighted",
     )  # fmt: skip
     array = registers(drive, "fast").array()

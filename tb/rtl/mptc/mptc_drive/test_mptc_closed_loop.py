@@ -37,7 +37,7 @@ LEGS = (1450, 350, 150, 1050)  # periods, see `rtl_loop.tour`
 
 @pytest.mark.parametrize("method", core.METHODS)
 def test_start_load_step_and_reversal(method: str) -> None:
-    drive = core.changed(core.shipped("motulator_2kw2"), method=method)
+    drive = core.shipped("motulator_2kw2").with_control(method=method)
     scenario, words = rtl_loop.tour(drive, PSI, LOAD, INERTIA, LEGS)
     found = motulator_plant.run_rtl(drive, words, scenario, INERTIA)
     rpm = found.trace.omega_r / drive.machine.pole_pairs / RPM
@@ -75,7 +75,7 @@ def test_an_rtl_that_is_not_its_twin_ends_the_loop() -> None:
 
 @pytest.mark.parametrize("method", core.METHODS)
 def test_torque_step_rises_in_less_than_a_millisecond(method: str) -> None:
-    drive = core.changed(core.shipped("motulator_2kw2"), method=method)
+    drive = core.shipped("motulator_2kw2").with_control(method=method)
     steady = closed_loop.constant(drive, 150.0, 0.0, PSI, 1400)
     # observer and machine begin without flux; a turning machine is magnetised by the core
     begin = 1300

@@ -77,7 +77,7 @@ def test_netlist_of_the_joined_drive_decides_as_its_twin() -> None:
     for k in range(n):
         if k % block == 0:
             method = core.METHODS[k // block % 2]
-            drive = core.changed(core.shipped("motulator_2kw2"), method=method)
+            drive = core.shipped("motulator_2kw2").with_control(method=method)
             words = joined.parameters(drive, limit=8.0, flux=rng.uniform(0.01, 0.9))
             if k // block % 4 == 3:
                 high = f.WORD_HIGH >> int(rng.integers(0, 6))
@@ -169,7 +169,7 @@ def test_levels_outside_their_range_are_refused() -> None:
 
 
 def test_preexcitation_spares_the_current() -> None:
-    drive = core.changed(core.shipped("induction_2kw2"), method="MPFC")
+    drive = core.shipped("induction_2kw2").with_control(method="MPFC")
     surge = study.start(drive, excited=False)
     gentle = study.start(drive, excited=True, limit=8.0)
     peak = [float(np.hypot(*r.trace.i_s.T).max()) for r in (surge, gentle)]
