@@ -1,6 +1,9 @@
 """Drive files: the TOML a user writes, checked and turned into frozen objects.
 
 Keys, units, ranges and defaults: docs/specification.md, section 4.1.
+
+What depends on several keys is checked by the models themselves, so `changed` and `with_control`
+refuse what a file may not hold either. A drive that ships is found by its name as well.
 """
 
 from __future__ import annotations
@@ -8,24 +11,38 @@ from __future__ import annotations
 import math
 import os
 import tomllib
+from collections.abc import Mapping
+from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from directmpc.mpdcc.machine import InductionMachine
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
-LEAKAGE_MIN = 1e-4
+
+LEAKAGE_MIN = 1e-9
+"""Least 1 - lm**2/(ls*lr): below it the rounding of the file's numbers is the leakage."""
 
 
-class DriveFileError(ValueError):
+class DriveError(ValueError):
+    """A drive cannot be as it is asked to be; the message names the key and what is allowed."""
+
+
+class DriveFileError(DriveError):
     """A drive file cannot be used; the message names file, key and what is allowed."""
+
+
+def _refuse(key: str, message: str) -> PydanticCustomError:
+    """Error of a check over several keys; `key` is the one that is named."""
+    return PydanticCustomError("across_keys", "{key}: {message}", {"key": key, "message": message})
 
 
 def _number(low: float, high: float, unit: str) -> Any:
@@ -46,6 +63,45 @@ class _Section(BaseModel):
     """A table of a drive file: frozen, without room for unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _Drive(_Section):
+    """What the drives of all controllers can do."""
+
+    def changed(self, **tables: Mapping[str, Any]) -> Self:
+        """Make the same drive with other values, checked as a drive file is.
+
+        Parameters
+        ----------
+        **tables
+            Name of a table of the drive file (`machine`, `inverter`, `control`, ...) to the keys
+            to change: ``drive.changed(machine={"rs": 0.006}, control={"horizon": 20})``.
+
+        Returns
+        -------
+        Drive or MptcDrive
+            A new drive; this one stays as it is.
+
+        Raises
+        ------
+        DriveError
+            If a table or key is unknown or a value is not allowed; names key and allowed range.
+        """
+        data: dict[str, Any] = {}
+        for name in _keys(type(self)):
+            value = getattr(self, name)
+            data[name] = {k: getattr(value, k) for k in _keys(type(value))} or value
+        for name, keys in tables.items():
+            if not isinstance(keys, Mapping):
+                raise DriveError(f"{name}: got {_describe(keys)}; a table of keys is needed")
+            plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in keys.items()}
+            old = data.get(name, {})
+            data[name] = {**old, **plain} if isinstance(old, dict) else plain
+        return _validated(type(self), data)
+
+    def with_control(self, **keys: Any) -> Self:
+        """Make the same drive with other keys of its table `control`; as `changed`."""
+        return self.changed(control=keys)
 
 
 class Base(_Section):
@@ -97,7 +153,7 @@ class Control(_Section):
     deadlock_rule: Literal["largest", "weighted"] = "largest"
 
 
-class Drive(_Section):
+class Drive(_Drive):
     """An MPDCC drive as its file describes it, per unit."""
 
     controller: Literal["mpdcc"]
@@ -105,6 +161,18 @@ class Drive(_Section):
     machine: Machine
     inverter: Inverter
     control: Control
+
+    @model_validator(mode="after")
+    def _check_sampling(self) -> Self:
+        if not TS_PU_MIN <= self.ts_pu <= TS_PU_MAX:
+            unit = 2 * math.pi * self.base.frequency
+            raise _refuse(
+                "control.ts",
+                f"got {self.control.ts:g} s; it must be a number from {TS_PU_MIN / unit:.4g} to "
+                f"{TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) with base.frequency = "
+                f"{self.base.frequency:g} Hz",
+            )
+        return self
 
     @property
     def ts_pu(self) -> float:
@@ -119,7 +187,11 @@ class Drive(_Section):
 
 
 class MptcMachine(_Section):
-    """Machine parameters of an MPTC drive, SI (Paper B)."""
+    """Machine parameters of an MPTC drive, SI (Paper B).
+
+    Any machine with ls*lr > lm**2 is one, whatever its turns ratio: the T circuit with both
+    inductances above lm, the inverse-gamma circuit with lr = lm, the gamma circuit with ls = lm.
+    """
 
     rs: _number(1e-6, 1e3, "ohm")
     rr: _number(1e-6, 1e3, "ohm")
@@ -127,6 +199,17 @@ class MptcMachine(_Section):
     ls: _number(1e-6, 1e3, "H")
     lr: _number(1e-6, 1e3, "H")
     pole_pairs: _integer(1, 64)
+
+    @model_validator(mode="after")
+    def _check_leakage(self) -> Self:
+        if 1.0 - self.lm * self.lm / (self.ls * self.lr) < LEAKAGE_MIN:
+            raise _refuse(
+                "lm",
+                f"got {self.lm!r}; it must be below {math.sqrt(self.ls * self.lr):.7g} H, the "
+                f"square root of ls*lr, with ls = {self.ls:g} H and lr = {self.lr:g} H (a leakage "
+                f"factor 1 - lm**2/(ls*lr) of {LEAKAGE_MIN:g} at least)",
+            )
+        return self
 
 
 class MptcInverter(_Section):
@@ -148,7 +231,7 @@ class MptcControl(_Section):
     method: Literal["MPTC", "MPFC"] = "MPTC"
 
 
-class MptcDrive(_Section):
+class MptcDrive(_Drive):
     """An MPTC drive as its file describes it, SI."""
 
     controller: Literal["mptc"]
@@ -157,7 +240,7 @@ class MptcDrive(_Section):
     control: MptcControl
 
 
-_DriveModel = TypeVar("_DriveModel", Drive, MptcDrive)
+_DriveModel = TypeVar("_DriveModel", bound=_Drive)
 
 
 def _describe(value: Any) -> str:
@@ -197,6 +280,8 @@ def _allowed(table: type, key: str) -> str:
 def _explain(model: type[BaseModel], error: Any) -> str:
     """Turn one pydantic error into "key: what is wrong, what is allowed"."""
     location = [str(part) for part in error["loc"]]
+    if error["type"] == "across_keys":
+        return ".".join([*location, error["msg"]])
     dotted = ".".join(location)
     table: Any = model
     for part in location[:-1]:
@@ -225,35 +310,34 @@ def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         ) from error
 
 
-def _check(path: str | os.PathLike[str], model: type[_DriveModel], data: Any) -> _DriveModel:
-    """Validate the tables of a drive file against a model."""
+def _validated(model: type[_DriveModel], data: Any) -> _DriveModel:
+    """Validate the tables of a drive; raises `DriveError` in words."""
     try:
-        drive = model.model_validate(data)
+        return model.model_validate(data)
     except ValidationError as error:
         problems = "; ".join(_explain(model, e) for e in error.errors(include_url=False))
-        raise DriveFileError(f"{path}: {problems}") from None
-    if isinstance(drive, Drive) and not TS_PU_MIN <= drive.ts_pu <= TS_PU_MAX:
-        unit = 2 * math.pi * drive.base.frequency
-        raise DriveFileError(
-            f"{path}: control.ts: got {drive.control.ts:g} s; it must be a number from "
-            f"{TS_PU_MIN / unit:.4g} to {TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) "
-            f"with base.frequency = {drive.base.frequency:g} Hz"
-        )
-    if isinstance(drive, MptcDrive):
-        for key in ("ls", "lr"):
-            if getattr(drive.machine, key) <= drive.machine.lm:
-                raise DriveFileError(
-                    f"{path}: machine.{key}: got {getattr(drive.machine, key):g}; it must be "
-                    f"above machine.lm = {drive.machine.lm:g} H (self above mutual inductance)"
-                )
-        leakage = 1.0 - drive.machine.lm**2 / (drive.machine.ls * drive.machine.lr)
-        if leakage < LEAKAGE_MIN:
-            raise DriveFileError(
-                f"{path}: machine.lm: got {drive.machine.lm!r}; it must be at most "
-                f"{math.sqrt((1.0 - LEAKAGE_MIN) * drive.machine.ls * drive.machine.lr):.7g} H "
-                f"with these ls and lr (a leakage factor 1 - lm**2/(ls*lr) of {LEAKAGE_MIN:g})"
-            )
-    return drive
+        raise DriveError(problems) from None
+
+
+def shipped_drives() -> dict[str, str]:
+    """Drive files that come with the package: name (``"anpc5l_6kv"``) to text."""
+    folder = resources.files("directmpc") / "drives"
+    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
+
+
+def _read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Tables of a drive file, or of the drive that ships under this name."""
+    name = os.fspath(path)
+    if name == os.path.basename(name) and not os.path.lexists(name):
+        shipped = shipped_drives()
+        if name.removesuffix(".toml") in shipped:
+            return tomllib.loads(shipped[name.removesuffix(".toml")])
+        try:
+            return _read_toml(path)
+        except DriveFileError as error:
+            raise DriveFileError(f"{error}, or the name of one: {', '.join(shipped)}") from error
+    return _read_toml(path)
 
 
 def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
@@ -262,7 +346,8 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     Parameters
     ----------
     path
-        TOML file as docs/specification.md, section 4.1, describes it.
+        TOML file as docs/specification.md, section 4.1, describes it, or the name of one of
+        `shipped_drives` (``"anpc5l_6kv"``). A file of that name in the current folder comes first.
 
     Returns
     -------
@@ -275,12 +360,15 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
         If the file cannot be read, is not TOML, or a key is unknown, missing, of the wrong type
         or out of range. The message is one paragraph: file, dotted key, what is allowed.
     """
-    data = _read_toml(path)
+    data = _read(path)
     controller = data.get("controller")
-    if controller == "mpdcc":
-        return _check(path, Drive, data)
-    if controller == "mptc":
-        return _check(path, MptcDrive, data)
+    try:
+        if controller == "mpdcc":
+            return _validated(Drive, data)
+        if controller == "mptc":
+            return _validated(MptcDrive, data)
+    except DriveError as error:
+        raise DriveFileError(f"{path}: {error}") from None
     found = f"got {_describe(controller)}" if "controller" in data else "missing"
     raise DriveFileError(f'{path}: controller: {found}; it must be "mpdcc" or "mptc"')
 
