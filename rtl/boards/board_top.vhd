@@ -7,8 +7,7 @@
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
--- Alternative weighed: a PLL in every vendor's own primitive and a faster core; nothing waits for it,
--- and the same text would no longer serve all boards.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

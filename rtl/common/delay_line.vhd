@@ -7,10 +7,7 @@
 -- Latency: CLOCKS clocks; initiation interval one clock.
 -- Overflow: none. What comes out before CLOCKS clocks have passed since power-up is void; what a
 -- word means has to travel beside it (a valid flag that is reset).
--- Tried and dropped: a chain of registers: one flip-flop per bit and clock, where the memory takes
--- one LUT per bit for up to sixteen clocks; the order of the places as a constant array, which for two
--- places GHDL 2.0 turns into a netlist of zeros: 64 bits, all zero but in their upper half, see
--- scripts/hdl/conversion.py.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -13,8 +13,7 @@
 -- part that does not depend on the caller is asserted.
 -- Differs from the paper: its adder is 16 bits wide.  Sums here are kept whole and rounded once,
 -- which costs 24 LUTs a block and removes one rounding error per product.
--- Weighed, not built (figures estimated): multiplexing by address arithmetic (a dynamic slice) instead of and-or terms
--- becomes a shifter of the whole bus in Yosys, several times larger.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,8 +9,7 @@
 -- S1 on; back the same in reverse.  With S8 on before S2 goes off the current has a way to go for
 -- either sign, the output makes one step, at S2 for i < 0 and at S3 for i > 0, and S1, S4, S5 and S8
 -- switch without current.  tb/rtl/guard/gate_guard/test_gate_commutation.py finds this from the circuit.
--- Weighed, not built: bits g, a and b handed to three pairs with dead times of their own; S2 off before S8
--- on then lets the output jump to the rail for i < 0.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -1,9 +1,9 @@
--- Gate guard: stands between decisions and gates of a three-phase inverter, and trusts neither.
+-- Gate guard: protects the gates of a three-phase inverter from wrong, late and missing decisions.
 --
 -- Decisions come in as switch positions; gates come out with interlock, dead time and minimum times
 -- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents
 -- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  After a reset and
--- after any fault all gates are off: that is not a zero vector, the diodes carry what current there is.
+-- after any fault all gates are off.  That is not a zero vector: the diodes carry the current.
 --
 -- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', decisions.  docs/gate-guard.md
 -- has states, times and the safety properties that are checked.
@@ -13,8 +13,7 @@
 -- Latency: gates begin to move two clocks after decided; all of them are off after the edge at which a trip,
 -- an illegal decision or a lapse of time is seen.
 -- Overflow: none.
--- Weighed, not built: a guard for each leg with supervisors of their own, three times the counters, and a fault in
--- one leg reaches the others a clock later.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

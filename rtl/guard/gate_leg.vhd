@@ -3,18 +3,17 @@
 -- A position that accept brings becomes the goal.  As soon as the leg has rested, a commutation begins: its
 -- single-gate actions follow each other dead_time clocks apart (gate_tables says in what order).
 -- After the last action the leg rests for rest_time clocks, so that every gate stays on or off for
--- that long.  A goal that comes meanwhile waits; blocked tells that another would be one too many.
+-- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
 -- stop overrides everything: all gates are off after the same edge, minimum on time or not.  refuse
--- says that the next pattern would be a forbidden one; whoever owns the leg has to stop it then.
--- The first position after a stop takes its gates on at once, in one clock: a part of a legal pattern is
--- legal, and whoever lets go of stop has waited for dead and minimum times.
+-- says that the next pattern would be a forbidden one; gate_supervisor then raises stop.
+-- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
+-- legal, and gate_supervisor keeps stop up for dead and minimum times.
 --
 -- Formats: positions as in gate_tables; times in clocks, at least 1, stable while the leg is not stopped.
 -- Latency: gates move two clocks after accept when the leg has rested; stop, one clock.
 -- Overflow: none; the counter stops at zero.
--- Weighed, not built: a timer for each gate shortens the rest where different gates move one after the other, at
--- 8 counters a leg instead of one; rests are a tenth of a control period.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

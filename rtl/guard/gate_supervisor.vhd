@@ -1,4 +1,4 @@
--- Decides when gates may be on: enable, trips, watchdogs, legality; latches what went wrong.
+-- Decides when gates may be on: enable, trips, watchdogs, legality.  Latches the faults.
 --
 -- States: off; armed, all gates still off, a first decision is waited for; running.  From off to armed it
 -- takes enable to rise after a reset or a fault, no fault latched, and that the gates have been off for the
@@ -8,14 +8,13 @@
 --
 -- late: no decision within decision_limit clocks after the one that follows start.  missing: none within
 -- watchdog clocks after arming or the decision before.  Both and the trips count whenever enable is up and
--- no fault is latched, also before the gates have been off long enough: a drive that cannot run says why.
+-- no fault is latched, also before the gates have been off long enough, so that a drive that cannot run shows its fault.
 --
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
 -- minimum_off are read while off only, decision_limit at start, watchdog at each decision.
 -- Latency: stop and accept are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
--- Weighed, not built: registering the causes before stop shortens the longest path by the comparators, and makes
--- 'off within one clock' two.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -38,7 +37,7 @@ entity gate_supervisor is
     decided        : in    std_logic;                                   -- '1' for one clock: a decision is there
     legal          : in    std_logic;                                   -- '1': all its moves are edges
     blocked        : in    std_logic;                                   -- '1': it moves a leg that waits to move
-    refuse         : in    std_logic;                                   -- '1': a leg is about to do what it may not
+    refuse         : in    std_logic;                                   -- '1': the next pattern of a leg is forbidden
     trips          : in    std_logic_vector(3 downto 0);                -- causes of faults 3 to 0, gate_tables
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);  -- '1': forget this fault
     dead_time      : in    std_logic_vector(TIME_WIDTH - 1 downto 0);   -- unsigned, clocks

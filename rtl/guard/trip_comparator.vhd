@@ -9,8 +9,7 @@
 -- A limit of zero trips at any current that is not zero.
 -- Latency: none, combinational: the gates have to be off after the next edge.
 -- Overflow: none; the sums have all the bits they need.
--- Weighed, not built: the magnitude of the vector instead of the phases needs two multipliers, and lets a phase
--- current pass that is beyond its device's limit when there is a common-mode part.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -4,10 +4,9 @@
 --
 -- Formats: addresses of ADDRESS_WIDTH bits in bytes, words of 32 bits, all four strobes set.
 -- Latency: done two clocks after the slave's response is accepted; no access while another is under way.
--- Overflow: none. A slave that never answers would hold the master for ever; LIMIT clocks after start it
--- gives up with the response SLVERR and stays off the bus until reset, since the protocol has no way to
--- take an access back.
--- Alternative weighed: the register block's internal bus, three clocks less; AXI4-Lite lets others at it.
+-- Overflow: none.  If the slave does not answer within LIMIT clocks of start, the master gives up with the
+-- response SLVERR and stays off the bus until reset, because AXI cannot take an access back.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -11,8 +11,7 @@
 -- Formats: the frame's bytes in order, type first, at addresses 0 to MAX_FRAME - 1.
 -- Latency: pending or rejected one clock after the delimiter's valid; a byte every second clock at most.
 -- Overflow: see the checks; bytes beyond MAX_FRAME are counted nowhere and written nowhere.
--- Alternative weighed: a second memory, so that a frame may arrive while one waits; hosts wait for the
--- reply in any case.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

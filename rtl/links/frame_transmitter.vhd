@@ -10,8 +10,7 @@
 -- Formats: bytes; a frame of at most MAX_FRAME bytes, one COBS block at most.
 -- Latency: offered 6 clocks after the last byte came in.
 -- Overflow: none; the caller keeps to MAX_PAYLOAD.
--- Alternative weighed: without the memory the code bytes would have to be known in advance, two passes
--- over a payload that is put together on the fly.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -14,7 +14,7 @@
 -- Overflow: none; bits of a byte that CS_n cuts off are dropped, and ended says that CS_n went up.
 -- Constraints: SCK is a clock; paths between it and clk are false paths, the holding registers are
 -- stable by the protocol above.
--- Alternative weighed: sampling SCK with clk needs a clk of four times SCK, 100 MHz for 25 MHz.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

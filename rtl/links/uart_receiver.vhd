@@ -8,7 +8,7 @@
 -- Latency: valid or broken 3 clocks after the middle of the stop bit; a byte every ten bits.
 -- Overflow: a stop bit that is low gives broken instead of valid; the next start bit is looked for only
 -- after the line has been high again, so a line held low is one broken byte.
--- Weighed, not built: a vote over three samples; frames carry a CRC that decides anyway.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

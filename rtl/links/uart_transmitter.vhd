@@ -6,8 +6,7 @@
 -- Latency: the start bit begins at the next bit clock after taken, less than a bit away; a byte every
 -- ten bits while valid stays.
 -- Overflow: none; a byte waits until it is taken.
--- Weighed, not built: starting the bit clock with the byte would save half a bit of latency on average
--- and cost a load of the accumulator.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -15,8 +15,7 @@
 -- k+1; with deadlock_rule (WEIGHTED_DEADLOCK) v_n's counts eight times and a sixteenth of the currents'
 -- largest is added, see explorer_fast and docs/deadlocks.md. It takes no clock more.
 -- Overflow: saturates and sets saturated; nothing wraps.
--- Weighed, not built (figures estimated): registering the parameters here as well costs 430 flip-flops; whoever writes
--- them has registers already.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -13,8 +13,7 @@
 -- start may come with valid.  Five multipliers.
 -- Overflow: saturates and sets saturated; nothing wraps.  While pre-excitation decides, what the core
 -- makes of a machine without flux (saturated, clamped) is left out.
--- Alternative tried: outputs straight from the parts are one clock earlier, but u_next then changes
--- with the hand-over, in the middle of a period.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -15,12 +15,8 @@
 -- 6.3 mN*m at k_psi = 100, and most of it is common to the vectors that are compared.
 -- Latency: 5 clocks, initiation interval one clock.  Nothing holds the stages.
 -- Overflow: none inside for components up to 1.5; a difference of 2 and more saturates, overflow says so.
--- Alternatives tried: a ninth rotation, for four times the accuracy, and the rounding of difference
--- change the share of decisions that differ from ideal by less than 0.1 % and took 59 LUTs, 28
--- flip-flops and a clock more; sqrt(x**2 + y**2) with the serial root of mptc_root would take seven
--- roots of 17 clocks; alpha-max-beta-min with 8 segments is off by 4.8e-3 of the length, 0.5 N*m.
--- Subtracting by one's complement instead of by an adder and a subtractor with a multiplexer behind
--- them saves 435 LUTs.  y is a bit narrower after each rotation, as its bound allows.
+-- y gets one bit narrower with each rotation, as its bound allows.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

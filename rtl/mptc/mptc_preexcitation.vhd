@@ -11,8 +11,7 @@
 -- flux's unit, 15 bits unsigned.
 -- Latency: valid 11 clocks after start, always; one mac_block, one multiplier.
 -- Overflow: none: sums of three squares of 18 bits fit the accumulator.
--- Alternative tried: the largest of the three phase currents instead of the magnitude needs no
--- multiplier, but lets the current be 15 % higher between the phases' axes.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -7,8 +7,7 @@
 -- Latency: root is stable ROOT_WIDTH clocks after the clock of load and stays until the next load; a
 -- load at any time begins anew.
 -- Overflow: none.
--- Alternative tried: two bits a clock save eight clocks of MPFC, which has them to spare, and double
--- the subtractor.  Paper A's binary search would take a multiplier and four clocks a bit.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,8 +9,7 @@
 -- Formats: single bits; the count wraps.
 -- Latency: load one clock after the request when nothing decides.
 -- Overflow: requests that come while one waits are one with it.
--- Weighed, not built: a second set of shadows, switched by one bit, saves the load and costs a multiplexer for every
--- bit in front of the multipliers.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -6,8 +6,7 @@
 --
 -- Formats: none. Latency: go one clock after start; load as commit_control's.
 -- Overflow: none; a start that comes too early is dropped and flagged.
--- Alternative weighed: remembering a start that comes too early; its measurements would be overwritten, and
--- late is what a control period must not be.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

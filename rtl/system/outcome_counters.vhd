@@ -7,7 +7,7 @@
 -- Latency: a count shows two clocks after it (three when both came at once). One count of each source
 -- in every second clock at most, which frames of at least two bytes keep.
 -- Overflow: a counter stays at its largest value.
--- Alternative weighed: registers instead of the memory, 512 flip-flops a link.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

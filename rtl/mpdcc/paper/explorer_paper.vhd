@@ -19,8 +19,7 @@
 -- J_dl, less with an exit; a probe takes at most 13 clocks.
 -- Overflow: trajectories cannot (a model test proves the ranges); |slope| is clipped at the search
 -- width, which is at least twice any bound; sqrt(lambda_n)*v_n saturates and flags.
--- Weighed, not built (figures estimated): two searches used four times take 34 clocks, the paper's own figure, and save
--- 270 slices.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -1,6 +1,6 @@
 -- Common terms of one decision (Paper A, Section V-A), computed by four multiply-accumulate blocks.
 --
--- What is multiplied with what is data: PROGRAM_* in directmpc_constants, written by
+-- The list of products is data: PROGRAM_* in directmpc_constants, written by
 -- directmpc/common_terms.py, where the equations stand.
 --
 -- Formats: operand A 18 bits (differences of 16-bit words as the scheduler forms them), operand B
@@ -14,9 +14,7 @@
 -- and node.slope, which explorers read, only when they are told to.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
--- Tried and dropped: the place in the program as a number, decoded before every operand and every
--- result: 26 slices more, 125 with successors, and decoders before the multipliers.
--- Weighed, not built (figures estimated): one product per clock on a single block takes 34 clocks instead of 9.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -41,7 +39,7 @@ entity common_terms is
     speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0); -- omega_s, omega_r, signed, 1/16000 pu
     coefficients : in std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- signed, FACTOR_* order
     issued       : out   std_logic; -- '1' for one clock: the last product is issued, five clocks before done
-    capacitors   : out   std_logic; -- '1' for one clock: capacitor terms of node are new with the next
+    capacitors   : out   std_logic; -- pulse: phase_current and neutral_current are valid from the next clock
     done         : out   std_logic; -- '1' for one clock: node is new
     node         : out   node_t;                                                          -- stable until the next done
     saturated    : out   std_logic; -- '1': a result of this node saturated
@@ -244,7 +242,7 @@ begin
 
     end process p_controls;
 
-    -- what is chosen is one word; between steps the block adds nothing to nothing
+    -- one word is chosen; in idle clocks the block multiplies 0 by 0
     i_mac : entity work.mac_block
       generic map (
         A_WIDTH           => OPERAND_WIDTH,

@@ -1,6 +1,6 @@
--- What the fast explorers need of a node besides the common terms.
+-- Prepares the part of a node that fast explorers need in addition to the common terms.
 --
--- Per phase: the error at k+1 but for the slope (a and b, which tell that of c), the margins from
+-- Per phase: the error at k+1 without the slope (a and b; c follows from them), the margins from
 -- both bounds, whether the error is outside at k, and the slope from which it leaves before it turns;
 -- and the table of the capacitors' lengths, which every explorer keeps a copy of. See turn_threshold
 -- and capacitor_search.
@@ -9,7 +9,7 @@
 -- Latency: band but for turn with the node, turn 9 clocks after turn_start; table and held as in
 -- capacitor_search after capacitors_done.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
--- Weighed, not built (figures estimated): thresholds computed by every explorer for itself, 90 slices each.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

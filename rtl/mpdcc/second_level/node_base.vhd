@@ -1,4 +1,4 @@
--- What a successor of a node is computed from.
+-- Operands from which a successor of a node is computed.
 --
 -- Keeps the words of a node (keep) while successors replace them, and forms what the successor's
 -- program of common_terms multiplies. With L1 steps under s1, x one component of the plane:
@@ -17,9 +17,7 @@
 -- this node has successors; unfit says so to whoever wants to predict. Secants fit: a candidate that
 -- stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a prediction takes
 -- one step with slopes that fit.
--- Tried and dropped: exact rotation of reference, natural slope and curvature: three times the
--- products, and as many decisions differ from the ideal controller's. The weight on v_n carried along
--- on its own instead of being made of the error of v_n: 80 slices, and the same decisions.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -1,8 +1,8 @@
--- Nodes of the second level, waiting: candidates of the root that stay inside their bounds for a while.
+-- Queue of the nodes of the second level: candidates of the root with 0 < L1 < N.
 --
 -- Takes the root's candidates as an explorer evaluates them. One whose length is the whole horizon is
 -- a leaf itself (whole); the others wait in one list for each effort f_s. The entry
--- shown is the latest of the smallest effort: few switchings on the way are most likely part of
+-- shown is the latest of the smallest effort: nodes with few switchings most likely lead to
 -- the cheapest leaf, so that a budget loses little.
 --
 --   lists      a head for each effort, the place of the next one for each candidate, so that one
@@ -13,8 +13,7 @@
 -- Formats: as evaluated_t and entry_t.
 -- Latency: an entry is shown three clocks after it can be, the next one three clocks after taken.
 -- Overflow: none, there is room for all 64 candidates.
--- Tried and dropped: skipping nodes with f_s / (L1 + N) above the best leaf so far, which is the
--- tightest bound that costs no state, leaves out 0.1 to 3 % of the candidates below.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -30,7 +29,7 @@ entity node_queue is
   port (
     clk       : in    std_logic;   -- rising edge
     rst       : in    std_logic;   -- synchronous, active high
-    clear     : in    std_logic;   -- '1': forget everything
+    clear     : in    std_logic;   -- '1': empty the queue
     open_root : in    std_logic;   -- '1': candidates of the root are evaluated
     evaluated : in    evaluated_t; -- by the explorer
     horizon   : in    length_t;    -- N
@@ -132,7 +131,7 @@ begin
           place <= head;
 
           if (open_root = '1') then
-            -- what a prediction under s(k-1) starts from: the probe's
+            -- entry 0 holds the probe's slope, which the prediction uses
             place <= (others => '0');
           elsif (used /= (used'range => '0')) then
             stage <= READ;

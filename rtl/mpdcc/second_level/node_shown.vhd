@@ -1,16 +1,15 @@
--- The node as the explorers' pipelines need it, each field in time with the stage that reads it.
+-- Delays each field of a node until the pipeline stage that reads it has finished the node before.
 --
 -- Leaves of one node follow those of another without a gap, so that the early stages already work on
 -- the new node while late ones finish the old. A pulse, launch, goes along with the first leaf;
 -- a field changes when it reaches the stage before the one that reads it. At the root (follow)
--- everything is taken over as it comes. Errors and slopes are kept by common_terms, thresholds by
+-- every field is passed on at once. Errors and slopes are kept by common_terms, thresholds by
 -- node_preparation, on the pulses show_slope and show_error.
 --
 -- Formats: as node_t and reached_t.
 -- Latency: one clock at the root; for a successor 1, 3, 4, 12, 13, 14 and 17 clocks from launch.
 -- Overflow: none.
--- Weighed, not built (figures estimated): two banks of every field, selected by a bit that travels
--- with the leaf, take as many flip-flops and a multiplexer of 450 LUTs in every explorer.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
