@@ -8,7 +8,8 @@
 --
 -- late: no decision within decision_limit clocks after the one that follows start.  missing: none within
 -- watchdog clocks after arming or the decision before.  Both and the trips count whenever enable is up and
--- no fault is latched, also before the gates have been off long enough, so that a drive that cannot run shows its fault.
+-- no fault is latched, also before the gates have been off long enough, so that a drive that cannot run
+-- shows its fault.
 --
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
 -- minimum_off are read while off only, decision_limit at start, watchdog at each decision.
