@@ -35,8 +35,8 @@ BOARD ?=
 CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test lint format replay registers synth budgets pnr sweep report fidelity sources generate \
-  virtual-board bitstream netlist layers clean
+.PHONY: help setup run test test-all lint format replay registers synth budgets pnr sweep report fidelity sources \
+  generate virtual-board bitstream netlist layers clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -58,7 +58,10 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 	@'$(PY)' -m scripts.commands.run $(ARGS)
 
 # worksteal: some of the syntheses take minutes, the others seconds
-test: $(READY) ## every test
+test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); about ten minutes on two cores
+	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
+
+test-all: $(READY) ## every test
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
 lint: $(READY) ## VHDL and Python style, layers, analysis as VHDL-93 and VHDL-2008, generated files

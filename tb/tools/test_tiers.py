@@ -1,0 +1,71 @@
+"""The tiers of the tests: how cases are spread, and that a rule for nothing is an error.
+
+Sweep: numbers of cases and of those that are kept; a table with a rule that matches no test.
+Stimulus: none; the collection of pytest itself.
+Checks: the first and the last case are kept, as many as asked for; the error names the pattern.
+Timing: none.
+Does not prove: that the cases in `make test` are the best ones.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import tomllib
+from types import SimpleNamespace
+
+import pytest
+
+from tb import conftest
+
+
+@pytest.mark.parametrize(("count", "keep"), [(1, 1), (8, 1), (8, 2), (8, 3), (126, 40), (3, 5)])
+def test_cases_are_spread(count: int, keep: int) -> None:
+    kept = conftest.spread(count, keep)
+    assert len(kept) == min(count, keep)
+    assert kept <= set(range(count))
+    assert 0 in kept
+    if keep > 1:
+        assert count - 1 in kept
+
+
+class Item:
+    """A collected case."""
+
+    def __init__(self, nodeid: str) -> None:
+        self.nodeid = nodeid
+        self.marks: list[str] = []
+
+    def add_marker(self, name: str) -> None:
+        """Note a mark."""
+        self.marks.append(name)
+
+
+def collected(*nodes: str, whole: bool = False) -> list[Item]:
+    """The cases after the tiers were given out; `whole`: as if every test was asked for."""
+    items = [Item(node) for node in nodes]
+    paths = ["tb"] if whole else list(nodes)
+    config = SimpleNamespace(args=paths, getini=lambda _: ["tb"])
+    conftest.pytest_collection_modifyitems(config, items)
+    return items
+
+
+def test_of_many_faults_one_is_kept() -> None:
+    nodes = [f"tb/rtl/x/test_x.py::test_a_fault_is_seen[{k}]" for k in range(4)]
+    marks = [item.marks for item in collected(*nodes, "tb/rtl/x/test_x.py::test_a_sum")]
+    assert marks == [[], ["thorough"], ["thorough"], ["thorough"], []]
+
+
+def test_a_rule_for_nothing_is_an_error() -> None:
+    with pytest.raises(pytest.UsageError, match=r"tiers\.toml: no test matches .*test_budgets"):
+        collected("tb/model/test_x.py::test_a_sum", whole=True)
+
+
+def test_rules_say_what_stands_instead() -> None:
+    tiers = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))
+    assert all(rule["instead"] for rule in tiers["left_out"])
+    assert all(rule["keep"] >= 1 for rule in tiers["sampled"])
+    assert not any(
+        fnmatch.fnmatchcase("tb/tools/test_tiers.py::test_cases_are_spread", rule["tests"])
+        for rules in tiers.values()
+        for rule in rules
+    )
