@@ -17,7 +17,9 @@ from cocotb_tools.runner import get_results, get_runner
 from scripts.hdl.sources import RTL, compile_order, rtl_files
 from scripts.shared import tools
 
-_VHDL_FAILURE = re.compile(r"\((?:assertion|report) failure\): ?(.*)")
+_VHDL_FAILURE = re.compile(
+    r"\((?:assertion|report) failure\): ?(.*)|error: (bound check failure .*)"
+)
 
 
 class BenchError(AssertionError):
@@ -74,12 +76,13 @@ def _tail(path: Path, lines: int = 40) -> str:
 def _failed_check(results_xml: Path, log: Path) -> str | None:
     """Message of the check that ended a bench, None where something else did.
 
-    A check is an assertion of a cocotb test or one of the VHDL bench with severity failure.
+    A check is an assertion of a cocotb test, one of the VHDL with severity failure, or a value that
+    leaves the range that the VHDL declares.
     """
     if log.exists():
         found = _VHDL_FAILURE.search(log.read_text(encoding="utf-8", errors="replace"))
         if found is not None:
-            return found[1].strip()
+            return (found[1] or found[2]).strip()
     if not results_xml.exists():
         return None
     failures = ElementTree.parse(results_xml).iter("failure")

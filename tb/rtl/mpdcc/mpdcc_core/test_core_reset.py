@@ -166,7 +166,8 @@ def few_resets(variant: str, explorers: int, rtl: Path, *, two: bool = False) ->
 
 #: Whatever the bench compares after a reset; which of it comes first depends on the fault.
 RESET_CHECKS = (
-    r"(valid|busy) without a start|valid in the middle of a decision|idle before the reset"
+    r"a decision takes more than \d+ clocks|bound check failure|(valid|busy) without a start"
+    r"|valid in the middle of a decision|idle before the reset"
     r"|more than one valid|\S+: .* differ at|\S+: a decision that came with the reset"
 )
 FAST_FAULTS = [
