@@ -394,7 +394,7 @@ def files() -> dict[Path, str]:
             licence = f"/* SPDX-License-Identifier: Apache-2.0\n * {_BY} */\n"
             found[ROOT / "registers" / header.name] = licence + text
         found[ROOT / "docs" / "registers.md"] = _markdown(tops, folder)
-    found[ROOT / "model" / "directmpc" / "register_map.py"] = _table(tops)
+    found[ROOT / "model" / "directmpc" / "host" / "register_map.py"] = _table(tops)
     return found
 
 
