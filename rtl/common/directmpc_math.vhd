@@ -1,7 +1,7 @@
 -- Arithmetic helpers with defined overflow.
 --
 -- numeric_std's resize of a signed value that does not fit keeps the sign bit and drops the rest;
--- nothing here does: clip saturates, and whoever uses it can ask overflows first.
+-- no function here does that: clip saturates, and overflows tells beforehand.
 -- Licence: Apache-2.0
 
 library ieee;

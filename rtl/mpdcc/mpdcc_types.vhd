@@ -74,7 +74,7 @@ package mpdcc_types is
     curvature       : curvatures_t;    -- of the current errors, per square step; fast variant alone, likewise
   end record node_t;
 
-  -- what the fast explorer needs besides: the band as seen from k, per phase; where the node holds
+  -- what the fast explorer needs too: the band as seen from k, per phase; where the node holds
   -- the opposite of phase c, so does the band
   type band_t is record
     first       : pair_t;                       -- error + curvature: the error at k+1 but for the slope; a and b

@@ -1,7 +1,7 @@
 -- Lets a set of shadow registers take effect together, never while a decision uses them.
 --
 -- A request is kept until load may be: when nothing decides, or in the clock in which a decision ends.  load
--- is up for one clock; whoever holds the values in force takes all shadows over at its edge.  After a
+-- is up for one clock; the owner of the values in force takes all shadows over at its edge.  After a
 -- reset a first load brings the shadows' reset values into force.
 --
 -- The clock of start belongs to the decision: shadows that were taken over at the same edge would meet

@@ -1,6 +1,6 @@
 -- One counter for every outcome a frame may have, in a small memory.
 --
--- Two sources: the receiver, and whoever serves frames; when both count in the same clock the latter
+-- Two sources: the receiver and the executor; when both count in the same clock the latter
 -- waits for one. After a reset the counters are cleared, one a clock.
 --
 -- Formats: 32 bits unsigned.

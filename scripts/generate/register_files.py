@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from peakrdl_cheader.exporter import CHeaderExporter
-from peakrdl_markdown import MarkdownExporter
 from peakrdl_regblock_vhdl import RegblockExporter
 from peakrdl_regblock_vhdl.cpuif.axi4lite import AXI4Lite_Cpuif_flattened
 from peakrdl_regblock_vhdl.udps import ALL_UDPS
 from systemrdl import RDLCompiler
-from systemrdl.node import AddrmapNode, RegNode
+from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 import directmpc
 from directmpc.host.registers import GUARD_DEAD_TIME, GUARD_MINIMUM_TIME
@@ -51,23 +50,26 @@ Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words
 [registers/directmpc.rdl](../registers/directmpc.rdl). A drive file becomes register values with
 `make registers DRIVE=drives/anpc5l_6kv.toml`, see `python -m directmpc.host.registers --help`.
 
-**Clock.** The gate guard counts its times in clocks of the core. They are made for 25 MHz, the
-core's clock on every board; for a core with another one give it, `ARGS='--clock 50e6'` for 50 MHz.
+- [Registers of MPDCC](#mpdcc-registers)
+- [Registers of MPTC](#mptc-registers)
+
+**Clock.** The gate guard counts its times in clocks of the core. `make registers` computes them for
+25 MHz, the core's clock on every board. Give any other one: `ARGS='--clock 50e6'` for 50 MHz.
 A clock above the core's own makes watchdogs longer than asked for, one below it dead times shorter.
 
-**What does not fit.** The gate guard is never set less safe than asked for. `dead_time`,
-`minimum_on`, `minimum_off` and `link_low` are rounded up; where one does not fit its register, that
-is an error, exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
-`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down; where one does not
-fit, the largest there is becomes its value, no less safe, and a line on standard error says so. A
-`current_limit` or `link_high` at full scale never trips: nothing above it can be measured.
+**Values that do not fit.** The gate guard is never set less safe than asked for. `dead_time`,
+`minimum_on`, `minimum_off` and `link_low` are rounded up. If one does not fit its register, that is
+an error with exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
+`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down. If one does not fit,
+the largest possible value is used, which is no less safe, and a line on standard error says so. A
+`current_limit` or `link_high` at full scale never trips, because nothing above it can be measured.
 
 **Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
-when `command.commit` is written; until then decisions and gate guard see the old values. What the
-reset puts there takes effect by itself. `status.commit_pending` tells that a commit still waits
-for the decision under way, `commits.count` counts those done.
+after `command.commit` is written. Until then decisions and gate guard use the old values. Reset
+values take effect by themselves. `status.commit_pending` is 1 while a commit waits for the decision
+under way; `commits.count` counts the commits done.
 
-**Clearing.** `flags` and `faults` keep what has happened; write 1 to a bit to clear it.
+**Clearing.** `flags` and `faults` are latched. Write 1 to a bit to clear it.
 
 An access to an address without a register, a write to a read-only one and a read of a write-only
 one are answered with SLVERR.
@@ -367,15 +369,62 @@ def _table(tops: dict[str, AddrmapNode]) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def _markdown(tops: dict[str, AddrmapNode], folder: Path) -> str:
-    parts = [_INTRODUCTION]
+_ACCESS = {"rw": "read, write", "r": "read", "w": "write"}
+
+
+def _cells(*cells: object) -> str:
+    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+
+def _meaning(node: RegNode | FieldNode) -> str:
+    return " ".join((node.get_property("desc") or "").split())
+
+
+def _reset(field: FieldNode) -> str:
+    value = field.get_property("reset")
+    return "" if value is None else f"{value:#x}" if value > 9 else f"{value}"
+
+
+def _markdown(tops: dict[str, AddrmapNode]) -> str:
+    """The page: a table for each map, then one for each register with several fields."""
+    lines = [_INTRODUCTION]
     for controller, top in tops.items():
-        path = folder / f"{controller}.md"
-        MarkdownExporter().export(top, str(path), depth=0)
-        text = path.read_text(encoding="utf-8")
-        text = re.sub(r"<!---.*?-->\n*", "", text, flags=re.S)
-        parts.append(re.sub(r"^(#+) ", r"#\1 ", text, flags=re.M).strip() + "\n")
-    return re.sub(r"[ \t]+$", "", "\n".join(parts), flags=re.M)
+        title = controller.upper()
+        lines += [f"## {title}: registers", "", _meaning(top), ""]
+        lines += [
+            _cells("address", "register", "bits", "access", "reset", "meaning"),
+            "| --- " * 6 + "|",
+        ]
+        several = []
+        for node in _registers(top):
+            name, fields = node.get_path().partition(".")[2], list(node.fields())
+            address = f"0x{node.absolute_address:03x}"
+            if len(fields) > 1:
+                several.append((node, name, address))
+                anchor = f"{title} {name}, {address}".lower().replace(" ", "-")
+                anchor = re.sub(r"[^\w-]", "", anchor)
+                text = f"{_meaning(node)} [Fields](#{anchor})."
+                lines.append(_cells(address, f"`{name}`", "", "", "", text))
+                continue
+            (only,) = fields
+            sign = "signed" if only.get_property("twos_complement") else ""
+            bits = f"{only.high}:{only.low} {sign}".strip()
+            access, meaning = _ACCESS[only.get_property("sw").name], _meaning(only)
+            whole = _meaning(node)
+            same = whole.removesuffix(" [committed]") in ("", meaning)
+            text = (whole or meaning) if same else f"{whole} {meaning}"
+            lines.append(_cells(address, f"`{name}`", bits, access, _reset(only), text))
+        lines.append("")
+        for node, name, address in several:
+            lines += [f"### {title} {name}, {address}", "", _meaning(node), ""]
+            lines += [_cells("bits", "field", "access", "reset", "meaning"), "| --- " * 5 + "|"]
+            for field in node.fields():
+                bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
+                access = _ACCESS[field.get_property("sw").name]
+                name_ = f"`{field.inst_name}`"
+                lines.append(_cells(bits, name_, access, _reset(field), _meaning(field)))
+            lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def files() -> dict[Path, str]:
@@ -393,7 +442,7 @@ def files() -> dict[Path, str]:
             text = header.read_text(encoding="utf-8")
             licence = f"/* SPDX-License-Identifier: Apache-2.0\n * {_BY} */\n"
             found[ROOT / "registers" / header.name] = licence + text
-        found[ROOT / "docs" / "registers.md"] = _markdown(tops, folder)
+    found[ROOT / "docs" / "registers.md"] = _markdown(tops)
     found[ROOT / "model" / "directmpc" / "host" / "register_map.py"] = _table(tops)
     return found
 

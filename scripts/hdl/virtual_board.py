@@ -2,14 +2,14 @@
 
 `board_top` goes through GHDL and Verilator as every core does (scripts/hdl/netlist_check.py), with
 scripts/hdl/virtual_board.cpp around its pins: the same host program that talks to a board talks to
-it. Time stands still while nobody uses the line, so a host may take as long as it likes between
-two steps and the gate guard's watchdog sees the same clocks every time.
+it. Simulated time advances only during traffic.  So a host may take any time between two steps, and
+the gate guard's watchdog sees the same clocks every time.
 
-Its UART is faster than a board's, and so the netlist is not the board's. ``--board`` simulates the
-very netlist that a board's bitstream is made of, with its UART's rate and its oscillator's divider.
+Its UART is faster than a board's, so the netlist is not the board's. ``--board`` simulates the
+netlist of a board's bitstream, with the board's UART rate and oscillator divider.
 
-`VirtualBoard` runs it as a process for tests; `Script` hands it orders instead of a
-pseudo-terminal, bytes on UART and SPI pins as fast as they can be.
+`VirtualBoard` runs it as a process for tests. `Script` drives the UART and SPI pins directly, at
+full speed, instead of a pseudo-terminal.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _line(chosen: Generics) -> list[str]:
 
 
 def _model(chosen: Generics, verilog: Path | None) -> Path:
-    """Folder with the compiled board; what is around its pins is another matter, and quicker."""
+    """Folder with the compiled board, without the harness around its pins."""
     source = verilog or netlist.cached("board_top", chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     key = tools.digest(text, tools.version("verilator"), *OPTIONS)[:16]

@@ -36,7 +36,7 @@ class Board:
     Raises
     ------
     LinkError
-        If nobody answers, or one who speaks another version of the protocol.
+        If no board answers, or one with another version of the protocol.
     """
 
     def __init__(self, link: Link) -> None:

@@ -293,7 +293,7 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
     """
     if variant == "fast":
         return
-    # left out in silence, nobody would notice: the core decides all the same;
+    # without this error the core would decide without these settings, and no output would tell;
     # a budget limits SESE alone and has no effect without it in any variant
     control = drive.control
     for key, asked, given, served in (

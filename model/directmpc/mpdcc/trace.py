@@ -160,7 +160,7 @@ class Decisions:
     cycles : (n,) or None
         Clock cycles of the decision; None where no clock is modelled.
     exhausted : (n,) or None
-        1: SESE's budget ended the search; None where nobody tells.
+        1: SESE's budget ended the search; None where it is not known.
     """
 
     s: IntArray

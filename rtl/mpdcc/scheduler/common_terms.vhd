@@ -29,7 +29,7 @@ library work;
 entity common_terms is
   generic (
     FOLDED       : boolean := false; -- true: the paper's program, false: the fast variant's
-    SECOND_LEVEL : boolean := false  -- true: the fast variant's program for successors besides
+    SECOND_LEVEL : boolean := false  -- true: with the fast variant's program for successors
   );
   port (
     clk          : in    std_logic;                                                       -- rising edge

@@ -23,7 +23,7 @@ library work;
 
 entity node_preparation is
   generic (
-    SECOND_LEVEL : boolean := false -- true: successors besides
+    SECOND_LEVEL : boolean := false -- true: with successors
   );
   port (
     clk             : in    std_logic;                    -- rising edge
