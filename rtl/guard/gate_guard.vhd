@@ -54,7 +54,7 @@ entity gate_guard is
     current_limit  : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as is_alpha
     link_high      : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
     link_low       : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
-    -- what comes of it
+    -- result
     gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     running        : out   std_logic;                                              -- '1': gates follow decisions
     resting        : out   std_logic;                                              -- '1': no leg is moving or about to

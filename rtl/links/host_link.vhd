@@ -21,8 +21,8 @@ entity host_link is
   generic (
     CONTROLLER     : positive range 1 to 2 := CONTROLLER_MPDCC; -- CONTROLLER_MPDCC or CONTROLLER_MPTC
     STEP_WORDS     : positive              := STEP_WORDS_MPDCC; -- 16-bit words of measurements in a STEP
-    EXPLORERS      : natural               := 2;                -- told to the host
-    OPTION         : boolean               := false;            -- told to the host, bit 0 of options
+    EXPLORERS      : natural               := 2;                -- reported to the host
+    OPTION         : boolean               := false;            -- reported to the host, bit 0 of options
     CLOCK_HZ       : positive              := 25_000_000;       -- clk, Hz
     BAUD           : positive              := 3_000_000;        -- UART, 1/s
     LIMIT          : positive              := 125_000;          -- clocks a frame may take

@@ -1,7 +1,7 @@
 -- Lets one decision follow the other: when it begins, with which choices, and what changes in between.
 --
 -- A decision begins with start or, where from_registers says so, with command_start; what comes from the
--- other side, or while one is under way, is ignored and told.  The choices that a decision works with are
+-- other side, or while one is under way, is ignored and flagged.  The choices that a decision works with are
 -- those of its beginning.  A commit and a reset of the observer wait for the end of the decision.
 --
 -- Formats: none. Latency: go one clock after start; load as commit_control's.

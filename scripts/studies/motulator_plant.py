@@ -1,4 +1,4 @@
-"""A plant that is not ours: motulator's induction machine and converter (PyPI `motulator`).
+"""Another project's plant: motulator's induction machine and converter (PyPI `motulator`).
 
 motulator integrates its own Gamma-model machine, stiff shaft and converter with scipy's RK45 and
 calls the controller once per control period; its computational delay of one period is the

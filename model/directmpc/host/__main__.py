@@ -72,7 +72,7 @@ def _status(board: Board) -> Table:
 
 
 def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show who is there."""
+    """Show the board's identity."""
     console.print(_facts(board))
     console.print(_status(board))
     return 0
@@ -107,7 +107,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Close the loop with a plant here."""
+    """Run a closed loop: the board decides, the plant is simulated here."""
     drive = load_drive(given.drive)
     if given.out:  # found out after the last step, all of them would have been for nothing
         if not isinstance(drive, Drive):

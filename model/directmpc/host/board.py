@@ -26,7 +26,7 @@ class RegisterError(RuntimeError):
 
 
 class Board:
-    """A board that has said who it is.
+    """A board that has identified itself.
 
     Parameters
     ----------

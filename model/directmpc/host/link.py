@@ -48,7 +48,7 @@ REASONS = {
 
 
 class Stream(Protocol):
-    """What a link needs of a line."""
+    """A stream of bytes as a link needs it."""
 
     def write(self, data: bytes, /) -> object:
         """Send all of it."""
@@ -96,7 +96,7 @@ class SerialStream:
             raise LinkError(f"{self.port}: {error}") from None
 
     def close(self) -> None:
-        """Give the line back."""
+        """Close the line."""
         self._serial.close()
 
 

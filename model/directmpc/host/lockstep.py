@@ -1,4 +1,4 @@
-"""Closed loop over a link: the board decides, a float64 plant here answers, step by step.
+"""Closed loop over a link, step by step: the board decides, a float64 plant is simulated here.
 
 The board need not keep time: each step is one request and one reply. Every decision can be compared
 with the bit-true model's on the states that the plant went through.

@@ -63,7 +63,7 @@ ACTING = (Type.WRITE, Type.STEP)
 
 
 class Outcome(IntEnum):
-    """What becomes of a frame. Every frame counts under exactly one, the first that applies."""
+    """Outcome of a frame. Every frame counts under exactly one, the first that applies."""
 
     ACCEPTED = 0  # served
     LINE = 1  # a byte was broken on the line (UART stop bit), or SPI ended within the frame
@@ -114,7 +114,7 @@ class Flag(IntEnum):
 
 
 class ProtocolError(ValueError):
-    """A frame that is none, or not the one that was expected."""
+    """A malformed frame, or a reply that was not expected."""
 
 
 # ---------------------------------------------------------------------------------------------

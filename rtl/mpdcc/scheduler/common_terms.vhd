@@ -11,7 +11,7 @@
 -- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that
 -- takes it on to k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks,
 -- advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
--- and node.slope, which explorers read, only when they are told to.
+-- and node.slope, which explorers read, change with show_error and show_slope only.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
 -- Considered and rejected: docs/alternatives.md.

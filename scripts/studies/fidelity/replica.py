@@ -309,7 +309,7 @@ def _scan(error, slope, curvature, bound, horizon):
 
 @njit
 def _plain(error, slope, curvature, bound):
-    """Binary search of the length, as if once outside were outside for good."""
+    """Binary search of the length that ignores that a parabola may come back."""
     length = 0
     for m in range(_BITS - 1, -1, -1):
         step = length + (1 << m)
