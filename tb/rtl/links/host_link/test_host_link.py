@@ -74,7 +74,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("link_executor", "flags(FLAG_ENABLED)   := enabled;", "flags(7) := '0';", over_uart),
     ("outcome_counters", "waiting <= serve_outcome;", "waiting <= receive_outcome;", over_spi),
     ("spi_slave", "if (count = 7) then", "if (count = 6) then", over_spi),
-    ("uart_receiver", "v.broken := not line(2);", "v.broken := '0';", mishaps),
+    ("uart_receiver", "v.broken := not line;", "v.broken := '0';", mishaps),
 ]
 
 
