@@ -2,7 +2,7 @@
 --
 -- A node is a state together with the switch position it is reached with; everything about it that
 -- does not depend on the candidate is computed once.  An explorer takes any node, not only the
--- root of the step.  Trajectory units, see directmpc/formats.py.
+-- root of the step.  Trajectory units, see model/directmpc/mpdcc/formats.py.
 -- Licence: Apache-2.0
 
 library ieee;

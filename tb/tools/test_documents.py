@@ -5,7 +5,8 @@ column of traces and decisions, every make target, every generic of the public e
 default, the clocks that the budgets hold, the paths of reports/metrics.json; docs/positions.md and
 section 1.3 have the tables of the inverter; the example of docs/drive-file.md gives the shipped
 6 kV drive; docs/equations.md names every entity, package and module, and nothing that does not
-exist; no dead link or anchor in any page; docs/README.md lists every page.
+exist; no dead link or anchor in any page, no path of a file that does not exist; docs/README.md
+lists every page.
 Does not prove: that a sentence is right.
 """
 
@@ -367,6 +368,27 @@ def test_a_dead_link_is_found(tmp_path: Path) -> None:
         "[e](none.md) [f](other.md#none) [g](#none)\n```\n[h](in-code.md)\n```\n"
     )
     assert dead_links(page) == ["none.md", "other.md#none", "#none"]
+
+
+def test_named_files_exist() -> None:
+    """Paths of this repository that pages, comments and docstrings name."""
+    path = re.compile(
+        r"(?<![\w/.<-])((?:model|docs|scripts|tb|rtl|drives|constraints|registers|directmpc)/[\w/.-]*?"
+        r"\.(?:py|vhd|md|toml|sh|cpp|lpf|rdl|xdc|ucf|tcl))\b"
+    )
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    named = [
+        f"{name}: {found}"
+        for name in listed.stdout.splitlines()
+        if name.startswith(("docs/", "model/", "rtl/", "scripts/", "README.md", "Makefile"))
+        and name.endswith((".py", ".vhd", ".md", ".toml", ".sh", "Makefile"))
+        and (ROOT / name).is_file()
+        for found in path.findall((ROOT / name).read_text(encoding="utf-8"))
+        if not any((base / found).exists() for base in (ROOT, ROOT / "model", (ROOT / name).parent))
+    ]
+    assert not named
 
 
 def test_every_page_is_listed() -> None:

@@ -8,7 +8,7 @@ little-endian, CRC-32 as of Ethernet and zlib over everything in front of it, th
 COBS so that a zero byte is seen between frames alone, and sent between two zero bytes. Whatever
 happened to the line before, the next zero byte puts the receiver into step again.
 
-``vhdl_package`` turns the constants into ``rtl/links/link_constants.vhd``; docs/protocol.md
+``make generate`` writes the constants to ``rtl/links/link_constants.vhd``; docs/protocol.md
 describes the whole, its examples are written by ``python -m scripts.generate.protocol_examples``.
 """
 

@@ -1,6 +1,6 @@
 """Number formats: the only place where widths and scales are written down.
 
-Everything that model and RTL share about numbers lives here; ``vhdl_package`` turns it into the
+Everything that model and RTL share about numbers lives here. ``make generate`` turns it into the
 checked-in VHDL package, ``coefficients`` uses it to turn a drive file into register values.
 
 Measurements have a fixed scale in LSB per unit, chosen so that the range a drive may use fills

@@ -33,7 +33,7 @@ CURRENT_SHARE = 1.0 / 16.0
 class IdealParameters(NamedTuple):
     """All that `decide` needs to know about a drive, as numbers and arrays, per unit.
 
-    The arrays from `next_count` on are the tables of `anpc`; `bounds` has shape (7,).
+    The arrays from `next_count` on are the tables of `inverter`; `bounds` has shape (7,).
     """
 
     ts: float

@@ -29,7 +29,7 @@
 -- Leaves: candidates of the second level come one a clock past the blocks, as leaf; node and band
 -- change under way in time with the stages, their steps and efforts add to those of reached.
 -- Formats: trajectory units; MARGIN_WIDTH and SLOPE_WIDTH hold whatever stays inside a bound of
--- 29000 units; a step of the search that does not fit is outside. See directmpc/bit_true_fast.py.
+-- 29000 units; a step of the search that does not fit is outside. See model/directmpc/mpdcc/bit_true/fast.py.
 -- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
 -- its block is taken; initiation interval one clock per candidate.
 -- Overflow: a slope beyond START_SLOPE_WIDTH leaves in one step, so the search may run on what is

@@ -1,7 +1,7 @@
 -- Common terms of one decision (Paper A, Section V-A), computed by four multiply-accumulate blocks.
 --
--- The list of products is data: PROGRAM_* in directmpc_constants, written by
--- directmpc/common_terms.py, where the equations stand.
+-- The list of products is data: PROGRAM_* in directmpc_constants, generated from
+-- model/directmpc/mpdcc/program.py, which has the equations.
 --
 -- Formats: operand A 18 bits (differences of 16-bit words as the scheduler forms them), operand B
 -- 16 bits, products kept whole, sums rounded half up at the bit PROGRAM_SHIFT and saturated to
@@ -9,7 +9,7 @@
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
 -- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that
--- takes it on to k + L1 (see node_base and directmpc/bit_true_fast.py); initiation interval 16 clocks,
+-- takes it on to k + L1 (see node_base and docs/sese.md); initiation interval 16 clocks,
 -- advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
 -- and node.slope, which explorers read, change with show_error and show_slope only.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none

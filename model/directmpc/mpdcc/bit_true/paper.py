@@ -2,7 +2,7 @@
 
 ``decide_words`` mirrors the paper variant: linear extrapolation, Algorithm 2, costs in fixed
 point.  It
-is written from the formats and the program of ``common_terms``; it never reads the RTL.  Pruning
+is written from the formats and the ``program``; it never reads the RTL.  Pruning
 (the two early exits, 'no J_dl needed') cannot change an answer and is therefore not modelled.
 
 All functions are compiled; everything is int64, whose range no intermediate result comes near.
