@@ -147,6 +147,7 @@ def analysis(std: str) -> list[str]:
         return []
     with tempfile.TemporaryDirectory(prefix="lint-") as workdir:
         command = [*tools.tool("ghdl"), "-a", f"--std={std}", f"--workdir={workdir}"]
+        command += [f"--work={sources.LIBRARY}"]
         names = [str(path.relative_to(ROOT)) for path in order]
         done = subprocess.run(
             [*command, *names], cwd=ROOT, text=True, capture_output=True, check=False

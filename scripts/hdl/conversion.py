@@ -402,7 +402,7 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 def _synthesise(
     top: str, generics: Generics, files: Sequence[Path], form: str, workdir: Path, std: str
 ) -> str:
-    options = [f"--std={std}", f"--workdir={workdir}"]
+    options = [f"--std={std}", f"--work={sources.LIBRARY}", f"--workdir={workdir}"]
     if form == "analyse":
         tools.run([*tools.tool("ghdl"), "-a", *options, *(str(f) for f in files)])
         return ""

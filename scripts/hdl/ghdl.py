@@ -14,8 +14,12 @@ from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_results, get_runner
 
-from scripts.hdl.sources import RTL, compile_order, rtl_files
+from scripts.hdl.sources import LIBRARY, RTL, compile_order, rtl_files, scan
 from scripts.shared import tools
+
+STANDARD = "--std=08"
+#: Library of the wrappers and benches; the design has its own, `sources.LIBRARY`.
+BENCHES = "benches"
 
 _VHDL_FAILURE = re.compile(
     r"\((?:assertion|report) failure\): ?(.*)|error: (bound check failure .*)"
@@ -100,7 +104,7 @@ def execute(
     generics: Mapping[str, object] | None = None,
     environment: Mapping[str, str] | None = None,
     rtl: Path = RTL,
-    timeout: int = 120,
+    timeout: int | None = 120,
 ) -> None:
     """Analyse, elaborate and run; raise where that fails or a cocotb test does.
 
@@ -115,7 +119,7 @@ def execute(
     units
         Units of the design that are needed, with all they need.
     files
-        Further VHDL files, in compile order.
+        VHDL files of the bench, in compile order; they find the design in library `directmpc`.
     generics
         Of the top; text or numbers as GHDL's command line takes them.
     environment
@@ -123,45 +127,71 @@ def execute(
     rtl
         Folder of the design.
     timeout
-        Seconds until the simulator is ended.
+        Seconds until the simulator is ended; never, if None.
     """
     available = rtl_files(rtl)
     sources: list[Path] = []
     for unit in units:
         sources += [path for path in compile_order(unit, available) if path not in sources]
     with chosen_ghdl(folder):
-        _build_and_test(top, module, folder, [*sources, *files], generics, environment, timeout)
+        library = _build(top, folder, sources, files)
+        _test(top, library, module, folder, generics, environment, timeout)
 
 
-def _build_and_test(
+def _build(top: str, folder: Path, sources: Sequence[Path], files: Sequence[Path]) -> str:
+    """Analyse the design into its library and the bench's files into theirs.
+
+    Returns the library that holds the top.
+
+    Raises
+    ------
+    BuildError
+        If a file does not compile.
+    """
+    log = folder / "build.log"
+    own = any(top.lower() in unit.entities for unit in scan(sources))
+    try:
+        if not own:
+            tools.run(
+                [*tools.tool("ghdl"), "-a", STANDARD, f"--work={LIBRARY}", *map(str, sources)],
+                cwd=folder,
+            )
+        get_runner("ghdl").build(
+            sources=[*sources, *files] if own else files,
+            hdl_library=LIBRARY if own else BENCHES,
+            hdl_toplevel=top,
+            build_args=[STANDARD, f"-P{folder}"],
+            build_dir=folder,
+            log_file=log,
+        )
+    except tools.ToolError as error:
+        raise BuildError(f"{top} does not compile:\n{error}") from error
+    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
+        raise BuildError(f"{top} does not compile:\n{_tail(log)}") from error
+    return LIBRARY if own else BENCHES
+
+
+def _test(
     top: str,
+    library: str,
     module: str,
     folder: Path,
-    sources: Sequence[Path],
     generics: Mapping[str, object] | None,
     environment: Mapping[str, str] | None,
-    timeout: int,
+    timeout: int | None,
 ) -> None:
-    runner = get_runner("ghdl")
-    build_log, test_log = folder / "build.log", folder / "test.log"
-    try:
-        runner.build(
-            sources=sources,
-            hdl_toplevel=top,
-            build_args=["--std=08"],
-            build_dir=folder,
-            log_file=build_log,
-        )
-    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
-        raise BuildError(f"{top} does not compile:\n{_tail(build_log)}") from error
-    prefix = {"SIM_CMD_PREFIX": f"timeout -k 5 {timeout}"}
+    """Elaborate and run what `_build` has analysed; the arguments are those of `execute`."""
+    test_log = folder / "test.log"
+    prefix = {} if timeout is None else {"SIM_CMD_PREFIX": f"timeout -k 5 {timeout}"}
     results_xml = folder / "results.xml"
     try:
         with mock.patch.dict(os.environ, prefix):
-            runner.test(
+            get_runner("ghdl").test(
                 hdl_toplevel=top,
+                hdl_toplevel_library=library,
+                hdl_toplevel_lang="vhdl",
                 test_module=module,
-                test_args=["--std=08"],
+                test_args=[STANDARD, f"-P{folder}"],
                 # registers of a datapath hold no value until they are loaded; outputs are compared
                 plusargs=["--ieee-asserts=disable"],
                 parameters=dict(generics or {}),

@@ -21,6 +21,8 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library directmpc;
+
 entity mpdcc_core_bench is
   generic (
     EXPLORERS         : positive := 2;     -- explorers of the core
@@ -133,7 +135,7 @@ begin
 
   end process p_inputs;
 
-  i_core : entity work.mpdcc_core
+  i_core : entity directmpc.mpdcc_core
     generic map (
       EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,

@@ -10,6 +10,8 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library directmpc;
+
 entity mptc_core_bench is
   generic (
     FLUX_CONTROL : boolean := true -- of the core
@@ -104,7 +106,7 @@ begin
 
   end process p_inputs;
 
-  i_core : entity work.mptc_core
+  i_core : entity directmpc.mptc_core
     generic map (
       FLUX_CONTROL => FLUX_CONTROL
     )

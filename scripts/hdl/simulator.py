@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scripts.shared import tools
-from scripts.shared.tools import ROOT
+from scripts.shared.tools import ROOT, ToolError
 
 CLOCK_NS = 10  # period of the benches' clock
 PARALLEL_ROWS = 2000
@@ -193,7 +193,7 @@ def build_and_run(
     core : str
         Entity whose files are compiled.
     toplevel : Path
-        The bench in VHDL, named as its file; its folder holds the Python side too.
+        The bench in VHDL, named as its file.
     module : str
         Python side of the bench.
     generics : dict
@@ -202,39 +202,26 @@ def build_and_run(
         Folder of the design, the project's if not given.
     """
     # Needed here alone: who only uses the models needs no simulator packages.
-    from cocotb_tools.runner import get_results, get_runner
-
-    from scripts.hdl.ghdl import chosen_ghdl
-    from scripts.hdl.sources import compile_order, rtl_files
+    from scripts.hdl.ghdl import BenchError, BuildError, execute
+    from scripts.hdl.sources import RTL
 
     end_with_parent()
-    folder = job_path.parent
     # the runner hands this process's search path to the simulator's Python
-    sys.path[:0] = [str(toplevel.parent), str(ROOT / "model"), str(ROOT)]
-    available = rtl_files(rtl) if rtl is not None else rtl_files()
-    with chosen_ghdl(folder):
-        runner = get_runner("ghdl")
-        runner.build(
-            sources=[*compile_order(core, available), toplevel],
-            hdl_toplevel=toplevel.stem,
-            build_args=["--std=08"],
-            build_dir=folder,
+    sys.path[:0] = [str(ROOT / "model"), str(ROOT)]
+    try:
+        execute(
+            toplevel.stem,
+            module,
+            job_path.parent,
+            units=[core],
+            files=[toplevel],
+            generics=generics,
+            environment={"DIRECTMPC_JOB": str(job_path)},
+            rtl=rtl or RTL,
+            timeout=None,
         )
-        results = runner.test(
-            hdl_toplevel=toplevel.stem,
-            test_module=module,
-            test_args=["--std=08"],
-            # registers of a datapath hold no value until they are loaded; outputs are compared
-            plusargs=["--ieee-asserts=disable"],
-            parameters=generics,
-            build_dir=folder,
-            test_dir=folder,
-            results_xml=str(folder / "results.xml"),
-            # else every module imported, numba's too, is parsed and rewritten anew
-            extra_env={"DIRECTMPC_JOB": str(job_path), "COCOTB_REWRITE_ASSERTION_FILES": ""},
-        )
-    executed, failed = get_results(results)
-    if failed or executed == 0:
+    except (BenchError, BuildError, ToolError) as error:
+        print(error)
         sys.exit(1)
 
 

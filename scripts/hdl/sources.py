@@ -18,6 +18,8 @@ from pathlib import Path
 from scripts.shared.tools import ROOT
 
 RTL = ROOT / "rtl"
+#: VHDL library that the project compiles its design into; the sources themselves refer to `work`.
+LIBRARY = "directmpc"
 #: Rooms of what is around the controllers, where VHDL-2008 is allowed.
 WRAPPER_ROOMS = ("links", "system", "boards")
 

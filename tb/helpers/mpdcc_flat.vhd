@@ -7,9 +7,9 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
-library work;
-  use work.directmpc_constants.all;
-  use work.mpdcc_types.all;
+library directmpc;
+  use directmpc.directmpc_constants.all;
+  use directmpc.mpdcc_types.all;
 
 package mpdcc_flat is
 

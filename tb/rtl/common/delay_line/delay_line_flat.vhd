@@ -4,6 +4,8 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library directmpc;
+
 entity delay_line_flat is
   generic (
     WIDTH : positive := 8 -- bits of a word
@@ -22,7 +24,7 @@ begin
 
   g_lines : for clocks in 3 to 17 generate
 
-    i_line : entity work.delay_line
+    i_line : entity directmpc.delay_line
       generic map (
         WIDTH  => WIDTH,
         CLOCKS => clocks

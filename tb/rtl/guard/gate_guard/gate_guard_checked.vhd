@@ -20,8 +20,8 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
-library work;
-  use work.gate_tables.all;
+library directmpc;
+  use directmpc.gate_tables.all;
 
 entity gate_guard_checked is
   generic (
@@ -207,7 +207,7 @@ architecture rtl of gate_guard_checked is
 
 begin
 
-  i_guard : entity work.gate_guard
+  i_guard : entity directmpc.gate_guard
     generic map (
       FIVE_LEVEL      => FIVE_LEVEL,
       LEAST_DEAD_TIME => LEAST_DEAD_TIME

@@ -4,8 +4,10 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library directmpc;
+  use directmpc.mpdcc_types.all;
+
 library work;
-  use work.mpdcc_types.all;
   use work.mpdcc_flat.all;
 
 entity candidate_enumerator_flat is
@@ -31,7 +33,7 @@ architecture bench of candidate_enumerator_flat is
 
 begin
 
-  i_enumerator : entity work.candidate_enumerator
+  i_enumerator : entity directmpc.candidate_enumerator
     generic map (
       BLOCKS => BLOCKS
     )

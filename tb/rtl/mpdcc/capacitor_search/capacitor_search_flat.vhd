@@ -4,8 +4,10 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library directmpc;
+  use directmpc.mpdcc_types.all;
+
 library work;
-  use work.mpdcc_types.all;
   use work.mpdcc_flat.all;
 
 entity capacitor_search_flat is
@@ -28,7 +30,7 @@ architecture bench of capacitor_search_flat is
 
 begin
 
-  i_capacitors : entity work.capacitor_search
+  i_capacitors : entity directmpc.capacitor_search
     port map (
       clk      => clk,
       rst      => rst,

@@ -4,9 +4,11 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library directmpc;
+  use directmpc.directmpc_constants.all;
+  use directmpc.mpdcc_types.all;
+
 library work;
-  use work.directmpc_constants.all;
-  use work.mpdcc_types.all;
   use work.mpdcc_flat.all;
 
 entity common_terms_flat is
@@ -34,7 +36,7 @@ architecture bench of common_terms_flat is
 
 begin
 
-  i_common_terms : entity work.common_terms
+  i_common_terms : entity directmpc.common_terms
     generic map (
       FOLDED => FOLDED
     )

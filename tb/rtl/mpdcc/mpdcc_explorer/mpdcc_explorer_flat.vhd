@@ -5,9 +5,11 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library directmpc;
+  use directmpc.directmpc_constants.all;
+  use directmpc.mpdcc_types.all;
+
 library work;
-  use work.directmpc_constants.all;
-  use work.mpdcc_types.all;
   use work.mpdcc_flat.all;
 
 entity mpdcc_explorer_flat is
@@ -43,7 +45,7 @@ architecture bench of mpdcc_explorer_flat is
 
 begin
 
-  i_explorer : entity work.mpdcc_explorer
+  i_explorer : entity directmpc.mpdcc_explorer
     generic map (
       FOLDED            => FOLDED,
       WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK

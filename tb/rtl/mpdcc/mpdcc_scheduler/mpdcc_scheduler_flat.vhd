@@ -4,9 +4,11 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library directmpc;
+  use directmpc.directmpc_constants.all;
+  use directmpc.mpdcc_types.all;
+
 library work;
-  use work.directmpc_constants.all;
-  use work.mpdcc_types.all;
   use work.mpdcc_flat.all;
 
 entity mpdcc_scheduler_flat is
@@ -55,7 +57,7 @@ architecture bench of mpdcc_scheduler_flat is
 
 begin
 
-  i_scheduler : entity work.mpdcc_scheduler
+  i_scheduler : entity directmpc.mpdcc_scheduler
     generic map (
       EXPLORERS => EXPLORERS,
       FOLDED    => FOLDED

@@ -5,8 +5,8 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
-library work;
-  use work.directmpc_constants.all;
+library directmpc;
+  use directmpc.directmpc_constants.all;
 
 entity turn_threshold_flat is
   port (
@@ -25,7 +25,7 @@ architecture bench of turn_threshold_flat is
 
 begin
 
-  i_threshold : entity work.turn_threshold
+  i_threshold : entity directmpc.turn_threshold
     port map (
       clk         => clk,
       start       => start,
