@@ -6,7 +6,8 @@ the version of GHDL.
 
 **GHDL 5 and newer** convert once. Tried is 5.0.1, the one of Debian 13. Its Verilog has all arms of
 every `case`, arithmetic shifts, wide constants and names as they should be. Only signed `mod` and
-`rem` are written as Verilog's unsigned `%`; `repair` mends them.
+`rem` are written as Verilog's unsigned `%`; `repair` mends them. It also writes attributes of
+signals, which GHDL 2.0 drops. `repair` drops them, so that Yosys reads the same design from both.
 
 **GHDL 2.0.0**, the one of Debian 12, elaborates VHDL correctly, but its Verilog writer drops or
 changes parts of the netlist. Its VHDL writer prints the same netlist and keeps them:
@@ -195,6 +196,7 @@ _COMBINATIONAL = re.compile(
 )
 _LITERAL = re.compile(r"(\d+)'b([01xXzZ]+)$")
 _TEXT = re.compile(r'"([01xXzZ]+)"')
+_ATTRIBUTES = re.compile(r'\(\* (?:"[^"\n]*"|[^"\n])*? \*\) ?')
 _UNCERTAIN = re.compile(r"[!=]= \d+'b[01]*[xXzZ]")
 _LEFTOVER = re.compile(
     r"std_logic_vector|\*nil\*|\*err\*|<unassigned>|\bgate_\w+|\bto_integer\b|^ *--", re.M
@@ -372,7 +374,7 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 
     def module(match: re.Match[str]) -> str:
         name, body = match.groups()
-        body = _TEXT.sub(constant, body)
+        body = _TEXT.sub(constant, _ATTRIBUTES.sub("", body))
         if '"' in body:
             raise NetlistError(f"{name}: a text is left in the Verilog")
         body, renamed = _rename_keywords(name, body, log)

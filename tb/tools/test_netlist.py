@@ -455,6 +455,34 @@ def test_conversions_that_never_agree_are_refused(whole, monkeypatch):
         whole(0, 1, 2)
 
 
+ATTRIBUTE = """library ieee;
+use ieee.std_logic_1164.all;
+entity kept is
+  port (clk, a : in std_logic; y : out std_logic);
+end entity kept;
+architecture rtl of kept is
+  signal q, r : std_logic;
+  attribute keep : string;
+  attribute keep of q : signal is "true";
+  attribute keep of r : signal is "a (* b *) c";
+begin
+  q <= a when rising_edge(clk);
+  r <= q when rising_edge(clk);
+  y <= r;
+end architecture rtl;
+"""
+
+
+def test_attributes_do_not_reach_yosys(tmp_path) -> None:
+    path = tmp_path / "kept.vhd"
+    path.write_text(ATTRIBUTE)
+    out, _ = netlist.convert("kept", {}, tmp_path / "kept.v", files=[path])
+    text = out.read_text(encoding="utf-8")
+    assert "(*" not in text
+    assert "keep" not in text
+    assert re.search(r"reg q|wire q", text)
+
+
 @pytest.mark.parametrize(
     ("version", "lossy"),
     [
