@@ -409,9 +409,9 @@ def resources(
         figures = synth.measure("mpdcc_core", generics, family)
         name = tools.configuration_name("mpdcc_core", generics)
         if family in budgets.load().resources.get(name, {}) and (
-            problems := budgets.compare(name, family, figures)
+            problems := budgets.compare(name, family, figures, exact=True)
         ):
-            raise ReportError(problems[0])
+            raise ReportError("; ".join(problems))
         done.append(explorers)
         if len(done) % 6 == 0:
             say(f"resources: {len(done)} of {len(items)} configurations ({variant})")

@@ -2,7 +2,8 @@
 
 Sweep: every configuration of configurations.toml in every family it names, longest first.
 Stimulus: the RTL as it is, through GHDL and Yosys; made-up figures for the messages.
-Checks: LUT, FF, multipliers and block RAMs, exactly; that every entity and configuration has an
+Checks: LUT, FF, multipliers and block RAMs, exactly with the versions of budgets.toml, LUTs within
+the stated spread with another GHDL; that every entity and configuration has an
 entry and every figure in clocks a bench that reads it; the page's table; what an error says.
 Does not prove: clocks; the benches assert them, each with the figures of the same file.
 """
@@ -84,6 +85,36 @@ def test_a_figure_that_moved_is_reported() -> None:
     assert "no entry" in budgets.compare("x", "ecp5", row, held)[0]
     held.tools["yosys"] = "Yosys 0.1"
     assert "measured with 'Yosys 0.1'" in budgets.compare("x", "xc3s", row | {"ff": 6}, held)[1]
+
+
+@pytest.mark.parametrize(
+    ("figure", "budget", "measured", "tool", "exact", "good"),
+    [
+        ("lut", 1000, 1030, "ghdl", False, True),
+        ("lut", 1000, 1031, "ghdl", False, False),
+        ("lut", 1000, 969, "ghdl", False, False),
+        ("lut", 50, 45, "ghdl", False, True),
+        ("lut", 50, 56, "ghdl", False, False),
+        ("lut", 1000, 1001, "ghdl", True, False),
+        ("lut", 1000, 1001, "yosys", False, False),
+        ("lut", 1000, 1001, None, False, False),
+        ("ff", 1000, 1001, "ghdl", False, False),
+        ("mult", 1, 2, "ghdl", False, False),
+        ("bram", 1, 0, "ghdl", False, False),
+    ],
+)
+def test_luts_may_differ_with_another_ghdl_only(
+    figure, budget, measured, tool, exact, good
+) -> None:
+    row = {"lut": 10, "ff": 5, "mult": 1, "bram": 0} | {figure: budget}
+    held = Budgets(tools=budgets.versions(), resources={"x": {"xc3s": row}})
+    if tool is not None:
+        held.tools[tool] = "another"
+    lines = budgets.compare("x", "xc3s", row | {figure: measured}, held, exact=exact)
+    assert (lines == []) == good
+    assert any("measured with 'another'" in line for line in lines) == (
+        tool is not None and not good
+    )
 
 
 def test_every_clock_is_asserted_by_a_bench() -> None:
