@@ -1,15 +1,13 @@
 -- A complete MPDCC controller with a bus: registers, rotor-flux observer, core, gate guard.
 --
--- Measurements come with start, from the ports or from registers (control.registers_as_source, then
--- command.start), and are kept there.  With control.use_observer the observer takes its step first and its
--- flux replaces psir.  The core decides; the guard turns the decision into gates.  Parameters and the guard's
--- settings are shadows that take effect together between two decisions (decision_sequencer).
+-- Measurements come with start, from the ports or from registers (control.registers_as_source, then command.start),
+-- and are kept in the registers. With control.use_observer the observer takes its step first and its flux replaces
+-- psir. The core decides; the guard turns the decision into gates. Parameters and the guard's settings are shadows
+-- that take effect together between two decisions. What is common to all systems is in system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, or when the observer is done (valid 15 clocks later).
--- Overflow: saturates and sets flags; a start while busy is ignored and sets one.
--- Weighed, not built: a bus of our own, which saves a few dozen flip-flops (estimated) and loses every tool that
--- knows AXI.
+-- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -17,8 +15,9 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.directmpc_mpdcc_registers_pkg.all;
-  use work.gate_tables.all;
+  use work.directmpc_system_registers_pkg.all;
 
 entity mpdcc_system is
   generic (
@@ -93,76 +92,10 @@ architecture rtl of mpdcc_system is
 
   signal from_hardware  : directmpc_mpdcc_in_t;
   signal to_hardware    : directmpc_mpdcc_out_t;
-  signal control        : \system_registers.control_out_t\;
-  signal command        : \system_registers.command_out_t\;
-  signal parameters     : mpdcc_parameters_out_t;
-  signal guard_settings : guard_registers_out_t;
-  signal sample         : mpdcc_measurements_out_t;
+  signal sample         : mpdcc_measurements_out_t; -- measurements of this decision
+  signal in_force       : mpdcc_parameters_out_t; -- parameters
+  signal capabilities   : \system_registers.capabilities_in_t\;
 
-  -- parameters and settings in force
-  signal c_error_alpha_now                : std_logic_vector(15 downto 0);
-  signal c_error_beta_now                 : std_logic_vector(15 downto 0);
-  signal c_error_neutral_now              : std_logic_vector(15 downto 0);
-  signal c_error_phase_now                : std_logic_vector(15 downto 0);
-  signal c_stator_alpha_now               : std_logic_vector(15 downto 0);
-  signal c_stator_beta_now                : std_logic_vector(15 downto 0);
-  signal c_rotor_alpha_now                : std_logic_vector(15 downto 0);
-  signal c_rotor_beta_now                 : std_logic_vector(15 downto 0);
-  signal c_reference_alpha_now            : std_logic_vector(15 downto 0);
-  signal c_reference_beta_now             : std_logic_vector(15 downto 0);
-  signal c_emf_alpha_now                  : std_logic_vector(15 downto 0);
-  signal c_emf_beta_now                   : std_logic_vector(15 downto 0);
-  signal c_correction_alpha_now           : std_logic_vector(15 downto 0);
-  signal c_correction_beta_now            : std_logic_vector(15 downto 0);
-  signal c_forced_voltage_now             : std_logic_vector(15 downto 0);
-  signal c_forced_neutral_now             : std_logic_vector(15 downto 0);
-  signal c_phase_alpha_now                : std_logic_vector(15 downto 0);
-  signal c_phase_beta_now                 : std_logic_vector(15 downto 0);
-  signal c_midpoint_alpha_now             : std_logic_vector(15 downto 0);
-  signal c_midpoint_beta_now              : std_logic_vector(15 downto 0);
-  signal c_weight_now                     : std_logic_vector(15 downto 0);
-  signal c_weight_alpha_now               : std_logic_vector(15 downto 0);
-  signal c_weight_beta_now                : std_logic_vector(15 downto 0);
-  signal c_curvature_emf_alpha_now        : std_logic_vector(15 downto 0);
-  signal c_curvature_emf_beta_now         : std_logic_vector(15 downto 0);
-  signal c_curvature_flux_alpha_now       : std_logic_vector(15 downto 0);
-  signal c_curvature_flux_beta_now        : std_logic_vector(15 downto 0);
-  signal c_curvature_reference_alpha_now  : std_logic_vector(15 downto 0);
-  signal c_curvature_reference_beta_now   : std_logic_vector(15 downto 0);
-  signal bound_current_now                : std_logic_vector(15 downto 0);
-  signal bound_neutral_now                : std_logic_vector(15 downto 0);
-  signal bound_phase_now                  : std_logic_vector(15 downto 0);
-  signal horizon_now                      : std_logic_vector(5 downto 0);
-  signal weight_scale_now                 : std_logic_vector(1 downto 0);
-  signal two_switchings_now               : std_logic;
-  signal budget_now                       : std_logic_vector(11 downto 0);
-  signal compensate_now                   : std_logic;
-  signal deadlock_rule_now                : std_logic;
-  signal c_change_phase_now               : std_logic_vector(15 downto 0);
-  signal c_change_midpoint_now            : std_logic_vector(15 downto 0);
-  signal c_change_weight_now              : std_logic_vector(15 downto 0);
-  signal c_error_forced_now               : std_logic_vector(15 downto 0);
-  signal o_speed_now                      : std_logic_vector(17 downto 0);
-  signal o_voltage_alpha_now              : std_logic_vector(17 downto 0);
-  signal o_voltage_beta_now               : std_logic_vector(17 downto 0);
-  signal o_drop_now                       : std_logic_vector(17 downto 0);
-  signal o_pull_now                       : std_logic_vector(17 downto 0);
-  signal o_pull_flux_now                  : std_logic_vector(17 downto 0);
-  signal o_pull_current_now               : std_logic_vector(17 downto 0);
-  signal o_decay_now                      : std_logic_vector(17 downto 0);
-  signal o_excitation_now                 : std_logic_vector(17 downto 0);
-  signal o_output_flux_now                : std_logic_vector(17 downto 0);
-  signal o_output_current_now             : std_logic_vector(17 downto 0);
-  signal dead_time_now                    : std_logic_vector(11 downto 0);
-  signal minimum_on_now                   : std_logic_vector(11 downto 0);
-  signal minimum_off_now                  : std_logic_vector(11 downto 0);
-  signal decision_limit_now               : std_logic_vector(15 downto 0);
-  signal watchdog_now                     : std_logic_vector(15 downto 0);
-  signal current_limit_now                : std_logic_vector(15 downto 0);
-  signal link_high_now                    : std_logic_vector(15 downto 0);
-  signal link_low_now                     : std_logic_vector(15 downto 0);
-
-  signal hold           : std_logic; -- a commit has not taken effect
   signal gated_awvalid  : std_logic;
   signal gated_awready  : std_logic;
   signal gated_wvalid   : std_logic;
@@ -171,13 +104,10 @@ architecture rtl of mpdcc_system is
   signal take           : std_logic; -- measurements come from the ports
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
-  signal ignored        : std_logic; -- a start, of either kind
   signal observing      : std_logic; -- control.use_observer, as it was when the decision began
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
-  signal load           : std_logic;
-  signal pending        : std_logic;
-  signal commits        : std_logic_vector(15 downto 0);
+  signal load           : std_logic; -- parameters take effect
   signal observer_rst   : std_logic;
   signal observer_start : std_logic;
   signal observer_valid : std_logic;
@@ -185,6 +115,7 @@ architecture rtl of mpdcc_system is
   signal observer_alpha : std_logic_vector(15 downto 0);
   signal observer_beta  : std_logic_vector(15 downto 0);
   signal observer_full  : std_logic;
+  signal observer_flag  : std_logic; -- observer_full of a step that has ended
   signal flux_alpha     : std_logic_vector(15 downto 0);
   signal flux_beta      : std_logic_vector(15 downto 0);
   signal core_start     : std_logic;
@@ -203,39 +134,8 @@ architecture rtl of mpdcc_system is
   signal until_a        : std_logic_vector(2 downto 0);
   signal until_b        : std_logic_vector(2 downto 0);
   signal until_c        : std_logic_vector(2 downto 0);
-  signal last_cycles    : std_logic_vector(15 downto 0);
-  signal worst_cycles   : std_logic_vector(15 downto 0);
-  signal decisions      : std_logic_vector(31 downto 0);
-  signal enabled        : std_logic;
-  signal all_gates      : std_logic_vector(23 downto 0);
-  signal is_running     : std_logic;
-  signal is_resting     : std_logic;
-  signal latched        : std_logic_vector(8 downto 0);
-  signal shown          : std_logic_vector(8 downto 0); -- faults as the register has them
-  signal shown_before   : std_logic_vector(8 downto 0);
-  signal clear          : std_logic_vector(8 downto 0);
 
 begin
-
-  i_gate : entity work.write_gate
-    port map (
-      clk       => clk,
-      rst       => rst,
-      hold      => hold,
-      m_awvalid => s_axil_awvalid,
-      m_awready => s_axil_awready,
-      m_wvalid  => s_axil_wvalid,
-      m_wready  => s_axil_wready,
-      m_bready  => s_axil_bready,
-      s_awvalid => gated_awvalid,
-      s_awready => gated_awready,
-      s_wvalid  => gated_wvalid,
-      s_wready  => gated_wready,
-      s_bvalid  => response
-    );
-
-  hold          <= command.commit.value or pending;
-  s_axil_bvalid <= response;
 
   i_registers : entity work.directmpc_mpdcc_registers
     port map (
@@ -264,145 +164,89 @@ begin
       hwif_out       => to_hardware
     );
 
-  control        <= to_hardware.system.control;
-  command        <= to_hardware.system.command;
-  parameters     <= to_hardware.parameters;
-  guard_settings <= to_hardware.guard;
-  sample         <= to_hardware.measurements;
+  s_axil_bvalid <= response;
 
-  ---------------------------------------------------------------------------------------------
-  -- Start, and what is in force
-  ---------------------------------------------------------------------------------------------
+  sample <= to_hardware.measurements;
 
-  i_sequencer : entity work.decision_sequencer
+  i_shell : entity work.system_shell
+    generic map (
+      FIVE_LEVEL      => true,
+      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+    )
     port map (
-      clk            => clk,
-      rst            => rst,
-      start          => start,
-      command_start  => command.start.value,
-      from_registers => control.registers_as_source.value,
-      use_observer   => control.use_observer.value,
-      own_positions  => control.own_positions.value,
-      reset_observer => command.reset_observer.value,
-      commit         => command.commit.value,
-      ending         => core_valid,
-      take           => take,
-      go             => go,
-      deciding       => deciding,
-      ignored        => ignored,
-      observing      => observing,
-      owning         => owning,
-      forget         => forget,
-      load           => load,
-      pending        => pending,
-      commits        => commits
+      clk                => clk,
+      rst                => rst,
+      enable             => enable,
+      external_trip      => external_trip,
+      start              => start,
+      m_awvalid          => s_axil_awvalid,
+      m_awready          => s_axil_awready,
+      m_wvalid           => s_axil_wvalid,
+      m_wready           => s_axil_wready,
+      m_bready           => s_axil_bready,
+      s_awvalid          => gated_awvalid,
+      s_awready          => gated_awready,
+      s_wvalid           => gated_wvalid,
+      s_wready           => gated_wready,
+      s_bvalid           => response,
+      written            => to_hardware.system,
+      settings           => to_hardware.guard,
+      capabilities       => capabilities,
+      shown              => from_hardware.system,
+      take               => take,
+      go                 => go,
+      deciding           => deciding,
+      observing          => observing,
+      owning             => owning,
+      forget             => forget,
+      load               => load,
+      decided            => core_valid,
+      saturated          => core_saturated,
+      deadlock           => core_deadlock,
+      clamped            => '0',
+      observer_saturated => observer_flag,
+      cycles             => cycles,
+      is_alpha           => sample.is_alpha.value.value,
+      is_beta            => sample.is_beta.value.value,
+      v_dc               => sample.v_dc.value.value,
+      apply              => core_valid,
+      position_a         => core_a,
+      position_b         => core_b,
+      position_c         => core_c,
+      gates              => gates,
+      running            => running,
+      faults             => faults
     );
 
   busy <= deciding;
 
-  p_active : process (clk) is
+  p_parameters : process (clk) is
   begin
 
     if rising_edge(clk) then
       if (load = '1') then
-        c_error_alpha_now                <= parameters.c_error_alpha.value.value;
-        c_error_beta_now                 <= parameters.c_error_beta.value.value;
-        c_error_neutral_now              <= parameters.c_error_neutral.value.value;
-        c_error_phase_now                <= parameters.c_error_phase.value.value;
-        c_stator_alpha_now               <= parameters.c_stator_alpha.value.value;
-        c_stator_beta_now                <= parameters.c_stator_beta.value.value;
-        c_rotor_alpha_now                <= parameters.c_rotor_alpha.value.value;
-        c_rotor_beta_now                 <= parameters.c_rotor_beta.value.value;
-        c_reference_alpha_now            <= parameters.c_reference_alpha.value.value;
-        c_reference_beta_now             <= parameters.c_reference_beta.value.value;
-        c_emf_alpha_now                  <= parameters.c_emf_alpha.value.value;
-        c_emf_beta_now                   <= parameters.c_emf_beta.value.value;
-        c_correction_alpha_now           <= parameters.c_correction_alpha.value.value;
-        c_correction_beta_now            <= parameters.c_correction_beta.value.value;
-        c_forced_voltage_now             <= parameters.c_forced_voltage.value.value;
-        c_forced_neutral_now             <= parameters.c_forced_neutral.value.value;
-        c_phase_alpha_now                <= parameters.c_phase_alpha.value.value;
-        c_phase_beta_now                 <= parameters.c_phase_beta.value.value;
-        c_midpoint_alpha_now             <= parameters.c_midpoint_alpha.value.value;
-        c_midpoint_beta_now              <= parameters.c_midpoint_beta.value.value;
-        c_weight_now                     <= parameters.c_weight.value.value;
-        c_weight_alpha_now               <= parameters.c_weight_alpha.value.value;
-        c_weight_beta_now                <= parameters.c_weight_beta.value.value;
-        c_curvature_emf_alpha_now        <= parameters.c_curvature_emf_alpha.value.value;
-        c_curvature_emf_beta_now         <= parameters.c_curvature_emf_beta.value.value;
-        c_curvature_flux_alpha_now       <= parameters.c_curvature_flux_alpha.value.value;
-        c_curvature_flux_beta_now        <= parameters.c_curvature_flux_beta.value.value;
-        c_curvature_reference_alpha_now  <= parameters.c_curvature_reference_alpha.value.value;
-        c_curvature_reference_beta_now   <= parameters.c_curvature_reference_beta.value.value;
-        bound_current_now                <= parameters.bound_current.value.value;
-        bound_neutral_now                <= parameters.bound_neutral.value.value;
-        bound_phase_now                  <= parameters.bound_phase.value.value;
-        horizon_now                      <= parameters.horizon.value.value;
-        weight_scale_now                 <= parameters.weight_scale.value.value;
-        two_switchings_now               <= parameters.two_switchings.value.value;
-        budget_now                       <= parameters.budget.value.value;
-        compensate_now                   <= parameters.compensate.value.value;
-        deadlock_rule_now                <= parameters.deadlock_rule.value.value;
-        c_change_phase_now               <= parameters.c_change_phase.value.value;
-        c_change_midpoint_now            <= parameters.c_change_midpoint.value.value;
-        c_change_weight_now              <= parameters.c_change_weight.value.value;
-        c_error_forced_now               <= parameters.c_error_forced.value.value;
-        o_speed_now                      <= parameters.o_speed.value.value;
-        o_voltage_alpha_now              <= parameters.o_voltage_alpha.value.value;
-        o_voltage_beta_now               <= parameters.o_voltage_beta.value.value;
-        o_drop_now                       <= parameters.o_drop.value.value;
-        o_pull_now                       <= parameters.o_pull.value.value;
-        o_pull_flux_now                  <= parameters.o_pull_flux.value.value;
-        o_pull_current_now               <= parameters.o_pull_current.value.value;
-        o_decay_now                      <= parameters.o_decay.value.value;
-        o_excitation_now                 <= parameters.o_excitation.value.value;
-        o_output_flux_now                <= parameters.o_output_flux.value.value;
-        o_output_current_now             <= parameters.o_output_current.value.value;
-        dead_time_now                    <= guard_settings.dead_time.clocks.value;
-        minimum_on_now                   <= guard_settings.minimum_on.clocks.value;
-        minimum_off_now                  <= guard_settings.minimum_off.clocks.value;
-        decision_limit_now               <= guard_settings.decision_limit.clocks.value;
-        watchdog_now                     <= guard_settings.watchdog.clocks.value;
-        current_limit_now                <= guard_settings.current_limit.value.value;
-        link_high_now                    <= guard_settings.link_high.value.value;
-        link_low_now                     <= guard_settings.link_low.value.value;
+        in_force <= to_hardware.parameters;
       end if;
     end if;
 
-  end process p_active;
+  end process p_parameters;
 
-  from_hardware.measurements.is_alpha.value.next_q <= is_alpha;
-  from_hardware.measurements.is_alpha.value.we     <= take;
-  from_hardware.measurements.is_beta.value.next_q <= is_beta;
-  from_hardware.measurements.is_beta.value.we     <= take;
-  from_hardware.measurements.psir_alpha.value.next_q <= psir_alpha;
-  from_hardware.measurements.psir_alpha.value.we     <= take;
-  from_hardware.measurements.psir_beta.value.next_q <= psir_beta;
-  from_hardware.measurements.psir_beta.value.we     <= take;
-  from_hardware.measurements.v_n.value.next_q <= v_n;
-  from_hardware.measurements.v_n.value.we     <= take;
-  from_hardware.measurements.v_ph_a.value.next_q <= v_ph_a;
-  from_hardware.measurements.v_ph_a.value.we     <= take;
-  from_hardware.measurements.v_ph_b.value.next_q <= v_ph_b;
-  from_hardware.measurements.v_ph_b.value.we     <= take;
-  from_hardware.measurements.v_ph_c.value.next_q <= v_ph_c;
-  from_hardware.measurements.v_ph_c.value.we     <= take;
-  from_hardware.measurements.v_dc.value.next_q <= v_dc;
-  from_hardware.measurements.v_dc.value.we     <= take;
-  from_hardware.measurements.iref_alpha.value.next_q <= iref_alpha;
-  from_hardware.measurements.iref_alpha.value.we     <= take;
-  from_hardware.measurements.iref_beta.value.next_q <= iref_beta;
-  from_hardware.measurements.iref_beta.value.we     <= take;
-  from_hardware.measurements.omega_s.value.next_q <= omega_s;
-  from_hardware.measurements.omega_s.value.we     <= take;
-  from_hardware.measurements.omega_r.value.next_q <= omega_r;
-  from_hardware.measurements.omega_r.value.we     <= take;
-  from_hardware.measurements.s_prev_a.value.next_q <= s_prev_a;
-  from_hardware.measurements.s_prev_a.value.we     <= take;
-  from_hardware.measurements.s_prev_b.value.next_q <= s_prev_b;
-  from_hardware.measurements.s_prev_b.value.we     <= take;
-  from_hardware.measurements.s_prev_c.value.next_q <= s_prev_c;
-  from_hardware.measurements.s_prev_c.value.we     <= take;
+  from_hardware.measurements.is_alpha.value <= (next_q => is_alpha, we => take);
+  from_hardware.measurements.is_beta.value <= (next_q => is_beta, we => take);
+  from_hardware.measurements.psir_alpha.value <= (next_q => psir_alpha, we => take);
+  from_hardware.measurements.psir_beta.value <= (next_q => psir_beta, we => take);
+  from_hardware.measurements.v_n.value <= (next_q => v_n, we => take);
+  from_hardware.measurements.v_ph_a.value <= (next_q => v_ph_a, we => take);
+  from_hardware.measurements.v_ph_b.value <= (next_q => v_ph_b, we => take);
+  from_hardware.measurements.v_ph_c.value <= (next_q => v_ph_c, we => take);
+  from_hardware.measurements.v_dc.value <= (next_q => v_dc, we => take);
+  from_hardware.measurements.iref_alpha.value <= (next_q => iref_alpha, we => take);
+  from_hardware.measurements.iref_beta.value <= (next_q => iref_beta, we => take);
+  from_hardware.measurements.omega_s.value <= (next_q => omega_s, we => take);
+  from_hardware.measurements.omega_r.value <= (next_q => omega_r, we => take);
+  from_hardware.measurements.s_prev_a.value <= (next_q => s_prev_a, we => take);
+  from_hardware.measurements.s_prev_b.value <= (next_q => s_prev_b, we => take);
+  from_hardware.measurements.s_prev_c.value <= (next_q => s_prev_c, we => take);
 
   ---------------------------------------------------------------------------------------------
   -- Observer and core
@@ -416,6 +260,7 @@ begin
              sample.s_prev_c.value.value;
 
   observer_rst   <= rst or (forget and not deciding);
+  observer_flag  <= observer_valid and observer_full;
   observer_start <= go and observing;
 
   i_observer : entity work.rotor_flux_observer
@@ -434,17 +279,17 @@ begin
       s_a              => until_a,
       s_b              => until_b,
       s_c              => until_c,
-      o_speed          => o_speed_now,
-      o_voltage_alpha  => o_voltage_alpha_now,
-      o_voltage_beta   => o_voltage_beta_now,
-      o_drop           => o_drop_now,
-      o_pull           => o_pull_now,
-      o_pull_flux      => o_pull_flux_now,
-      o_pull_current   => o_pull_current_now,
-      o_decay          => o_decay_now,
-      o_excitation     => o_excitation_now,
-      o_output_flux    => o_output_flux_now,
-      o_output_current => o_output_current_now,
+      o_speed          => in_force.o_speed.value.value,
+      o_voltage_alpha  => in_force.o_voltage_alpha.value.value,
+      o_voltage_beta   => in_force.o_voltage_beta.value.value,
+      o_drop           => in_force.o_drop.value.value,
+      o_pull           => in_force.o_pull.value.value,
+      o_pull_flux      => in_force.o_pull_flux.value.value,
+      o_pull_current   => in_force.o_pull_current.value.value,
+      o_decay          => in_force.o_decay.value.value,
+      o_excitation     => in_force.o_excitation.value.value,
+      o_output_flux    => in_force.o_output_flux.value.value,
+      o_output_current => in_force.o_output_current.value.value,
       valid            => observer_valid,
       busy             => observer_busy,
       psir_alpha       => observer_alpha,
@@ -486,48 +331,48 @@ begin
       s_prev_a                    => until_a,
       s_prev_b                    => until_b,
       s_prev_c                    => until_c,
-      c_error_alpha               => c_error_alpha_now,
-      c_error_beta                => c_error_beta_now,
-      c_error_neutral             => c_error_neutral_now,
-      c_error_phase               => c_error_phase_now,
-      c_stator_alpha              => c_stator_alpha_now,
-      c_stator_beta               => c_stator_beta_now,
-      c_rotor_alpha               => c_rotor_alpha_now,
-      c_rotor_beta                => c_rotor_beta_now,
-      c_reference_alpha           => c_reference_alpha_now,
-      c_reference_beta            => c_reference_beta_now,
-      c_emf_alpha                 => c_emf_alpha_now,
-      c_emf_beta                  => c_emf_beta_now,
-      c_correction_alpha          => c_correction_alpha_now,
-      c_correction_beta           => c_correction_beta_now,
-      c_forced_voltage            => c_forced_voltage_now,
-      c_forced_neutral            => c_forced_neutral_now,
-      c_phase_alpha               => c_phase_alpha_now,
-      c_phase_beta                => c_phase_beta_now,
-      c_midpoint_alpha            => c_midpoint_alpha_now,
-      c_midpoint_beta             => c_midpoint_beta_now,
-      c_weight                    => c_weight_now,
-      c_weight_alpha              => c_weight_alpha_now,
-      c_weight_beta               => c_weight_beta_now,
-      c_curvature_emf_alpha       => c_curvature_emf_alpha_now,
-      c_curvature_emf_beta        => c_curvature_emf_beta_now,
-      c_curvature_flux_alpha      => c_curvature_flux_alpha_now,
-      c_curvature_flux_beta       => c_curvature_flux_beta_now,
-      c_curvature_reference_alpha => c_curvature_reference_alpha_now,
-      c_curvature_reference_beta  => c_curvature_reference_beta_now,
-      bound_current               => bound_current_now,
-      bound_neutral               => bound_neutral_now,
-      bound_phase                 => bound_phase_now,
-      horizon                     => horizon_now,
-      weight_scale                => weight_scale_now,
-      two_switchings              => two_switchings_now,
-      budget                      => budget_now,
-      compensate                  => compensate_now,
-      deadlock_rule               => deadlock_rule_now,
-      c_change_phase              => c_change_phase_now,
-      c_change_midpoint           => c_change_midpoint_now,
-      c_change_weight             => c_change_weight_now,
-      c_error_forced              => c_error_forced_now,
+      c_error_alpha               => in_force.c_error_alpha.value.value,
+      c_error_beta                => in_force.c_error_beta.value.value,
+      c_error_neutral             => in_force.c_error_neutral.value.value,
+      c_error_phase               => in_force.c_error_phase.value.value,
+      c_stator_alpha              => in_force.c_stator_alpha.value.value,
+      c_stator_beta               => in_force.c_stator_beta.value.value,
+      c_rotor_alpha               => in_force.c_rotor_alpha.value.value,
+      c_rotor_beta                => in_force.c_rotor_beta.value.value,
+      c_reference_alpha           => in_force.c_reference_alpha.value.value,
+      c_reference_beta            => in_force.c_reference_beta.value.value,
+      c_emf_alpha                 => in_force.c_emf_alpha.value.value,
+      c_emf_beta                  => in_force.c_emf_beta.value.value,
+      c_correction_alpha          => in_force.c_correction_alpha.value.value,
+      c_correction_beta           => in_force.c_correction_beta.value.value,
+      c_forced_voltage            => in_force.c_forced_voltage.value.value,
+      c_forced_neutral            => in_force.c_forced_neutral.value.value,
+      c_phase_alpha               => in_force.c_phase_alpha.value.value,
+      c_phase_beta                => in_force.c_phase_beta.value.value,
+      c_midpoint_alpha            => in_force.c_midpoint_alpha.value.value,
+      c_midpoint_beta             => in_force.c_midpoint_beta.value.value,
+      c_weight                    => in_force.c_weight.value.value,
+      c_weight_alpha              => in_force.c_weight_alpha.value.value,
+      c_weight_beta               => in_force.c_weight_beta.value.value,
+      c_curvature_emf_alpha       => in_force.c_curvature_emf_alpha.value.value,
+      c_curvature_emf_beta        => in_force.c_curvature_emf_beta.value.value,
+      c_curvature_flux_alpha      => in_force.c_curvature_flux_alpha.value.value,
+      c_curvature_flux_beta       => in_force.c_curvature_flux_beta.value.value,
+      c_curvature_reference_alpha => in_force.c_curvature_reference_alpha.value.value,
+      c_curvature_reference_beta  => in_force.c_curvature_reference_beta.value.value,
+      bound_current               => in_force.bound_current.value.value,
+      bound_neutral               => in_force.bound_neutral.value.value,
+      bound_phase                 => in_force.bound_phase.value.value,
+      horizon                     => in_force.horizon.value.value,
+      weight_scale                => in_force.weight_scale.value.value,
+      two_switchings              => in_force.two_switchings.value.value,
+      budget                      => in_force.budget.value.value,
+      compensate                  => in_force.compensate.value.value,
+      deadlock_rule               => in_force.deadlock_rule.value.value,
+      c_change_phase              => in_force.c_change_phase.value.value,
+      c_change_midpoint           => in_force.c_change_midpoint.value.value,
+      c_change_weight             => in_force.c_change_weight.value.value,
+      c_error_forced              => in_force.c_error_forced.value.value,
       valid                       => core_valid,
       busy                        => open,
       s_a                         => core_a,
@@ -559,141 +404,29 @@ begin
 
   end process p_own;
 
-  i_monitor : entity work.decision_monitor
-    port map (
-      clk       => clk,
-      rst       => rst,
-      clear     => command.clear_counters.value,
-      start     => go,
-      valid     => core_valid,
-      last      => last_cycles,
-      worst     => worst_cycles,
-      decisions => decisions
-    );
-
-  ---------------------------------------------------------------------------------------------
-  -- Gates
-  ---------------------------------------------------------------------------------------------
-
-  enabled <= enable and control.enable.value;
-
-  i_guard : entity work.gate_guard
-    generic map (
-      FIVE_LEVEL      => true,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME
-    )
-    port map (
-      clk            => clk,
-      rst            => rst,
-      enable         => enabled,
-      external_trip  => external_trip,
-      clear          => clear,
-      measured       => go,
-      is_alpha       => sample.is_alpha.value.value,
-      is_beta        => sample.is_beta.value.value,
-      v_dc           => sample.v_dc.value.value,
-      start          => go,
-      decided        => core_valid,
-      position_a     => core_a,
-      position_b     => core_b,
-      position_c     => core_c,
-      dead_time      => dead_time_now,
-      minimum_on     => minimum_on_now,
-      minimum_off    => minimum_off_now,
-      decision_limit => decision_limit_now,
-      watchdog       => watchdog_now,
-      current_limit  => current_limit_now,
-      link_high      => link_high_now,
-      link_low       => link_low_now,
-      gates          => all_gates,
-      running        => is_running,
-      resting        => is_resting,
-      faults         => latched
-    );
-
-  -- the guard latches; the register shows it, and what software clears there is cleared in the guard
-  shown <= to_hardware.system.faults.interlock.value & to_hardware.system.faults.overrun.value
-           & to_hardware.system.faults.missing.value & to_hardware.system.faults.late.value
-           & to_hardware.system.faults.illegal_edge.value & to_hardware.system.faults.link_low.value
-           & to_hardware.system.faults.link_high.value & to_hardware.system.faults.over_current.value
-           & to_hardware.system.faults.external_trip.value;
-  clear <= shown_before and not shown;
-
-  p_shown : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      shown_before <= shown;
-
-      if (rst = '1') then
-        shown_before <= (others => '0');
-      end if;
-    end if;
-
-  end process p_shown;
-
-  from_hardware.system.faults.external_trip.hwset <= latched(FAULT_EXTERNAL) and not clear(FAULT_EXTERNAL);
-  from_hardware.system.faults.over_current.hwset  <= latched(FAULT_OVER_CURRENT) and not clear(FAULT_OVER_CURRENT);
-  from_hardware.system.faults.link_high.hwset     <= latched(FAULT_LINK_HIGH) and not clear(FAULT_LINK_HIGH);
-  from_hardware.system.faults.link_low.hwset      <= latched(FAULT_LINK_LOW) and not clear(FAULT_LINK_LOW);
-  from_hardware.system.faults.illegal_edge.hwset  <= latched(FAULT_ILLEGAL) and not clear(FAULT_ILLEGAL);
-  from_hardware.system.faults.late.hwset          <= latched(FAULT_LATE) and not clear(FAULT_LATE);
-  from_hardware.system.faults.missing.hwset       <= latched(FAULT_MISSING) and not clear(FAULT_MISSING);
-  from_hardware.system.faults.overrun.hwset       <= latched(FAULT_OVERRUN) and not clear(FAULT_OVERRUN);
-  from_hardware.system.faults.interlock.hwset     <= latched(FAULT_INTERLOCK) and not clear(FAULT_INTERLOCK);
-
   ---------------------------------------------------------------------------------------------
   -- What registers and ports show
   ---------------------------------------------------------------------------------------------
 
-  from_hardware.system.capabilities.controller.next_q      <= "0001";
-  from_hardware.system.capabilities.explorers.next_q       <= std_logic_vector(to_unsigned(EXPLORERS, 4));
-  from_hardware.system.capabilities.folded.next_q          <= '1' when FOLDED else '0';
-  from_hardware.system.capabilities.second_level.next_q    <= '1' when SECOND_LEVEL and not FOLDED else '0';
-  from_hardware.system.capabilities.weighted_deadlock.next_q <= '1' when WEIGHTED_DEADLOCK and not FOLDED else '0';
-  from_hardware.system.capabilities.flux_control.next_q    <= '0';
-  from_hardware.system.capabilities.observer.next_q        <= '1';
-  from_hardware.system.capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
+  capabilities.controller.next_q      <= "0001";
+  capabilities.explorers.next_q       <= std_logic_vector(to_unsigned(EXPLORERS, 4));
+  capabilities.folded.next_q          <= to_std_logic(FOLDED);
+  capabilities.second_level.next_q    <= to_std_logic(SECOND_LEVEL and not FOLDED);
+  capabilities.weighted_deadlock.next_q <= to_std_logic(WEIGHTED_DEADLOCK and not FOLDED);
+  capabilities.flux_control.next_q    <= '0';
+  capabilities.observer.next_q        <= '1';
+  capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 
-  from_hardware.system.status.busy.next_q           <= deciding;
-  from_hardware.system.status.commit_pending.next_q <= pending;
-  from_hardware.system.status.running.next_q        <= is_running;
-  from_hardware.system.status.commutating.next_q    <= not is_resting;
-  from_hardware.system.status.fault.next_q          <= '0' when latched = "000000000" else '1';
-  from_hardware.system.status.enabled.next_q        <= enabled;
-
-  from_hardware.system.flags.saturated.hwset          <= core_valid and core_saturated;
-  from_hardware.system.flags.deadlock.hwset           <= core_valid and core_deadlock;
-  from_hardware.system.flags.start_ignored.hwset      <= ignored;
-  from_hardware.system.flags.observer_saturated.hwset <= observer_valid and observer_full;
-  from_hardware.system.flags.clamped.hwset            <= '0';
-
-  from_hardware.system.cycles.last.next_q     <= last_cycles;
-  from_hardware.system.cycles.worst.next_q    <= worst_cycles;
-  from_hardware.system.decisions.count.next_q <= decisions;
-  from_hardware.system.commits.count.next_q   <= commits;
-  from_hardware.system.gates.gates.next_q     <= all_gates;
-
-  from_hardware.result.decision.s_a.next_q       <= core_a;
-  from_hardware.result.decision.s_a.we <= core_valid;
-  from_hardware.result.decision.s_b.next_q       <= core_b;
-  from_hardware.result.decision.s_b.we <= core_valid;
-  from_hardware.result.decision.s_c.next_q       <= core_c;
-  from_hardware.result.decision.s_c.we <= core_valid;
-  from_hardware.result.decision.held.next_q      <= core_held;
-  from_hardware.result.decision.held.we <= core_valid;
-  from_hardware.result.decision.deadlock.next_q  <= core_deadlock;
-  from_hardware.result.decision.deadlock.we <= core_valid;
-  from_hardware.result.decision.exhausted.next_q <= core_exhausted;
-  from_hardware.result.decision.exhausted.we <= core_valid;
-  from_hardware.result.decision.saturated.next_q <= core_saturated;
-  from_hardware.result.decision.saturated.we <= core_valid;
-  from_hardware.result.decision.length.next_q    <= core_length;
-  from_hardware.result.decision.length.we <= core_valid;
-  from_hardware.result.rotor_flux.alpha.next_q   <= flux_alpha;
-  from_hardware.result.rotor_flux.alpha.we <= core_valid;
-  from_hardware.result.rotor_flux.beta.next_q    <= flux_beta;
-  from_hardware.result.rotor_flux.beta.we <= core_valid;
+  from_hardware.result.decision.s_a <= (next_q => core_a, we => core_valid);
+  from_hardware.result.decision.s_b <= (next_q => core_b, we => core_valid);
+  from_hardware.result.decision.s_c <= (next_q => core_c, we => core_valid);
+  from_hardware.result.decision.held <= (next_q => core_held, we => core_valid);
+  from_hardware.result.decision.deadlock <= (next_q => core_deadlock, we => core_valid);
+  from_hardware.result.decision.exhausted <= (next_q => core_exhausted, we => core_valid);
+  from_hardware.result.decision.saturated <= (next_q => core_saturated, we => core_valid);
+  from_hardware.result.decision.length <= (next_q => core_length, we => core_valid);
+  from_hardware.result.rotor_flux.alpha <= (next_q => flux_alpha, we => core_valid);
+  from_hardware.result.rotor_flux.beta <= (next_q => flux_beta, we => core_valid);
 
   valid     <= core_valid;
   s_a       <= core_a;
@@ -704,9 +437,5 @@ begin
   length    <= core_length;
   saturated <= core_saturated;
   exhausted <= core_exhausted;
-  cycles    <= last_cycles;
-  gates     <= all_gates;
-  running   <= is_running;
-  faults    <= latched;
 
 end architecture rtl;

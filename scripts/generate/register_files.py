@@ -291,6 +291,19 @@ _PORTS = {
     "hwif_out": "what the registers hold, likewise",
 }
 
+#: Regfiles that every controller has; their records stand once, for what serves all controllers.
+_SHARED = ("system_registers", "guard_registers")
+_SHARED_PACKAGE = "directmpc_system_registers_pkg"
+_SHARED_TEXT = """\
+-- Records of the registers that every controller has: the system's and the gate guard's.
+{by}
+library ieee;
+use ieee.std_logic_1164.all;
+
+package {name} is
+{types}end package;
+"""
+
 _MANUAL = """\
 -- Registers of the {name} system behind AXI4-Lite: docs/registers.md has addresses and fields.
 --
@@ -317,6 +330,19 @@ def _described(text: str) -> str:
     return ports.sub(lambda m: f"{m.group(0)} -- {_PORTS[m.group(2)]}", head) + end + rest
 
 
+def _without_shared(text: str) -> tuple[str, str]:
+    """A controller's package that uses the shared one, and the records that it leaves to it."""
+    names = "|".join(_SHARED)
+    record = re.compile(
+        rf"\n    type (?:\\(?:{names})\.[^\\]+\\|(?:{names})_(?:in|out)_t) is record"
+        r".*?end record;\n",
+        re.S,
+    )
+    shared = "".join(match.group(0) for match in record.finditer(text))
+    rest = record.sub("", text)
+    return rest.replace("\n\npackage ", f"\nuse work.{_SHARED_PACKAGE}.all;\n\npackage ", 1), shared
+
+
 def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
     name = f"directmpc_{controller}_registers"
     RegblockExporter().export(
@@ -338,6 +364,11 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
         if path.stem == name:
             note = _MANUAL.format(name=controller.upper()) + note
             text = _described(text)
+        if path.stem == f"{name}_pkg":
+            text, types = _without_shared(text)
+            found[VHDL / f"{_SHARED_PACKAGE}.vhd"] = _SHARED_TEXT.format(
+                by=note.strip(), name=_SHARED_PACKAGE, types=types
+            )
         found[VHDL / path.name] = note + text
     return found
 
@@ -436,7 +467,11 @@ def files() -> dict[Path, str]:
         for controller, top in tops.items():
             vhdl = folder / controller
             vhdl.mkdir()
-            found |= _vhdl(controller, top, vhdl)
+            written = _vhdl(controller, top, vhdl)
+            shared = VHDL / f"{_SHARED_PACKAGE}.vhd"
+            if found.get(shared, written[shared]) != written[shared]:
+                raise ValueError(f"{controller}: the registers that all controllers share differ")
+            found |= written
             header = folder / f"directmpc_{controller}.h"
             CHeaderExporter().export(top, str(header))
             text = header.read_text(encoding="utf-8")

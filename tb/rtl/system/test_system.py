@@ -47,7 +47,7 @@ def test_a_system_does_what_a_host_asks(controller: str) -> None:
 
 FAULTS = {
     "hasty commit": ("commit_control", "waiting and (ending or not (busy or start))", "waiting"),
-    "wrong port": ("mptc_system", "=> c_drop_now,", "=> c_drop_flux_now,"),
+    "wrong port": ("mptc_system", "in_force.c_torque.value", "in_force.c_weight.value"),
     "open gate": ("write_gate", "and not (hold or under_way)", "and not under_way"),
 }
 

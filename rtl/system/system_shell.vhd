@@ -1,0 +1,286 @@
+-- What every system has around its controller: start and commit, counters, gate guard, shared registers.
+--
+-- A system consists of its register block, its observer, its core and this shell. The shell gates the bus writes
+-- (write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and drives the
+-- gates (gate_guard). It fills all of the shared registers' inputs.
+--
+-- The guard's settings are shadows: they are taken over with load, as the parameters are by the system.
+-- Faults: the guard latches them and the register shows them. What software clears in the register is cleared in the
+-- guard one clock later.
+--
+-- Formats: as gate_guard; registers as docs/registers.md.
+-- Latency: go one clock after start; gates as gate_guard; registers show a state one clock later.
+-- Overflow: none; a start while a decision is under way is dropped and flagged.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_system_registers_pkg.all;
+  use work.gate_tables.all;
+
+entity system_shell is
+  generic (
+    FIVE_LEVEL      : boolean                  := true; -- true: legs of eight gates, false: of two
+    LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
+  );
+  port (
+    clk                : in    std_logic;                     -- rising edge
+    rst                : in    std_logic;                     -- synchronous, active high
+    enable             : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
+    external_trip      : in    std_logic;                     -- '1': all gates off
+    start              : in    std_logic;                     -- '1' for one clock: measurements are at the ports
+    -- bus writes, from the bus and to the register block
+    m_awvalid          : in    std_logic;                     -- '1': address there
+    m_awready          : out   std_logic;                     -- '1': address taken
+    m_wvalid           : in    std_logic;                     -- '1': data there
+    m_wready           : out   std_logic;                     -- '1': data taken
+    m_bready           : in    std_logic;                     -- '1': response taken
+    s_awvalid          : out   std_logic;                     -- '1': address there
+    s_awready          : in    std_logic;                     -- '1': address taken
+    s_wvalid           : out   std_logic;                     -- '1': data there
+    s_wready           : in    std_logic;                     -- '1': data taken
+    s_bvalid           : in    std_logic;                     -- '1': response there
+    -- registers
+    written            : in    system_registers_out_t;        -- what software has written
+    settings           : in    guard_registers_out_t;         -- shadows of the guard's settings
+    capabilities       : in    \system_registers.capabilities_in_t\; -- what was built, constant
+    shown              : out   system_registers_in_t;         -- what software reads
+    -- decisions
+    take               : out   std_logic;                     -- '1': measurements are taken from the ports
+    go                 : out   std_logic;                     -- '1' for one clock: begin, measurements are in registers
+    deciding           : out   std_logic;                     -- '1': a decision is under way
+    observing          : out   std_logic;                     -- '1': this decision uses the observer's flux
+    owning             : out   std_logic;                     -- '1': it goes on from the system's own last decision
+    forget             : out   std_logic;                     -- '1': the observer is to begin anew, once not deciding
+    load               : out   std_logic;                     -- '1' for one clock: shadows take effect
+    decided            : in    std_logic;                     -- '1' for one clock: the core has decided
+    saturated          : in    std_logic;                     -- '1' with decided: a value did not fit its word
+    deadlock           : in    std_logic;                     -- '1' with decided: no candidate stays inside
+    clamped            : in    std_logic;                     -- '1' with decided: MPFC cannot reach the torque
+    observer_saturated : in    std_logic;                     -- '1': a value of the observer did not fit its word
+    cycles             : out   std_logic_vector(15 downto 0); -- of the last decision, unsigned
+    -- gates
+    is_alpha           : in    std_logic_vector(15 downto 0); -- measured stator current, signed, valid with go
+    is_beta            : in    std_logic_vector(15 downto 0); -- signed, unit as is_alpha
+    v_dc               : in    std_logic_vector(15 downto 0); -- measured dc-link voltage, unsigned, valid with go
+    apply              : in    std_logic;                     -- '1' for one clock: the positions are new
+    position_a         : in    std_logic_vector(2 downto 0);  -- wanted position of phase a
+    position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b
+    position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c
+    gates              : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
+    running            : out   std_logic;                     -- '1': gates follow decisions
+    faults             : out   std_logic_vector(FAULT_COUNT - 1 downto 0) -- latched, bits as in gate_tables
+  );
+end entity system_shell;
+
+architecture rtl of system_shell is
+
+  subtype faults_t is std_logic_vector(FAULT_COUNT - 1 downto 0);
+
+  signal in_force     : guard_registers_out_t; -- settings of the guard
+  signal hold         : std_logic;             -- a commit has not taken effect
+  signal begun        : std_logic;
+  signal busy         : std_logic;
+  signal ignored      : std_logic;             -- a start, of either kind
+  signal taking_over  : std_logic;
+  signal pending      : std_logic;
+  signal commits      : std_logic_vector(15 downto 0);
+  signal last_cycles  : std_logic_vector(15 downto 0);
+  signal worst_cycles : std_logic_vector(15 downto 0);
+  signal decisions    : std_logic_vector(31 downto 0);
+  signal enabled      : std_logic;
+  signal all_gates    : std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0);
+  signal is_running   : std_logic;
+  signal is_resting   : std_logic;
+  signal latched      : faults_t;
+  signal faults_shown : faults_t;              -- as the register has them
+  signal faults_until : faults_t;              -- a clock ago
+  signal clear        : faults_t;
+  signal set          : faults_t;
+
+begin
+
+  ---------------------------------------------------------------------------------------------
+  -- Bus writes, start, commit
+  ---------------------------------------------------------------------------------------------
+
+  hold <= written.command.commit.value or pending;
+
+  i_gate : entity work.write_gate
+    port map (
+      clk       => clk,
+      rst       => rst,
+      hold      => hold,
+      m_awvalid => m_awvalid,
+      m_awready => m_awready,
+      m_wvalid  => m_wvalid,
+      m_wready  => m_wready,
+      m_bready  => m_bready,
+      s_awvalid => s_awvalid,
+      s_awready => s_awready,
+      s_wvalid  => s_wvalid,
+      s_wready  => s_wready,
+      s_bvalid  => s_bvalid
+    );
+
+  i_sequencer : entity work.decision_sequencer
+    port map (
+      clk            => clk,
+      rst            => rst,
+      start          => start,
+      command_start  => written.command.start.value,
+      from_registers => written.control.registers_as_source.value,
+      use_observer   => written.control.use_observer.value,
+      own_positions  => written.control.own_positions.value,
+      reset_observer => written.command.reset_observer.value,
+      commit         => written.command.commit.value,
+      ending         => decided,
+      take           => take,
+      go             => begun,
+      deciding       => busy,
+      ignored        => ignored,
+      observing      => observing,
+      owning         => owning,
+      forget         => forget,
+      load           => taking_over,
+      pending        => pending,
+      commits        => commits
+    );
+
+  i_monitor : entity work.decision_monitor
+    port map (
+      clk       => clk,
+      rst       => rst,
+      clear     => written.command.clear_counters.value,
+      start     => begun,
+      valid     => decided,
+      last      => last_cycles,
+      worst     => worst_cycles,
+      decisions => decisions
+    );
+
+  go       <= begun;
+  deciding <= busy;
+  load     <= taking_over;
+  cycles   <= last_cycles;
+
+  ---------------------------------------------------------------------------------------------
+  -- Gates
+  ---------------------------------------------------------------------------------------------
+
+  p_settings : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (taking_over = '1') then
+        in_force <= settings;
+      end if;
+    end if;
+
+  end process p_settings;
+
+  enabled <= enable and written.control.enable.value;
+
+  i_guard : entity work.gate_guard
+    generic map (
+      FIVE_LEVEL      => FIVE_LEVEL,
+      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+    )
+    port map (
+      clk            => clk,
+      rst            => rst,
+      enable         => enabled,
+      external_trip  => external_trip,
+      clear          => clear,
+      measured       => begun,
+      is_alpha       => is_alpha,
+      is_beta        => is_beta,
+      v_dc           => v_dc,
+      start          => begun,
+      decided        => apply,
+      position_a     => position_a,
+      position_b     => position_b,
+      position_c     => position_c,
+      dead_time      => in_force.dead_time.clocks.value,
+      minimum_on     => in_force.minimum_on.clocks.value,
+      minimum_off    => in_force.minimum_off.clocks.value,
+      decision_limit => in_force.decision_limit.clocks.value,
+      watchdog       => in_force.watchdog.clocks.value,
+      current_limit  => in_force.current_limit.value.value,
+      link_high      => in_force.link_high.value.value,
+      link_low       => in_force.link_low.value.value,
+      gates          => all_gates,
+      running        => is_running,
+      resting        => is_resting,
+      faults         => latched
+    );
+
+  faults_shown(FAULT_EXTERNAL)     <= written.faults.external_trip.value;
+  faults_shown(FAULT_OVER_CURRENT) <= written.faults.over_current.value;
+  faults_shown(FAULT_LINK_HIGH)    <= written.faults.link_high.value;
+  faults_shown(FAULT_LINK_LOW)     <= written.faults.link_low.value;
+  faults_shown(FAULT_ILLEGAL)      <= written.faults.illegal_edge.value;
+  faults_shown(FAULT_LATE)         <= written.faults.late.value;
+  faults_shown(FAULT_MISSING)      <= written.faults.missing.value;
+  faults_shown(FAULT_OVERRUN)      <= written.faults.overrun.value;
+  faults_shown(FAULT_INTERLOCK)    <= written.faults.interlock.value;
+
+  clear        <= faults_until and not faults_shown;
+  set          <= latched and not clear;
+
+  p_until : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      faults_until <= faults_shown;
+
+      if (rst = '1') then
+        faults_until <= (others => '0');
+      end if;
+    end if;
+
+  end process p_until;
+
+  gates   <= all_gates;
+  running <= is_running;
+  faults  <= latched;
+
+  ---------------------------------------------------------------------------------------------
+  -- What the registers show
+  ---------------------------------------------------------------------------------------------
+
+  shown.capabilities <= capabilities;
+
+  shown.status.busy.next_q           <= busy;
+  shown.status.commit_pending.next_q <= pending;
+  shown.status.running.next_q        <= is_running;
+  shown.status.commutating.next_q    <= not is_resting;
+  shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';
+  shown.status.enabled.next_q        <= enabled;
+
+  shown.flags.saturated.hwset          <= decided and saturated;
+  shown.flags.deadlock.hwset           <= decided and deadlock;
+  shown.flags.start_ignored.hwset      <= ignored;
+  shown.flags.observer_saturated.hwset <= observer_saturated;
+  shown.flags.clamped.hwset            <= decided and clamped;
+
+  shown.faults.external_trip.hwset <= set(FAULT_EXTERNAL);
+  shown.faults.over_current.hwset  <= set(FAULT_OVER_CURRENT);
+  shown.faults.link_high.hwset     <= set(FAULT_LINK_HIGH);
+  shown.faults.link_low.hwset      <= set(FAULT_LINK_LOW);
+  shown.faults.illegal_edge.hwset  <= set(FAULT_ILLEGAL);
+  shown.faults.late.hwset          <= set(FAULT_LATE);
+  shown.faults.missing.hwset       <= set(FAULT_MISSING);
+  shown.faults.overrun.hwset       <= set(FAULT_OVERRUN);
+  shown.faults.interlock.hwset     <= set(FAULT_INTERLOCK);
+
+  shown.cycles.last.next_q     <= last_cycles;
+  shown.cycles.worst.next_q    <= worst_cycles;
+  shown.decisions.count.next_q <= decisions;
+  shown.commits.count.next_q   <= commits;
+  shown.gates.gates.next_q     <= std_logic_vector(resize(unsigned(all_gates), 24));
+
+end architecture rtl;
