@@ -196,6 +196,15 @@ def test_every_generic_is_specified() -> None:
         assert written[entity] == generics(entity), entity
 
 
+def test_the_instantiation_has_every_port() -> None:
+    text = units()[0]["mpdcc_core"].read_text(encoding="utf-8")
+    head = text.partition("  port (")[2].partition("end entity")[0]
+    ports = re.findall(r"^\s*(\w+)\s*:\s*(?:in|out)\s", head, re.M)
+    shown = re.findall(r"(\w+) => ", between(DOCS / "using-the-core.md", "instantiation"))
+    assert [name for name in shown if name.islower()] == ports
+    assert [name for name in shown if name.isupper()] == list(generics("mpdcc_core"))
+
+
 def test_the_clocks_are_the_budgets() -> None:
     text = SPECIFICATION.read_text(encoding="utf-8").partition("### 6.3")[2].partition("## 7")[0]
     table = {row[0]: row[1:] for row in rows(text)}
