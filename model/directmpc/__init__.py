@@ -1,3 +1,79 @@
-"""directmpc: direct model predictive control of electric drives, bit-true and in float64."""
+"""directmpc: direct model predictive control of electric drives, bit-true and in float64.
+
+    from directmpc import load_drive, simulate
+    result = simulate(load_drive("anpc5l_6kv"), "model", steps=800)
+    print(result.thd())
+
+`load_drive` reads a drive file of either controller, `decide` makes one decision, `simulate` closes
+the loop with the exact plant. Names below are the public interface; the modules hold the rest.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from directmpc.controllers import IdealController, ModelController, decide
+    from directmpc.drive_file import (
+        Drive,
+        DriveError,
+        DriveFileError,
+        MptcDrive,
+        load_drive,
+        shipped_drives,
+    )
+    from directmpc.simulation import SimulationResult, simulate
+    from directmpc.states import (
+        Controller,
+        MpdccDecision,
+        MpdccState,
+        MptcDecision,
+        MptcState,
+        StateError,
+    )
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "controllers": ("IdealController", "ModelController", "decide"),
+    "drive_file": (
+        *("Drive", "DriveError", "DriveFileError", "MptcDrive", "load_drive", "shipped_drives"),
+    ),
+    "simulation": ("SimulationResult", "simulate"),
+    "states": (
+        *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
+    ),
+}
+_HOME = {name: f"directmpc.{module}" for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Controller",
+    "Drive",
+    "DriveError",
+    "DriveFileError",
+    "IdealController",
+    "ModelController",
+    "MpdccDecision",
+    "MpdccState",
+    "MptcDecision",
+    "MptcDrive",
+    "MptcState",
+    "SimulationResult",
+    "StateError",
+    "decide",
+    "load_drive",
+    "shipped_drives",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: a host needs no compiled code to start."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'directmpc' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

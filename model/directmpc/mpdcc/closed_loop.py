@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +21,9 @@ from directmpc.drive_file import Drive
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState, discretise
-from directmpc.mpdcc.plant import STATES, plant_data, plant_step
+from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
+from directmpc.states import Controller, MpdccState, StateError, mpdcc_decision
 
 ComplexArray = NDArray[np.complex128]
 
@@ -497,4 +499,110 @@ def simulate(
         decisions=_decisions(out[keep]),
         shadow=_decisions(shadow_out[keep]) if shadow is not None else None,
         profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
+    )
+
+
+def drive_controller(
+    drive: Drive,
+    controller: Controller,
+    profile: Profile,
+    steps: int,
+    *,
+    settle: int = 0,
+    plant_drive: Drive | None = None,
+    delay: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> ClosedLoopResult:
+    """Run any controller in closed loop with the exact plant, step by step in Python.
+
+    Parameters
+    ----------
+    drive
+        What references and speeds are computed from.
+    controller
+        Asked once per step, with an `MpdccState`.
+    profile
+        At least ``settle + steps`` steps.
+    steps, settle
+        Control steps to record, and to run before those.
+    plant_drive
+        Machine and inverter of the plant if they are not the drive's; ts is the drive's.
+    delay
+        Whether a decision takes effect one step after the state it is based on.
+    progress
+        Called with the number of decisions made.
+
+    Returns
+    -------
+    ClosedLoopResult
+        `steps` recorded steps, without a shadow.
+
+    Raises
+    ------
+    StateError
+        If an answer is no decision, or not a transition that the inverter has.
+    """
+    total = settle + steps
+    state, positions = initial_conditions(profile)
+    # the plant's machine and inverter, the controller's control period
+    other = plant_drive or drive
+    real = drive.model_copy(update={"machine": other.machine, "inverter": other.inverter})
+    plant = Plant(real, float(profile.omega_r[0]), float(profile.vdc[0]), state)
+    states = np.empty((total + 1, STATES))
+    applied = np.empty((total + 1, 3), np.int64)
+    before = np.empty((total, 3), np.int64)
+    out = np.zeros((total, 7), np.int64)
+    applied[0] = positions
+    decided = positions
+    for k in range(total):
+        states[k] = plant.state
+        before[k] = decided if delay else applied[k]
+        seen = MpdccState(
+            current=complex(*plant.state[:2]),
+            flux=complex(*plant.state[2:4]),
+            v_n=plant.state[4],
+            v_ph=tuple(plant.state[5:]),
+            current_ref=profile.iref[k],
+            omega_s=profile.omega_s[k],
+            omega_r=profile.omega_r[k],
+            applied=tuple(before[k]),
+            vdc=profile.vdc[k],
+        )
+        decision = mpdcc_decision(controller.decide(seen), k)
+        for phase, old, new in zip("abc", before[k], decision.apply, strict=True):
+            if anpc.COMMUTATIONS_ANPC[old, new] == anpc.INADMISSIBLE:
+                raise StateError(
+                    f"step {k}: decision: phase {phase} may not go from position {old} to {new}; "
+                    f"it may to {', '.join(map(str, anpc.NEXT_POSITIONS[old]))}"
+                )
+        out[k] = (
+            *decision.apply, decision.held, decision.deadlock, decision.length, decision.saturated,
+        )  # fmt: skip
+        decided = out[k, :3]
+        applied[k + 1] = before[k] if delay else decided
+        plant.omega_r, plant.vdc = float(profile.omega_r[k]), float(profile.vdc[k])
+        plant.step(applied[k + 1])
+        if progress is not None:
+            progress(k + 1)
+    states[total] = plant.state
+    keep = slice(settle, total)
+    iref = profile.iref[keep]
+    return ClosedLoopResult(
+        ts=drive.ts_pu,
+        state=states[settle:],
+        positions=applied[settle:],
+        seen=MpdccTrace(
+            x_m=states[keep, :4].copy(),
+            x_inv=states[keep, 4:].copy(),
+            vdc=profile.vdc[keep],
+            iref=np.column_stack([iref.real, iref.imag]),
+            omega_s=profile.omega_s[keep],
+            omega_r=profile.omega_r[keep],
+            s_prev=before[keep],
+        ),
+        decisions=_decisions(out[keep]),
+        shadow=None,
+        profile=Profile(
+            profile.start, profile.omega_s[keep], profile.omega_r[keep], profile.vdc[keep], iref
+        ),
     )

@@ -7,7 +7,8 @@ torque reference where one is asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step, torque
+from directmpc.states import Controller, MptcState, mptc_decision
 
 RPM = 2.0 * np.pi / 60.0
 
@@ -213,4 +215,86 @@ def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: i
         current=current,
         flux=flux,
         omega_r=rpm * RPM * drive.machine.pole_pairs,
+    )
+
+
+def turned(scenario: Scenario, turn: complex, omega_r: float) -> Scenario:
+    """The same scenario, begun at another angle and electrical speed (rad/s).
+
+    `turn` is the factor of length 1 that current and flux are multiplied with.
+    """
+    return replace(
+        scenario, current=scenario.current * turn, flux=scenario.flux * turn, omega_r=omega_r
+    )
+
+
+def drive_controller(
+    drive: MptcDrive,
+    controller: Controller,
+    scenario: Scenario,
+    *,
+    plant: PlantParameters | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Run:
+    """Run any controller in closed loop with our plant, step by step in Python.
+
+    Parameters
+    ----------
+    drive
+        dc-link voltage, and what the ideal controller beside it knows.
+    controller
+        Asked once per step, with an `MptcState`; its decision acts one step later.
+    scenario
+        References, load and first state; without a speed reference.
+    plant
+        The drive's own with imposed speed if not given.
+    progress
+        Called with the number of decisions made.
+
+    Returns
+    -------
+    Run
+        As `simulate`.
+
+    Raises
+    ------
+    StateError
+        If an answer is no decision.
+    """
+    if scenario.speed_ref is not None:
+        raise ValueError("scenario: has a speed reference; simulate serves those")
+    n, vdc = len(scenario.torque_ref), drive.inverter.vdc
+    reference, parameters = ideal.ideal_parameters(drive), plant or plant_parameters(drive)
+    current, flux = complex(scenario.current), complex(scenario.flux)
+    omega_r, applied = float(scenario.omega_r), 0
+    seen, seen_u = np.empty((n, 7)), np.empty(n, dtype=np.int64)
+    out, result = np.empty((n, 4), dtype=np.int64), np.empty((n, 3))
+    for k in range(n):
+        state = MptcState(
+            current, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied
+        )
+        decision = mptc_decision(controller.decide(state), k)
+        inputs = (current, flux, omega_r, applied, vdc, state.torque_ref, state.psi_ref)
+        seen[k] = (
+            current.real, current.imag, flux.real, flux.imag, omega_r, state.torque_ref,
+            state.psi_ref,
+        )  # fmt: skip
+        seen_u[k] = applied
+        wanted = ideal.decide(reference, *inputs)[0]
+        out[k] = decision.apply, decision.saturated, decision.clamped, wanted
+        result[k] = torque(parameters, current, flux), abs(flux), ideal.margin(reference, *inputs)
+        current, flux, omega_r = step(parameters, current, flux, omega_r, applied, scenario.load[k])
+        applied = int(decision.apply)
+        if progress is not None:
+            progress(k + 1)
+    return Run(
+        ts=drive.control.ts,
+        trace=as_trace(seen, seen_u),
+        u=out[:, 0],
+        saturated=out[:, 1],
+        clamped=out[:, 2],
+        torque=result[:, 0],
+        flux=result[:, 1],
+        shadow=out[:, 3],
+        margin=result[:, 2],
     )

@@ -142,13 +142,27 @@ def steady_state(
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     tau = sigma * m.lr / m.rr
+    frequency = slip(drive, load, psi_ref)
+    psi = complex(psi_ref, 0.0)
+    psi_r = m.lm / m.ls * psi / (1.0 + 1j * frequency * tau)
+    i = (psi - m.lm / m.lr * psi_r) / (sigma * m.ls)
+    return i, psi
+
+
+def slip(drive: MptcDrive, load: float, psi_ref: float) -> float:
+    """Slip frequency (rad/s, electrical) that makes a torque (N*m) at a stator flux (Wb).
+
+    Raises
+    ------
+    ValueError
+        If the torque is beyond breakdown at this flux.
+    """
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    tau = sigma * m.lr / m.rr
     peak = 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
     if abs(load) > peak:
         raise ValueError(f"{load:g} N*m is beyond the breakdown torque of {peak:.4g} N*m")
     # torque = peak * 2*x/(1+x^2) with x = slip frequency * tau, the stable root
     x = 0.0 if load == 0.0 else (1.0 - np.sqrt(1.0 - (load / peak) ** 2)) / (load / peak)
-    slip = x / tau
-    psi = complex(psi_ref, 0.0)
-    psi_r = m.lm / m.ls * psi / (1.0 + 1j * slip * tau)
-    i = (psi - m.lm / m.lr * psi_r) / (sigma * m.ls)
-    return i, psi
+    return float(x / tau)

@@ -46,8 +46,7 @@ class Point:
     def load(self) -> Drive:
         """The drive with this point's bound."""
         drive = load_mpdcc_drive(ROOT / "drives" / f"{self.drive}.toml")
-        control = drive.control.model_copy(update={"bound_current": self.bound})
-        return drive.model_copy(update={"control": control})
+        return drive.with_control(bound_current=self.bound)
 
     def row(self) -> Row:
         """What every table begins with."""

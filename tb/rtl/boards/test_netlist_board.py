@@ -211,9 +211,7 @@ def prove(
             if folder is not None:
                 check_replay(folder, seen, decisions, run)
         elif scale == 1.0:
-            flux = drive.model_copy(
-                update={"control": drive.control.model_copy(update={"method": "MPFC"})}
-            )
+            flux = drive.with_control(method="MPFC")
             loaded(board, flux)
             assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 100).differing == 0
         counters = board.counters()

@@ -1,0 +1,209 @@
+"""The controllers of the library as objects, and one decision by a function call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from directmpc.drive_file import Drive, MptcDrive
+from directmpc.mpdcc import ideal as mpdcc_ideal
+from directmpc.mpdcc.trace import MpdccTrace
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mptc import bit_true as mptc_bit_true
+from directmpc.mptc import ideal as mptc_ideal
+from directmpc.states import Decision, MpdccDecision, MpdccState, MptcDecision, MptcState, State
+
+ENGINES = ("ideal", "model")
+
+
+def check_drive(drive: Any) -> None:
+    """Raise `TypeError` with a sentence unless it is a drive."""
+    if not isinstance(drive, Drive | MptcDrive):
+        raise TypeError(f"drive: got a {type(drive).__name__}; load_drive makes what is needed")
+
+
+def check_engine(engine: Any, variant: Any) -> None:
+    """Raise `ValueError` with a sentence unless there are such an engine and variant."""
+    for name, value, known in (("engine", engine, ENGINES), ("variant", variant, VARIANTS)):
+        if not isinstance(value, str) or value not in known:
+            allowed = " or ".join(f'"{one}"' for one in known)
+            raise ValueError(f"{name}: got {value!r:.40}; it must be {allowed}")
+
+
+def state_of(drive: Drive | MptcDrive, state: State | Mapping[str, Any]) -> State:
+    """Check that a state is one of the drive's kind; a row of a trace becomes one.
+
+    Raises
+    ------
+    TypeError
+        If it is neither; the message says what is needed.
+    StateError
+        If a row lacks a column or a value is impossible.
+    """
+    wanted = MpdccState if isinstance(drive, Drive) else MptcState
+    if isinstance(state, wanted):
+        return state
+    if isinstance(state, Mapping):
+        return wanted.from_row(state)
+    raise TypeError(
+        f"state: got a {type(state).__name__}; a drive of {drive.controller} needs a "
+        f"{wanted.__name__}, or a row of its trace by column names"
+    )
+
+
+class IdealController:
+    """The decision in float64, nothing approximated (docs/specification.md, sections 2 and 3).
+
+    Parameters
+    ----------
+    drive
+        What it is set up for; of either kind.
+    """
+
+    def __init__(self, drive: Drive | MptcDrive) -> None:
+        check_drive(drive)
+        self.drive = drive
+        self._decide, self._parameters = _compiled(drive, "ideal", DEFAULT_VARIANT)
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Decide on one step; raises `TypeError` or `StateError` if the state is none."""
+        known = state_of(self.drive, state)
+        if isinstance(self.drive, Drive) and self.drive.control.delay_compensation:
+            known = _one_step_on(self.drive, self._parameters, known)
+        return _decision(self.drive, self._decide, self._parameters, known)
+
+
+class ModelController:
+    """The bit-true model: word for word what the cores compute.
+
+    Parameters
+    ----------
+    drive
+        What it is set up for; of either kind.
+    variant
+        "fast" or "paper"; MPDCC alone has variants.
+
+    Raises
+    ------
+    ValueError
+        If there is no such variant, it does not serve the drive's settings, or a value of the drive
+        cannot be represented; the message names the key.
+    """
+
+    def __init__(self, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+        check_drive(drive)
+        check_engine("model", variant)
+        self.drive = drive
+        self._decide, self._parameters = _compiled(drive, "model", variant)
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Decide on one step; raises `TypeError` or `StateError` if the state is none."""
+        known = state_of(self.drive, state)
+        return _decision(self.drive, self._decide, self._parameters, known)
+
+
+def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any, Any]:
+    """Compiled function of an engine and its parameters."""
+    if isinstance(drive, Drive):
+        if engine == "ideal":
+            return mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
+        return VARIANTS[variant].decide, VARIANTS[variant].registers(drive).array()
+    if engine == "ideal":
+        return mptc_ideal.decide, mptc_ideal.ideal_parameters(drive)
+    return mptc_bit_true.decide, mptc_bit_true.parameters(drive)
+
+
+def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: State) -> Decision:
+    """Call a compiled function with the values of a state."""
+    if isinstance(state, MpdccState):
+        row = mpdcc_row(drive, state)
+        s_a, s_b, s_c, held, deadlock, length, saturated = decide(
+            parameters, row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0],
+            row.omega_r[0], row.s_prev[0],
+        )  # fmt: skip
+        apply = (int(s_a), int(s_b), int(s_c))
+        return MpdccDecision(apply, bool(held), bool(deadlock), int(length), bool(saturated))
+    u, saturated, clamped = decide(
+        parameters, state.current, state.flux, state.omega_r, state.applied, drive.inverter.vdc,
+        state.torque_ref, state.psi_ref,
+    )  # fmt: skip
+    return MptcDecision(int(u), bool(saturated), bool(clamped))
+
+
+def mpdcc_row(drive: Drive | MptcDrive, state: MpdccState) -> MpdccTrace:
+    """A state as a trace of one row."""
+    vdc = drive.inverter.vdc if state.vdc is None else state.vdc
+    return MpdccTrace(
+        x_m=np.array([[state.current.real, state.current.imag, state.flux.real, state.flux.imag]]),
+        x_inv=np.array([[state.v_n, *state.v_ph]]),
+        vdc=np.array([vdc]),
+        iref=np.array([[state.current_ref.real, state.current_ref.imag]]),
+        omega_s=np.array([state.omega_s]),
+        omega_r=np.array([state.omega_r]),
+        s_prev=np.array([state.applied], dtype=np.int64),
+    )
+
+
+def _one_step_on(drive: Drive, parameters: Any, state: State) -> MpdccState:
+    """The state at k + 1 under s(k-1), as a drive with delay compensation decides on it."""
+    assert isinstance(state, MpdccState)
+    row = mpdcc_ideal.one_step_on(parameters, mpdcc_row(drive, state))
+    return MpdccState(
+        current=complex(*row.x_m[0, :2]),
+        flux=complex(*row.x_m[0, 2:]),
+        v_n=row.x_inv[0, 0],
+        v_ph=tuple(row.x_inv[0, 1:]),
+        current_ref=complex(*row.iref[0]),
+        omega_s=state.omega_s,
+        omega_r=state.omega_r,
+        applied=state.applied,
+        vdc=float(row.vdc[0]),
+    )
+
+
+def make_controller(
+    drive: Drive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
+) -> IdealController | ModelController:
+    """Make the controller of an engine; raises as `ModelController`."""
+    check_drive(drive)
+    check_engine(engine, variant)
+    return IdealController(drive) if engine == "ideal" else ModelController(drive, variant)
+
+
+def decide(
+    drive: Drive | MptcDrive,
+    state: State | Mapping[str, Any],
+    engine: str = "ideal",
+    variant: str = DEFAULT_VARIANT,
+) -> Decision:
+    """Decide on one step.
+
+    Parameters
+    ----------
+    drive
+        From `load_drive`, of either kind.
+    state
+        `MpdccState` (per unit) or `MptcState` (SI), as the drive's kind is; or a row of its trace,
+        the names of the trace file's columns to values.
+    engine
+        "ideal": float64, nothing approximated. "model": the bit-true model of the core.
+    variant
+        "fast" or "paper", for the model of MPDCC.
+
+    Returns
+    -------
+    MpdccDecision or MptcDecision
+        What to apply next, and flags.
+
+    Raises
+    ------
+    TypeError
+        If `drive` is no drive or `state` not of its kind.
+    StateError
+        If a value of the state is impossible; a ValueError.
+    ValueError
+        If there is no such engine or variant, or the model cannot represent the drive.
+    """
+    return make_controller(drive, engine, variant).decide(state)

@@ -1,0 +1,362 @@
+"""Closed loops of a controller and the exact plant, with one result for both kinds of drive."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.controllers import ENGINES, check_drive, check_engine, make_controller
+from directmpc.drive_file import Drive, MptcDrive
+from directmpc.mpdcc import closed_loop as mpdcc_loop
+from directmpc.mpdcc import ideal as mpdcc_ideal
+from directmpc.mpdcc import metrics, trace
+from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mptc import closed_loop as mptc_loop
+from directmpc.mptc.plant import plant_parameters, slip
+from directmpc.states import Controller
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+ComplexArray = NDArray[np.complex128]
+
+COMPILED_FROM = 10_000
+"""Steps from which on a loop around "ideal" or "model" is compiled as a whole.
+
+The compilation takes seconds in every process; shorter loops are through before it is.
+"""
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """A recorded closed loop; every array has one row per control step.
+
+    Units are those of the drive file: per unit for MPDCC, SI for MPTC (A, Wb, N*m, rad/s).
+
+    Attributes
+    ----------
+    drive
+        What the controller was set up for.
+    controller : str
+        "ideal", "model", or the name of the class of an own one.
+    speed : float
+        Stator angular frequency, pu or rad/s.
+    time : (n,)
+        s.
+    current : (n,) complex
+        Stator current, alpha + j*beta.
+    flux : (n,) complex
+        MPDCC: rotor flux linkage; MPTC: stator flux linkage.
+    torque : (n,)
+        Electromagnetic torque.
+    omega_r : (n,)
+        Electrical rotor speed.
+    applied : (n, 3) or (n,)
+        Switch positions, or the voltage vector's number, during each step.
+    trace : MpdccTrace or MptcTrace
+        What the controller saw.
+    decisions : Decisions or MptcDecisions
+        What it decided on it.
+    """
+
+    drive: Drive | MptcDrive
+    controller: str
+    speed: float
+    time: FloatArray
+    current: ComplexArray
+    flux: ComplexArray
+    torque: FloatArray
+    omega_r: FloatArray
+    applied: IntArray
+    trace: trace.MpdccTrace | trace.MptcTrace
+    decisions: trace.Decisions | trace.MptcDecisions
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def phase_currents(self) -> FloatArray:
+        """Currents of the phases a, b, c, shape (n, 3)."""
+        turns = np.exp(-2j * np.pi / 3 * np.arange(3))
+        return np.real(self.current[:, None] * turns)
+
+    def thd(self) -> float:
+        """Total harmonic distortion of the phase currents, a ratio, rms of the three phases.
+
+        Raises
+        ------
+        ValueError
+            If the run does not cover one period of the stator frequency.
+        """
+        ts = self.drive.ts_pu if isinstance(self.drive, Drive) else self.drive.control.ts
+        found = metrics.thd(self.phase_currents, self.speed, ts)
+        return float(np.sqrt(np.mean(found**2)))
+
+    def table(self) -> dict[str, NDArray[Any]]:
+        """Columns by name, each of shape (n,): time, the trace's, torque, then the decision's.
+
+        The decision's columns begin with `next_`. ``pandas.DataFrame(result.table())`` takes it.
+        """
+        t, d = self.trace, self.decisions
+        columns: dict[str, NDArray[Any]] = {"time": self.time}
+        if isinstance(t, trace.MpdccTrace) and isinstance(d, trace.Decisions):
+            names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta")
+            columns |= dict(zip(names, t.x_m.T, strict=True))
+            names = ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+            columns |= dict(zip(names, t.x_inv.T, strict=True))
+            columns |= {"iref_alpha": t.iref[:, 0], "iref_beta": t.iref[:, 1], "v_dc": t.vdc}
+            columns |= {"omega_s": t.omega_s, "omega_r": t.omega_r}
+            columns |= {f"s_{x}": t.s_prev[:, i] for i, x in enumerate("abc")}
+            columns["torque"] = self.torque
+            columns |= {f"next_s_{x}": d.s[:, i] for i, x in enumerate("abc")}
+            columns |= {"next_held": d.held, "next_deadlock": d.deadlock, "next_length": d.length}
+        elif isinstance(t, trace.MptcTrace) and isinstance(d, trace.MptcDecisions):
+            columns |= {"is_alpha": t.i_s[:, 0], "is_beta": t.i_s[:, 1]}
+            columns |= {"psis_alpha": t.psi_s[:, 0], "psis_beta": t.psi_s[:, 1]}
+            columns |= {"omega_r": t.omega_r, "torque_ref": t.torque_ref, "psi_ref": t.psi_ref}
+            columns |= {"u": t.u, "torque": self.torque, "next_u": d.u}
+        columns["next_saturated"] = d.saturated
+        return columns
+
+    def write_trace(self, path: str | os.PathLike[str]) -> None:
+        """Write what the controller saw as a trace file that `make replay` takes.
+
+        Raises
+        ------
+        TraceError
+            If the file cannot be written; nothing is left behind then.
+        """
+        if isinstance(self.trace, trace.MpdccTrace):
+            trace.write_trace(path, self.trace)
+        else:
+            trace.write_mptc_trace(path, self.trace)
+
+
+def simulate(
+    drive: Drive | MptcDrive,
+    controller: str | Controller = "ideal",
+    *,
+    steps: int = 1000,
+    speed: float | None = None,
+    torque: float | None = None,
+    flux: float | None = None,
+    settle: int = 0,
+    angle: float = 0.0,
+    plant: Drive | MptcDrive | None = None,
+    variant: str = DEFAULT_VARIANT,
+) -> SimulationResult:
+    """Run a controller in closed loop with the exact plant, from a steady state on.
+
+    An MPDCC decision acts at once, or one step later where the drive sets `delay_compensation`; an
+    MPTC decision acts one step later.
+
+    Parameters
+    ----------
+    drive
+        What the controller is set up for, of either kind. It gives the units: per unit for MPDCC,
+        SI for MPTC.
+    controller
+        "ideal", "model" (bit-true), or an object with the method `decide` of `Controller`.
+    steps
+        Control steps to record.
+    speed
+        Stator angular frequency (electrical), pu or rad/s, signed. MPDCC: 1 pu if not given; MPTC:
+        0.6 of the drive's `speed_max`. The rotor turns at this speed less the slip of the load.
+    torque
+        Load torque, pu or N*m. If not given, MPDCC: that of 1 pu of current; MPTC: a quarter of
+        `torque_max`.
+    flux
+        MPDCC: rotor flux linkage, pu; that of 1 pu of voltage and current at rated speed if not
+        given. MPTC: stator flux linkage, Wb; half of `psi_max` if not given.
+    settle
+        Steps that are run before, not recorded.
+    angle
+        Angle of the stator current at the start, rad.
+    plant
+        Drive whose machine and inverter the plant has, if they are others than the controller's.
+    variant
+        "fast" or "paper", for "model" of MPDCC.
+
+    Returns
+    -------
+    SimulationResult
+        `steps` rows.
+
+    Raises
+    ------
+    TypeError
+        If `drive` is no drive, `plant` not of its kind, or `controller` has no `decide`.
+    ValueError
+        If a number makes no sense, there is no such steady state, the model cannot represent the
+        drive, or an own controller's decision is none.
+    """
+    check_drive(drive)
+    if isinstance(controller, str):
+        check_engine(controller, variant)
+    elif isinstance(controller, type) or not isinstance(controller, Controller):
+        raise TypeError(
+            f"controller: got {_named(controller)}; it must be "
+            f"{' or '.join(map(repr, ENGINES))}, or an object with a method decide(state)"
+        )
+    if plant is not None and type(plant) is not type(drive):
+        raise TypeError(
+            f"plant: got {_named(plant)}; a drive of the same kind, {drive.controller}, is needed"
+        )
+    for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+            raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
+    numbers = {"speed": speed, "torque": torque, "flux": flux, "angle": angle}
+    for name, number in numbers.items():
+        if number is not None and not _is_finite(number):
+            raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
+    engine = controller if isinstance(controller, str) else type(controller).__name__
+    if isinstance(controller, str) and settle + steps < COMPILED_FROM:
+        controller = make_controller(drive, controller, variant)
+    run = _run_mpdcc if isinstance(drive, Drive) else _run_mptc
+    return run(
+        drive,
+        controller,
+        engine,
+        steps,
+        speed,
+        torque,
+        flux,
+        settle,
+        angle,
+        plant or drive,
+        variant,
+    )
+
+
+def _named(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+
+
+def _is_finite(number: Any) -> bool:
+    return isinstance(number, int | float | np.number) and math.isfinite(number)
+
+
+def _run_mpdcc(
+    drive: Drive,
+    controller: str | Controller,
+    engine: str,
+    steps: int,
+    speed: float | None,
+    torque: float | None,
+    flux: float | None,
+    settle: int,
+    angle: float,
+    plant: Drive,
+    variant: str,
+) -> SimulationResult:
+    """`simulate` for MPDCC, per unit."""
+    omega_s = 1.0 if speed is None else float(speed)
+    if omega_s == 0.0:
+        raise ValueError("speed: got 0; a stator frequency other than 0 is needed")
+    point = OperatingPoint(omega_s, torque=torque, flux=flux)
+    profile = mpdcc_loop.constant_profile(drive, point, settle + steps, angle)
+    delay = drive.control.delay_compensation
+    if isinstance(controller, str):
+        if controller == "ideal":
+            compiled: tuple[Any, Any] = mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
+        else:
+            chosen = VARIANTS[variant]
+            compiled = chosen.decide, chosen.registers(drive).array()
+        # the model takes the state on to k + 1 by itself, the ideal function is shown it
+        run = mpdcc_loop.simulate(
+            drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
+            delay=delay, compensate=controller == "ideal",
+        )  # fmt: skip
+    else:
+        run = mpdcc_loop.drive_controller(
+            drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay
+        )
+    return _of_mpdcc(drive, engine, run, omega_s, plant)
+
+
+def _of_mpdcc(
+    drive: Drive,
+    engine: str,
+    run: ClosedLoopResult,
+    omega_s: float,
+    plant: Drive,
+) -> SimulationResult:
+    n = len(run)
+    state, profile = run.state[:n], run.profile
+    current = state[:, 0] + 1j * state[:, 1]
+    flux = state[:, 2] + 1j * state[:, 3]
+    m = plant.machine
+    return SimulationResult(
+        drive=drive,
+        controller=engine,
+        speed=omega_s,
+        time=drive.control.ts * np.arange(n),
+        current=current,
+        flux=flux,
+        torque=m.xm / m.xr * np.imag(flux.conj() * current),
+        omega_r=profile.omega_r.copy(),
+        applied=run.positions[1:].copy(),
+        trace=trace.MpdccTrace(
+            x_m=state[:, :4].copy(),
+            x_inv=state[:, 4:].copy(),
+            vdc=profile.vdc.copy(),
+            iref=np.column_stack([profile.iref.real, profile.iref.imag]),
+            omega_s=profile.omega_s.copy(),
+            omega_r=profile.omega_r.copy(),
+            s_prev=run.seen.s_prev.copy(),
+        ),
+        decisions=run.decisions,
+    )
+
+
+def _run_mptc(
+    drive: MptcDrive,
+    controller: str | Controller,
+    engine: str,
+    steps: int,
+    speed: float | None,
+    torque: float | None,
+    flux: float | None,
+    settle: int,
+    angle: float,
+    plant: MptcDrive,
+    variant: str,
+) -> SimulationResult:
+    """`simulate` for MPTC, SI."""
+    c = drive.control
+    omega_s = 0.6 * c.speed_max if speed is None else float(speed)
+    load = 0.25 * c.torque_max if torque is None else float(torque)
+    psi_ref = 0.5 * c.psi_max if flux is None else float(flux)
+    if psi_ref <= 0.0:
+        raise ValueError(f"flux: got {psi_ref:g}; a number above 0 Wb is needed")
+    omega_r = omega_s - slip(drive, load, psi_ref)
+    scenario = mptc_loop.constant(drive, 0.0, load, psi_ref, settle + steps)
+    turn = cmath.exp(1j * (angle - cmath.phase(scenario.current)))
+    scenario = mptc_loop.turned(scenario, turn, omega_r)
+    parameters = plant_parameters(plant)
+    if isinstance(controller, str):
+        run = mptc_loop.simulate(drive, scenario, engine=controller, plant=parameters)
+    else:
+        run = mptc_loop.drive_controller(drive, controller, scenario, plant=parameters)
+    keep = slice(settle, None)
+    seen = run.trace.rows(keep)
+    saturated = run.saturated | run.clamped if engine == "model" else run.saturated
+    return SimulationResult(
+        drive=drive,
+        controller=engine,
+        speed=omega_s,
+        time=c.ts * np.arange(steps),
+        current=seen.i_s[:, 0] + 1j * seen.i_s[:, 1],
+        flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
+        torque=run.torque[keep],
+        omega_r=seen.omega_r,
+        applied=seen.u,
+        trace=seen,
+        decisions=trace.MptcDecisions(run.u[keep], None, saturated[keep]),
+    )

@@ -1,0 +1,288 @@
+"""What passes between a drive and its controller in one step: a state in, a decision out.
+
+Values are in the units of the drive file: per unit for MPDCC, SI for MPTC. Space vectors are
+amplitude-invariant and complex, alpha + j*beta.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, Self, runtime_checkable
+
+POSITIONS = range(8)
+
+
+class StateError(ValueError):
+    """A state or a decision has a value that cannot be; the message names it and what is needed."""
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _number(name: str, value: Any, unit: str) -> float:
+    """A finite number, or a sentence."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise StateError(f"{name}: got {_shown(value)}; a finite number in {unit} is needed")
+    return number
+
+
+def _vector(name: str, value: Any, unit: str) -> complex:
+    """A finite space vector from a complex number or from two components, or a sentence."""
+    try:
+        vector = complex(*value) if hasattr(value, "__len__") else complex(value)
+    except (TypeError, ValueError):
+        vector = complex(math.nan)
+    if not (math.isfinite(vector.real) and math.isfinite(vector.imag)):
+        raise StateError(
+            f"{name}: got {_shown(value)}; a complex number alpha + j*beta in {unit} is needed"
+        )
+    return vector
+
+
+def _position(name: str, value: Any) -> int:
+    """An integer from 0 to 7, or a sentence."""
+    try:
+        number = int(value)
+        if number == value and number in POSITIONS:
+            return number
+    except (TypeError, ValueError):
+        pass
+    raise StateError(f"{name}: got {_shown(value)}; an integer from 0 to 7 is needed")
+
+
+def _three(name: str, value: Any, needed: str) -> tuple[Any, Any, Any]:
+    """Three entries, or a sentence."""
+    try:
+        a, b, c = value
+    except (TypeError, ValueError):
+        raise StateError(f"{name}: got {_shown(value)}; {needed} are needed") from None
+    return a, b, c
+
+
+def three_positions(name: str, value: Any) -> tuple[int, int, int]:
+    """Positions of the three phases, 0 to 7; raises `StateError` if they are none."""
+    a, b, c = _three(name, value, "three switch positions, 0 to 7,")
+    return _position(f"{name}[0]", a), _position(f"{name}[1]", b), _position(f"{name}[2]", c)
+
+
+def _column(row: Mapping[str, Any], name: str) -> Any:
+    if name not in row:
+        raise StateError(f"state: has no column {name}; it has {', '.join(map(str, row))}")
+    return row[name]
+
+
+@dataclass(frozen=True)
+class MpdccState:
+    """What an MPDCC controller sees at step k, per unit.
+
+    Attributes
+    ----------
+    current : complex
+        Stator current i_s.
+    flux : complex
+        Rotor flux linkage psi_r.
+    v_n : float
+        Neutral point voltage.
+    v_ph : tuple of 3 floats
+        Phase capacitor voltages, a to c.
+    current_ref : complex
+        Current reference i*.
+    omega_s, omega_r : float
+        Stator and rotor angular speed (electrical).
+    applied : tuple of 3 ints
+        Switch positions until now, s(k-1), 0 to 7.
+    vdc : float, optional
+        dc-link voltage; the drive's nominal one if None.
+
+    Raises
+    ------
+    StateError
+        If a value is not finite, or not of its kind; the message names it.
+    """
+
+    current: complex
+    flux: complex
+    v_n: float
+    v_ph: tuple[float, float, float]
+    current_ref: complex
+    omega_s: float
+    omega_r: float
+    applied: tuple[int, int, int]
+    vdc: float | None = None
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        for name in ("current", "flux", "current_ref"):
+            put(self, name, _vector(name, getattr(self, name), "pu"))
+        for name in ("v_n", "omega_s", "omega_r"):
+            put(self, name, _number(name, getattr(self, name), "pu"))
+        voltages = _three("v_ph", self.v_ph, "three numbers in pu")
+        put(self, "v_ph", tuple(_number(f"v_ph[{i}]", v, "pu") for i, v in enumerate(voltages)))
+        put(self, "applied", three_positions("applied", self.applied))
+        if self.vdc is not None:
+            put(self, "vdc", _number("vdc", self.vdc, "pu"))
+
+    @classmethod
+    def from_row(cls, row: Mapping[str, Any]) -> Self:
+        """Make a state from a row of a trace: names of the trace file's columns to values."""
+        return cls(
+            current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
+            flux=(_column(row, "psir_alpha"), _column(row, "psir_beta")),  # type: ignore[arg-type]
+            v_n=_column(row, "v_n"),
+            v_ph=tuple(_column(row, f"v_ph_{phase}") for phase in "abc"),  # type: ignore[arg-type]
+            current_ref=(_column(row, "iref_alpha"), _column(row, "iref_beta")),  # type: ignore[arg-type]
+            omega_s=_column(row, "omega_s"),
+            omega_r=_column(row, "omega_r"),
+            applied=tuple(_column(row, f"s_{phase}") for phase in "abc"),  # type: ignore[arg-type]
+            vdc=row.get("v_dc"),
+        )
+
+
+@dataclass(frozen=True)
+class MptcState:
+    """What an MPTC or MPFC controller sees at step k, SI.
+
+    Attributes
+    ----------
+    current : complex
+        Stator current i_s, A.
+    flux : complex
+        Stator flux linkage psi_s, Wb.
+    omega_r : float
+        Electrical rotor speed, rad/s.
+    torque_ref : float
+        Torque reference, N*m.
+    psi_ref : float
+        Reference of the stator flux's magnitude, Wb.
+    applied : int
+        Number of the voltage vector that is being applied, u(k), 0 to 7.
+
+    Raises
+    ------
+    StateError
+        If a value is not finite, or not of its kind; the message names it.
+    """
+
+    current: complex
+    flux: complex
+    omega_r: float
+    torque_ref: float
+    psi_ref: float
+    applied: int = 0
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "current", _vector("current", self.current, "A"))
+        put(self, "flux", _vector("flux", self.flux, "Wb"))
+        put(self, "omega_r", _number("omega_r", self.omega_r, "rad/s"))
+        put(self, "torque_ref", _number("torque_ref", self.torque_ref, "N*m"))
+        put(self, "psi_ref", _number("psi_ref", self.psi_ref, "Wb"))
+        put(self, "applied", _position("applied", self.applied))
+
+    @classmethod
+    def from_row(cls, row: Mapping[str, Any]) -> Self:
+        """Make a state from a row of a trace: names of the trace file's columns to values."""
+        return cls(
+            current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
+            flux=(_column(row, "psis_alpha"), _column(row, "psis_beta")),  # type: ignore[arg-type]
+            omega_r=_column(row, "omega_r"),
+            torque_ref=_column(row, "torque_ref"),
+            psi_ref=_column(row, "psi_ref"),
+            applied=_column(row, "u"),
+        )
+
+
+@dataclass(frozen=True)
+class MpdccDecision:
+    """What an MPDCC controller decides.
+
+    Attributes
+    ----------
+    apply : tuple of 3 ints
+        Switch positions s(k), 0 to 7.
+    held
+        Whether s(k-1) is kept without a search.
+    deadlock
+        Whether no candidate stays inside the bounds.
+    length
+        Steps that the choice stays inside them, L*; 0 when held or in a deadlock.
+    saturated
+        Whether a value left its number format.
+    """
+
+    apply: tuple[int, int, int]
+    held: bool = False
+    deadlock: bool = False
+    length: int = 0
+    saturated: bool = False
+
+
+@dataclass(frozen=True)
+class MptcDecision:
+    """What an MPTC or MPFC controller decides.
+
+    Attributes
+    ----------
+    apply : int
+        Number of the voltage vector to apply from k+1 on, 0 to 7.
+    saturated
+        Whether a value left its number format.
+    clamped
+        MPFC: whether the torque asked for is beyond what the flux can make.
+    """
+
+    apply: int
+    saturated: bool = False
+    clamped: bool = False
+
+
+State = MpdccState | MptcState
+Decision = MpdccDecision | MptcDecision
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """Whatever can close a control loop: `ideal`, the bit-true model, a board, an own class."""
+
+    def decide(self, state: Any, /) -> Any:
+        """Decide on one step.
+
+        Parameters
+        ----------
+        state
+            `MpdccState` or `MptcState`, as the drive's kind is. It is called once per control step,
+            in order, so a controller may keep a state of its own.
+
+        Returns
+        -------
+        Decision
+            `MpdccDecision` or `MptcDecision`; or only what these hold in `apply`: three switch
+            positions, or the number of a voltage vector.
+        """
+        ...
+
+
+def mpdcc_decision(answer: Any, step: int) -> MpdccDecision:
+    """What an MPDCC controller answered as a checked `MpdccDecision`; raises `StateError`."""
+    name = f"step {step}: decision"
+    if isinstance(answer, MpdccDecision):
+        three_positions(name, answer.apply)
+        return answer
+    return MpdccDecision(three_positions(name, answer))
+
+
+def mptc_decision(answer: Any, step: int) -> MptcDecision:
+    """What an MPTC controller answered as a checked `MptcDecision`; raises `StateError`."""
+    name = f"step {step}: decision"
+    if isinstance(answer, MptcDecision):
+        _position(name, answer.apply)
+        return answer
+    return MptcDecision(_position(name, answer))
