@@ -1,4 +1,4 @@
-"""The set-up of a machine: what it asks apt and pip for, what it says, whose tools it takes.
+"""The set-up of a machine: what it asks apt and pip for, what it says, whose tools it takes; CI.
 
 Sweep: a bare machine, one that lacks single tools, one with tools of the user's own, one without
 root; each through `make` and through the script itself where the two may differ.
@@ -395,3 +395,83 @@ def test_a_signal_leaves_nothing(builder, tmp_path, number) -> None:
     assert list((tmp_path / "tmp").iterdir()) == []
     with pytest.raises(ProcessLookupError):
         os.kill(started, 0)
+
+
+# ---------------------------------------------------------------------------------------------
+# .ci/run, with a make that only says what it was asked for
+# ---------------------------------------------------------------------------------------------
+
+SUMMARY = "===== 1 {} in 0.01s ====="
+MAKE = """#!/bin/sh
+echo "make $*" >> "{log}"
+case "$*" in
+  *lint*) exit {lint} ;;
+  *test*) echo "{summary}"; [ {tests} -eq 0 ] || echo "make: *** Error" >&2; exit {tests} ;;
+esac
+"""
+
+
+@pytest.fixture
+def integration(machine):
+    """Run .ci/run; `lint`, `tests` and `fresh` are exit codes."""
+
+    def run(lint: int = 0, tests: int = 0, fresh: int = 0) -> subprocess.CompletedProcess[str]:
+        shutil.copytree(ROOT / ".ci", machine.project / ".ci")
+        summary = SUMMARY.format("failed" if tests else "passed")
+        text = MAKE.format(log=machine.log, lint=lint, tests=tests, summary=summary)
+        machine.script(machine.bin / "make", text)
+        machine.script(
+            machine.project / "scripts" / "fresh_machine.sh",
+            f'#!/bin/sh\necho "fresh_machine $*" >> "{machine.log}"\nexit {fresh}\n',
+        )
+        return machine.run("bash", ".ci/run", CI="true")
+
+    for name in ("tail", "readlink"):
+        found = shutil.which(name)
+        assert found, f"{name} is not installed"
+        (machine.bin / name).symlink_to(found)
+    return run
+
+
+def test_ci_runs_lint_then_a_bare_machine_then_all_tests(machine, integration) -> None:
+    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    done = integration()
+    assert done.returncode == 0, done.stderr
+    assert machine.log.read_text().splitlines() == [
+        "make --no-print-directory lint",
+        "fresh_machine make run",
+        "make --no-print-directory test-all",
+    ]
+    assert done.stdout.splitlines()[-1] == SUMMARY.format("passed")
+
+
+@pytest.mark.parametrize("failing", ["lint", "fresh", "tests"])
+def test_ci_fails_where_a_part_fails(machine, integration, failing) -> None:
+    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    done = integration(**{failing: 3})
+    assert done.returncode == 3
+    if failing == "tests":
+        assert done.stdout.splitlines()[-1] == SUMMARY.format("failed")
+    else:
+        assert "test-all" not in machine.log.read_text()
+
+
+def test_ci_installs_mmdebstrap_or_fails(machine, integration) -> None:
+    machine.script(machine.bin / "apt-get", f'#!/bin/sh\necho "apt-get $*" >> "{machine.log}"\n')
+    assert integration().returncode == 0
+    assert "install" in machine.log.read_text()
+    assert machine.log.read_text().split("mmdebstrap\n")[0].endswith("--no-install-recommends ")
+
+
+def test_ci_fails_where_mmdebstrap_cannot_be_installed(machine, integration) -> None:
+    machine.script(machine.bin / "apt-get", "#!/bin/sh\nexit 100\n")
+    assert integration().returncode == 100
+    assert "fresh_machine" not in machine.log.read_text()
+
+
+def test_ci_of_another_user_says_what_it_skips(machine, integration) -> None:
+    machine.user(1000)
+    done = integration()
+    assert done.returncode == 0
+    assert "ci: skipped: 'make run' on a bare machine, which needs root" in done.stdout
+    assert "fresh_machine" not in machine.log.read_text()
