@@ -55,7 +55,7 @@ setup: ## install what is missing: system tools (apt) and .venv
 	@'$(ROOT)/scripts/setup.sh' >&2
 
 run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draws the result
-	@'$(PY)' -m scripts.commands.run $(ARGS)
+	@'$(PY)' -m scripts run $(ARGS)
 
 # worksteal: some of the syntheses take minutes, the others seconds
 test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); about ten minutes on two cores
@@ -65,10 +65,10 @@ test-all: $(READY) ## every test
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
 lint: $(READY) ## VHDL and Python style, layers, analysis as VHDL-93 and VHDL-2008, generated files
-	@'$(PY)' -m scripts.commands.lint
+	@'$(PY)' -m scripts lint
 
 format: $(READY) ## rewrite VHDL and Python in house style
-	@'$(PY)' -m scripts.commands.lint --fix
+	@'$(PY)' -m scripts lint --fix
 
 # $(call need,NAME,what): stop with one line when a variable is empty
 need = @if [ -z "$${$(1)}" ]; then echo '$@: $(1) is not set ($(2))$(if $(filter replay,$@),; make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv)' >&2; exit 2; fi
@@ -86,55 +86,50 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 	$(call readable,DRIVE)
 	$(call readable,IN)
 	@if [ -d "$$OUT" ] || [ ! -d "$$(dirname -- "$$OUT")" ]; then echo "replay: OUT: cannot write '$$OUT': a directory, or in none" >&2; exit 2; fi
-	@'$(PY)' -m scripts.commands.replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
+	@'$(PY)' -m scripts replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
 
 registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
 	$(call need,DRIVE,the drive file)
 	$(call readable,DRIVE)
-	@'$(PY)' -m directmpc.host.registers "$$DRIVE" $(ARGS)
+	@'$(PY)' -m scripts registers "$$DRIVE" $(ARGS)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)
-	@'$(PY)' -m scripts.commands.synth --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts synth --jobs '$(JOBS)' $(ARGS)
 
 budgets: $(READY) ## measure resources and cycles anew, rewrite what tests hold them to
-	@'$(PY)' -m scripts.commands.budgets --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts budgets --jobs '$(JOBS)' $(ARGS)
 
 pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
-	@'$(PY)' -m scripts.measure.pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)
+	@'$(PY)' -m scripts pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)
 
 sweep: $(READY) ## cycles, area, clock and accuracy over variants, explorers and word lengths
-	@'$(PY)' -m scripts.measure.sweep --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts sweep --jobs '$(JOBS)' $(ARGS)
 
 report: $(READY) ## every published number, table and plot into reports/
-	@'$(PY)' -m scripts.publish.report $(ARGS)
+	@'$(PY)' -m scripts report $(ARGS)
 
 fidelity: $(READY) ## decisions and closed loops beside the ideal controller, and the error budget
-	@'$(PY)' -m scripts.commands.fidelity --jobs '$(JOBS)' $(ARGS)
+	@'$(PY)' -m scripts fidelity --jobs '$(JOBS)' $(ARGS)
 
 sources: $(READY) ## VHDL files in compile order for TOP
-	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts.hdl.sources '' >&2; exit 2; fi; '$(PY)' -m scripts.hdl.sources "$$TOP"
+	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts sources '' >&2; exit 2; fi; '$(PY)' -m scripts sources "$$TOP"
 
 virtual-board: $(READY) ## the board top in simulation, its UART on a pseudo-terminal; ARGS=--help
-	@'$(PY)' -m scripts.hdl.virtual_board $(ARGS)
+	@'$(PY)' -m scripts virtual-board $(ARGS)
 
 bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
 	$(call need,BOARD,the board)
-	@'$(PY)' -m scripts.measure.bitstream --jobs '$(JOBS)' --seeds '$(SEEDS)' --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+	@'$(PY)' -m scripts bitstream --jobs '$(JOBS)' --seeds '$(SEEDS)' --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
 netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)
-	@'$(PY)' -m scripts.measure.bitstream --netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+	@'$(PY)' -m scripts bitstream --netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
 layers: $(READY) ## draw the layers of the project, from its imports, into docs/layers.svg
-	@'$(PY)' -m scripts.commands.layers $(ARGS)
+	@'$(PY)' -m scripts layers $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model
-	@'$(PY)' -m scripts.generate.mpdcc_package
-	@'$(PY)' -m scripts.generate.mptc_package
-	@'$(PY)' -m scripts.generate.register_files
-	@'$(PY)' -m scripts.generate.link_package
-	@'$(PY)' -m scripts.generate.protocol_examples
-	@'$(PY)' -m scripts.generate.boards
+	@'$(PY)' -m scripts generate
 
 clean: ## remove what can be made again, but for .venv
 	@rm -rf '$(ROOT)/build' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'

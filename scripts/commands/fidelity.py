@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+import argparse
 
-from directmpc.host.console import OneParagraphParser, report_error
-from scripts.hdl.simulator import SimulationError
 from scripts.publish import report
-from scripts.shared.tools import ToolError
+from scripts.shared.command import Command
 from scripts.studies.fidelity import study
-from scripts.studies.fidelity.decisions import FidelityError
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and write; 0 when all is written, 2 when a figure could not be had."""
-    parser = OneParagraphParser(prog="fidelity", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
-    given = parser.parse_args(arguments)
-    try:
-        study.write(study.collect(given.jobs))
-        report.write_fidelity()
-    except (
-        FidelityError, SimulationError, ValueError, ToolError, OSError,
-    ) as error:  # fmt: skip
-        report_error("fidelity", error)
-        return 2
-    except KeyboardInterrupt:
-        print("fidelity: interrupted; what was measured is kept", file=sys.stderr)
-        return 130
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    study.write(study.collect(given.jobs))
+    report.write_fidelity()
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command(
+    "fidelity", __doc__.splitlines()[0], _arguments, _run, interrupted="what was measured is kept"
+)

@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.host.console import OneParagraphParser, report_error
 from scripts.publish import layers
 from scripts.shared import tools
-from scripts.shared.tools import ToolError
+from scripts.shared.command import Command
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw; with --check compare only, 1 when the picture is out of date."""
-    parser = OneParagraphParser(prog="layers", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=layers.PICTURE, help="picture (SVG)")
     parser.add_argument("--check", action="store_true", help="compare, write nothing")
-    given = parser.parse_args(arguments)
-    try:
-        text = layers.text()
-        if given.check:
-            current = given.out.exists() and given.out.read_text(encoding="utf-8") == text
-            if not current:
-                print(f"layers: {given.out} is out of date; make layers", file=sys.stderr)
-            return 0 if current else 1
-        tools.write(given.out, text)
-    except (ToolError, OSError) as error:
-        report_error("layers", error)
-        return 2
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    text = layers.text()
+    if given.check:
+        current = given.out.exists() and given.out.read_text(encoding="utf-8") == text
+        if not current:
+            print(f"layers: {given.out} is out of date; make layers", file=sys.stderr)
+        return 0 if current else 1
+    tools.write(given.out, text)
     print(given.out)
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command("layers", __doc__.splitlines()[0], _arguments, _run)

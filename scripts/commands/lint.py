@@ -18,6 +18,7 @@ from pathlib import Path
 
 from scripts.hdl import sources
 from scripts.shared import tools
+from scripts.shared.command import Command
 from scripts.shared.tools import ROOT, ToolError
 
 CONFIGURATION = ROOT / ".vsg.yaml"
@@ -128,7 +129,7 @@ def layers() -> list[str]:
 
 def picture() -> list[str]:
     """The picture of the layers is the one that `make layers` draws."""
-    return _run([sys.executable, "-m", "scripts.commands.layers", "--check"], _on_path())
+    return _run([sys.executable, "-m", "scripts", "layers", "--check"], _on_path())
 
 
 def analysis(std: str) -> list[str]:
@@ -203,17 +204,9 @@ def _snapshot() -> dict[Path, bytes]:
 def fresh_files() -> list[str]:
     """Generating the generated files again changes none of them (compared without git)."""
     before = _snapshot()
-    for generator in (
-        "scripts.generate.mpdcc_package",
-        "scripts.generate.mptc_package",
-        "scripts.generate.register_files",
-        "scripts.generate.link_package",
-        "scripts.generate.protocol_examples",
-        "scripts.generate.boards",
-    ):
-        lines = _run([sys.executable, "-m", generator])
-        if lines:
-            return lines
+    lines = _run([sys.executable, "-m", "scripts", "generate"], _on_path())
+    if lines:
+        return lines
     # Only what the generator wrote matters: its files carry its name, others may be being edited.
     after = _snapshot()
     changed = [
@@ -254,12 +247,12 @@ def fix() -> int:
     return 1 if status else 0
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run all checks, or the ones whose name contains a given word."""
-    parser = argparse.ArgumentParser(prog="lint", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fix", action="store_true", help="rewrite instead of checking")
     parser.add_argument("only", nargs="*", help="words; only checks with one of them in their name")
-    given = parser.parse_args(arguments)
+
+
+def _run(given: argparse.Namespace) -> int | None:
     if given.fix:
         return fix()
     failed = 0
@@ -283,5 +276,4 @@ def main(arguments: list[str] | None = None) -> int:
     return 1 if failed else 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command("lint", __doc__.splitlines()[0], _arguments, _run, failed=1)

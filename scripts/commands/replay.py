@@ -7,9 +7,9 @@ of ``CONTROLLERS`` each.
 
 from __future__ import annotations
 
-import signal
+import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.drive_file import Drive, MptcDrive, load_drive
-from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
+from directmpc.host.console import clear_output, progress_bar
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
-from scripts.commands import mptc_replay
+from scripts.hdl import mptc_replay
 from scripts.hdl.mpdcc_simulation import EXPLORERS, simulate_rows
-from scripts.hdl.simulator import SimulationError, terminable
-from scripts.shared.command import InputError
+from scripts.hdl.simulator import terminable
+from scripts.shared.command import Command, InputError
 
 ENGINES = ("rtl", "model", "ideal")
 DEFAULT_EXPLORERS = 2
@@ -135,14 +135,13 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 
 
 def replay(request: Request) -> None:
-    """Do what was asked for; raises the errors that `main` reports."""
+    """Do what was asked for; raises the errors that the command reports."""
     clear_output(request.out, request.drive, request.trace)
     drive = load_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)
 
 
-def _arguments(arguments: Sequence[str] | None) -> Request:
-    parser = OneParagraphParser(prog="replay", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, required=True, help="drive file (TOML)")
     parser.add_argument("--trace", type=Path, required=True, help="recorded trace (CSV)")
     parser.add_argument("--out", type=Path, required=True, help="decisions to write (CSV)")
@@ -154,23 +153,14 @@ def _arguments(arguments: Sequence[str] | None) -> Request:
     parser.add_argument(
         "--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT, help="mpdcc drives alone"
     )
-    return Request(**vars(parser.parse_args(arguments)))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Replay a trace; 0 when the decisions are written, 2 when something was wrong."""
-    request = _arguments(arguments)
-    try:
-        with terminable():
-            replay(request)
-    except (ValueError, SimulationError, OSError) as error:
-        report_error("replay", error)
-        return 2
-    except KeyboardInterrupt:
-        print("replay: interrupted; nothing was written", file=sys.stderr)
-        return 128 + signal.SIGINT
+def _run(given: argparse.Namespace) -> int | None:
+    with terminable():
+        replay(Request(**vars(given)))
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command(
+    "replay", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written"
+)

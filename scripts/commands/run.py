@@ -2,59 +2,49 @@
 
 from __future__ import annotations
 
+import argparse
 import math
-import signal
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from directmpc.drive_file import load_mpdcc_drive
-from directmpc.host.console import OneParagraphParser, clear_output, report_error
+from directmpc.host.console import clear_output
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
-from scripts.hdl.simulator import SimulationError, terminable
-from scripts.shared.command import InputError
+from scripts.hdl.simulator import terminable
+from scripts.shared.command import Command, InputError, UsageError
 from scripts.shared.tools import ROOT
 from scripts.studies import rtl_loop
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run, print and draw; 1 when a decision differs from the model's, 2 on an error."""
-    parser = OneParagraphParser(prog="run", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument("--speed", type=float, default=1.0, help="stator frequency, per unit")
     parser.add_argument("--steps", type=int, help="control steps; two fundamental periods without")
     parser.add_argument("--explorers", type=int, choices=EXPLORERS, default=2, metavar="1..8")
     parser.add_argument("--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT)
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "run.png", help="picture")
-    given = parser.parse_args(arguments)
+
+
+def _run(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
-        parser.error(f"argument --steps: got {given.steps}; at least 1 is needed")
+        raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
     if not math.isfinite(given.speed) or abs(given.speed) > 2.0:
-        parser.error(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
+        raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    try:
-        drive = load_mpdcc_drive(given.drive)
-        if given.speed == 0.0:
-            raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        clear_output(given.out, given.drive)
-        with terminable():
-            try:
-                run = rtl_loop.simulate(
-                    drive, given.speed, given.steps, given.explorers, given.variant
-                )
-            except ValueError as error:  # names the key, but does not know the file
-                raise InputError(f"{given.drive}: {error}") from error
-        rtl_loop.draw(run, given.out)
-    except (ValueError, SimulationError, OSError) as error:
-        report_error("run", error)
-        return 2
-    except KeyboardInterrupt:
-        print("run: interrupted", file=sys.stderr)
-        return 128 + signal.SIGINT
+    drive = load_mpdcc_drive(given.drive)
+    if given.speed == 0.0:
+        raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    clear_output(given.out, given.drive)
+    with terminable():
+        try:
+            run = rtl_loop.simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+        except ValueError as error:  # names the key, but does not know the file
+            raise InputError(f"{given.drive}: {error}") from error
+    rtl_loop.draw(run, given.out)
     base = drive.base
     console.print(
         f"{given.drive.name}: {len(run.result)} steps of {1e6 * drive.control.ts:g} us at "
@@ -74,5 +64,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command("run", __doc__.splitlines()[0], _arguments, _run)

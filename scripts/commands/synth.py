@@ -2,49 +2,45 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from directmpc.host.console import OneParagraphParser
 from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.shared import tools
-from scripts.shared.tools import BUILD, ToolError
+from scripts.shared.command import Command, UsageError
+from scripts.shared.tools import BUILD
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure all configurations, or those whose name contains one of the given words."""
-    parser = OneParagraphParser(prog="synth", description=__doc__.splitlines()[0])
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
     parser.add_argument("--families", help="comma-separated; all of a configuration's without it")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--force", action="store_true", help="measure again what is in the cache")
     parser.add_argument("--out", type=Path, default=BUILD / "synth.json")
-    given = parser.parse_args(arguments)
+
+
+def _run(given: argparse.Namespace) -> int | None:
     console = Console(width=None if sys.stdout.isatty() else 140)
     problems: list[str] = []
-    try:
-        listed = synth.configurations()
-        if not given.only:
-            problems += synth.coverage(listed)
-        known = sources.entities()
-        wanted = given.families.split(",") if given.families else list(synth.FLOWS)
-        chosen = [
-            one
-            for one in listed
-            if one.entity.lower() in known
-            and (not given.only or any(w in one.name for w in given.only))
-        ]
-        if not chosen:
-            parser.error("no configuration of an existing entity has that in its name")
-        found = synth.measure_all(chosen, wanted, given.jobs, given.force)
-    except (ToolError, sources.SourcesError) as error:
-        print(f"synth: {error}", file=sys.stderr)
-        return 1
+    listed = synth.configurations()
+    if not given.only:
+        problems += synth.coverage(listed)
+    known = sources.entities()
+    wanted = given.families.split(",") if given.families else list(synth.FLOWS)
+    chosen = [
+        one
+        for one in listed
+        if one.entity.lower() in known
+        and (not given.only or any(w in one.name for w in given.only))
+    ]
+    if not chosen:
+        raise UsageError("no configuration of an existing entity has that in its name")
+    found = synth.measure_all(chosen, wanted, given.jobs, given.force)
     console.print(synth.table(found.rows))
     problems += found.problems
     for one, families in found.rows:
@@ -56,5 +52,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if problems else 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+COMMAND = Command("synth", __doc__.splitlines()[0], _arguments, _run, failed=1)

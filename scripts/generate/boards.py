@@ -95,11 +95,7 @@ def text(board: Board) -> str:
     return {"ecp5": lpf, "xc7": xdc}.get(board.family, ucf)(board)
 
 
-def main() -> None:
+def write() -> None:
     """Write all constraint files."""
     for board in BOARDS.values():
         board.constraint_file.write_text(text(board), encoding="ascii")
-
-
-if __name__ == "__main__":
-    main()

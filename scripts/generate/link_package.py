@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from directmpc.host import protocol as p
@@ -134,11 +133,6 @@ def text() -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Command line: write the package."""
-    argparse.ArgumentParser(description=main.__doc__).parse_args()
+def write() -> None:
+    """Write the package."""
     _PATH.write_text(text(), encoding="ascii")
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,6 @@ when it differs from what this module writes.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -388,11 +387,6 @@ def text() -> str:
     )
 
 
-def main() -> None:
-    """Command line: write the package."""
-    argparse.ArgumentParser(description=main.__doc__).parse_args()
+def write() -> None:
+    """Write the package."""
     _PATH.write_text(text(), encoding="ascii")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Byte-exact examples of the frame protocol, as docs/protocol.md shows them.
 
-``python -m scripts.generate.protocol_examples`` writes them between the page's marks; lint
+``python -m scripts generate`` writes them between the page's marks; lint
 finds the page out of date otherwise.
 """
 
@@ -104,10 +104,6 @@ def page(text: str) -> str:
     return text
 
 
-def main() -> None:
+def write() -> None:
     """Write the page's examples."""
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

@@ -2,13 +2,12 @@
 
 ``registers/directmpc.rdl`` is written by hand but for the lists of parameters and measurements,
 which follow from the modules that own the formats; they are written to ``registers/parameters.rdl``
-first.  PeakRDL makes the rest.  ``python -m scripts.generate.register_files`` writes what has
+first.  PeakRDL makes the rest.  ``python -m scripts generate`` writes what has
 changed.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -489,13 +488,8 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def main() -> None:
-    """Command line: write the files."""
-    argparse.ArgumentParser(prog="register_files", description=main.__doc__).parse_args()
+def write() -> None:
+    """Write the files."""
     _write(PARAMETERS, parameters_rdl())
     for path, text in files().items():
         _write(path, text)
-
-
-if __name__ == "__main__":
-    main()

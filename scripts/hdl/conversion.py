@@ -42,9 +42,7 @@ version (tb/rtl/mpdcc/mpdcc_core/test_netlist_core.py and others).
 
 from __future__ import annotations
 
-import argparse
 import re
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -656,24 +654,3 @@ def modules(verilog: str) -> dict[str, str]:
 
         found[match.group(1)] = _UNNAMED.sub(number, match.group(2))
     return found
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Command line of the conversion."""
-    parser = argparse.ArgumentParser(prog="netlist", description=__doc__.splitlines()[0])
-    parser.add_argument("top", help="entity")
-    parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
-    parser.add_argument("--out", type=Path, help="Verilog file; below build/netlist without it")
-    parser.add_argument("--std", choices=["93", "08"], help="what the files need without it")
-    given = parser.parse_args(arguments)
-    try:
-        out, log = convert(given.top, tools.parse_generics(given.g), given.out, std=given.std)
-    except (ToolError, sources.SourcesError) as error:
-        print(f"netlist: {error}", file=sys.stderr)
-        return 1
-    print(f"{out}: {log}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

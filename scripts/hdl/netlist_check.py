@@ -13,12 +13,10 @@ one by one and so closes a loop around the core at Verilator's speed.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +28,6 @@ from typing import IO
 import numpy as np
 
 from scripts.hdl import conversion as netlist
-from scripts.hdl.sources import SourcesError
 from scripts.shared import tools
 from scripts.shared.tools import Generics, ToolError
 
@@ -398,48 +395,40 @@ def simulator(
         running.close()
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Check a core against a file of transactions, one JSON object a line."""
-    parser = argparse.ArgumentParser(prog="netlist_check", description=__doc__.splitlines()[0])
-    parser.add_argument("top")
-    parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
-    parser.add_argument(
-        "--ports", type=Path, help='JSON: {"inputs": {name: width}, "outputs": ..., "hold": []}'
-    )
-    parser.add_argument(
-        "--vectors", type=Path, required=True, help='lines {"inputs":, "outputs":, "cycles":}'
-    )
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args(arguments)
+def check_file(
+    top: str, generics: Generics, vectors: Path, ports_file: Path | None = None, seed: int = 1
+) -> Result:
+    """Check a core against a file of transactions.
+
+    Parameters
+    ----------
+    top, generics
+        Entity and its generics.
+    vectors
+        Lines {"inputs": {name: value}, "outputs": {name: value}, "cycles": number}.
+    ports_file
+        JSON {"inputs": {name: width}, "outputs": {name: width}, "hold": [names]}.
+    seed
+        Of what inputs are between transactions.
+
+    Raises
+    ------
+    ToolError
+        If a file cannot be used, or the simulator fails.
+    """
     try:
         ports = None
-        if given.ports:
-            read = json.loads(given.ports.read_text(encoding="utf-8"))
+        if ports_file:
+            read = json.loads(ports_file.read_text(encoding="utf-8"))
             ports = Ports(read["inputs"], read["outputs"], tuple(read.get("hold", ())))
         lines = [
-            json.loads(line)
-            for line in given.vectors.read_text(encoding="utf-8").splitlines()
-            if line
+            json.loads(line) for line in vectors.read_text(encoding="utf-8").splitlines() if line
         ]
         if not lines:
-            raise ToolError(f"{given.vectors}: no transactions")
+            raise ToolError(f"{vectors}: no transactions")
         inputs = {name: [line["inputs"][name] for line in lines] for name in lines[0]["inputs"]}
         expected = {name: [line["outputs"][name] for line in lines] for name in lines[0]["outputs"]}
         cycles = [line.get("cycles") for line in lines]
-        generics = tools.parse_generics(given.g)
-        result = check(given.top, generics, inputs, expected, cycles, ports=ports, seed=given.seed)
-    except (ToolError, SourcesError, OSError, KeyError, json.JSONDecodeError) as error:
-        print(f"netlist_check: {error}", file=sys.stderr)
-        return 2
-    for line in result.mismatches[:20]:
-        print(line)
-    print(
-        f"{result.checked} transactions, {len(result.mismatches)} mismatches, "
-        f"{result.clocks} clocks, "
-        f"{result.clocks_per_second / 1e6:.2f} million clocks/s"
-    )
-    return 1 if result.mismatches else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        return check(top, generics, inputs, expected, cycles, ports=ports, seed=seed)
+    except (KeyError, json.JSONDecodeError) as error:
+        raise ToolError(f"{vectors}: {error}") from None

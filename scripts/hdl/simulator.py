@@ -42,7 +42,7 @@ IntArray = NDArray[np.int64]
 Answer = dict[str, NDArray[np.float64] | IntArray]
 
 
-class SimulationError(RuntimeError):
+class SimulationError(ToolError):
     """The simulator failed; the message holds the end of its log."""
 
 

@@ -8,14 +8,12 @@ is listed.
 
 from __future__ import annotations
 
-import argparse
 import re
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scripts.shared.tools import ROOT
+from scripts.shared.tools import ROOT, ToolError
 
 RTL = ROOT / "rtl"
 #: VHDL library that the project compiles its design into; the sources themselves refer to `work`.
@@ -34,7 +32,7 @@ _WORK = re.compile(rf"\bwork\s*\.\s*{_NAME}")
 _INSTANCE = re.compile(rf":\s*(?:component\s+)?{_NAME}\s+(?:generic|port)\s+map\b")
 
 
-class SourcesError(Exception):
+class SourcesError(ToolError):
     """The file list cannot be made; the message says why in one line."""
 
 
@@ -149,28 +147,3 @@ def order_all(files: Iterable[Path]) -> list[Path]:
             order.extend(path for path in compile_order(name, listed) if path not in order)
     order.extend(path for path in listed if path not in order)
     return order
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Print the compile order, one path a line."""
-    parser = argparse.ArgumentParser(prog="sources", description=__doc__.splitlines()[0])
-    parser.add_argument("top", nargs="?", help="entity or package; all files without it")
-    parser.add_argument("--rtl", type=Path, default=RTL, help="directory of the VHDL files")
-    parser.add_argument("--relative-to", type=Path, default=None, help="print relative paths")
-    given = parser.parse_args(arguments)
-    files = rtl_files(given.rtl)
-    try:
-        order = compile_order(given.top, files) if given.top else order_all(files)
-    except SourcesError as error:
-        print(f"sources: {error}", file=sys.stderr)
-        return 2
-    for path in order:
-        shown = path.resolve()
-        if given.relative_to is not None:
-            shown = shown.relative_to(given.relative_to.resolve())
-        print(shown)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

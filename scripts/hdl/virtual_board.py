@@ -14,22 +14,18 @@ full speed, instead of a pseudo-terminal.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
 import signal
 import struct
 import subprocess
-import sys
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS
-from scripts.hdl.sources import SourcesError
 from scripts.shared import tools
 from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
 
@@ -263,49 +259,3 @@ class Script:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run a virtual board until it is interrupted."""
-    parser = argparse.ArgumentParser(prog="virtual-board", description=__doc__.splitlines()[0])
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
-    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
-    parser.add_argument("--folded", action="store_true", help="the paper's explorers")
-    parser.add_argument(
-        "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
-    )
-    parser.add_argument(
-        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART"
-    )
-    parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
-    given = parser.parse_args(arguments)
-    if given.board and given.folded:
-        parser.error("no board's bitstream has the paper's explorers")
-    if given.board and given.controller not in BOARDS[given.board].controllers:
-        parser.error(f"{given.board} has no room for {given.controller}")
-    began = time.perf_counter()
-    try:
-        print("virtual board: compiling, a minute the first time", file=sys.stderr, flush=True)
-        chosen = generics(given.controller, given.explorers, given.folded)
-        if given.board:
-            chosen = BOARDS[given.board].generics(given.controller, given.explorers)
-        board = VirtualBoard(chosen, given.port, given.gates)
-    except (ToolError, SourcesError, OSError) as error:
-        print(f"virtual-board: {error}", file=sys.stderr)
-        return 2
-    print(board.said)
-    print(
-        f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"
-        f"  python -m directmpc.host --port {os.path.relpath(given.port)} identify\n"
-        "end it with Ctrl-C",
-        flush=True,
-    )
-    try:
-        return board.process.wait()
-    except KeyboardInterrupt:
-        board.close()
-        return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

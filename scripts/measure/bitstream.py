@@ -10,13 +10,10 @@ here.
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
 import hashlib
 import json
 import shutil
-import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +23,6 @@ from rich.console import Console
 from rich.table import Table
 
 from scripts.hdl import conversion as netlist
-from scripts.hdl import sources
 from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
 from scripts.shared import tools
@@ -308,7 +304,8 @@ def vendor_netlist(board: Board, controller: str, explorers: int, folder: Path) 
     return written
 
 
-def _table(found: dict[str, Any]) -> Table:
+def table(found: dict[str, Any]) -> Table:
+    """What was built, as a table for a terminal."""
     table = Table(title=f"{found['board']}, {found['controller']}", show_header=False)
     table.add_row("part", found["part"])
     for kind, (used, available) in found["used"].items():
@@ -374,56 +371,3 @@ def write_page() -> None:
     ]
     path = ROOT / "docs" / "boards.md"
     tools.write(path, page(path.read_text(encoding="utf-8"), results))
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Build one board."""
-    parser = argparse.ArgumentParser(prog="bitstream", description=__doc__.splitlines()[0])
-    parser.add_argument("--board", choices=sorted(BOARDS))
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
-    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
-    parser.add_argument(
-        "--seeds", type=int, default=SEEDS, help="placements that have to meet timing"
-    )
-    parser.add_argument("--jobs", type=int, default=1, help="placements at a time")
-    parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
-    parser.add_argument("--page", action="store_true", help="write docs/boards.md's table")
-    parser.add_argument("--netlist", action="store_true", help="netlists for the vendor's tools")
-    given = parser.parse_args(arguments)
-    if given.seeds < 1:
-        parser.error(f"argument --seeds: got {given.seeds}; at least 1 is needed")
-    console = Console(width=None if sys.stdout.isatty() else 110)
-    try:
-        if given.page:
-            write_page()
-            return 0
-        if given.board is None:
-            parser.error("--board is needed")
-        board = BOARDS[given.board]
-        if given.controller not in board.controllers:
-            raise ToolError(f"{board.name} has no room for {given.controller}")
-        if given.netlist:
-            for path in vendor_netlist(board, given.controller, given.explorers, FOLDER):
-                console.print(path, soft_wrap=True)
-            return 0
-        chosen = (board, given.controller, given.explorers)
-        found = build(*chosen, given.seeds, FOLDER, console, given.jobs)
-        if given.twice:
-            with tempfile.TemporaryDirectory(prefix="again-", dir=BUILD) as name:
-                again = build(*chosen, 1, Path(name), console, anew=True)
-            if again["sha256"] != found["sha256"]:
-                raise ToolError(f"{board.name}: two builds differ")
-            found["reproduced"] = True
-            console.print("built twice: the same bitstream")
-        bit = FOLDER / f"{stem(board, given.controller)}.bit"
-        tools.write(result(bit), json.dumps(found, indent=1) + "\n")
-    except (ToolError, sources.SourcesError, OSError) as error:
-        print(f"bitstream: {error}", file=sys.stderr)
-        return 2
-    console.print(_table(found))
-    console.print(f"openFPGALoader -b ulx3s {bit}", soft_wrap=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
 import csv
 import functools
@@ -23,6 +22,7 @@ import re
 import statistics
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from scripts.hdl import sources
 from scripts.hdl.netlist_check import Ports, ports_of
 from scripts.measure.synth import Configuration, configurations, map_netlist
 from scripts.shared import tools
+from scripts.shared.command import UsageError
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 DEVICE = "LFE5U-25F"
@@ -374,84 +375,90 @@ def _csv(summary: dict[str, Any]) -> str:
     return out.getvalue()
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Place and route every configuration marked for it, or those named."""
-    parser = argparse.ArgumentParser(prog="pnr", description=__doc__.splitlines()[0])
-    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--exact", action="store_true", help="words are whole names")
-    parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to this one")
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args(arguments)
-    if given.seeds < 1:
-        parser.error(f"argument --seeds: got {given.seeds}; at least 1 is needed")
+def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
+    """Place and route every configuration marked for it, or those named; print and store them.
+
+    Parameters
+    ----------
+    only
+        Words; configurations with one in their name. Those marked in the file if empty.
+    exact
+        Whether the words are whole names.
+    seeds
+        Seeds 1 to this one.
+    jobs
+        Placements at a time.
+
+    Returns
+    -------
+    int
+        0 when all have been placed, 1 when one could not be.
+
+    Raises
+    ------
+    UsageError
+        If no configuration is meant.
+    """
     console = Console(width=None if sys.stdout.isatty() else 140)
     problems: list[str] = []
     summaries: list[dict[str, Any]] = []
-    try:
-        known = sources.entities()
-        chosen = [
-            one
-            for one in configurations()
-            if (
-                any(w == one.name if given.exact else w in one.name for w in given.only)
-                if given.only
-                else one.pnr
-            )
-        ]
-        if not chosen:
-            parser.error("no configuration has that in its name")
-        for one in chosen:
-            if one.entity.lower() not in known:
-                problems.append(f"{one.entity} is not in rtl/")
-        chosen = [one for one in chosen if one.entity.lower() in known]
-        began = time.perf_counter()
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            bar = progress.add_task("place and route", total=len(chosen) * (given.seeds + 1))
-            with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
+    known = sources.entities()
+    chosen = [
+        one
+        for one in configurations()
+        if (any(w == one.name if exact else w in one.name for w in only) if only else one.pnr)
+    ]
+    if not chosen:
+        raise UsageError("no configuration has that in its name")
+    for one in chosen:
+        if one.entity.lower() not in known:
+            problems.append(f"{one.entity} is not in rtl/")
+    chosen = [one for one in chosen if one.entity.lower() in known]
+    began = time.perf_counter()
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("place and route", total=len(chosen) * (seeds + 1))
+        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
 
-                def prepare(one: Configuration) -> Path | None:
-                    try:
-                        return map_core(one)
-                    except (ToolError, sources.SourcesError) as error:
-                        problems.append(f"{one.name}: {error}")
-                        return None
-                    finally:
-                        progress.advance(bar)
+            def prepare(one: Configuration) -> Path | None:
+                try:
+                    return map_core(one)
+                except (ToolError, sources.SourcesError) as error:
+                    problems.append(f"{one.name}: {error}")
+                    return None
+                finally:
+                    progress.advance(bar)
 
-                def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
-                    one, mapped, seed = item
-                    try:
-                        report, config = place_seed(mapped, seed)
-                        text = mapped.with_suffix(".v").read_text(encoding="utf-8")
-                        origins = Origins(text, one.entity)
-                        return one.name, evaluate(report, config, seed, origins), report
-                    except ToolError as error:
-                        problems.append(f"{one.name}: {error}")
-                        return one.name, None, None
-                    finally:
-                        progress.advance(bar)
+            def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
+                one, mapped, seed = item
+                try:
+                    report, config = place_seed(mapped, seed)
+                    text = mapped.with_suffix(".v").read_text(encoding="utf-8")
+                    origins = Origins(text, one.entity)
+                    return one.name, evaluate(report, config, seed, origins), report
+                except ToolError as error:
+                    problems.append(f"{one.name}: {error}")
+                    return one.name, None, None
+                finally:
+                    progress.advance(bar)
 
-                mapped = dict(zip((c.name for c in chosen), pool.map(prepare, chosen), strict=True))
-                work = [
-                    (one, path, seed)
-                    for one in chosen
-                    if (path := mapped[one.name])
-                    for seed in range(1, given.seeds + 1)
-                ]
-                placed = list(pool.map(place, work))
-        for one in chosen:
-            runs = [(entry, report) for name, entry, report in placed if name == one.name and entry]
-            if len(runs) != given.seeds:
-                continue
-            summary = summarise(one, [entry for entry, _ in runs], runs[0][1])
-            stem = BUILD / f"pnr_{one.name.replace('-', '_')}"
-            tools.write(stem.with_suffix(".csv"), _csv(summary))
-            tools.write(stem.with_suffix(".json"), json.dumps(summary, indent=1) + "\n")
-            summaries.append(summary)
-    except (ToolError, sources.SourcesError) as error:
-        print(f"pnr: {error}", file=sys.stderr)
-        return 1
-    table = Table(title=f"{PART}, {given.seeds} seeds, target {TARGET_MHZ} MHz")
+            mapped = dict(zip((c.name for c in chosen), pool.map(prepare, chosen), strict=True))
+            work = [
+                (one, path, seed)
+                for one in chosen
+                if (path := mapped[one.name])
+                for seed in range(1, seeds + 1)
+            ]
+            placed = list(pool.map(place, work))
+    for one in chosen:
+        runs = [(entry, report) for name, entry, report in placed if name == one.name and entry]
+        if len(runs) != seeds:
+            continue
+        summary = summarise(one, [entry for entry, _ in runs], runs[0][1])
+        stem = BUILD / f"pnr_{one.name.replace('-', '_')}"
+        tools.write(stem.with_suffix(".csv"), _csv(summary))
+        tools.write(stem.with_suffix(".json"), json.dumps(summary, indent=1) + "\n")
+        summaries.append(summary)
+    table = Table(title=f"{PART}, {seeds} seeds, target {TARGET_MHZ} MHz")
     for name in ("configuration", "worst MHz", "median MHz", "logic ns", "routing ns", "levels"):
         table.add_column(name, justify="left" if name == "configuration" else "right")
     table.add_column("critical path of the worst seed", overflow="fold")
@@ -472,7 +479,3 @@ def main(arguments: list[str] | None = None) -> int:
     for problem in problems:
         print(f"pnr: {problem}", file=sys.stderr)
     return 1 if problems else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

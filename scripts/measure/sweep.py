@@ -14,7 +14,6 @@ explorer_fast and not a constant of it; docs/design-space.md says what is known 
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
 import csv
 import inspect
@@ -244,7 +243,7 @@ def tree_of(point: Point) -> Path:
     (tree / "build").symlink_to(BUILD, target_is_directory=True)
     for edit in wanted:
         edit.apply(tree)
-    _inside(tree, "-m", "scripts.generate.mpdcc_package")
+    _inside(tree, "-m", "scripts", "generate", "mpdcc_package")
     (tree / "ready").write_text(repr(wanted), encoding="utf-8")
     return tree
 
@@ -421,7 +420,7 @@ def measure_point(point: Point) -> dict[str, Any]:
     missing = [step for step, path in files.items() if not path.exists()]
     if missing:
         text = json.dumps(asdict(point))
-        command = ["-m", "scripts.measure.sweep", *missing, "--point", text]
+        command = ["-m", "scripts", "sweep", *missing, "--point", text]
         answer = json.loads(_inside(tree, *command).splitlines()[-1])
         for step in missing:
             tools.write(files[step], json.dumps(answer[step]))
@@ -622,69 +621,64 @@ def publish(rows: list[dict[str, Any]]) -> None:
     tools.write(PAGE, tables.between(page, table(rows, measured_at()), BEGIN, END))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure every point and write CSV and plot; or one point, inside its tree."""
-    parser = argparse.ArgumentParser(prog="sweep", description=__doc__.splitlines()[0])
-    parser.add_argument("only", nargs="*", help="words; only show points with one in their name")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--plot", action="store_true", help="only plot and table, from the CSV")
-    parser.add_argument("--point", help=argparse.SUPPRESS)
-    given = parser.parse_args(arguments)
+def measure_points(only: Sequence[str], jobs: int) -> None:
+    """Measure every point and write CSV, plot and page; or print those named.
+
+    Parameters
+    ----------
+    only
+        Words; points with one in their name are measured and printed, nothing is written.
+    jobs
+        Points at a time.
+
+    Raises
+    ------
+    ToolError
+        If no point is meant or one fails.
+    """
     console = Console(stderr=True, highlight=False)
     began = time.perf_counter()
-    try:
-        if given.point:
-            point = Point(**json.loads(given.point))
-            print(json.dumps({step: STEPS_OF_A_POINT[step](point) for step in given.only}))
-            return 0
-        if given.plot:
-            publish([_typed(row) for row in read_csv()])
-            return 0
-        chosen = [
-            p
-            for p in points()
-            if not given.only
-            or any(w in f"{p.dimension} {p.setting} {p.variant} {p.explorers}" for w in given.only)
-        ]
-        if not chosen:
-            raise ToolError("no point has that in its name")
+    chosen = [
+        p
+        for p in points()
+        if not only
+        or any(w in f"{p.dimension} {p.setting} {p.variant} {p.explorers}" for w in only)
+    ]
+    if not chosen:
+        raise ToolError("no point has that in its name")
 
-        failed: list[str] = []
+    failed: list[str] = []
 
-        def one(point: Point) -> dict[str, Any]:
-            try:
-                row = measure_point(point)
-            except ToolError as error:
-                failed.append(f"{point.dimension} {point.setting} ({point.variant})")
-                console.print(f"sweep: {failed[-1]}: {error}", soft_wrap=True)
-                return {}
-            console.print(
-                f"sweep, {time.perf_counter() - began:4.0f} s: {point.dimension} {point.setting}, "
-                f"{point.variant} {point.explorers}: {row['cycles_worst']} cycles, "
-                f"{row['slices_unpacked']} slices, {row['fmax_worst_mhz']} MHz, "
-                f"{row['mismatch_pct']} % differ",
-                soft_wrap=True,
-            )
-            return row
+    def one(point: Point) -> dict[str, Any]:
+        try:
+            row = measure_point(point)
+        except ToolError as error:
+            failed.append(f"{point.dimension} {point.setting} ({point.variant})")
+            console.print(f"sweep: {failed[-1]}: {error}", soft_wrap=True)
+            return {}
+        console.print(
+            f"sweep, {time.perf_counter() - began:4.0f} s: {point.dimension} {point.setting}, "
+            f"{point.variant} {point.explorers}: {row['cycles_worst']} cycles, "
+            f"{row['slices_unpacked']} slices, {row['fmax_worst_mhz']} MHz, "
+            f"{row['mismatch_pct']} % differ",
+            soft_wrap=True,
+        )
+        return row
 
-        with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
-            rows = list(pool.map(one, chosen))
-        if failed:
-            raise ToolError(f"nothing is written, {len(failed)} points failed: {', '.join(failed)}")
-    except ToolError as error:
-        print(f"sweep: {error}", file=sys.stderr)
-        return 1
-    if given.only:
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        rows = list(pool.map(one, chosen))
+    if failed:
+        raise ToolError(f"nothing is written, {len(failed)} points failed: {', '.join(failed)}")
+    if only:
         print(csv_text(rows), end="")
-        return 0
+        return
     best = {id(row) for row in frontier(rows)}
     rows = [row | {"on_frontier": int(id(row) in best)} for row in rows]
     tools.write(CSV, csv_text(rows))
     publish(rows)
-    return 0
 
 
-def _typed(row: dict[str, str]) -> dict[str, Any]:
+def typed(row: dict[str, str]) -> dict[str, Any]:
     """Numbers of a row of the CSV as numbers, empty fields as None."""
     found: dict[str, Any] = {}
     for name, text in row.items():
@@ -693,7 +687,3 @@ def _typed(row: dict[str, str]) -> dict[str, Any]:
         except ValueError:
             found[name] = text or None
     return found
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,6 @@ docs/figures.md are written from metrics.json, so that what is published is what
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from rich.console import Console
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
-from directmpc.host.console import OneParagraphParser, progress_bar, report_error
+from directmpc.host.console import progress_bar
 from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
@@ -32,7 +31,7 @@ from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.simulator import SimulationError, in_parallel, terminable
+from scripts.hdl.simulator import in_parallel, terminable
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import tools
@@ -90,7 +89,7 @@ def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
     """
     out = BUILD / "synth_report_mptc.json"
     entities = dict.fromkeys(entity for _, entity, _ in DESIGNS)
-    run_script("scripts.measure.synth", *entities, "--jobs", str(jobs), "--out", str(out))
+    run_script("synth", *entities, "--jobs", str(jobs), "--out", str(out))
     document = json.loads(out.read_text(encoding="utf-8"))
     used = dict(document["tools"])
     found: dict[str, Any] = {}
@@ -109,9 +108,7 @@ def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
             }
         if key in PLACED:
             name = tools.configuration_name(entity, generics)
-            run_script(
-                "scripts.measure.pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds)
-            )
+            run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
             path = BUILD / f"pnr_{name.replace('-', '_')}.json"
             placed = json.loads(path.read_text(encoding="utf-8"))
             used |= placed["tools"]
@@ -680,37 +677,28 @@ def update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
     write_texts(figures)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Regenerate the two-level part of the reports; 0 when written, 2 where that fails."""
-    parser = OneParagraphParser(prog="mptc.report", description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--seeds", type=int, default=5, help="of placement")
-    parser.add_argument(
-        "--texts", action="store_true", help="rewrite docs/figures.md and docs/mptc.md only"
-    )
-    given = parser.parse_args(arguments)
+def regenerate(jobs: int, seeds: int, texts_only: bool) -> None:
+    """Regenerate the two-level part of the reports, or only the pages that show it.
+
+    Parameters
+    ----------
+    jobs
+        Processes at a time.
+    seeds
+        Seeds of placement.
+    texts_only
+        Whether only docs/figures.md and docs/mptc.md are written.
+    """
     console = Console(stderr=True, highlight=False)
     began = time.perf_counter()
 
     def say(text: str) -> None:
         console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
 
-    try:
-        with terminable():
-            if given.texts:
-                document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-                write_texts(document["mptc"])
-            else:
-                update(given.jobs, given.seeds, say)
-    except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:
-        report_error("report", error)
-        return 2
-    except KeyboardInterrupt:
-        print("report: interrupted; nothing was rewritten", file=sys.stderr)
-        return 130
+    with terminable():
+        if texts_only:
+            document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
+            write_texts(document["mptc"])
+        else:
+            update(jobs, seeds, say)
     say("done")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

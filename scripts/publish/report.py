@@ -13,7 +13,6 @@ import io
 import json
 import math
 import shutil
-import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -26,7 +25,6 @@ from rich.console import Console
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
-from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -34,7 +32,6 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.hdl.simulator import SimulationError
 from scripts.measure import budgets, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report
@@ -63,9 +60,9 @@ SHOWN = 2  # explorers of the comparison with Paper A
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 #: Commands of their own that write files of their own, with what is said while they run.
-STUDIES: dict[str, Callable[[list[str]], Any]] = {
-    "switching horizons SE and SESE in closed loop": horizon_study.main,
-    "rotor-flux observer over speed and mismatch": observer_study.main,
+STUDIES: dict[str, Callable[[], Any]] = {
+    "switching horizons SE and SESE in closed loop": horizon_study.study,
+    "rotor-flux observer over speed and mismatch": observer_study.study,
 }
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
@@ -429,7 +426,7 @@ def resources(
 def placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
     """What `make pnr` says of one configuration on ECP5."""
     name = tools.configuration_name(entity, generics)
-    run_script("scripts.measure.pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
+    run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
     out = BUILD / f"pnr_{name.replace('-', '_')}.json"
     return json.loads(out.read_text(encoding="utf-8"))
 
@@ -701,7 +698,7 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
     tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
     for text, study in STUDIES.items():
         say(text)
-        study([])
+        study()
     write_tables(document)
     mptc_report.write_texts(document["mptc"])
 
@@ -712,44 +709,33 @@ def _cocotb_version() -> str:
     return importlib.metadata.version("cocotb")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Regenerate the reports; 0 when all is written, 2 when a figure could not be had."""
-    parser = OneParagraphParser(prog="report", description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--seeds", type=int, default=5, help="of placement")
-    parser.add_argument(
-        "--explorers", type=int, nargs="+", choices=EXPLORERS, default=EXPLORERS, metavar="1..6",
-        help="numbers of explorers to map to other families than Spartan-3; all without it",
-    )  # fmt: skip
-    parser.add_argument(
-        "--tables", action="store_true", help="rewrite the pages' tables from metrics.json only"
-    )
-    given = parser.parse_args(arguments)
+def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: bool) -> None:
+    """Regenerate the reports, or only the tables that show them.
+
+    Parameters
+    ----------
+    jobs
+        Processes at a time.
+    seeds
+        Seeds of placement.
+    explorers
+        Numbers of explorers to map to other families than Spartan-3.
+    tables_only
+        Whether only tables are written, from reports/metrics.json.
+    """
     console = Console(stderr=True, highlight=False)
     began = time.perf_counter()
 
     def say(text: str) -> None:
         console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
 
-    try:
-        if given.tables:
-            document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-            write_tables(document)
-            mptc_report.write_texts(document["mptc"])
-        else:
-            try:
-                build(given.jobs, given.seeds, {*given.explorers, SHOWN}, say)
-            finally:
-                shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
-    except (ReportError, ValueError, SimulationError, tools.ToolError, OSError) as error:
-        report_error("report", error)
-        return 2
-    except KeyboardInterrupt:
-        print("report: interrupted; nothing was rewritten", file=sys.stderr)
-        return 130
+    if tables_only:
+        document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
+        write_tables(document)
+        mptc_report.write_texts(document["mptc"])
+    else:
+        try:
+            build(jobs, seeds, {*explorers, SHOWN}, say)
+        finally:
+            shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
     say("done")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

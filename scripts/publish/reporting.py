@@ -5,22 +5,22 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from scripts.shared.tools import ROOT
+from scripts.shared.tools import ROOT, ToolError
 
 
-class ReportError(RuntimeError):
+class ReportError(ToolError):
     """A figure cannot be published."""
 
 
-def run_script(module: str, *arguments: str) -> None:
-    """Run one of the build scripts; its progress goes to stderr.
+def run_script(name: str, *arguments: str) -> None:
+    """Run one of the commands; its progress goes to stderr.
 
     Raises
     ------
     ReportError
         If it fails; with the end of what it printed.
     """
-    command = [sys.executable, "-m", module, *arguments]
+    command = [sys.executable, "-m", "scripts", name, *arguments]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         raise ReportError(f"'{' '.join(['python', *command[1:]])}' failed:\n{done.stdout[-1000:]}")

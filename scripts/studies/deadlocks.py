@@ -1,6 +1,6 @@
 """Deadlocks at low speed: what happens in them, and which other rules do better.
 
-``python -m scripts.studies.deadlocks`` runs the 6 kV drive's exact plant with the fast variant's
+``python -m scripts deadlocks`` runs the 6 kV drive's exact plant with the fast variant's
 bit-true model (`scripts.studies.deadlock_rules`, by default Paper A's rule) and writes
 
 * ``reports/deadlocks.csv``: one row per closed loop,
@@ -14,9 +14,7 @@ decides anew on every step of one start of each point where the two stand side b
 
 from __future__ import annotations
 
-import argparse
 import csv
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,7 +41,7 @@ from scripts.studies.fidelity.decisions import EXPLORERS, FidelityError
 from scripts.studies.horizon import REPORTS, SETTLE, STEPS, Setting, interval
 
 PAGE = ROOT / "docs" / "deadlocks.md"
-BEGIN = "<!-- {}: begin (written by scripts.studies.deadlocks) -->"
+BEGIN = "<!-- {}: begin (written by python -m scripts deadlocks) -->"
 END = "<!-- {}: end -->"
 
 SPEEDS = (0.2, 0.3, 0.6, 1.0)
@@ -711,58 +709,63 @@ def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
     return lines
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study and write its files."""
-    parser = argparse.ArgumentParser(prog="deadlock_study", description=__doc__.splitlines()[0])
-    parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
-    parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--starts", type=int, default=STARTS, help="of every rule")
-    parser.add_argument(
-        "--detailed", type=int, default=DETAILED, help="starts of the two rules set side by side"
-    )
-    parser.add_argument("--out", type=Path, default=REPORTS)
-    parser.add_argument(
-        "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
-    )
-    parser.add_argument(
-        "--page", action="store_true", help="only the page's tables, from deadlocks.md as it is"
-    )
-    given = parser.parse_args(arguments)
-    if given.page:
-        write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
-        return 0
-    base = load_mpdcc_drive(given.drive)
-    points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
-    given.out.mkdir(parents=True, exist_ok=True)
+def study(
+    drive: Path,
+    steps: int = STEPS,
+    starts: int = STARTS,
+    detailed: int = DETAILED,
+    out: Path = REPORTS,
+    reuse: bool = False,
+) -> None:
+    """Run the study and write its files.
 
-    steps: list[dict[str, Any]] = []
+    Parameters
+    ----------
+    drive
+        Drive file.
+    steps
+        Control steps of a run.
+    starts
+        Starts of every rule.
+    detailed
+        Starts of the two rules set side by side.
+    out
+        Folder of the files.
+    reuse
+        Whether the runs are taken from deadlocks.csv as it is.
+    """
+    base = load_mpdcc_drive(drive)
+    points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
+    out.mkdir(parents=True, exist_ok=True)
+
+    anatomies: list[dict[str, Any]] = []
     with progress_bar("deadlocks, step by step", len(points)) as progress:
         for h, s, b in points:
-            settings = [Setting(h, b, s, start) for start in range(given.starts)]
-            steps.append(anatomy(base, settings, given.steps))
-            progress(len(steps))
-    _write(given.out / "deadlock_steps.csv", STEP_FIELDS, steps)
+            settings = [Setting(h, b, s, start) for start in range(starts)]
+            anatomies.append(anatomy(base, settings, steps))
+            progress(len(anatomies))
+    _write(out / "deadlock_steps.csv", STEP_FIELDS, anatomies)
 
     jobs = [
         (name, Setting(h, b, s, start))
         for name in CASES
         for h, s, b in points
         for start in (
-            *range(given.starts),
-            *(range(FRESH, FRESH + given.detailed) if name in (LARGEST, RECOMMENDED) else ()),
+            *range(starts),
+            *(range(FRESH, FRESH + detailed) if name in (LARGEST, RECOMMENDED) else ()),
         )
     ]
     rows: list[dict[str, Any]] = []
-    if given.reuse:
-        rows = _read(given.out / "deadlocks.csv")
+    if reuse:
+        rows = _read(out / "deadlocks.csv")
     else:
         with progress_bar("closed loops", len(jobs)) as progress:
             for name, setting in jobs:
-                rows.append(run(base, name, setting, given.steps))
+                rows.append(run(base, name, setting, steps))
                 progress(len(rows))
-        _write(given.out / "deadlocks.csv", RUN_FIELDS, rows)
+        _write(out / "deadlocks.csv", RUN_FIELDS, rows)
 
-    decided, most = verify(base, points, given.steps)
+    decided, most = verify(base, points, steps)
     signed = [
         f"{name}: {_mean([r for r in _pick(rows, case=name) if r['speed'] < LOW], key):+.3f} pu"
         for name in (LARGEST, "ties to the latest")
@@ -771,16 +774,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines = [
         "What happens in the deadlocks of the rule 'largest excess':",
         "",
-        *table_of_steps(steps),
+        *table_of_steps(anatomies),
         "",
         "Positions of the legs, 0.1 pu bound:",
         "",
-        *table_of_positions(steps),
+        *table_of_positions(anatomies),
         "",
         "Mean of v_n in deadlocks at 0.2 and 0.3 pu, " + "; ".join(signed),
         "",
-        f"Rules, 0.2 and 0.3 pu, bounds {', '.join(f'{b:g}' for b in BOUNDS)}, "
-        f"{given.starts} starts:",
+        f"Rules, 0.2 and 0.3 pu, bounds {', '.join(f'{b:g}' for b in BOUNDS)}, {starts} starts:",
         "",
         *table_of_cases(rows, low=True),
         "",
@@ -788,7 +790,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "",
         *table_of_cases(rows, low=False),
         "",
-        f"Point by point, {given.detailed} other starts, 95 % confidence intervals:",
+        f"Point by point, {detailed} other starts, 95 % confidence intervals:",
         "",
         *table_of_points(rows),
         "",
@@ -796,21 +798,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "both rules, SE and SESE, every bound and speed), decided by the netlist of `mpdcc_core` "
         f"with {EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
         "",
-        f"Elsewhere, bound 0.1 pu, {given.starts} starts:",
+        f"Elsewhere, bound 0.1 pu, {starts} starts:",
         "",
-        *elsewhere(base, given.starts, given.steps),
+        *elsewhere(base, starts, steps),
         "",
         "Switching frequency saved by SESE at equal distortion, rule 'largest excess':",
         "",
-        *intervals(base, given.detailed, given.steps),
+        *intervals(base, detailed, steps),
     ]
-    (given.out / "deadlocks.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    if given.out == REPORTS:
+    (out / "deadlocks.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if out == REPORTS:
         write_page("\n".join(lines))
     print("\n".join(lines))
-    draw(base, rows, given.out / "deadlocks.png")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    draw(base, rows, out / "deadlocks.png")

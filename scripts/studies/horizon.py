@@ -1,6 +1,6 @@
 """SE against SESE in closed loop, on the bit-true model: what the longer horizon is worth.
 
-``python -m scripts.studies.horizon`` runs the 6 kV drive's plant with the fast variant's bit-true
+``python -m scripts horizon`` runs the 6 kV drive's plant with the fast variant's bit-true
 model over bounds and speeds, with several starts each, and writes ``reports/sese.csv``, a table, a
 figure and its keys of ``metrics.json``. The model is the RTL's bit for bit, see the test
 `tb.rtl.mpdcc.mpdcc_core.test_sese_core`.
@@ -11,10 +11,8 @@ interpolated over its distortion, and SESE's frequency set against it at SESE's 
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +48,7 @@ SETTLE = 400
 BUDGETS = (0, 980, 600, 400, 250, 150, 75)
 REPORTS = ROOT / "reports"
 PAGE = ROOT / "docs" / "sese.md"
-BEGIN = "<!-- study: begin (written by scripts.studies.horizon) -->"
+BEGIN = "<!-- study: begin (written by python -m scripts horizon) -->"
 END = "<!-- study: end -->"
 FIELDS = (
     "horizon", "bound", "speed", "start", "thd_pct", "fsw_hz", "deadlock_pct", "held_pct",
@@ -363,41 +361,52 @@ def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) ->
     plt.close(figure)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study and write its files."""
-    parser = argparse.ArgumentParser(prog="horizon_study", description=__doc__.splitlines()[0])
-    parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
-    parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--starts", type=int, default=STARTS)
-    parser.add_argument("--out", type=Path, default=REPORTS)
-    given = parser.parse_args(arguments)
-    base = load_mpdcc_drive(given.drive)
+def study(
+    drive: Path = ROOT / "drives" / "anpc5l_6kv.toml",
+    steps: int = STEPS,
+    starts: int = STARTS,
+    out: Path = REPORTS,
+) -> None:
+    """Run the study and write its files.
+
+    Parameters
+    ----------
+    drive
+        Drive file.
+    steps
+        Control steps of a run.
+    starts
+        Starts of every setting.
+    out
+        Folder of the files.
+    """
+    base = load_mpdcc_drive(drive)
     settings = [
         Setting(horizon, bound, speed, start)
         for horizon in ("SE", "SESE")
         for speed in SPEEDS
         for bound in BOUNDS
-        for start in range(given.starts)
+        for start in range(starts)
     ]
     rows: list[dict[str, Any]] = []
     with progress_bar("closed loops", len(settings)) as progress:
         for setting in settings:
-            rows.append(run(base, setting, given.steps, shadow=True))
+            rows.append(run(base, setting, steps, shadow=True))
             progress(len(rows))
-    given.out.mkdir(parents=True, exist_ok=True)
-    with (given.out / "sese.csv").open("w", newline="", encoding="ascii") as stream:
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / "sese.csv").open("w", newline="", encoding="ascii") as stream:
         writer = csv.DictWriter(stream, FIELDS)
         writer.writeheader()
         writer.writerows(
             {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
         )
-    draw(rows, given.out / "sese.png")
+    draw(rows, out / "sese.png")
 
     gains = {
-        speed: interval([reduction(rows, speed, start) for start in range(given.starts)])
+        speed: interval([reduction(rows, speed, start) for start in range(starts)])
         for speed in COMPARED
     }
-    everything = [reduction(rows, s, k) for s in COMPARED for k in range(given.starts)]
+    everything = [reduction(rows, s, k) for s in COMPARED for k in range(starts)]
     lines = [
         *_table(rows, SPEEDS),
         "",
@@ -429,8 +438,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     budgets: list[tuple[int, float, float, float]] = []
     for budget in BUDGETS:
         found = [
-            run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), given.steps)
-            for start in range(given.starts)
+            run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), steps)
+            for start in range(starts)
         ]
         thd = np.mean([r["thd_pct"] for r in found])
         fsw, half = interval([r["fsw_hz"] for r in found])
@@ -455,9 +464,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 run(
                     base,
                     Setting(horizon, 0.10, 1.0, start, delay=delay, compensate=compensate),
-                    given.steps,
+                    steps,
                 )
-                for start in range(given.starts)
+                for start in range(starts)
             ]
             name = "no delay" if not delay else "delay, compensated" if compensate else "delay"
             fsw, half = interval([r["fsw_hz"] for r in found])
@@ -466,7 +475,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"{fsw:.0f} ± {half:.0f} Hz | {max(r['excess_current'] for r in found):.3f} pu |"
             )
 
-    errors = prediction_errors(base, 1.0, min(given.steps, 1500))
+    errors = prediction_errors(base, 1.0, min(steps, 1500))
     lines += [
         "",
         f"Error of the predicted state at k + L1, median / 99 %, {len(errors)} nodes, pu:",
@@ -483,26 +492,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     checked = [s for s in settings if s.start == 0]
     checked += [Setting("SESE", 0.10, 1.0, 0, budget=budget) for budget in BUDGETS[1:]]
     checked += [Setting(h, 0.10, 1.0, 0, delay=True, compensate=True) for h in ("SE", "SESE")]
-    count, most = verify(base, checked, given.steps)
+    count, most = verify(base, checked, steps)
     lines += [
         "",
         f"RTL: {count} decisions of {len(checked)} of these loops (start 0; SE and SESE, every "
         "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
         f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
     ]
-    draw_budget(budgets, given.out / "sese_budget.png")
+    draw_budget(budgets, out / "sese_budget.png")
     lines.insert(
         0,
-        f"{given.starts} starts of {given.steps:,} steps each, bit-true model, 95 % confidence "
+        f"{starts} starts of {steps:,} steps each, bit-true model, 95 % confidence "
         "intervals (Student's t); switchings per device, 24 logical devices.\n",
     )
-    (given.out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    if given.out == REPORTS:
+    (out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if out == REPORTS:
         page = PAGE.read_text(encoding="utf-8")
         tools.write(PAGE, tables.between(page, "\n".join(lines), BEGIN, END))
     print("\n".join(lines))
 
-    path = given.out / "metrics.json"
+    path = out / "metrics.json"
     if path.exists():
         numbers = json.loads(path.read_text(encoding="utf-8"))
         mean, half = interval(everything)
@@ -513,12 +522,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "fsw_reduction_error_pct": round(half, 2),
             "decision_mismatch_pct": round(differ, 3),
             "decision_mismatch_worst_point_pct": round(worst_point, 3),
-            "steps": len(deep) * given.steps,
+            "steps": len(deep) * steps,
             "steps_rtl": count,
             "xc3s": _resources(),
         }
         path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
-    return 0
 
 
 def _resources() -> dict[str, dict[str, int]]:
@@ -532,7 +540,3 @@ def _resources() -> dict[str, dict[str, int]]:
         unpacked, packed = budgets_file.slices(row)
         found[str(explorers)] = {**row, "slices_packed": packed, "slices_unpacked": unpacked}
     return found
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -19,31 +19,28 @@ fast                parabolas      add up   first exit  fast's
 ==================  =============  =======  ==========  =========
 
 With straight lines in both, the searches have to agree on every row: a test asserts it.
-``python -m scripts.studies.linear_comparison`` prints the table of docs/linear-comparison.md.
+``python -m scripts linear-comparison`` prints the table of docs/linear-comparison.md.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
-from directmpc.host.console import OneParagraphParser, report_error
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.shared import tables, tools
+from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
@@ -53,7 +50,7 @@ SETTLE = 2_000
 #: Two candidates are a near tie when their costs differ by at most this share.
 NEAR = 0.01
 TABLE = ROOT / "docs" / "linear-comparison.md"
-BEGIN = "<!-- table: begin (written by python -m scripts.studies.linear_comparison --write) -->"
+BEGIN = "<!-- table: begin (written by python -m scripts linear-comparison --write) -->"
 END = "<!-- table: end -->"
 
 
@@ -328,27 +325,3 @@ def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: in
             cells += [""] * 5
         lines.append("| " + " | ".join([*cells, f"{mismatch[index]:.3f} %"]) + " |")
     return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table, or write it into the documentation; 2 when that cannot be done."""
-    parser = OneParagraphParser(prog="linear_comparison", description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=STEPS, help="per drive and speed")
-    parser.add_argument("--write", action="store_true", help=f"into {TABLE.name}")
-    given = parser.parse_args(arguments)
-    console = Console(stderr=True)
-    try:
-        with console.status("closed loops, and six controllers on each"):
-            text = table(*compare(traces(given.steps)))
-        if given.write:
-            page = TABLE.read_text(encoding="utf-8")
-            tools.write(TABLE, tables.between(page, text, BEGIN, END))
-    except (ValueError, OSError, tools.ToolError) as error:
-        report_error("linear_comparison", error)
-        return 2
-    print(text)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

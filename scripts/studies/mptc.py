@@ -6,8 +6,6 @@ published, `drives/induction_2kw2.toml` says what is assumed.
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -336,14 +334,3 @@ def results(drive: MptcDrive) -> dict[str, object]:
         "saturated_link": saturated_link(drive),
         "fidelity": fidelity(drive),
     }
-
-
-def main() -> None:
-    """Command line: print the results as JSON."""
-    parser = argparse.ArgumentParser(prog="study", description=main.__doc__)
-    parser.add_argument("drive", nargs="?", type=Path, default=DRIVES / "induction_2kw2.toml")
-    print(json.dumps(results(load_mptc_drive(parser.parse_args().drive)), indent=1))
-
-
-if __name__ == "__main__":
-    main()

@@ -4,16 +4,14 @@ The drive runs in closed loop on the estimate alone: bit-true controller and obs
 The plant's parameters are changed, controller and observer keep those of the drive file.  Each run
 begins at the true flux and lasts two rotor time constants, of which the last eighth is looked at.
 
-``python -m scripts.studies.observer`` writes reports/observer.csv, reports/observer.png and the
+``python -m scripts observer`` writes reports/observer.csv, reports/observer.png and the
 table in docs/observer.md.
 """
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -237,11 +235,9 @@ def _plot(rows: list[dict[str, object]], path: Path) -> None:
     plt.close(figure)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Command line: write CSV, plot and table."""
-    parser = argparse.ArgumentParser(prog="observer_study", description=main.__doc__)
-    parser.add_argument("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
-    drive = load_mpdcc_drive(parser.parse_args(arguments).drive)
+def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
+    """Write CSV, plot and table for a drive."""
+    drive = load_mpdcc_drive(drive_file)
     rows = table(drive)
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -256,7 +252,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"{head}<!-- table: begin -->\n{_markdown(rows)}\n<!-- table: end -->{tail}",
         encoding="utf-8",
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -79,7 +79,7 @@ def test_the_rest_of_the_pages_stays(tmp_path: Path, document: dict) -> None:
 
 
 def test_the_report_has_the_studies() -> None:
-    assert {horizon_study.main, observer_study.main} <= set(report.STUDIES.values())
+    assert {horizon_study.study, observer_study.study} <= set(report.STUDIES.values())
 
 
 def test_the_observers_page_shows_what_was_measured() -> None:

@@ -22,7 +22,7 @@ from scripts.studies import rtl_loop
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "pictures" / "run.png"
-    assert run.main(["--steps", "40", "--out", str(picture)]) == 0
+    assert run.COMMAND.main(["--steps", "40", "--out", str(picture)]) == 0
     shown = capsys.readouterr().out
     for words in ("40 checked", "0 differ", "24 logical", "36 physical", "us at 40 MHz", "1135"):
         assert words in shown
@@ -69,7 +69,7 @@ def test_a_difference_is_an_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
-    assert run.main(["--out", str(tmp_path / "run.png")]) == 1
+    assert run.COMMAND.main(["--out", str(tmp_path / "run.png")]) == 1
     assert "1 of 30 decisions of the RTL differ" in capsys.readouterr().err
 
 
@@ -82,7 +82,7 @@ def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
 
 @pytest.mark.parametrize("arguments", [["--speed", "0"], ["--drive", "none.toml"]])
 def test_errors_are_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run.main(arguments) == 2
+    assert run.COMMAND.main(arguments) == 2
     errors = capsys.readouterr().err
     assert errors.startswith("run: ")
     assert errors.count("\n") == 1

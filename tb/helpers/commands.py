@@ -13,7 +13,7 @@ NOTHING_LEFT: list[str] = []
 
 def command(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
+        [sys.executable, "-m", "scripts", "replay", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
@@ -41,7 +41,7 @@ def _heed_interrupts() -> None:
 def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
     """The replay command as a process under way, deaf to no signal; `options` are Popen's."""
     return subprocess.Popen(
-        [sys.executable, "-m", "scripts.commands.replay", *map(str, arguments)],
+        [sys.executable, "-m", "scripts", "replay", *map(str, arguments)],
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=_heed_interrupts,

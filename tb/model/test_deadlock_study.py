@@ -157,13 +157,13 @@ def test_starts_needed() -> None:
 def test_the_page_shows_the_report() -> None:
     text = deadlock_study.PAGE.read_text(encoding="utf-8")
     report = (deadlock_study.REPORTS / "deadlocks.md").read_text(encoding="utf-8")
-    wanted = "python -m scripts.studies.deadlocks --page"
+    wanted = "python -m scripts deadlocks --page"
     assert deadlock_study.page(text, report) == text, wanted
     # every row of the page that could be one of the report's is in a table that is held
     held = outside = ""
     for part in text.split("<!-- ")[1:]:
         head, _, body = part.partition(" -->")
-        if head.endswith("begin (written by scripts.studies.deadlocks)"):
+        if head.endswith("begin (written by python -m scripts deadlocks)"):
             held += body
         else:
             outside += body

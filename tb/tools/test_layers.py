@@ -83,7 +83,7 @@ def test_no_arrow_is_lost() -> None:
 
 def test_the_picture_shows_every_room(tmp_path: Path) -> None:
     out = tmp_path / "layers.svg"
-    command = [sys.executable, "-m", "scripts.commands.layers", "--out", str(out)]
+    command = [sys.executable, "-m", "scripts", "layers", "--out", str(out)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     text = out.read_text(encoding="utf-8")

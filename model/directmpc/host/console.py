@@ -10,9 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn, TextIO
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 
 class OutputError(ValueError):
     """A command cannot write where it is told to; the message names the path and what is needed."""
@@ -42,6 +39,16 @@ def progress_bar(
     stream
         Where to show it; stderr if not given.
     """
+    # here, not above: a command that shows no progress starts without them
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     console = Console(file=stream or sys.stderr)
     if console.is_terminal:
         columns = (

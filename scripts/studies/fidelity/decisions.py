@@ -22,6 +22,7 @@ from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.hdl.mpdcc_simulation import simulate_rows
+from scripts.shared.tools import ToolError
 from scripts.studies.fidelity.points import Point, Row, kept, points, stored
 
 IntArray = NDArray[np.int64]
@@ -46,7 +47,7 @@ FIELDS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
 _PARAMETERS = (*(f"c_{name}" for name in COEFFICIENTS), *OPTIONS)
 
 
-class FidelityError(RuntimeError):
+class FidelityError(ToolError):
     """The RTL and its model differ; nothing can be published."""
 
 

@@ -1,0 +1,48 @@
+"""The command line of the project: ``python -m scripts <command> ...``.
+
+Each file of `scripts/commands/` is a command, which is imported when it is asked for only.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+COMMANDS = Path(__file__).resolve().parent / "commands"
+
+
+def commands() -> dict[str, Path]:
+    """Name and file of every command."""
+    files = sorted(path for path in COMMANDS.glob("*.py") if path.stem != "__init__")
+    return {path.stem.replace("_", "-"): path for path in files}
+
+
+def overview() -> str:
+    """The commands with what each does, from the first lines of their files."""
+    lines = ["usage: python -m scripts COMMAND [ARGUMENTS]; COMMAND --help says more", ""]
+    for name, path in commands().items():
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        lines.append(f"  {name:<18} {text.splitlines()[0]}")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Hand the arguments to a command; 2 when there is none of that name."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if not given or given[0] in ("-h", "--help"):
+        print(overview())
+        return 0
+    known = commands()
+    if given[0] not in known:
+        names = ", ".join(known)
+        print(f"scripts: no command '{given[0]}'; there are: {names}", file=sys.stderr)
+        return 2
+    module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
+    return module.COMMAND.main(given[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,34 @@
+"""Rewrite the files that are generated from the model."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+from scripts.shared.command import Command
+
+#: Modules of `scripts.generate`, in the order in which they need one another.
+GENERATORS = (
+    "mpdcc_package",
+    "mptc_package",
+    "register_files",
+    "link_package",
+    "protocol_examples",
+    "boards",
+)
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "only", nargs="*", choices=(*GENERATORS, []), metavar="GENERATOR",
+        help=f"one or more of {', '.join(GENERATORS)}; all without it",
+    )  # fmt: skip
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for name in given.only or GENERATORS:
+        importlib.import_module(f"scripts.generate.{name}").write()
+    return 0
+
+
+COMMAND = Command("generate", __doc__.splitlines()[0], _arguments, _run)

@@ -1,0 +1,29 @@
+"""Straight-line and second-order extrapolation on the same states."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+
+from scripts.shared import tables, tools
+from scripts.shared.command import Command
+from scripts.studies import linear_comparison as study
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--steps", type=int, default=study.STEPS, help="per drive and speed")
+    parser.add_argument("--write", action="store_true", help=f"into {study.TABLE.name}")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    with Console(stderr=True).status("closed loops, and six controllers on each"):
+        text = study.table(*study.compare(study.traces(given.steps)))
+    if given.write:
+        page = study.TABLE.read_text(encoding="utf-8")
+        tools.write(study.TABLE, tables.between(page, text, study.BEGIN, study.END))
+    print(text)
+    return 0
+
+
+COMMAND = Command("linear-comparison", __doc__.splitlines()[0], _arguments, _run)

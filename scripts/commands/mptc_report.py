@@ -1,0 +1,26 @@
+"""The part of the report about MPTC alone."""
+
+from __future__ import annotations
+
+import argparse
+
+from scripts.publish import mptc_report
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seeds", type=int, default=5, help="of placement")
+    parser.add_argument(
+        "--texts", action="store_true", help="rewrite docs/figures.md and docs/mptc.md only"
+    )
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    mptc_report.regenerate(given.jobs, given.seeds, given.texts)
+    return 0
+
+
+COMMAND = Command(
+    "mptc-report", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was rewritten"
+)

@@ -1,0 +1,38 @@
+"""A converted core in Verilator against a file of transactions."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scripts.hdl import netlist_check
+from scripts.shared import tools
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("top", help="entity")
+    parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
+    parser.add_argument(
+        "--ports", type=Path, help='JSON: {"inputs": {name: width}, "outputs": ..., "hold": []}'
+    )
+    parser.add_argument(
+        "--vectors", type=Path, required=True, help='lines {"inputs":, "outputs":, "cycles":}'
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of inputs between transactions")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    generics = tools.parse_generics(given.g)
+    result = netlist_check.check_file(given.top, generics, given.vectors, given.ports, given.seed)
+    for line in result.mismatches[:20]:
+        print(line)
+    print(
+        f"{result.checked} transactions, {len(result.mismatches)} mismatches, "
+        f"{result.clocks} clocks, "
+        f"{result.clocks_per_second / 1e6:.2f} million clocks/s"
+    )
+    return 1 if result.mismatches else 0
+
+
+COMMAND = Command("netlist-check", __doc__.splitlines()[0], _arguments, _run)

@@ -1,0 +1,6 @@
+"""A drive file as register values: what a host writes into a system, as CSV, C or a table."""
+
+from directmpc.host import registers
+from scripts.shared.command import Program
+
+COMMAND = Program(registers.main)

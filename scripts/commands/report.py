@@ -1,0 +1,31 @@
+"""Every published number, table and plot into reports/."""
+
+from __future__ import annotations
+
+import argparse
+
+from scripts.publish import report
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seeds", type=int, default=5, help="of placement")
+    parser.add_argument(
+        "--explorers", type=int, nargs="+", choices=report.EXPLORERS,
+        default=report.EXPLORERS, metavar="1..6",
+        help="numbers of explorers to map to other families than Spartan-3; all without it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--tables", action="store_true", help="rewrite the pages' tables from metrics.json only"
+    )
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    report.regenerate(given.jobs, given.seeds, given.explorers, given.tables)
+    return 0
+
+
+COMMAND = Command(
+    "report", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was rewritten"
+)

@@ -1,0 +1,31 @@
+"""VHDL files in compile order for a unit, one a line."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scripts.hdl import sources
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("top", nargs="?", help="entity or package; all files without it")
+    parser.add_argument("--rtl", type=Path, default=sources.RTL, help="directory of the VHDL files")
+    parser.add_argument("--relative-to", type=Path, help="print relative paths")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    files = sources.rtl_files(given.rtl)
+    order = (
+        sources.order_all(files) if given.top is None else sources.compile_order(given.top, files)
+    )
+    for path in order:
+        shown = path.resolve()
+        if given.relative_to is not None:
+            shown = shown.relative_to(given.relative_to.resolve())
+        print(shown)
+    return 0
+
+
+COMMAND = Command("sources", __doc__.splitlines()[0], _arguments, _run)

@@ -1,0 +1,30 @@
+"""Cycles, area, clock and accuracy over variants, explorers and word lengths."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from scripts.measure import sweep
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("only", nargs="*", help="words; only show points with one in their name")
+    parser.add_argument("--jobs", type=int, default=2, help="points at a time")
+    parser.add_argument("--plot", action="store_true", help="only plot and table, from the CSV")
+    parser.add_argument("--point", help=argparse.SUPPRESS)
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    if given.point:  # one point, inside its tree
+        point = sweep.Point(**json.loads(given.point))
+        print(json.dumps({step: sweep.STEPS_OF_A_POINT[step](point) for step in given.only}))
+    elif given.plot:
+        sweep.publish([sweep.typed(row) for row in sweep.read_csv()])
+    else:
+        sweep.measure_points(given.only, given.jobs)
+    return 0
+
+
+COMMAND = Command("sweep", __doc__.splitlines()[0], _arguments, _run, failed=1)

@@ -1,0 +1,55 @@
+"""The board top in simulation, its UART on a pseudo-terminal, until it is interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+from scripts.hdl import virtual_board
+from scripts.hdl.boards import BOARDS
+from scripts.shared.command import Command, UsageError
+from scripts.shared.tools import BUILD
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+    parser.add_argument("--folded", action="store_true", help="the paper's explorers")
+    parser.add_argument(
+        "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
+    )
+    parser.add_argument(
+        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART"
+    )
+    parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    if given.board and given.folded:
+        raise UsageError("no board's bitstream has the paper's explorers")
+    if given.board and given.controller not in BOARDS[given.board].controllers:
+        raise UsageError(f"{given.board} has no room for {given.controller}")
+    began = time.perf_counter()
+    print("virtual board: compiling, a minute the first time", file=sys.stderr, flush=True)
+    chosen = virtual_board.generics(given.controller, given.explorers, given.folded)
+    if given.board:
+        chosen = BOARDS[given.board].generics(given.controller, given.explorers)
+    board = virtual_board.VirtualBoard(chosen, given.port, given.gates)
+    print(board.said)
+    print(
+        f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"
+        f"  python -m directmpc.host --port {os.path.relpath(given.port)} identify\n"
+        "end it with Ctrl-C",
+        flush=True,
+    )
+    try:
+        return board.process.wait()
+    except KeyboardInterrupt:
+        board.close()
+        return 0
+
+
+COMMAND = Command("virtual-board", __doc__.splitlines()[0], _arguments, _run)
