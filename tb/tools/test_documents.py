@@ -2,8 +2,8 @@
 
 Checks: docs/specification.md has every key of the drive files with its range and default, every
 column of traces and decisions, every make target, every generic of the public entities with its
-default, the clocks that the budgets hold, the paths of reports/metrics.json; docs/positions.md and
-section 1.3 have the tables of the inverter; the example of docs/drive-file.md gives the shipped
+default, the public names of the library, the clocks that the budgets hold, the paths of
+reports/metrics.json; docs/positions.md and section 1.3 have the tables of the inverter; the example of docs/drive-file.md gives the shipped
 6 kV drive; docs/equations.md names every entity, package and module, and nothing that does not
 exist; no dead link or anchor in any page, no path of a file that does not exist; docs/README.md
 lists every page; docs/alternatives.md has a section for each header that refers to it.
@@ -23,6 +23,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 import pytest
 
+import directmpc
 from directmpc import drive_file
 from directmpc.mpdcc import inverter, trace
 from scripts.hdl import sources
@@ -148,6 +149,11 @@ def test_every_column_is_specified(tmp_path: Path) -> None:
     assert header(path) == columns("trace of mptc")
     trace.write_mptc_decisions(path, trace.MptcDecisions(flag, flag, flag))
     assert header(path) == columns("decisions of mptc")
+
+
+def test_every_public_name_is_specified() -> None:
+    listed = [name for row in rows(between(SPECIFICATION, "names")) for name in ticked(row[0])]
+    assert sorted(listed) == sorted(directmpc.__all__)
 
 
 # --- commands -------------------------------------------------------------------------------------
@@ -318,10 +324,10 @@ def test_the_equations_lead_somewhere() -> None:
     assert seen > 60
     for name, found in (("entities", entities), ("packages", packages)):
         listed = [ticked(row[0])[0] for row in rows(between(page, name))]
-        assert not set(listed) ^ set(found), f"{page.name}: one row for each of the {name}"
+        assert set(listed) ^ set(found) == set(), f"{page.name}: one row for each of the {name}"
     built = {path.relative_to(LIBRARY).as_posix() for path in LIBRARY.rglob("*.py")}
     listed = [ticked(row[0])[0] for row in rows(between(page, "modules"))]
-    assert not set(listed) ^ built, f"{page.name}: one row for each module"
+    assert set(listed) ^ built == set(), f"{page.name}: one row for each module"
 
 
 def test_alternatives_and_headers_lead_to_each_other() -> None:
