@@ -3,10 +3,11 @@
 Checks: docs/specification.md has every key of the drive files with its range and default, every
 column of traces and decisions, every make target, every generic of the public entities with its
 default, the public names of the library, the clocks that the budgets hold, the paths of
-reports/metrics.json; docs/positions.md and section 1.3 have the tables of the inverter; the example of docs/drive-file.md gives the shipped
-6 kV drive; docs/equations.md names every entity, package and module, and nothing that does not
-exist; no dead link or anchor in any page, no path of a file that does not exist; docs/README.md
-lists every page; docs/alternatives.md has a section for each header that refers to it.
+reports/metrics.json; docs/positions.md and section 1.3 have the tables of the inverter; the
+example of docs/drive-file.md gives the shipped 6 kV drive; docs/equations.md names every entity,
+package and module, and nothing that does not exist; no dead link or anchor in any page, no path
+of a file that does not exist; docs/README.md lists every page; docs/alternatives.md has a section
+for each header that refers to it.
 Does not prove: that a sentence is right.
 """
 
