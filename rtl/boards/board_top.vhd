@@ -15,6 +15,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.link_constants.all;
 
 entity board_top is
@@ -45,21 +46,7 @@ end entity board_top;
 
 architecture rtl of board_top is
 
-  function choice (condition : boolean; yes, no : natural) return natural is
-  begin
-
-    if (condition) then
-      return yes;
-    else
-      return no;
-    end if;
-
-  end function choice;
-
-  constant STEP_WORDS     : positive := choice(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
-  -- one explorer takes 3,470 clocks for SESE without a budget, the prediction and the observer 51 more
-  constant DECISION_LIMIT : positive := 4_000;
-
+  constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
   signal core_clock      : std_logic;
   -- what there is before the reset, which these two make
   -- vsg_off signal_007
@@ -172,12 +159,11 @@ begin
     generic map (
       CONTROLLER     => CONTROLLER,
       STEP_WORDS     => STEP_WORDS,
-      EXPLORERS      => choice(CONTROLLER = CONTROLLER_MPDCC, EXPLORERS, 0),
+      EXPLORERS      => choose(CONTROLLER = CONTROLLER_MPDCC, EXPLORERS, 0),
       OPTION         => FOLDED or CONTROLLER = CONTROLLER_MPTC,
       CLOCK_HZ       => CLOCK_HZ,
       BAUD           => BAUD,
-      LIMIT          => choice(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200),
-      DECISION_LIMIT => DECISION_LIMIT
+      LIMIT          => choose(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200)
     )
     port map (
       clk             => core_clock,

@@ -46,8 +46,6 @@ end entity frame_receiver;
 
 architecture rtl of frame_receiver is
 
-  type memory_t is array (0 to 63) of byte_t;
-
   type state_t is record
     inside   : std_logic;            -- a byte has come since the last delimiter
     left     : unsigned(7 downto 0); -- bytes until the next code
@@ -72,12 +70,12 @@ architecture rtl of frame_receiver is
     rejected => '0'
   );
 
-  signal memory : memory_t;
   signal r      : state_t;
   signal crc    : crc_t;
   signal length : unsigned(7 downto 0);                   -- the frame's length byte
   signal timer  : natural range 0 to LIMIT;
   signal plain  : byte_t;                                  -- byte without stuffing
+  signal keep   : std_logic;                               -- '1': plain is written to the memory
   signal store  : std_logic;                               -- '1': plain belongs to the frame
   signal found  : outcome_t;
 
@@ -88,6 +86,26 @@ begin
            data;
   store <= '1' when valid = '1' and data /= x"00" and r.line = '0' and not (r.left = 0 and r.inside = '0') else
            '0';
+
+  keep <= '1' when store = '1' and r.size /= MAX_FRAME and r.pending = '0' else
+          '0';
+
+  i_memory : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 6,
+      WIDTH         => 8,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => keep,
+      write_address => std_logic_vector(r.size),
+      write_word    => plain,
+      read          => '1',
+      read_address  => address,
+      read_word     => content
+    );
 
   p_judge : process (r, length, crc) is
   begin
@@ -142,10 +160,6 @@ begin
           v.over := '1';
         else
           v.size := r.size + 1;
-
-          if (r.pending = '0') then
-            memory(to_integer(r.size)) <= plain;
-          end if;
         end if;
 
         crc <= crc_next(crc, plain);
@@ -205,6 +219,5 @@ begin
 
   pending  <= r.pending;
   rejected <= r.rejected;
-  content  <= memory(to_integer(unsigned(address)));
 
 end architecture rtl;

@@ -39,8 +39,6 @@ end entity frame_transmitter;
 
 architecture rtl of frame_transmitter is
 
-  type memory_t is array (0 to 63) of byte_t;
-
   type phase_t is (PHASE_IDLE, PHASE_FILL, PHASE_CRC, PHASE_CLOSE, PHASE_LEAD, PHASE_DATA, PHASE_TAIL, PHASE_GONE);
 
   type state_t is record
@@ -59,7 +57,6 @@ architecture rtl of frame_transmitter is
     size  => (others => '0')
   );
 
-  signal memory  : memory_t;
   signal r       : state_t;
   signal crc     : crc_t;
   signal came    : std_logic; -- '1': byte_in is the next one of the frame
@@ -67,6 +64,7 @@ architecture rtl of frame_transmitter is
   signal spot    : unsigned(5 downto 0);
   signal value   : byte_t;
   signal write   : std_logic;
+  signal stored  : byte_t; -- at r.place
 
 begin
 
@@ -83,16 +81,22 @@ begin
   value <= byte_in when came = '1' and byte_in /= x"00" else
            std_logic_vector(resize(r.place - r.code, 8));
 
-  p_memory : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      if (write = '1') then
-        memory(to_integer(spot)) <= value;
-      end if;
-    end if;
-
-  end process p_memory;
+  i_memory : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 6,
+      WIDTH         => 8,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write,
+      write_address => std_logic_vector(spot),
+      write_word    => value,
+      read          => '1',
+      read_address  => std_logic_vector(r.place),
+      read_word     => stored
+    );
 
   p_frame : process (clk) is
 
@@ -187,7 +191,7 @@ begin
 
   offered  <= '1' when r.phase = PHASE_LEAD or r.phase = PHASE_DATA or r.phase = PHASE_TAIL else
               '0';
-  next_out <= memory(to_integer(r.place)) when r.phase = PHASE_DATA else
+  next_out <= stored when r.phase = PHASE_DATA else
               x"00";
 
 end architecture rtl;

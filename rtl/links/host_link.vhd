@@ -26,7 +26,7 @@ entity host_link is
     CLOCK_HZ       : positive              := 25_000_000;       -- clk, Hz
     BAUD           : positive              := 3_000_000;        -- UART, 1/s
     LIMIT          : positive              := 125_000;          -- clocks a frame may take
-    DECISION_LIMIT : positive              := 2_500;            -- clocks a decision may take
+    DECISION_LIMIT : positive              := LONGEST_DECISION; -- clocks a decision may take
     ADDRESS_WIDTH  : positive              := 10                -- bits of a register's byte address
   );
   port (

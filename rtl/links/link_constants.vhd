@@ -17,6 +17,7 @@ package link_constants is
   constant PROTOCOL_VERSION : natural := 1; -- of the protocol
   constant OUTCOME_COUNT : natural := 16; -- counters
   constant COUNTERS_PER_REPLY : natural := 8; -- counters
+  constant LONGEST_DECISION : natural := 4000; -- clocks after which a STEP is answered without a decision
 
   subtype byte_t is std_logic_vector(7 downto 0);
 

@@ -12,8 +12,7 @@
 -- the access; STEP 60 (MPDCC) or 50 (MPTC) and the decision.
 -- Overflow: none. A core without an answer after DECISION_LIMIT clocks gives a reply that says so, with
 -- no decision in it.
--- Alternative weighed: one executor a link, arbitrating registers and core; links are slow, and a second
--- one would cost as much again.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -21,6 +20,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.link_constants.all;
 
 entity link_executor is
@@ -32,7 +32,7 @@ entity link_executor is
     CLOCK_HZ       : positive              := 25_000_000;       -- told in IDENTIFY, Hz
     LIMIT_0        : positive              := 125_000;          -- told in IDENTIFY: receiver 0's LIMIT
     LIMIT_1        : positive              := 125_000;          -- told in IDENTIFY: receiver 1's LIMIT
-    DECISION_LIMIT : positive              := 2_500             -- clocks a decision may take
+    DECISION_LIMIT : positive              := LONGEST_DECISION  -- clocks a decision may take
   );
   port (
     clk             : in    std_logic;                                      -- rising edge
@@ -86,6 +86,8 @@ architecture rtl of link_executor is
   constant WIDTH       : natural := 8 * STEP_SIZE;           -- of the payload register
   constant REPLY_BYTES : natural := HEADER_SIZE + SIZE_REPLY_IDENTIFY; -- longest that is put together here
 
+  subtype reply_t is std_logic_vector(8 * REPLY_BYTES - 1 downto 0);
+
   type phase_t is (PHASE_IDLE, PHASE_FETCH, PHASE_CHECK, PHASE_BUS, PHASE_STEP, PHASE_ANSWER, PHASE_REPLY);
 
   type state_t is record
@@ -99,8 +101,6 @@ architecture rtl of link_executor is
     step_start : std_logic;
     cycles     : unsigned(15 downto 0); -- waited for a decision
     no_answer  : std_logic;
-    last_0     : unsigned(31 downto 0); -- last sequence number that acted, by link
-    last_1     : unsigned(31 downto 0);
   end record state_t;
 
   constant STATE_INIT : state_t := (
@@ -113,21 +113,8 @@ architecture rtl of link_executor is
     bus_start  => '0',
     step_start => '0',
     cycles     => (others => '0'),
-    no_answer  => '0',
-    last_0     => (others => '0'),
-    last_1     => (others => '0')
+    no_answer  => '0'
   );
-
-  function to_std_logic (condition : boolean) return std_logic is
-  begin
-
-    if (condition) then
-      return '1';
-    else
-      return '0';
-    end if;
-
-  end function to_std_logic;
 
   function word_of (value : natural; bits : positive) return std_logic_vector is
   begin
@@ -135,6 +122,22 @@ architecture rtl of link_executor is
     return std_logic_vector(to_unsigned(value, bits));
 
   end function word_of;
+
+  -- '1' at the place of a link
+  function one_of (link : std_logic) return std_logic_vector is
+  begin
+
+    return link & not link;
+
+  end function one_of;
+
+  -- a reply's payload, zeros behind it
+  function filled (bits : std_logic_vector) return reply_t is
+  begin
+
+    return std_logic_vector(resize(unsigned(bits), reply_t'length));
+
+  end function filled;
 
   function limit_word (link : std_logic) return std_logic_vector is
   begin
@@ -165,10 +168,18 @@ architecture rtl of link_executor is
   signal size     : unsigned(7 downto 0);
   signal number : std_logic_vector(31 downto 0);
   signal payload  : std_logic_vector(WIDTH - 1 downto 0); -- last byte on the left
+  signal last_0   : unsigned(31 downto 0);                -- last sequence number that acted, by link
+  signal last_1   : unsigned(31 downto 0);
   signal last     : unsigned(31 downto 0);                -- sequence number of this link
   signal ahead    : signed(31 downto 0);
   signal verdict  : outcome_t;
-  signal reply    : std_logic_vector(8 * REPLY_BYTES - 1 downto 0); -- next byte on the right
+  signal fetched  : std_logic;                            -- '1': this byte is the request's last
+  signal acts     : std_logic;                            -- '1': the request uses up its sequence number
+  signal flags    : byte_t;                               -- of a STEP's reply
+  signal cycles   : std_logic_vector(15 downto 0);        -- of a STEP's reply
+  signal answer   : reply_t;
+  signal answer_bytes : unsigned(5 downto 0);
+  signal reply    : reply_t;                              -- next byte on the right
   signal total    : unsigned(5 downto 0);                 -- bytes of the reply
   signal counting : std_logic;                            -- '1': the reply's payload are counters
   signal count    : std_logic_vector(31 downto 0);
@@ -178,8 +189,8 @@ begin
 
   content <= content_0 when r.link = '0' else
              content_1;
-  last    <= r.last_0 when r.link = '0' else
-             r.last_1;
+  last    <= last_0 when r.link = '0' else
+             last_1;
   ahead   <= signed(unsigned(number) - last);
 
   p_verdict : process (kind, size, payload, ahead, r, control, step_busy, applied, applied_known) is
@@ -215,11 +226,71 @@ begin
 
   end process p_verdict;
 
-  p_serve : process (clk) is
+  ---------------------------------------------------------------------------------------------
+  -- The request, byte by byte
+  ---------------------------------------------------------------------------------------------
 
-    variable v     : state_t;
-    variable flags  : byte_t;
-    variable cycles : std_logic_vector(15 downto 0);
+  p_request : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (r.phase = PHASE_FETCH) then
+
+        case to_integer(r.place) is
+
+          when 0 =>
+
+            kind <= content;
+
+          when 1 =>
+
+            size <= unsigned(content);
+
+          when 2 | 3 | 4 | 5 =>
+
+            number <= content & number(31 downto 8);
+
+          when others =>
+
+            payload <= content & payload(WIDTH - 1 downto 8);
+
+        end case;
+
+      end if;
+    end if;
+
+  end process p_request;
+
+  ---------------------------------------------------------------------------------------------
+  -- The sequence of serving
+  ---------------------------------------------------------------------------------------------
+
+  fetched <= to_std_logic(r.place >= HEADER_SIZE - 1 and r.place = size + HEADER_SIZE - 1);
+  acts    <= to_std_logic(kind = TYPE_WRITE or kind = TYPE_STEP);
+
+  p_numbers : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (r.phase = PHASE_CHECK and verdict = OUTCOME_ACCEPTED and acts = '1') then
+        if (r.link = '0') then
+          last_0 <= unsigned(number);
+        else
+          last_1 <= unsigned(number);
+        end if;
+      end if;
+
+      if (rst = '1') then
+        last_0 <= (others => '0');
+        last_1 <= (others => '0');
+      end if;
+    end if;
+
+  end process p_numbers;
+
+  p_sequence : process (clk) is
+
+    variable v : state_t;
 
   begin
 
@@ -251,23 +322,7 @@ begin
         when PHASE_FETCH =>
           v.place := r.place + 1;
 
-          case to_integer(r.place) is
-
-            when 0 =>
-              kind <= content;
-
-            when 1 =>
-              size <= unsigned(content);
-
-            when 2 | 3 | 4 | 5 =>
-              number <= content & number(31 downto 8);
-
-            when others =>
-              payload <= content & payload(WIDTH - 1 downto 8);
-
-          end case;
-
-          if (r.place >= HEADER_SIZE - 1 and r.place = size + HEADER_SIZE - 1) then
+          if (fetched = '1') then
             v.phase := PHASE_CHECK;
           end if;
 
@@ -282,14 +337,6 @@ begin
             elsif (kind = TYPE_STEP) then
               v.step_start := '1';
               v.phase      := PHASE_STEP;
-            end if;
-
-            if (kind = TYPE_WRITE or kind = TYPE_STEP) then
-              if (r.link = '0') then
-                v.last_0 := unsigned(number);
-              else
-                v.last_1 := unsigned(number);
-              end if;
             end if;
           end if;
 
@@ -311,76 +358,18 @@ begin
           end if;
 
         when PHASE_ANSWER =>
-          flags                 := decision_flags;
-          flags(FLAG_NO_ANSWER) := r.no_answer;
-          flags(FLAG_ENABLED)   := enabled;
-          flags(FLAG_TRIPPED)   := tripped;
-          cycles                := decision_cycles;
-
-          if (r.no_answer = '1') then
-            cycles := std_logic_vector(r.cycles);
-          end if;
-
-          reply                                <= (others => '0');
-          counting                             <= '0';
-          v.place                              := (others => '0');
-          v.phase                              := PHASE_REPLY;
-
-          if (r.link = '0') then
-            v.begins := "01";
-          else
-            v.begins := "10";
-          end if;
-
-          reply(7 downto 0)   <= kind or TYPE_REPLY;
-          reply(47 downto 16) <= number;
-
-          if (r.outcome /= OUTCOME_ACCEPTED) then
-            reply(7 downto 0)   <= TYPE_REFUSED or TYPE_REPLY;
-            reply(15 downto 8)  <= word_of(SIZE_REPLY_REFUSED, 8);
-            reply(95 downto 48) <= std_logic_vector(last) & kind & "0000" & r.outcome;
-            total               <= to_unsigned(HEADER_SIZE + SIZE_REPLY_REFUSED, 6);
-          elsif (kind = TYPE_IDENTIFY) then
-            reply(15 downto 8)   <= word_of(SIZE_REPLY_IDENTIFY, 8);
-            reply(175 downto 48) <= limit_word(r.link) & word_of(CLOCK_HZ, 32) & std_logic_vector(last)
-                                    & "000000" & to_std_logic(r.link = control) & to_std_logic(OPTION)
-                                    & word_of(EXPLORERS, 8) & word_of(CONTROLLER, 8)
-                                    & word_of(PROTOCOL_VERSION, 8);
-            total                <= to_unsigned(HEADER_SIZE + SIZE_REPLY_IDENTIFY, 6);
-          elsif (kind = TYPE_COUNTERS) then
-            reply(15 downto 8) <= word_of(SIZE_REPLY_COUNTERS, 8);
-            counting           <= '1';
-            total              <= to_unsigned(HEADER_SIZE + SIZE_REPLY_COUNTERS, 6);
-          elsif (kind = TYPE_READ) then
-            reply(15 downto 8)   <= word_of(SIZE_REPLY_READ, 8);
-            reply(103 downto 48) <= bus_rdata & "000000" & bus_response & payload(WIDTH - 1 downto WIDTH - 16);
-            total                <= to_unsigned(HEADER_SIZE + SIZE_REPLY_READ, 6);
-          elsif (kind = TYPE_WRITE) then
-            reply(15 downto 8)  <= word_of(SIZE_REPLY_WRITE, 8);
-            reply(71 downto 48) <= "000000" & bus_response & payload(WIDTH - 33 downto WIDTH - 48);
-            total               <= to_unsigned(HEADER_SIZE + SIZE_REPLY_WRITE, 6);
-          else
-            reply(15 downto 8)   <= word_of(SIZE_REPLY_STEP, 8);
-            reply(143 downto 48) <= gates & faults & cycles & decision_length & flags
-                                    & decision;
-            total                <= to_unsigned(HEADER_SIZE + SIZE_REPLY_STEP, 6);
-          end if;
+          v.place := (others => '0');
+          v.phase := PHASE_REPLY;
+          v.begins := one_of(r.link);
 
         when PHASE_REPLY =>
-          reply   <= x"00" & reply(reply'left downto 8);
           v.place := r.place + 1;
 
           if (r.begins /= "00") then
-            reply   <= reply;
             v.place := (others => '0');
           elsif (v.place = total) then
-            v.phase := PHASE_IDLE;
-
-            if (r.link = '0') then
-              v.served := "01";
-            else
-              v.served := "10";
-            end if;
+            v.phase  := PHASE_IDLE;
+            v.served := one_of(r.link);
           end if;
 
       end case;
@@ -392,7 +381,77 @@ begin
       r <= v;
     end if;
 
-  end process p_serve;
+  end process p_sequence;
+
+  ---------------------------------------------------------------------------------------------
+  -- The reply: put together at once, sent byte by byte
+  ---------------------------------------------------------------------------------------------
+
+  p_flags : process (decision_flags, r, enabled, tripped) is
+  begin
+
+    flags                 <= decision_flags;
+    flags(FLAG_NO_ANSWER) <= r.no_answer;
+    flags(FLAG_ENABLED)   <= enabled;
+    flags(FLAG_TRIPPED)   <= tripped;
+
+  end process p_flags;
+
+  cycles <= std_logic_vector(r.cycles) when r.no_answer = '1' else
+            decision_cycles;
+
+  p_answer : process (all) is
+
+    variable code  : byte_t;
+    variable bytes : natural range 0 to MAX_PAYLOAD;
+    variable told  : reply_t; -- payload
+
+  begin
+
+    code := kind or TYPE_REPLY;
+    told := (others => '0');
+
+    if (r.outcome /= OUTCOME_ACCEPTED) then
+      code  := TYPE_REFUSED or TYPE_REPLY;
+      bytes := SIZE_REPLY_REFUSED;
+      told  := filled(std_logic_vector(last) & kind & "0000" & r.outcome);
+    elsif (kind = TYPE_IDENTIFY) then
+      bytes := SIZE_REPLY_IDENTIFY;
+      told  := filled(limit_word(r.link) & word_of(CLOCK_HZ, 32) & std_logic_vector(last)
+                      & "000000" & to_std_logic(r.link = control) & to_std_logic(OPTION)
+                      & word_of(EXPLORERS, 8) & word_of(CONTROLLER, 8) & word_of(PROTOCOL_VERSION, 8));
+    elsif (kind = TYPE_COUNTERS) then
+      bytes := SIZE_REPLY_COUNTERS;
+    elsif (kind = TYPE_READ) then
+      bytes := SIZE_REPLY_READ;
+      told  := filled(bus_rdata & "000000" & bus_response & payload(WIDTH - 1 downto WIDTH - 16));
+    elsif (kind = TYPE_WRITE) then
+      bytes := SIZE_REPLY_WRITE;
+      told  := filled("000000" & bus_response & payload(WIDTH - 33 downto WIDTH - 48));
+    else
+      bytes := SIZE_REPLY_STEP;
+      told  := filled(gates & faults & cycles & decision_length & flags & decision);
+    end if;
+
+    answer       <= told(reply_t'left - 8 * HEADER_SIZE downto 0) & number & word_of(bytes, 8) & code;
+    answer_bytes <= to_unsigned(HEADER_SIZE + bytes, 6);
+
+  end process p_answer;
+
+  p_reply : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (r.phase = PHASE_ANSWER) then
+        reply    <= answer;
+        total    <= answer_bytes;
+        counting <= to_std_logic(r.outcome = OUTCOME_ACCEPTED and kind = TYPE_COUNTERS);
+      elsif (r.phase = PHASE_REPLY and r.begins = "00") then
+        reply <= x"00" & reply(reply'left downto 8);
+      end if;
+    end if;
+
+  end process p_reply;
 
   -- counters: four bytes each, behind six bytes of header
   counter <= payload(WIDTH - 5) & std_logic_vector(resize(shift_right(r.place - HEADER_SIZE, 2), 3));

@@ -1,10 +1,8 @@
 -- UART receiver: 8 data bits, no parity, one stop bit, least significant bit first.
 --
--- A phase accumulator marks the middle of every bit, so that the baud rate need not divide the clock:
--- 3 Mbaud from 25 MHz are 8.33 clocks a bit.
+-- The phase accumulator of uart_timing marks the middle of every bit.
 --
--- Formats: rate as BAUD and CLOCK_HZ, both multiples of 100; BAUD up to a quarter of the clock. The rate
--- is BAUD to one part in 2**16 of the clock.
+-- Formats: rates as uart_timing; BAUD up to a quarter of CLOCK_HZ.
 -- Latency: valid or broken 3 clocks after the middle of the stop bit; a byte every ten bits.
 -- Overflow: a stop bit that is low gives broken instead of valid; the next start bit is looked for only
 -- after the line has been high again, so a line held low is one broken byte.
@@ -17,6 +15,7 @@ library ieee;
 
 library work;
   use work.link_constants.all;
+  use work.uart_timing.all;
 
 entity uart_receiver is
   generic (
@@ -35,13 +34,7 @@ end entity uart_receiver;
 
 architecture rtl of uart_receiver is
 
-  constant PHASE_WIDTH : natural := 16;
-  -- 2 ** PHASE_WIDTH * BAUD / CLOCK_HZ, rounded; in two parts, since an integer has 31 bits
-  constant RATE        : natural := BAUD / 100 * 2 ** 10;
-  constant DIVISOR     : natural := CLOCK_HZ / 100;
-  constant INCREMENT   : natural := RATE / DIVISOR * 2 ** 6
-                                    + (RATE mod DIVISOR * 2 ** 6 + DIVISOR / 2) / DIVISOR;
-  constant BITS        : natural := 10; -- start, data, stop
+  constant INCREMENT : natural := phase_increment(CLOCK_HZ, BAUD);
 
   type state_t is record
     busy   : std_logic;
@@ -66,7 +59,7 @@ architecture rtl of uart_receiver is
 
 begin
 
-  assert BAUD <= CLOCK_HZ / 4 and CLOCK_HZ mod 100 = 0 and BAUD mod 100 = 0
+  assert rates_fit(CLOCK_HZ, BAUD)
     report "uart_receiver: BAUD above a quarter of CLOCK_HZ, or a rate that is no multiple of 100"
     severity failure;
 
@@ -106,7 +99,7 @@ begin
 
           if (r.count = 0) then
             v.busy := not line;          -- a spike is no start bit
-          elsif (r.count = BITS - 1) then
+          elsif (r.count = FRAME_BITS - 1) then
             v.busy   := '0';
             v.valid  := line;
             v.broken := not line;

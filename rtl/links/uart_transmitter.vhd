@@ -1,8 +1,8 @@
 -- UART transmitter: 8 data bits, no parity, one stop bit, least significant bit first.
 --
--- The bit clock is the phase accumulator of uart_receiver.
+-- The phase accumulator of uart_timing runs all the time and marks the beginning of every bit.
 --
--- Formats: rate as in uart_receiver.
+-- Formats: rates as uart_timing; BAUD up to a quarter of CLOCK_HZ.
 -- Latency: the start bit begins at the next bit clock after taken, less than a bit away; a byte every
 -- ten bits while valid stays.
 -- Overflow: none; a byte waits until it is taken.
@@ -15,6 +15,7 @@ library ieee;
 
 library work;
   use work.link_constants.all;
+  use work.uart_timing.all;
 
 entity uart_transmitter is
   generic (
@@ -33,22 +34,20 @@ end entity uart_transmitter;
 
 architecture rtl of uart_transmitter is
 
-  constant PHASE_WIDTH : natural := 16;
-  -- 2 ** PHASE_WIDTH * BAUD / CLOCK_HZ, rounded; in two parts, since an integer has 31 bits
-  constant RATE        : natural := BAUD / 100 * 2 ** 10;
-  constant DIVISOR     : natural := CLOCK_HZ / 100;
-  constant INCREMENT   : natural := RATE / DIVISOR * 2 ** 6
-                                    + (RATE mod DIVISOR * 2 ** 6 + DIVISOR / 2) / DIVISOR;
-  constant BITS        : natural := 10; -- start, data, stop
+  constant INCREMENT : natural := phase_increment(CLOCK_HZ, BAUD);
 
   signal phase : unsigned(PHASE_WIDTH downto 0); -- carry on top: a bit begins
   -- the line idles from configuration on, before any reset
   -- vsg_off signal_007
-  signal shift : std_logic_vector(BITS - 1 downto 0) := (others => '1');
+  signal shift : std_logic_vector(FRAME_BITS - 1 downto 0) := (others => '1');
   -- vsg_on signal_007
   signal left  : unsigned(3 downto 0); -- bits that are still on the way
 
 begin
+
+  assert rates_fit(CLOCK_HZ, BAUD)
+    report "uart_transmitter: BAUD above a quarter of CLOCK_HZ, or a rate that is no multiple of 100"
+    severity failure;
 
   p_send : process (clk) is
   begin
@@ -58,13 +57,13 @@ begin
       taken <= '0';
 
       if (phase(PHASE_WIDTH) = '1') then
-        shift <= '1' & shift(BITS - 1 downto 1);
+        shift <= '1' & shift(FRAME_BITS - 1 downto 1);
 
         if (left > 1) then
           left <= left - 1;
         elsif (valid = '1') then
           shift <= '1' & data & '0';
-          left  <= to_unsigned(BITS, 4);
+          left  <= to_unsigned(FRAME_BITS, 4);
           taken <= '1';
         else
           left <= (others => '0');

@@ -8,6 +8,7 @@
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, or when the observer is done (valid 15 clocks later).
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,6 +9,7 @@
 -- Formats: as mptc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start; gates move with the start after.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

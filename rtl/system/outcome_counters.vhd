@@ -1,4 +1,4 @@
--- One counter for every outcome a frame may have, in a small memory.
+-- One counter for every outcome a frame may have, in a small memory that is kept twice, once for each read port.
 --
 -- Two sources: the receiver and the executor; when both count in the same clock the latter
 -- waits for one. After a reset the counters are cleared, one a clock.
@@ -32,32 +32,72 @@ end entity outcome_counters;
 
 architecture rtl of outcome_counters is
 
-  type memory_t is array (0 to OUTCOME_COUNT - 1) of unsigned(31 downto 0);
-
-  signal memory   : memory_t;
   signal clearing : unsigned(4 downto 0); -- counter being cleared; 16: done
   signal pending  : std_logic;
   signal waiting  : outcome_t;
   signal chosen   : outcome_t;
-  signal present  : unsigned(31 downto 0);
+  signal present  : std_logic_vector(31 downto 0); -- count of chosen
+  signal counting : std_logic;                     -- '1': chosen is counted
+  signal write    : std_logic;
+  signal place    : outcome_t;                     -- counter that is written
+  signal fresh    : std_logic_vector(31 downto 0); -- its new value
 
 begin
 
   chosen  <= receive_outcome when received = '1' else
              waiting;
-  present <= memory(to_integer(unsigned(chosen)));
+
+  counting <= (received or pending) when present /= x"FFFFFFFF" else
+              '0';
+
+  -- one write port: clearing and counting never meet
+  write <= counting or not clearing(4);
+  place <= std_logic_vector(clearing(3 downto 0)) when clearing(4) = '0' else
+           chosen;
+  fresh <= (others => '0') when clearing(4) = '0' else
+           std_logic_vector(unsigned(present) + 1);
+
+  i_counted : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => 32,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write,
+      write_address => place,
+      write_word    => fresh,
+      read          => '1',
+      read_address  => chosen,
+      read_word     => present
+    );
+
+  -- the same once more, for its own read port
+  i_shown : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => 32,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write,
+      write_address => place,
+      write_word    => fresh,
+      read          => '1',
+      read_address  => index,
+      read_word     => value
+    );
 
   p_count : process (clk) is
   begin
 
     if rising_edge(clk) then
       if (clearing(4) = '0') then
-        memory(to_integer(clearing(3 downto 0))) <= (others => '0');
-        clearing                                 <= clearing + 1;
-      elsif (received = '1' or pending = '1') then
-        if (present /= x"FFFFFFFF") then
-          memory(to_integer(unsigned(chosen))) <= present + 1;
-        end if;
+        clearing <= clearing + 1;
       end if;
 
       if (received = '0') then
@@ -76,7 +116,5 @@ begin
     end if;
 
   end process p_count;
-
-  value <= std_logic_vector(memory(to_integer(unsigned(index))));
 
 end architecture rtl;

@@ -25,6 +25,7 @@ _TEXTS = {
     "VERSION": "of the protocol",
     "OUTCOME_COUNT": "counters",
     "COUNTERS_PER_REPLY": "counters",
+    "LONGEST_DECISION": "clocks after which a STEP is answered without a decision",
 }
 
 

@@ -27,6 +27,11 @@ CRC_SIZE = 4
 OVERHEAD = HEADER_SIZE + CRC_SIZE
 MAX_PAYLOAD = 32
 MAX_FRAME = MAX_PAYLOAD + OVERHEAD  # bytes before stuffing; COBS adds exactly one
+LONGEST_DECISION = 4_000
+"""Clocks after which a STEP is answered without a decision, whatever the controller.
+
+The longest decision is that of one explorer without a budget, with prediction and observer.
+"""
 DELIMITER = 0
 REPLY = 0x80
 """Bit of the type that marks a frame of the board."""

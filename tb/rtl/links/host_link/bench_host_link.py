@@ -29,7 +29,9 @@ CORE_FLAGS = sum(
 
 def delay_of(payload: bytes) -> int:
     """Clocks the pretended core takes; a long one where the first byte says so."""
-    return 4000 if payload[0] == 0xEE and payload[1] == 0xEE else 3 + payload[2] % 90
+    if payload[0] == 0xEE and payload[1] == 0xEE:
+        return p.LONGEST_DECISION + 1500
+    return 3 + payload[2] % 90
 
 
 def answer_of(payload: bytes) -> tuple[int, int, int]:
@@ -72,8 +74,8 @@ class Bench:
         position, flags, length = answer_of(payload)
         flags &= CORE_FLAGS
         cycles = delay_of(payload)
-        if cycles > 2500:
-            position, flags, length, cycles = (*self.previous, 2500)
+        if cycles > p.LONGEST_DECISION:
+            position, flags, length, cycles = (*self.previous, p.LONGEST_DECISION)
             flags |= 1 << p.Flag.NO_ANSWER
         self.previous = (position, flags & CORE_FLAGS, length)
         self.board.cover("exhausted", flags >> p.Flag.EXHAUSTED)

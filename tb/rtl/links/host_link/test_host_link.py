@@ -18,8 +18,11 @@ from pathlib import Path
 
 import pytest
 
+from directmpc.host import protocol
+from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
+from scripts.measure import budgets
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 
@@ -51,6 +54,14 @@ def test_mishaps_cost_one_frame() -> None:
     assert found.covered["recovered"] >= 8
 
 
+def test_no_decision_is_given_up_too_early() -> None:
+    # one explorer without a budget, the prediction and the observer before it
+    longest = budgets.load().cycles["mpdcc_core"]["sese"]["worst"][0]
+    longest += clocks_of("mpdcc_core", "prediction", "sese")
+    longest += clocks_of("rotor_flux_observer", "busy")
+    assert longest < protocol.LONGEST_DECISION
+
+
 def over_uart(rtl: Path) -> object:
     """Frames of all kinds over the UART."""
     return bench("frames", rtl=rtl, link=UART, controls=UART, frames=25)
@@ -71,7 +82,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("frame_receiver", "v.late := '1';", "null;", mishaps),
     ("frame_transmitter", "not crc(7 downto 0)", "crc(7 downto 0)", over_uart),
     ("link_executor", "if (ahead <= 0) then", "if (ahead < 0) then", over_spi),
-    ("link_executor", "flags(FLAG_ENABLED)   := enabled;", "flags(7) := '0';", over_uart),
+    ("link_executor", "flags(FLAG_ENABLED)   <= enabled;", "flags(7) <= '0';", over_uart),
     ("outcome_counters", "waiting <= serve_outcome;", "waiting <= receive_outcome;", over_spi),
     ("spi_slave", "if (count = 7) then", "if (count = 6) then", over_spi),
     ("uart_receiver", "v.broken := not line;", "v.broken := '0';", mishaps),
