@@ -1,0 +1,45 @@
+"""Decisions and the clocks they take are counted, and the longest is kept.
+
+Stimulus: starts, ends and clears in any order; resets.
+Checks: all three counters in every clock, against a model in Python.
+Faults: a clock too few, the shortest instead of the longest, a count that is not cleared.
+Does not prove: the end of the counters at 65,535 clocks.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "decision_monitor"
+
+
+def bench(rtl: Path = RTL, clocks: int = 3000) -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.system.{NAME}.bench_{NAME}",
+        units=[NAME],
+        arguments={"clocks": clocks},
+        rtl=rtl,
+    )
+
+
+def test_decisions_are_counted() -> None:
+    bench()
+
+
+FAULTS = [
+    Fault(NAME, "cycles <= to_unsigned(1, 16);", "cycles <= to_unsigned(0, 16);", "last"),
+    Fault(NAME, "if (cycles > longest) then", "if (cycles < longest) then", "worst"),
+    Fault(NAME, "(rst = '1' or clear = '1')", "(rst = '1')", "(decisions|last|worst)"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
