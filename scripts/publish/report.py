@@ -11,7 +11,6 @@ import concurrent.futures
 import csv
 import io
 import json
-import math
 import shutil
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -25,7 +24,7 @@ from rich.console import Console
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
-from directmpc.mpdcc import closed_loop, ideal, metrics
+from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
@@ -36,11 +35,12 @@ from scripts.measure import budgets, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import paper_a, tables, tools
+from scripts.shared import cache, paper_a, tables, tools
 from scripts.shared.figures import save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
+from scripts.studies.fidelity import pairs
 from scripts.studies.fidelity import study as accuracy
 from scripts.studies.rtl_loop import draw, simulate
 
@@ -66,9 +66,6 @@ STUDIES: dict[str, Callable[[], Any]] = {
 }
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
-SEEDS = 10  # starts per point of the fidelity figures
-STEPS = 20_000  # per start
-SETTLE = 2_000
 COMMAND = "make report"
 
 
@@ -240,61 +237,6 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
 # --- fidelity -------------------------------------------------------------------------------------
 
 
-def fidelity_point(
-    drive: Drive, variant: str, omega_s: float, name: str, swept: str
-) -> dict[str, Any]:
-    """Compare model and ideal controller at one operating point; one row of fidelity.csv.
-
-    A closed loop of this kind is chaotic: two runs that differ in their start alone spread. Means
-    over `SEEDS` starts are compared, and the standard error of the difference stands beside it.
-    """
-    chosen = VARIANTS[variant]
-    register, reference = chosen.registers(drive).array(), ideal.ideal_parameters(drive)
-    counts, figures = [], []
-    for seed in range(SEEDS):
-        options: dict[str, Any] = {"settle": SETTLE, "seed": seed}
-        point = OperatingPoint(omega_s)
-        ours = closed_loop.simulate(
-            drive, chosen.decide, register, point, STEPS,
-            shadow=ideal.decide, shadow_parameters=reference, **options,
-        )  # fmt: skip
-        exact = closed_loop.simulate(drive, ideal.decide, reference, point, STEPS, **options)
-        counts.append(ours.shadow_count())
-        both = [metrics.summarise(drive, run) for run in (exact, ours)]
-        figures.append(
-            [x for s in both for x in (s.switching.per_device_24_logical, 100 * s.thd_mean)]
-        )
-    mean = np.mean(figures, axis=0)
-    error = np.std(figures, axis=0, ddof=1) / math.sqrt(SEEDS)
-    row: dict[str, Any] = {
-        "drive": name,
-        "swept": swept,
-        "omega_s_pu": omega_s,
-        "bound_current_pu": drive.control.bound_current,
-        "runs": SEEDS,
-        "steps": sum(c.steps for c in counts),
-        "searches": sum(c.searched for c in counts),
-        "deadlocks": sum(c.deadlocks for c in counts),
-        "differing": sum(c.differing for c in counts),
-        "searches_differing": sum(c.searched_differing for c in counts),
-    }
-    for column, (key, unit) in enumerate((("fsw", "hz"), ("thd", "pct"))):
-        exact_mean, our_mean = float(mean[column]), float(mean[column + 2])
-        row[f"{key}_ideal_{unit}"] = round(exact_mean, 3)
-        row[f"{key}_model_{unit}"] = round(our_mean, 3)
-        row[f"{key}_diff_pct"] = round(100 * (our_mean / exact_mean - 1), 2)
-        spread = math.hypot(error[column], error[column + 2])
-        row[f"{key}_diff_error_pct"] = round(100 * spread / exact_mean, 2)
-    return row
-
-
-def _model_digest() -> str:
-    """Digest of what fidelity is measured with: models, drives, libraries."""
-    folders = (("model/directmpc", "**/*.py"), ("drives", "*.toml"), (".", "requirements.txt"))
-    files = [p for name, kind in folders for p in sorted((ROOT / name).glob(kind))]
-    return tools.digest(*files)
-
-
 def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
     points: list[tuple[Drive, str, float, str, str]] = []
@@ -306,18 +248,22 @@ def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
             changed = drive.with_control(bound_current=bound)
             points.append((changed, variant, 1.0, name, "bound"))
     # what the rows depend on, RTL excluded: it equals the model
-    stored = BUILD / "fidelity" / f"{variant}-{_model_digest()[:16]}.json"
+    drives = [ROOT / "drives" / f"{name}.toml" for name in DRIVES]
+    key = cache.key(["scripts.studies.fidelity.pairs"], ROOT / "requirements.txt", *drives)
+    stored = BUILD / "fidelity" / f"{variant}-{key}.json"
     if stored.exists():
         say("fidelity: known, the models have not changed")
-        return json.loads(stored.read_text(encoding="utf-8"))
-    rows: list[dict[str, Any]] = []
-    with concurrent.futures.ProcessPoolExecutor(2) as pool:
-        for row in pool.map(fidelity_point, *zip(*points, strict=True)):
-            rows.append(row)
-            if len(rows) % 10 == 0:
-                say(f"fidelity: {len(rows)} of {len(points)} points")
-    tools.write(stored, json.dumps(rows))
-    return rows
+
+    def compute() -> list[dict[str, Any]]:
+        rows: list[dict[str, Any]] = []
+        with concurrent.futures.ProcessPoolExecutor(2) as pool:
+            for row in pool.map(pairs.measure, *zip(*points, strict=True)):
+                rows.append(row)
+                if len(rows) % 10 == 0:
+                    say(f"fidelity: {len(rows)} of {len(points)} points")
+        return rows
+
+    return cache.kept(stored, compute)
 
 
 def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:

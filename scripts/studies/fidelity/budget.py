@@ -13,9 +13,10 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from scripts.shared.cache import kept
 from scripts.studies.fidelity import replica as r
 from scripts.studies.fidelity.decisions import DEADLOCKED, DRIVERS, loop
-from scripts.studies.fidelity.points import Point, Row, kept, stored
+from scripts.studies.fidelity.points import Point, Row, stored
 
 STEPS = 1_000  # per point and driver
 ERROR_BITS = tuple(range(10, 19))
@@ -129,8 +130,6 @@ def measure(point: Point, driver: str, steps: int = STEPS) -> Row:
         stored(
             f"budget-{driver}-{point.drive}-{point.bound}-{point.omega_s}-{steps}",
             "budget",
-            "decisions",
-            "replica",
         ),
         compute,
     )

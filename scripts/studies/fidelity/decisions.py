@@ -22,8 +22,9 @@ from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.hdl.mpdcc_simulation import simulate_rows
+from scripts.shared.cache import kept
 from scripts.shared.tools import ToolError
-from scripts.studies.fidelity.points import Point, Row, kept, points, stored
+from scripts.studies.fidelity.points import Point, Row, points, stored
 
 IntArray = NDArray[np.int64]
 

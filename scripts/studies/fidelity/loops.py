@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.variants import VARIANTS
+from scripts.shared.cache import kept
 from scripts.studies.fidelity import decisions, replica
-from scripts.studies.fidelity.points import Point, Row, kept, stored
+from scripts.studies.fidelity.points import Point, Row, stored
 
 STARTS = 8  # per block
 BLOCKS = 4
@@ -92,13 +93,13 @@ def replayed(point: Point, variant: str) -> Row:
         return {"variant": variant, "steps": count}
 
     name = f"replayed-{variant}-{point.drive}-{point.bound}-{point.omega_s}"
-    return kept(stored(name, "decisions", "loops", rtl=True), compute)
+    return kept(stored(name, "loops", rtl=True), compute)
 
 
 def measure(point: Point, name: str, block: int) -> Row:
     """As `run`, kept."""
     key = f"loops-{name}-{point.drive}-{point.bound}-{point.omega_s}-{block}-{STARTS}x{STEPS}"
-    return kept(stored(key, "loops", "replica"), lambda: run(point, name, block, STARTS, STEPS))
+    return kept(stored(key, "loops"), lambda: run(point, name, block, STARTS, STEPS))
 
 
 def joined(rows: list[Row]) -> list[Row]:

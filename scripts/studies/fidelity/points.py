@@ -7,15 +7,14 @@ widths are the same per unit on both machines: the bound sets the current's dist
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+import functools
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from directmpc.drive_file import Drive, load_mpdcc_drive
-from scripts.shared import tools
+from scripts.hdl import mpdcc_simulation, sources
+from scripts.shared import cache
 from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
@@ -64,37 +63,28 @@ def points() -> list[Point]:
     ]
 
 
-@cache
-def _sources(measuring: tuple[str, ...], rtl: bool) -> str:
-    """Digest of what a result depends on: models, drives, libraries, and the RTL if it ran."""
-    here = Path(__file__).parent
-    files = [
-        *sorted((ROOT / "model" / "directmpc").rglob("*.py")),
-        *(here / f"{name}.py" for name in ("points", *measuring)),
-        *(ROOT / "drives" / f"{name}.toml" for name in DRIVES),
-        ROOT / "requirements.txt",
-    ]
-    return tools.digest(*files, *(sorted((ROOT / "rtl").rglob("*.vhd")) if rtl else ()))
+@functools.cache
+def _key(module: str, rtl: bool) -> str:
+    """Of results that a module of this package has measured."""
+    files = [ROOT / "drives" / f"{name}.toml" for name in DRIVES]
+    modules = [f"scripts.studies.fidelity.{module}"]
+    if rtl:
+        # the bench is started by name, in a process of its own
+        modules.append("scripts.hdl.mpdcc_cosimulation")
+        files += [*sources.rtl_files(), mpdcc_simulation.BENCH]
+    return cache.key(modules, ROOT / "requirements.txt", *files)
 
 
-def stored(name: str, *measuring: str, rtl: bool = False) -> Path:
+def stored(name: str, module: str, rtl: bool = False) -> Path:
     """File that keeps a result as long as nothing changes that it depends on.
 
     Parameters
     ----------
     name
         Of the result.
-    measuring
-        Modules of this package that it was measured with.
+    module
+        Module of this package that measures it.
     rtl
         Whether the RTL took part.
     """
-    return ROOT / "build" / "fidelity" / f"{name}-{_sources(measuring, rtl)[:16]}.json"
-
-
-def kept(path: Path, compute: Callable[[], Row]) -> Row:
-    """The stored result, or the computed one, then stored."""
-    if not path.exists():
-        tools.write(path, json.dumps(compute()))
-    result: Row = json.loads(path.read_text(encoding="utf-8"))
-    return result
+    return ROOT / "build" / "fidelity" / f"{name}-{_key(module, rtl)}.json"
