@@ -33,7 +33,9 @@ KEPT = 24
 _OWN_ROOT = Path(__file__).resolve().parent
 
 
-def njit(function: Callable[..., Any] | None = None, *, kept: bool = True) -> Any:
+def njit(
+    function: Callable[..., Any] | None = None, *, kept: bool = True, inline: bool = False
+) -> Any:
     """Compile a function with ``numba.njit`` and keep the code for the next start.
 
     Serves as ``@njit`` and as ``@njit(kept=False)``.
@@ -46,6 +48,9 @@ def njit(function: Callable[..., Any] | None = None, *, kept: bool = True) -> An
     kept : bool
         False for a function that is given compiled functions as arguments: numba compiles it
         anew for each of them and cannot keep the code.
+    inline : bool
+        True for a function that becomes part of each compiled function that calls it.  Only so can
+        a caller's code be kept that hands compiled functions to it.
 
     Returns
     -------
@@ -58,14 +63,15 @@ def njit(function: Callable[..., Any] | None = None, *, kept: bool = True) -> An
         Once, where the folder of the cache cannot be written.  The code is compiled at every start.
     """
     if function is None:
-        return functools.partial(njit, kept=kept)
+        return functools.partial(njit, kept=kept, inline=inline)
     folder = _folder(_root_of(Path(function.__code__.co_filename))) if kept else None
+    how = "always" if inline else "never"
     if folder is None:
-        return numba.njit(function)
+        return numba.njit(inline=how)(function)
     given = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(folder)
     try:
-        return numba.njit(cache=True)(function)
+        return numba.njit(cache=True, inline=how)(function)
     finally:
         numba.config.CACHE_DIR = given
 

@@ -85,7 +85,7 @@ def decide_mpdcc(
     with np.errstate(over="ignore"):
         if engine == "model":
             return chosen.run(drive, rows)
-        measurements, clipped = bit_true.encode(rows)
+        measurements, clipped = common.encode(rows)
     values = chosen.registers(drive).array()
     answered = simulate_rows(measurements, rows.s_prev, values, explorers, variant, progress)
     return decisions_of(answered, clipped)

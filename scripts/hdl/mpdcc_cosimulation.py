@@ -13,7 +13,7 @@ import cocotb
 import numpy as np
 from cocotb.triggers import Timer, with_timeout
 
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_simulation import Job
@@ -131,7 +131,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         if loop.delay:
             applied = decided
         states[k] = plant.state
-        measurement, clipped = bit_true.encode_row(
+        measurement, clipped = common.encode_row(
             plant.state[:4], plant.state[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k],
             loop.omega_r[k],
         )  # fmt: skip

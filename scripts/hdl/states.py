@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
@@ -152,7 +153,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
 
 def trace_words(trace: MpdccTrace) -> IntArray:
     """A trace as measurement words."""
-    return bit_true.encode(trace)[0]
+    return common.encode(trace)[0]
 
 
 @cache

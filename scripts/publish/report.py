@@ -26,7 +26,7 @@ from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
@@ -92,18 +92,15 @@ DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
 
 
 @njit
-def _alive(register, coefficients, measurement, s_prev, following):
+def _alive(register, measurement, s_prev, following):
     """Candidates that stay inside their bounds for a step or more; -1 where s_prev is held."""
-    error, natural, forced, phase, midpoint, _, _, _, _ = bit_true.node(
-        bit_true.PAPER_PROGRAM, measurement, register
+    error, natural, forced, phase, midpoint, _, _, _, _ = common.node(
+        common.PAPER_PROGRAM, measurement, register
     )
-    bound = np.empty(7, dtype=np.int64)
-    bound[0:3] = register[coefficients]
-    bound[3] = register[coefficients + 1]
-    bound[4:7] = register[coefficients + 2]
-    horizon = register[coefficients + 3]
+    options = common.options(register)
+    bound, horizon = options.bound, options.horizon
     slope = np.empty(7, dtype=np.int64)
-    bit_true.slopes(s_prev, natural, forced, phase, midpoint, slope)
+    common.slopes(s_prev, natural, forced, phase, midpoint, slope)
     if np.all(np.abs(error + slope) <= bound):
         return -1
     s = np.empty(3, dtype=np.int64)
@@ -112,10 +109,10 @@ def _alive(register, coefficients, measurement, s_prev, following):
         s[0] = following[s_prev[0], index // 16]
         s[1] = following[s_prev[1], index // 4 % 4]
         s[2] = following[s_prev[2], index % 4]
-        bit_true.slopes(s, natural, forced, phase, midpoint, slope)
+        common.slopes(s, natural, forced, phase, midpoint, slope)
         inside = True
         for j in range(7):
-            inside &= bit_true.search_length(error[j], slope[j], bound[j], horizon) > 0
+            inside &= common.search_length(error[j], slope[j], bound[j], horizon) > 0
         alive += inside
     return alive
 
@@ -140,7 +137,7 @@ def hardest_rows(
     s_prev : (keep, 3)
     """
     values = VARIANTS[variant].registers(drive)
-    register, count = values.array(), len(values.coefficients)
+    register = values.array()
     bounds = drive.control
     rng = np.random.default_rng(0)
     vdc = rng.uniform(1.5, 2.5, tries)
@@ -156,10 +153,10 @@ def hardest_rows(
     measurements = np.empty((tries, 13), dtype=np.int64)
     alive = np.empty(tries, dtype=np.int64)
     for k in range(tries):
-        measurements[k], _ = bit_true.encode_row(
+        measurements[k], _ = common.encode_row(
             x_m[k], x_inv[k], vdc[k], iref[k], speed[k, 0], speed[k, 1]
         )
-        alive[k] = _alive(register, count, measurements[k], s_prev[k], anpc.NEXT_TABLE)
+        alive[k] = _alive(register, measurements[k], s_prev[k], anpc.NEXT_TABLE)
     best = np.argsort(-alive, kind="stable")[:keep]
     return measurements[best], s_prev[best]
 
@@ -180,7 +177,7 @@ def forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArr
     s_prev = np.random.default_rng(0).integers(2, 6, (len(seen), 3))
     # The first rows keep what was applied: most of them hold.
     s_prev[: keep // 4] = seen.s_prev[: keep // 4]
-    return bit_true.encode(seen)[0], s_prev
+    return common.encode(seen)[0], s_prev
 
 
 def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:

@@ -26,8 +26,8 @@ from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, metrics
-from directmpc.mpdcc.bit_true import fast
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
@@ -207,12 +207,9 @@ def _choices(register, measurement, s_prev, chosen, out):
     whether one does so while no current leaves its bound or, if one is outside, the worst gets no
     worse; whether one brings everything that is outside closer and leaves the rest inside.
     """
-    bound = np.empty(7, dtype=np.int64)
-    bound[0:3] = register[fast._N_COEFFICIENTS]
-    bound[3] = register[fast._N_COEFFICIENTS + 1]
-    bound[4:7] = register[fast._N_COEFFICIENTS + 2]
+    bound = common.options(register).bound
     error, natural, forced, phase, midpoint, _, _, curvature, _ = fast.node(measurement, register)
-    first = fast._first(error, curvature)
+    first = fast.first_errors(error, curvature)
     slope = np.empty(7, dtype=np.int64)
     s = np.empty(3, dtype=np.int64)
     fast.slopes(chosen, natural, forced, phase, midpoint, slope)
@@ -222,12 +219,12 @@ def _choices(register, measurement, s_prev, chosen, out):
     before = max(np.max(np.abs(error[:3])), bound[0])
     least = current
     correctable, with_current, inward = 0, 0, 0
-    for ia in range(bit_true._COUNT[s_prev[0]]):
-        s[0] = bit_true._NEXT[s_prev[0], ia]
-        for ib in range(bit_true._COUNT[s_prev[1]]):
-            s[1] = bit_true._NEXT[s_prev[1], ib]
-            for ic in range(bit_true._COUNT[s_prev[2]]):
-                s[2] = bit_true._NEXT[s_prev[2], ic]
+    for ia in range(anpc.NEXT_COUNT[s_prev[0]]):
+        s[0] = anpc.NEXT_TABLE[s_prev[0], ia]
+        for ib in range(anpc.NEXT_COUNT[s_prev[1]]):
+            s[1] = anpc.NEXT_TABLE[s_prev[1], ib]
+            for ic in range(anpc.NEXT_COUNT[s_prev[2]]):
+                s[2] = anpc.NEXT_TABLE[s_prev[2], ic]
                 fast.slopes(s, natural, forced, phase, midpoint, slope)
                 ahead = np.abs(first + slope)
                 if np.max(ahead - bound) == worst:
@@ -278,7 +275,7 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
     unit = 1.0
     for setting in settings:
         drive, result = simulate(base, CASES[LARGEST], setting, steps)
-        array, _, _ = rules.parameters(drive, Rule())
+        given = rules.parameters(drive, Rule())
         unit = registers(drive, "fast").unit
         excess = np.abs(_errors(result)) - drive.bounds
         dead = result.decisions.deadlock > 0
@@ -288,14 +285,14 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
         inside += np.all(excess[begins] <= 0, axis=1).tolist()
         outside.append(excess[dead] > 0)
         worst.append(np.argmax(excess[dead], axis=1))
-        ties.append(result.decisions.deadlock[dead] > 1)
         for flag in (True, False):
             legs[flag].append(result.decisions.s[dead == flag].ravel())
-        words, _ = bit_true.encode(result.seen)
+        words, _ = common.encode(result.seen)
         found = np.empty(4, dtype=np.int64)
         for k in np.flatnonzero(dead):
             s_prev = result.seen.s_prev[k].astype(np.int64)
-            _choices(array, words[k], s_prev, result.decisions.s[k].astype(np.int64), found)
+            ties.append(rules.ties(given, words[k], s_prev) > 1)
+            _choices(given[0], words[k], s_prev, result.decisions.s[k].astype(np.int64), found)
             offered.append(found.copy())
     out, who = np.vstack(outside), np.concatenate(worst)
     choices = np.array(offered).reshape(-1, 4)
@@ -324,7 +321,7 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
         "worst_current_pct": share(who < 3),
         "worst_vn_pct": share(who == 3),
         "worst_vph_pct": share(who > 3),
-        "tied_pct": share(np.concatenate(ties)),
+        "tied_pct": share(ties),
         "given_up_pu": float(choices[:, 0].mean()) / unit if len(choices) else float("nan"),
         "vn_correctable_pct": share(choices[v_n_out, 1]),
         "vn_and_current_pct": share(choices[v_n_out, 2]),

@@ -25,8 +25,8 @@ from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import cycles as sese_cycles
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import discretise
@@ -130,7 +130,7 @@ def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
     """
     values = registers(drive, "fast").array()
     seen, model = result.trace(), result.decisions
-    words, clipped = bit_true.encode(seen)
+    words, clipped = common.encode(seen)
     found = decisions.decide_netlist("fast", words, seen.s_prev, values)
     found[:, 6] |= clipped
     expected = np.column_stack(
@@ -215,7 +215,7 @@ def prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float
         drive, bit_true_fast.decide, array, OperatingPoint(speed), steps, settle=SETTLE, seed=0
     )
     own = ideal.ideal_parameters(drive)
-    words, _ = bit_true.encode(result.seen)
+    words, _ = common.encode(result.seen)
     order = np.empty((64, 5), dtype=np.int64)
     found = []
     for k in np.flatnonzero(result.decisions.length > 0):
@@ -235,8 +235,8 @@ def prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float
             a11, a12, _, _, b1, _ = discretise(
                 own.tau_s, own.tau_r, own.xm, own.xr, own.d, seen.omega_r[k], own.ts * s1[3]
             )
-            ia, ib, ic = ideal._phases(complex(seen.x_m[k, 0], seen.x_m[k, 1]))
-            voltage = ideal._inputs(
+            ia, ib, ic = ideal.phases(complex(seen.x_m[k, 0], seen.x_m[k, 1]))
+            voltage = ideal.inputs(
                 own, seen.vdc[k], *seen.x_inv[k], ia, ib, ic, s1[0], s1[1], s1[2]
             )[0]
             held = (

@@ -35,6 +35,8 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
@@ -108,21 +110,17 @@ class Controller:
 
     def run(self, drive: Drive, trace: MpdccTrace) -> Decisions:
         """Its decisions."""
-        return bit_true.run_rows(self.rows, self.registers(drive).array(), trace)
+        return common.run_rows(self.rows, self.registers(drive).array(), trace)
 
 
 @njit
 def decide_zero_sum(register, measurement, s_prev):
     """The paper's decision with straight lines, on the fast variant's node; as `decide_words`.
 
-    Lengths are quotients (`bit_true.search_length`), as Algorithm 2 finds them.
+    Lengths are quotients (`common.search_length`), as Algorithm 2 finds them.
     """
-    first = len(bit_true.COEFFICIENTS)
-    horizon, scale = register[first + 3], register[first + 4]
-    bound = np.empty(7, dtype=np.int64)
-    bound[0:3] = register[first]
-    bound[3] = register[first + 1]
-    bound[4:7] = register[first + 2]
+    options = common.options(register)
+    bound, horizon = options.bound, options.horizon
     error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = (
         bit_true_fast.node(measurement, register)
     )
@@ -140,21 +138,21 @@ def decide_zero_sum(register, measurement, s_prev):
         choice = (index // 16, index // 4 % 4, index % 4)
         skip = False
         for x in range(3):
-            skip |= choice[x] >= bit_true._COUNT[s_prev[x]]
-            s[x] = bit_true._NEXT[s_prev[x], choice[x]]
+            skip |= choice[x] >= anpc.NEXT_COUNT[s_prev[x]]
+            s[x] = anpc.NEXT_TABLE[s_prev[x], choice[x]]
         if skip:
             continue
         bit_true_fast.slopes(s, natural, forced, phase, midpoint, slope)
         length = horizon
         for j in range(7):
             if length > 0:
-                length = min(length, bit_true.search_length(error[j], slope[j], bound[j], horizon))
+                length = min(length, common.search_length(error[j], slope[j], bound[j], horizon))
         if length > 0:
-            effort = 0
-            for x in range(3):
-                effort += bit_true._WEIGHT[1 if phase[x] < 0 else 0, s_prev[x], s[x]]
+            effort = common.effort_of(s_prev, s, phase)
             weights = bit_true_fast.share_of(s, weight_slope)
-            value, clipped = bit_true.cost(effort, length, weight_start, weights, scale)
+            value, clipped = common.cost(
+                effort, length, weight_start, weights, options.weight_scale
+            )
             if not feasible or value < best_cost:
                 feasible = True
                 best_cost, best_length, best_saturated = value, length, clipped
@@ -178,37 +176,34 @@ def _run_zero_sum(register, measurements, s_prev, out):
 
 
 CONTROLLERS = (
-    Controller("paper", "", bit_true._run),
-    Controller("paper, fast's unit", "trajectory unit", bit_true._run),
-    Controller("paper, chords", "slopes", bit_true._run),
+    Controller("paper", "", bit_true.run_words),
+    Controller("paper, fast's unit", "trajectory unit", bit_true.run_words),
+    Controller("paper, chords", "slopes", bit_true.run_words),
     Controller("paper, zero sum", "rounding of phases", _run_zero_sum),
-    Controller("fast, linear", "search", bit_true_fast._run),
-    Controller("fast", "curvature", bit_true_fast._run),
+    Controller("fast, linear", "search", bit_true_fast.run_words),
+    Controller("fast", "curvature", bit_true_fast.run_words),
 )
 
 
 @njit
 def _cost(register, measurement, s_prev, s):
     """J of one candidate with straight lines, and its length; J is -1 where it is dead."""
-    first = len(bit_true.COEFFICIENTS)
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, _ = bit_true.node(
-        bit_true.PAPER_PROGRAM, measurement, register
+    options = common.options(register)
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, _ = common.node(
+        common.PAPER_PROGRAM, measurement, register
     )
     slope = np.empty(7, dtype=np.int64)
-    bit_true.slopes(s, natural, forced, phase, midpoint, slope)
-    length = register[first + 3]
+    common.slopes(s, natural, forced, phase, midpoint, slope)
+    length = options.horizon
     for j in range(7):
-        bound = register[first + (0 if j < 3 else 1 if j == 3 else 2)]
-        length = min(length, bit_true.search_length(error[j], slope[j], bound, length))
+        length = min(length, common.search_length(error[j], slope[j], options.bound[j], length))
     if length == 0:
         return -1, 0
-    effort = 0
+    effort = common.effort_of(s_prev, s, phase)
     weights = 0
     for x in range(3):
-        negative = 1 if phase[x] < 0 else 0
-        effort += bit_true._WEIGHT[negative, s_prev[x], s[x]]
-        weights += bit_true._NEUTRAL_CURRENT[s[x]] * weight_slope[x]
-    value, _ = bit_true.cost(effort, length, weight_start, weights, register[first + 4])
+        weights += anpc.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+    value, _ = common.cost(effort, length, weight_start, weights, options.weight_scale)
     return value, length
 
 
@@ -241,7 +236,7 @@ class Difference:
         self, first: Decisions, second: Decisions, register: NDArray[np.int64], trace: MpdccTrace
     ) -> None:
         """Count one trace; `register` is the first one's."""
-        measurements, _ = bit_true.encode(trace)
+        measurements, _ = common.encode(trace)
         s_prev = trace.s_prev.astype(np.int64)
         differs = np.flatnonzero(np.any(first.s != second.s, axis=1))
         self.rows += len(trace)

@@ -21,8 +21,8 @@ from rich.progress import track
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import observer as rotor_flux_observer
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.plant import plant_data, plant_step
@@ -79,7 +79,7 @@ def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc
     reference = np.empty(2)
     for k in range(len(iref)):
         reference[0], reference[1] = iref[k].real, iref[k].imag
-        words, _ = bit_true.encode_row(x[:4], x[4:], vdc, reference, omega_s, measured)
+        words, _ = common.encode_row(x[:4], x[4:], vdc, reference, omega_s, measured)
         a, b, _ = rotor_flux_observer.step_words(c, state, words[order], s)
         words[2], words[3] = a, b
         d = bit_true_fast.decide_words(register, words, s)

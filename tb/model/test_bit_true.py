@@ -23,6 +23,7 @@ from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.program import PROGRAMS, TERMS, result_width
@@ -215,7 +216,7 @@ def test_a_length_is_the_last_step_inside(seed: int) -> None:
         if abs(offset) <= bound:
             while length < horizon and abs(offset + (length + 1) * slope) <= bound:
                 length += 1
-        assert bit_true.search_length(offset, slope, bound, horizon) == length
+        assert common.search_length(offset, slope, bound, horizon) == length
 
 
 def test_fast_enough(drive: Drive) -> None:
@@ -232,21 +233,21 @@ def test_fast_enough(drive: Drive) -> None:
 def test_values_outside_their_words_saturate_and_flag(drive: Drive) -> None:
     rng = np.random.default_rng(4)
     inside = states.wide(500, rng)
-    words, clipped = bit_true.encode(inside)
+    words, clipped = common.encode(inside)
     assert not clipped.any()
     low = np.array([m.low for m in f.MEASUREMENTS.values()])
     high = np.array([m.high for m in f.MEASUREMENTS.values()])
     assert (words > low).all()
     assert (words < high).all()
     outside = states.wide(500, rng, beyond=3.0)
-    words, clipped = bit_true.encode(outside)
+    words, clipped = common.encode(outside)
     assert ((words >= low) & (words <= high)).all()
     at_end = ((words == low) | (words == high)).any(axis=1)
     assert clipped.sum() > 400
     assert at_end[clipped].all()
     assert (bit_true.run(drive, outside).saturated[clipped] == 1).all()
     for k in (0, 1, 250):
-        one, flag = bit_true.encode_row(
+        one, flag = common.encode_row(
             outside.x_m[k], outside.x_inv[k], outside.vdc[k], outside.iref[k],
             outside.omega_s[k], outside.omega_r[k],
         )  # fmt: skip

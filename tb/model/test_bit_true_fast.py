@@ -193,9 +193,9 @@ def test_no_rank_of_a_deadlock_overflows() -> None:
     assert (least << f.DEADLOCK_CURRENT_SHIFT) + least >= -(2 ** (f.RANK_WIDTH - 1))
     ahead, bound = np.zeros(7, dtype=np.int64), np.zeros(7, dtype=np.int64)
     ahead[:4] = -other, 0, other - 1, neutral
-    found = bit_true_fast._deadlock_rank(ahead, 0 * ahead, bound, 1)
+    found = bit_true_fast.deadlock_rank(ahead, 0 * ahead, bound, 1)
     assert found == 128 * neutral + other
-    assert bit_true_fast._deadlock_rank(ahead, 0 * ahead, bound, 0) == other
+    assert bit_true_fast.deadlock_rank(ahead, 0 * ahead, bound, 0) == other
 
 
 def test_the_weighted_rule_changes_deadlocks_alone() -> None:

@@ -22,14 +22,14 @@ PACKAGE = Path(directmpc.__file__).parent
 
 #: sqrt(lambda_n)*v_n beyond its word: the cost depends on WEIGHT_WIDTH.  Compiled, then plain.
 COST = """
-from directmpc.mpdcc.bit_true.paper import cost
+from directmpc.mpdcc.bit_true.common import cost
 given = (1, 1, 1 << 20, 0, 1)
 print(cost(*given)[0], cost.py_func(*given)[0])
 """
 
 OUTSIDE = """
 from directmpc.compiled import njit
-from directmpc.mpdcc.bit_true.paper import cost
+from directmpc.mpdcc.bit_true.common import cost
 @njit
 def cost_of(start):
     return cost(1, 1, start, 0, 1)[0]

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from directmpc.drive_file import Drive
-from directmpc.mpdcc import closed_loop
+from directmpc.mpdcc import closed_loop, inverter
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.trace import MpdccTrace
@@ -36,13 +36,13 @@ def assert_alike(drive: Drive, trace: MpdccTrace) -> int:
     """Decisions of both for every row of a trace; the number of deadlocks."""
     own = registers(drive, "fast").array()
     given = deadlock_rules.parameters(drive, BUILT_IN[drive.control.deadlock_rule])
-    words, _ = bit_true.encode(trace)
+    words, _ = common.encode(trace)
     deadlocks = 0
     for row, s_prev in zip(words, trace.s_prev.astype(np.int64), strict=True):
         wanted = bit_true_fast.decide_words(own, row, s_prev)
         found = deadlock_rules.decide_words(given, row, s_prev)
         deadlocks += wanted[4]
-        assert (*found[:4], int(found[4] > 0), *found[5:]) == tuple(wanted)
+        assert tuple(found) == tuple(wanted)
     return deadlocks
 
 
@@ -61,8 +61,7 @@ def test_closed_loops_are_the_production_models(horizon: str, speed: float, rule
         )
     ]
     wanted, found = runs[0].decisions, runs[1].decisions
-    np.testing.assert_array_equal(found.deadlock > 0, wanted.deadlock == 1)
-    for name in ("s", "held", "length", "saturated"):
+    for name in ("s", "held", "deadlock", "length", "saturated"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), name)
     np.testing.assert_array_equal(runs[0].state, runs[1].state)
     if speed < 0.5:
@@ -76,7 +75,7 @@ def test_random_drives_and_states(horizon: str, rule: str) -> None:
     deadlocks = 0
     for _ in range(60):
         drive = states.random_drive(rng).with_control(
-            switching_horizon=horizon, budget=0, deadlock_rule=rule
+            switching_horizon=horizon, deadlock_rule=rule
         )
         deadlocks += assert_alike(drive, states.near(drive, 8, rng))
         deadlocks += assert_alike(drive, states.wide(8, rng, beyond=1.2))
@@ -90,7 +89,7 @@ def test_criteria_and_ties_mean_what_they_say() -> None:
 
     def keys_of(rule: Rule, ahead: np.ndarray, effort: int = 0) -> list[int]:
         drive = states.shipped("anpc5l_6kv")
-        deadlock_rules._criterion(
+        deadlock_rules.criterion(
             deadlock_rules.parameters(drive, rule)[1], ahead, bound, effort, keys
         )
         return [int(key) for key in keys]
@@ -116,6 +115,29 @@ def test_criteria_and_ties_mean_what_they_say() -> None:
         assert keys_of(Rule(deadlock_rules.SUM, weights=weights), ahead)[0] == outside.sum()
         squares = (outside * outside).sum()
         assert keys_of(Rule(deadlock_rules.SQUARES, weights=weights), ahead)[0] == squares
+
+
+def test_ties_are_counted() -> None:
+    rng = np.random.default_rng(8)
+    drive = states.shipped("anpc5l_6kv")
+    given = deadlock_rules.parameters(drive, Rule())
+    bound = common.options(given[0]).bound
+    trace = states.near(drive, 200, rng, reach=4.0)
+    counts = []
+    for row, s_prev in zip(common.encode(trace)[0], trace.s_prev.astype(np.int64), strict=True):
+        n = bit_true_fast.node(row, given[0])
+        first = bit_true_fast.first_errors(n.error, n.curvature)
+        slope = np.empty(7, dtype=np.int64)
+        excesses = []
+        for s in inverter.candidates(s_prev):
+            bit_true_fast.slopes(np.array(s), n.slope, n.forced, n.phase, n.midpoint, slope)
+            excesses.append(int((np.abs(first + slope) - bound).max()))
+        dead = deadlock_rules.decide_words(given, row, s_prev)[4]
+        wanted = excesses.count(min(excesses)) if dead else 0
+        assert deadlock_rules.ties(given, row, s_prev) == wanted
+        counts.append(wanted)
+    assert 0 in counts
+    assert max(counts) > 1
 
 
 def test_every_case_runs_and_most_change_something() -> None:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.coefficients import registers
 from scripts.hdl import states
 from scripts.studies import linear_comparison
@@ -25,7 +25,7 @@ FIELDS = ("s", "held", "deadlock", "length", "saturated")
 def assert_alike(drive, trace) -> int:
     values = straight(registers(drive, "fast"))
     fast = bit_true_fast.run(drive, trace, values)
-    paper = bit_true.run_rows(linear_comparison._run_zero_sum, values.array(), trace)
+    paper = common.run_rows(linear_comparison._run_zero_sum, values.array(), trace)
     for name in FIELDS:
         np.testing.assert_array_equal(getattr(fast, name), getattr(paper, name), name)
     return int(np.sum((fast.held == 0) & (fast.deadlock == 0)))

@@ -18,7 +18,7 @@ from directmpc.drive_file import Drive, MptcDrive
 from directmpc.host.board import Board
 from directmpc.host.link import LinkError
 from directmpc.host.protocol import Flag, packed_positions
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
 from directmpc.mpdcc.plant import Plant
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
@@ -113,7 +113,7 @@ def run_mpdcc(
     began = time.perf_counter()
     for k in range(steps):
         states[k], positions[k] = plant.state, applied
-        words, clipped[k] = bit_true.encode_row(
+        words, clipped[k] = common.encode_row(
             plant.state[:4], plant.state[4:], profile.vdc[k], iref[k], profile.omega_s[k],
             profile.omega_r[k],
         )  # fmt: skip

@@ -45,6 +45,9 @@ OPTIONS = (
     "two_switchings", "budget", "compensate", "deadlock_rule",
 )  # fmt: skip
 
+#: Place of every parameter in ``Registers.array()``.
+INDEX: dict[str, int] = {name: place for place, name in enumerate((*COEFFICIENTS, *OPTIONS))}
+
 
 @dataclass(frozen=True)
 class Registers:
@@ -114,8 +117,7 @@ def weighted_deadlock(values: NDArray[np.int64]) -> bool:
 
 def _any(values: NDArray[np.int64], *options: str) -> bool:
     """Whether one of the options is set in a row of register values."""
-    names = [*COEFFICIENTS, *OPTIONS]
-    return bool(np.atleast_2d(values)[:, [names.index(option) for option in options]].any())
+    return bool(np.atleast_2d(values)[:, [INDEX[option] for option in options]].any())
 
 
 def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:

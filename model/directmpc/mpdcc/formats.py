@@ -33,58 +33,11 @@ the deadlock cost of Paper A's (15) compares all seven outputs without further s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-
-@dataclass(frozen=True)
-class Format:
-    """A fixed-point word.
-
-    Parameters
-    ----------
-    width : int
-        Bits, sign included.
-    signed : bool
-        Two's complement when true.
-    scale : float
-        LSB per unit (per unit system unless said otherwise).
-    """
-
-    width: int
-    signed: bool
-    scale: float
-
-    @property
-    def low(self) -> int:
-        """Smallest integer the encoder produces (the most negative code is never used)."""
-        return -(2 ** (self.width - 1) - 1) if self.signed else 0
-
-    @property
-    def high(self) -> int:
-        """Largest integer of the word."""
-        return 2 ** (self.width - self.signed) - 1
-
-    def encode(self, value: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Round half to even and saturate.
-
-        Parameters
-        ----------
-        value : array_like
-            Real values in units, any shape, finite.
-
-        Returns
-        -------
-        integers : ndarray of int64, same shape
-        saturated : ndarray of bool, same shape
-            True where the value lay outside the word.
-        """
-        wide = np.rint(np.asarray(value, dtype=np.float64) * self.scale)
-        clipped = np.clip(wide, self.low, self.high)
-        return clipped.astype(np.int64), wide != clipped
-
+from directmpc.fixed_point import Format
 
 CURRENT = Format(16, True, 16000.0)
 FLUX = Format(16, True, 9000.0)

@@ -88,7 +88,7 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
 
 
 @njit
-def _phases(vector):
+def phases(vector):
     """K^-1 of eq. (1) on a complex space vector."""
     half = -0.5 * vector.real
     root = SQRT3_2 * vector.imag
@@ -96,7 +96,7 @@ def _phases(vector):
 
 
 @njit
-def _inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
+def inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
     """Stator voltage vector of a position and what it adds to the inverter voltages each step."""
     half = 0.5 * vdc
     u_a = p.half_dc[s_a] * half + p.neutral[s_a] * v_n + p.capacitor[s_a] * v_a
@@ -122,7 +122,7 @@ def _inside(bounds, error, v_n, d_a, d_b, d_c):
         return False
     if not (abs(d_b) <= bounds[5] and abs(d_c) <= bounds[6]):
         return False
-    e_a, e_b, e_c = _phases(error)
+    e_a, e_b, e_c = phases(error)
     return abs(e_a) <= bounds[0] and abs(e_b) <= bounds[1] and abs(e_c) <= bounds[2]
 
 
@@ -132,7 +132,7 @@ def _excess(bounds, weighted, error, v_n, d_a, d_b, d_c):
 
     With `weighted` v_n's counts eight times, and a sixteenth of the currents' largest is added.
     """
-    e_a, e_b, e_c = _phases(error)
+    e_a, e_b, e_c = phases(error)
     current = abs(e_a) - bounds[0]
     current = max(current, abs(e_b) - bounds[1])
     current = max(current, abs(e_c) - bounds[2])
@@ -170,7 +170,7 @@ def _extend(
 
 
 @njit
-def _prepare(p, x_m, iref, omega_s, omega_r, steps):
+def prepare(p, x_m, iref, omega_s, omega_r, steps):
     """What all candidates share: discretised machine, responses and reference over `steps`."""
     a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
     n = p.horizon
@@ -197,8 +197,8 @@ def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Whether s(k-1) keeps every output within its bound at k + 1 (Algorithm 1, line 1)."""
     a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
-    i_a, i_b, i_c = _phases(current)
-    voltage, r_n, r_a, r_b, r_c = _inputs(
+    i_a, i_b, i_c = phases(current)
+    voltage, r_n, r_a, r_b, r_c = inputs(
         p, vdc, x_inv[0], x_inv[1], x_inv[2], x_inv[3], i_a, i_b, i_c,
         s_prev[0], s_prev[1], s_prev[2],
     )  # fmt: skip
@@ -234,13 +234,13 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     win. The bounds hold after rounding too: division and addition are monotonic in floating point.
     """
     n = p.horizon
-    a11, a12, a21, a22, natural, forced, forced_flux, reference = _prepare(
+    a11, a12, a21, a22, natural, forced, forced_flux, reference = prepare(
         p, x_m, iref, omega_s, omega_r, 2 * n
     )
     natural2 = np.empty(n + 1, np.complex128)
     current = complex(x_m[0], x_m[1])
     flux = complex(x_m[2], x_m[3])
-    i_a, i_b, i_c = _phases(current)
+    i_a, i_b, i_c = phases(current)
     quarter = 0.25 * vdc
     v_n, v_a, v_b, v_c = x_inv[0], x_inv[1], x_inv[2], x_inv[3]
     weight_a = p.weight[1 if i_a < 0.0 else 0, s_prev[0]]
@@ -263,7 +263,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
                 f1 = float(weight_a[s_a] + weight_b[s_b] + weight_c[s_c])
                 if prune and (deep <= f1 / (2 * n) if p.two_switchings else flat <= f1 / n):
                     continue
-                voltage, r_n, r_a, r_b, r_c = _inputs(
+                voltage, r_n, r_a, r_b, r_c = inputs(
                     p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c
                 )
                 length = _extend(
@@ -338,7 +338,7 @@ def _best_leaf(
     """
     n = p.horizon
     _natural(a11, a12, a21, a22, current, flux, n, natural2)
-    i_a, i_b, i_c = _phases(current)
+    i_a, i_b, i_c = phases(current)
     quarter = 0.25 * vdc
     weight_a = p.weight[1 if i_a < 0.0 else 0, s_a]
     weight_b = p.weight[1 if i_b < 0.0 else 0, s_b]
@@ -353,7 +353,7 @@ def _best_leaf(
                 f = f1 + float(weight_a[t_a] + weight_b[t_b] + weight_c[t_c])
                 if min(best, limit) <= f / (length + n):
                     continue
-                voltage, r_n, r_a, r_b, r_c = _inputs(
+                voltage, r_n, r_a, r_b, r_c = inputs(
                     p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, t_a, t_b, t_c
                 )
                 more = _extend(
@@ -441,8 +441,8 @@ def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
         )
         current, flux = complex(*trace.x_m[k, :2]), complex(*trace.x_m[k, 2:])
         s = trace.s_prev[k]
-        voltage, *slopes = _inputs(
-            p, trace.vdc[k], *trace.x_inv[k], *_phases(current), s[0], s[1], s[2]
+        voltage, *slopes = inputs(
+            p, trace.vdc[k], *trace.x_inv[k], *phases(current), s[0], s[1], s[2]
         )
         following = a11 * current + a12 * flux + b1 * voltage
         flux = a21 * current + a22 * flux + b2 * voltage

@@ -29,6 +29,7 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive
+from directmpc.fixed_point import rounded
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.formats import CURRENT, FLUX, LINK_VOLTAGE, SPEED
 from directmpc.mpdcc.machine import InductionMachine
@@ -116,29 +117,13 @@ def array(words: dict[str, int]) -> IntArray:
 #: State of the twin: psi_c alpha, beta, psi_s alpha, beta, last current alpha, beta, overflow.
 STATE_WORDS = 7
 
-_STATE_HIGH = 2 ** (STATE_WIDTH - 1) - 1
 _STATE_SHIFT = FINE - GUARD
-_STATE_HALF = 2 ** (_STATE_SHIFT - 1)
 _ALIGN_MIDDLE, _ALIGN_COARSE, _ALIGN_WHOLE = FINE - MIDDLE, FINE - COARSE, FINE - WHOLE
 _PORT_SHIFT = FINE + 2
-_PORT_HALF = 2 ** (_PORT_SHIFT - 1)
-_PORT_HIGH = 2 ** (FLUX.width - 1) - 1
-_WORD_HIGH = 2 ** (WORD_WIDTH - 1) - 1
-_ANGLE_SHIFT = ANGLE_SHIFT
-_ANGLE_HALF = 2 ** (ANGLE_SHIFT - 1)
+_PORT_WIDTH = FLUX.width
 _HALF_DC = np.asarray(anpc.HALF_DC, dtype=np.int64)
 _NEUTRAL = np.asarray(anpc.NEUTRAL, dtype=np.int64)
 _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
-
-
-@njit
-def _clip(value, high):
-    """Saturate; the value, and 1 where it did not fit."""
-    if value > high:
-        return high, 1
-    if value < -high - 1:
-        return -high - 1, 1
-    return value, 0
 
 
 @njit
@@ -163,13 +148,13 @@ def step_words(c, state, m, s):
     saturated : int
     """
     guard = GUARD
-    q, o = _clip((m[7] * 4 * c[0] + _ANGLE_HALF) >> _ANGLE_SHIFT, _WORD_HIGH)
+    q, o = rounded(m[7] * 4 * c[0], ANGLE_SHIFT, WORD_WIDTH)
     over = state[6] | o
     v = np.empty(3, dtype=np.int64)
     for x in range(3):
         v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
-    v_a, o0 = _clip((2 * v[0] - v[1] - v[2] + 2) >> 2, _WORD_HIGH)
-    v_b, o1 = _clip((v[1] - v[2] + 2) >> 2, _WORD_HIGH)
+    v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
+    v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
     over |= o0 | o1
     volts = (v_a * c[1], v_b * c[2])
     flux = np.empty(2, dtype=np.int64)
@@ -179,20 +164,20 @@ def step_words(c, state, m, s):
         mean, last = (m[x] + state[4 + x]) * 2, state[4 + x] * 4
         psi_c, psi_s = state[x] >> guard, state[2 + x] >> guard
         cross = ~(state[1] >> guard) if x == 0 else state[0] >> guard
-        total = (state[2 + x] << _STATE_SHIFT) + _STATE_HALF
+        total = state[2 + x] << _STATE_SHIFT
         total += (volts[x] << _ALIGN_COARSE) + mean * c[3]
         total += (last * c[6] + psi_c * c[5] + psi_s * c[4]) << _ALIGN_MIDDLE
-        flux[x], o0 = _clip(total >> _STATE_SHIFT, _STATE_HIGH)
-        total = (state[x] << _STATE_SHIFT) + _STATE_HALF + psi_c * c[7] + mean * c[8]
-        ahead[x], o1 = _clip((total + (cross * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
+        flux[x], o0 = rounded(total, _STATE_SHIFT, STATE_WIDTH)
+        total = (state[x] << _STATE_SHIFT) + psi_c * c[7] + mean * c[8]
+        ahead[x], o1 = rounded(total + (cross * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
         total = (flux[x] >> guard) * c[9] + m[x] * 4 * c[10]
-        out[x], o2 = _clip(((total << _ALIGN_WHOLE) + _PORT_HALF) >> _PORT_SHIFT, _PORT_HIGH)
+        out[x], o2 = rounded(total << _ALIGN_WHOLE, _PORT_SHIFT, _PORT_WIDTH)
         over |= o0 | o1 | o2
     half_a, half_b = (ahead[0] - state[0]) >> (guard + 1), (ahead[1] - state[1]) >> (guard + 1)
-    total = (ahead[0] << _STATE_SHIFT) + _STATE_HALF + half_a * c[7]
-    state[0], o0 = _clip((total + (~half_b * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
-    total = (ahead[1] << _STATE_SHIFT) + _STATE_HALF + half_b * c[7]
-    state[1], o1 = _clip((total + (half_a * q << _ALIGN_COARSE)) >> _STATE_SHIFT, _STATE_HIGH)
+    total = (ahead[0] << _STATE_SHIFT) + half_a * c[7]
+    state[0], o0 = rounded(total + (~half_b * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
+    total = (ahead[1] << _STATE_SHIFT) + half_b * c[7]
+    state[1], o1 = rounded(total + (half_a * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
     state[2], state[3], state[4], state[5] = flux[0], flux[1], m[0], m[1]
     state[6] = o0 | o1
     return out[0], out[1], over

@@ -15,8 +15,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc import fixed_point
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
+from directmpc.fixed_point import rounded, saturate
 from directmpc.mpdcc.trace import IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, Registers, registers
@@ -43,20 +45,15 @@ _NORMAL = 2 ** (f.FRACTION - 2)
 _START = -(2 ** (f.FRACTION - 1))
 _N_COEFFICIENTS = len(COEFFICIENTS)
 #: Components of u_1 to u_6 and u_0: alpha in halves of voltage_alpha's step, beta in whole ones.
-_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
-_BETA = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
+VECTOR_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
+VECTOR_BETA = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
 _ZERO_FROM = ZERO_FROM
 
 
 @njit
 def to_word(total):
     """Round a sum of products to a word and saturate; the word, and 1 where it saturated."""
-    value = (total + _HALF) >> _FRACTION
-    if value > _HIGH:
-        return _HIGH, 1
-    if value < -_HIGH - 1:
-        return -_HIGH - 1, 1
-    return value, 0
+    return rounded(total, _FRACTION, f.WORD_WIDTH)
 
 
 @njit
@@ -84,10 +81,7 @@ def flux_difference(x, y, reference):
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
     if difference < 0:
         difference = ~difference
-    value = difference >> _DIFFERENCE_SHIFT
-    if value > _HIGH:
-        return _HIGH, 1
-    return value, 0
+    return saturate(difference >> _DIFFERENCE_SHIFT, f.WORD_WIDTH)
 
 
 @njit
@@ -174,12 +168,8 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
             v_a <<= 2
             v_b <<= 2
             t <<= 2
-            if t > _HIGH:
-                t = _HIGH
-                saturated = 1
-            elif t < -_HIGH - 1:
-                t = -_HIGH - 1
-                saturated = 1
+            t, over = saturate(t, f.WORD_WIDTH)
+            saturated |= over
     if v_a == 0 and v_b == 0:
         v_a = _START
     n, s4 = to_word(v_a * v_a + v_b * v_b)
@@ -234,7 +224,9 @@ def decide_words(c, m, u):
     torque = (m[6] << _SHIFT) * c[10]
     reference = m[7] << _SHIFT
     saturated = s0 | s1 | s2
-    w_a, w_b, p_a, p_b, s3 = prediction(c, i_a, i_b, psi_a, psi_b, q, _ALPHA[u] * d, _BETA[u] * s)
+    w_a, w_b, p_a, p_b, s3 = prediction(
+        c, i_a, i_b, psi_a, psi_b, q, VECTOR_ALPHA[u] * d, VECTOR_BETA[u] * s
+    )
     base_a, s4 = to_word((p_a << _FRACTION) + w_a * c[5] + p_a * c[6])
     base_b, s5 = to_word((p_b << _FRACTION) + w_b * c[5] + p_b * c[6])
     saturated |= s3 | s4 | s5
@@ -261,20 +253,20 @@ def decide_words(c, m, u):
     for n in range(1, 8):
         j = n % 7
         change = 0
-        if _ALPHA[j] == 2 or _ALPHA[j] == -2:
+        if VECTOR_ALPHA[j] == 2 or VECTOR_ALPHA[j] == -2:
             change = along >> 1
         elif j != 0:
             change = along >> 2
-        if _ALPHA[j] < 0:
+        if VECTOR_ALPHA[j] < 0:
             change = -change
-        change -= _BETA[j] * (across >> 1)
+        change -= VECTOR_BETA[j] * (across >> 1)
         if flux_control:
             term = start + change if j != 0 else np.int64(0)
             cost = term << _COST_SHIFT
         else:
-            x = (abs(_ALPHA[j]) * d) >> (2 - _GUARD)
-            x = (base_a << _GUARD) + (-x if _ALPHA[j] < 0 else x)
-            y = (base_b << _GUARD) + ((_BETA[j] * s) << (_GUARD - 1))
+            x = (abs(VECTOR_ALPHA[j]) * d) >> (2 - _GUARD)
+            x = (base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
+            y = (base_b << _GUARD) + ((VECTOR_BETA[j] * s) << (_GUARD - 1))
             difference, s8 = flux_difference(x, y, reference)
             saturated |= s8
             term = start - change
@@ -302,31 +294,15 @@ def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
     real[0], real[1] = i.real, i.imag
     real[2], real[3] = psi.real, psi.imag
     real[4], real[5], real[6], real[7] = omega_r, vdc, torque_ref, psi_ref
-    measurement = np.empty(8, dtype=np.int64)
-    clipped = 0
-    for n in range(8):
-        value = np.rint(real[n] * scales[n])
-        if value < lows[n]:
-            value = lows[n]
-            clipped = 1
-        elif value > highs[n]:
-            value = highs[n]
-            clipped = 1
-        measurement[n] = int(value)
-    return measurement, clipped
+    return fixed_point.encode_row(real, scales, lows, highs)
 
 
 def parameters(
     drive: MptcDrive, values: Registers | None = None
 ) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Registers and formats of a drive, as `decide` takes them."""
-    table = f.measurement_formats(drive).values()
-    return (
-        (values or registers(drive)).array(),
-        np.array([fmt.scale for fmt in table]),
-        np.array([float(fmt.low) for fmt in table]),
-        np.array([float(fmt.high) for fmt in table]),
-    )
+    scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
+    return (values or registers(drive)).array(), scales, lows, highs
 
 
 @njit

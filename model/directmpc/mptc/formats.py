@@ -35,7 +35,7 @@ from __future__ import annotations
 import math
 
 from directmpc.drive_file import MptcDrive
-from directmpc.mpdcc.formats import Format
+from directmpc.fixed_point import Format
 
 WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
 FRACTION = 17  # fractional bits of a word

@@ -25,10 +25,11 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
+from directmpc.fixed_point import rounded
 from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import formats as f
 from directmpc.mptc import ideal
-from directmpc.mptc.bit_true import _ALPHA, _BETA, to_word
+from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, to_word
 from directmpc.mptc.coefficients import Registers, registers
 
 GAIN = -40.0  # b of eq. 9, 1/s
@@ -55,11 +56,7 @@ _SHIFT = f.MEASUREMENT_SHIFT
 _LINK_SHIFT = f.LINK_SHIFT
 _GUARD = GUARD
 _STATE_SHIFT = f.PRODUCT_FRACTION - f.FRACTION - GUARD
-_STATE_HALF = 2 ** (_STATE_SHIFT - 1)
-_STATE_HIGH = 2 ** (STATE_WIDTH - 1) - 1
 _PORT_SHIFT = GUARD + f.MEASUREMENT_SHIFT
-_PORT_HALF = 2 ** (_PORT_SHIFT - 1)
-_PORT_HIGH = 2 ** (f.MEASUREMENT_WIDTH - 1) - 1
 
 
 def coefficients(
@@ -106,12 +103,7 @@ def array(words: dict[str, int]) -> IntArray:
 @njit
 def to_state(total):
     """Round a sum of products to a state and saturate; the state, and 1 where it saturated."""
-    value = (total + _STATE_HALF) >> _STATE_SHIFT
-    if value > _STATE_HIGH:
-        return _STATE_HIGH, 1
-    if value < -_STATE_HIGH - 1:
-        return -_STATE_HIGH - 1, 1
-    return value, 0
+    return rounded(total, _STATE_SHIFT, STATE_WIDTH)
 
 
 @njit
@@ -149,11 +141,15 @@ def step_words(c, state, m, u):
         (state[2] << up)
         + w_a * c[4]
         + p_a * c[5]
-        + d * (_ALPHA[u] << (_FRACTION - 2))
+        + d * (VECTOR_ALPHA[u] << (_FRACTION - 2))
         + e_a * c[10]
     )
     pn_b, s8 = to_state(
-        (state[3] << up) + w_b * c[4] + p_b * c[5] + s * (_BETA[u] << (_FRACTION - 1)) + e_b * c[10]
+        (state[3] << up)
+        + w_b * c[4]
+        + p_b * c[5]
+        + s * (VECTOR_BETA[u] << (_FRACTION - 1))
+        + e_b * c[10]
     )
     saturated = s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8
     # halves of what has moved; a difference of two states has a bit more than a state
@@ -164,12 +160,8 @@ def step_words(c, state, m, u):
     state[2], s2 = to_state((pn_a << up) + dw_a * c[4] + dp_a * c[5])
     state[3], s3 = to_state((pn_b << up) + dw_b * c[4] + dp_b * c[5])
     saturated |= s0 | s1 | s2 | s3
-    out_a = (state[2] + _PORT_HALF) >> _PORT_SHIFT
-    out_b = (state[3] + _PORT_HALF) >> _PORT_SHIFT
-    if out_a > _PORT_HIGH:
-        out_a = _PORT_HIGH
-    if out_b > _PORT_HIGH:
-        out_b = _PORT_HIGH
+    out_a, _ = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
+    out_b, _ = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
     return out_a, out_b, saturated
 
 

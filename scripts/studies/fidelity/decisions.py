@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.mpdcc import closed_loop, formats, ideal
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import OPTIONS, second_level, weighted_deadlock
 from directmpc.mpdcc.machine import discretise
@@ -60,8 +60,8 @@ def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """
     a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
-    i_a, i_b, i_c = ideal._phases(current)
-    voltage, r_n, r_a, r_b, r_c = ideal._inputs(
+    i_a, i_b, i_c = ideal.phases(current)
+    voltage, r_n, r_a, r_b, r_c = ideal.inputs(
         p, vdc, x_inv[0], x_inv[1], x_inv[2], x_inv[3], i_a, i_b, i_c,
         s_prev[0], s_prev[1], s_prev[2],
     )  # fmt: skip
@@ -74,7 +74,7 @@ def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
             error = reference * np.exp(1j * omega_s * p.ts) - following
         else:
             error = reference - current
-        phases = ideal._phases(error)
+        phases = ideal.phases(error)
         for x in range(3):
             found[later] = min(found[later], abs(abs(phases[x]) - p.bounds[x]))
         for x in range(4):
@@ -153,7 +153,7 @@ def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray
     FidelityError
         If a decision differs from the model's in any field.
     """
-    measurements, clipped = bit_true.encode(seen)
+    measurements, clipped = common.encode(seen)
     answered = decide_netlist(variant, measurements, seen.s_prev, registers)
     answered[:, 6] |= clipped
     expected = np.column_stack([model.s, model.held, model.deadlock, model.length, model.saturated])
@@ -179,7 +179,7 @@ def sample_ghdl(drive: str, bound: float, variant: str) -> Row:
         for point in chosen:
             seen, _, _ = loop(point, variant, "model", 50 * SAMPLE)
             seen = seen.rows(np.linspace(0, len(seen) - 1, SAMPLE).astype(int))
-            measurements.append(bit_true.encode(seen)[0])
+            measurements.append(common.encode(seen)[0])
             s_prev.append(seen.s_prev)
         words, before = np.concatenate(measurements), np.concatenate(s_prev)
         answered = decide_netlist(variant, words, before, registers)

@@ -36,7 +36,8 @@ from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats, ideal
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.parabola import FAR, NEAR, fit_parabola
@@ -50,10 +51,10 @@ EVERY_STEP, THRESHOLD, PLAIN = range(3)
 
 _SCALES = np.array([fmt.scale for fmt in formats.MEASUREMENTS.values()])
 _RESULTS = PRODUCTS + TERMS
-_N_SIGNALS = bit_true._N_SIGNALS
+_N_SIGNALS = common.N_SIGNALS
 _N_PRODUCTS = len(PRODUCTS)
 _N_COEFFICIENTS = len(COEFFICIENTS)
-_PROGRAM = bit_true.FAST_PROGRAM
+_PROGRAM = common.FAST_PROGRAM
 _SHIFT = 2.0**formats.RESULT_SHIFT
 _FORCED = 2.0**formats.FORCED_FRACTION
 _WEIGHT = 2.0**formats.WEIGHT_SLOPE_FRACTION
@@ -64,9 +65,9 @@ _CURVATURE_HIGH = 2.0 ** (formats.CURVATURE_WIDTH - 1) - 1
 _TURN = 2.0**formats.TURN_SHIFT
 _REACH = 2.0**formats.MARGIN_WIDTH
 _BITS = formats.LENGTH_WIDTH
-_COUNT, _NEXT, _TRANSITION = bit_true._COUNT, bit_true._NEXT, bit_true._WEIGHT
-_HALF_DC, _NEUTRAL, _CAPACITOR = bit_true._HALF_DC, bit_true._NEUTRAL, bit_true._CAPACITOR
-_FROM_NEUTRAL, _FROM_CAPACITOR = bit_true._NEUTRAL_CURRENT, bit_true._CAPACITOR_CURRENT
+_COUNT, _NEXT, _TRANSITION = anpc.NEXT_COUNT, anpc.NEXT_TABLE, anpc.TRANSITION_WEIGHT
+_HALF_DC, _NEUTRAL, _CAPACITOR = anpc.HALF_DC, anpc.NEUTRAL, anpc.CAPACITOR
+_FROM_NEUTRAL, _FROM_CAPACITOR = anpc.NEUTRAL_CURRENT, anpc.CAPACITOR_CURRENT
 
 
 class Replica(NamedTuple):
@@ -350,7 +351,7 @@ def _share(s, weights, grain):
 
 @njit
 def _slopes(p, s, natural, forced, phase, midpoint, out):
-    """``bit_true.slopes``."""
+    """``common.slopes``."""
     u = np.empty(3)
     out[3] = _share(s, midpoint, p.half)
     for x in range(3):
@@ -396,7 +397,7 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     # what the trajectory as built gets wrong, float64 throughout
     current, flux = complex(x_m[0], x_m[1]), complex(x_m[2], x_m[3])
     reference = complex(iref[0], iref[1])
-    i_a, i_b, i_c = ideal._phases(current)
+    i_a, i_b, i_c = ideal.phases(current)
     jw_s, jw_r = 1j * omega_s, 1j * omega_r
     q = p.fit
     slope_fit = q[0] * current + (q[1] + q[2] * jw_r) * flux + q[3] * jw_s * reference
@@ -439,14 +440,14 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
         for x in range(3):
             sloped[x], curved[x] = slope[x], curvature[x]
         if p.trajectory != FITTED:
-            voltage, _, _, _, _ = ideal._inputs(
+            voltage, _, _, _, _ = ideal.inputs(
                 p.exact, vdc, x_inv[0], x_inv[1], x_inv[2], x_inv[3], i_a, i_b, i_c,
                 s[0], s[1], s[2],
             )  # fmt: skip
             if p.trajectory == EXACT:
                 residual = near - near_forced * voltage
                 residual -= slope_fit - q[4] * voltage + curvature_fit
-                more[0], more[1], _ = ideal._phases(p.unit * residual)
+                more[0], more[1], _ = ideal.phases(p.unit * residual)
                 more[2] = more[0] + more[1]
             else:
                 b, c = _split(near, far)
@@ -461,8 +462,8 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
                     g = p.euler
                     b = g[0] * current + (g[1] + g[2] * jw_r + g[3] * jw_r**2) * flux
                     b, c = b + jw_s * p.exact.ts * reference - g[4] * voltage, 0j
-                db = ideal._phases(p.unit * (b - (slope_fit - q[4] * voltage)))
-                dc = ideal._phases(p.unit * (c - curvature_fit))
+                db = ideal.phases(p.unit * (b - (slope_fit - q[4] * voltage)))
+                dc = ideal.phases(p.unit * (c - curvature_fit))
                 for x in range(2):
                     sloped[x] += db[x]
                     curved[x] += dc[x]
@@ -478,7 +479,7 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
             if excess <= 0.0:
                 return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, 0
             if p.trajectory == EXACT:
-                _, _, _, _, natural_exact, forced_exact, _, turned = ideal._prepare(
+                _, _, _, _, natural_exact, forced_exact, _, turned = ideal.prepare(
                     p.exact, x_m, iref, omega_s, omega_r, horizon
                 )
                 for step in range(horizon + 1):
@@ -495,7 +496,7 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
             for step in range(1, length + 1):
                 residual = natural_exact[step] - forced_exact[step] * voltage
                 residual -= (slope_fit - q[4] * voltage) * step + curvature_fit * step**2
-                more[0], more[1], _ = ideal._phases(p.unit * residual)
+                more[0], more[1], _ = ideal.phases(p.unit * residual)
                 more[2] = more[0] + more[1]
                 outside = False
                 for x in range(3):

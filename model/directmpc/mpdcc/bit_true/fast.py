@@ -26,35 +26,61 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.drive_file import Drive
+from directmpc.fixed_point import rounded, saturate
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc.bit_true import paper as bit_true
-from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc import inverter
+from directmpc.mpdcc.bit_true import common
+from directmpc.mpdcc.bit_true.common import (
+    FAST_PROGRAM,
+    N_PRODUCTS,
+    Node,
+    common_terms,
+    cost,
+    effort_of,
+    encode_row,
+    options,
+    phases,
+    run_rows,
+    search_length,
+)
+from directmpc.mpdcc.coefficients import INDEX, Registers, registers
+from directmpc.mpdcc.program import PRODUCTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 
-_N_COEFFICIENTS = len(bit_true.COEFFICIENTS)
-_CHANGE = bit_true.COEFFICIENTS.index("change_phase")
-_REFERENCE = bit_true.COEFFICIENTS.index("reference_alpha")
-_REFERENCE_SPEED = bit_true.PRODUCTS.index("reference_speed_alpha")
-_BITS = f.LENGTH_WIDTH
-_TURN_SHIFT = f.TURN_SHIFT
-_NEUTRAL_SHIFT = f.DEADLOCK_NEUTRAL_SHIFT
-_CURRENT_SHIFT = f.DEADLOCK_CURRENT_SHIFT
-_REACH = 2 ** (f.MARGIN_WIDTH)  # steps of the search beyond this are outside any band
+_CHANGE_PHASE = INDEX["change_phase"]
+_CHANGE_MIDPOINT = INDEX["change_midpoint"]
+_CHANGE_WEIGHT = INDEX["change_weight"]
+_ERROR_FORCED = INDEX["error_forced"]
+_REFERENCE_ALPHA = INDEX["reference_alpha"]
+_REFERENCE_BETA = INDEX["reference_beta"]
+_REFERENCE_SPEED_ALPHA = PRODUCTS.index("reference_speed_alpha")
+_REFERENCE_SPEED_BETA = PRODUCTS.index("reference_speed_beta")
+_REACH = 2**f.MARGIN_WIDTH  # steps of the search beyond this are outside any band
 
-_COUNT = bit_true._COUNT
-_NEXT = bit_true._NEXT
-_WEIGHT = bit_true._WEIGHT
-_NEUTRAL_CURRENT = bit_true._NEUTRAL_CURRENT
-_CAPACITOR_CURRENT = bit_true._CAPACITOR_CURRENT
+#: Efforts are below this.
+_EFFORTS = 2**f.EFFORT_WIDTH
+#: Candidates of a level, at most.
+CANDIDATES = inverter.MAX_NEXT**3
 
 
 @njit
 def turn_threshold(error, curvature, bound):
-    """T: the slope against the curvature from which a trajectory leaves before it turns."""
+    """T: the slope against the curvature from which a trajectory leaves before it turns.
+
+    Parameters
+    ----------
+    error, curvature, bound : int
+        Of a current, trajectory units; |error| <= bound.
+
+    Returns
+    -------
+    int
+        Trajectory units per step.
+    """
     room = bound + error if curvature >= 0 else bound - error
     steep = abs(curvature)
     threshold = 1 << 40
-    for k in range(1, _BITS + 1):
+    for k in range(1, f.LENGTH_WIDTH + 1):
         threshold = min(threshold, (room >> k) + (steep << k))
     return threshold
 
@@ -64,6 +90,13 @@ def first_exit(error, slope, curvature, bound, threshold):
     """Largest l of 0..63 up to which the parabola stays in the band; |error| <= bound.
 
     One bit of l per stage of the explorer's pipeline.
+
+    Parameters
+    ----------
+    error, slope, curvature, bound : int
+        Of a current, trajectory units (per step, per square step).
+    threshold : int
+        ``turn_threshold`` of the same.
     """
     upwards = curvature >= 0
     exceeds = slope < -threshold if upwards else slope > threshold
@@ -71,14 +104,14 @@ def first_exit(error, slope, curvature, bound, threshold):
     margin = error - bound - 1 if side_up else error + bound
     length = 0
     beta = slope
-    for m in range(_BITS - 1, -1, -1):
+    for m in range(f.LENGTH_WIDTH - 1, -1, -1):
         secant = beta + (curvature << m)
         after = secant + (curvature << m)
         step = secant << m
         trial = margin + step
         inside = trial < 0 if side_up else trial >= 0
         # the sign of the slope there, from its upper bits
-        tail = (secant >> _TURN_SHIFT) + ((curvature << m) >> _TURN_SHIFT)
+        tail = (secant >> f.TURN_SHIFT) + ((curvature << m) >> f.TURN_SHIFT)
         turned = tail >= 0 if upwards else tail < 0
         # one step beyond one that is inside and before the turn cannot have missed an exit
         if -_REACH <= step < _REACH and inside and not (exceeds and turned and m > 0):
@@ -89,31 +122,14 @@ def first_exit(error, slope, curvature, bound, threshold):
 
 
 @njit
-def _clip(value, width):
-    """Saturate to a signed word; the value and 1 where it did not fit."""
-    high = (1 << (width - 1)) - 1
-    if value > high:
-        return high, 1
-    if value < -high - 1:
-        return -high - 1, 1
-    return value, 0
-
-
-@njit
-def _rounded(total, shift, width):
-    """A sum of products rounded half up at a bit and saturated."""
-    return _clip((total + (1 << (shift - 1))) >> shift, width)
-
-
-@njit
 def _neutral_slope(s, shares):
     """Slope of v_n as `share_of`, but two phases make the opposite of the third's exactly."""
     hanging = 0
     for x in range(3):
-        hanging += _NEUTRAL_CURRENT[s[x]]
+        hanging += inverter.NEUTRAL_CURRENT[s[x]]
     alone = 1 if hanging == 1 else 0
     for x in range(3):
-        if hanging in (1, 2) and _NEUTRAL_CURRENT[s[x]] == alone:
+        if hanging in (1, 2) and inverter.NEUTRAL_CURRENT[s[x]] == alone:
             return shares[x] if alone else -shares[x]
     return 0
 
@@ -151,34 +167,35 @@ def successor(register, reference, t, start_slope, s, steps):
     flag = 0
     plane = (start_slope[0], start_slope[1] + (start_slope[0] >> 1))
     length = steps << 7
-    change_phase, change_midpoint, change_weight, error_forced = register[_CHANGE : _CHANGE + 4]
+    change_phase, change_midpoint = register[_CHANGE_PHASE], register[_CHANGE_MIDPOINT]
+    change_weight, error_forced = register[_CHANGE_WEIGHT], register[_ERROR_FORCED]
     for x in range(2):
         bend_step = t[20 + x] * steps
         secant = plane[x] + bend_step
         drift = (reference[x] - secant) >> 1
-        change, over = _rounded(drift * length, 10, f.OPERAND_WIDTH)
+        change, over = rounded(drift * length, 10, f.OPERAND_WIDTH)
         flag |= over
-        out[x], over = _clip(secant * steps + t[x], f.TERM_WIDTH)
+        out[x], over = saturate(secant * steps + t[x], f.TERM_WIDTH)
         flag |= over
         out[6 + x] = t[6 + x] + 2 * bend_step
         narrow = f.CURRENT_TERM_WIDTH - 1
-        out[13 + x], over = _rounded((t[13 + x] << 13) + change * change_phase, 13, narrow)
+        out[13 + x], over = rounded((t[13 + x] << 13) + change * change_phase, 13, narrow)
         flag |= over
-        out[15 + x], over = _rounded((t[15 + x] << 13) + change * change_midpoint, 13, narrow)
+        out[15 + x], over = rounded((t[15 + x] << 13) + change * change_midpoint, 13, narrow)
         flag |= over
-        weight, over = _rounded(4 * out[15 + x] * change_weight, 13, f.WEIGHT_SLOPE_WIDTH)
+        weight, over = rounded(4 * out[15 + x] * change_weight, 13, f.WEIGHT_SLOPE_WIDTH)
         out[18 + x] = weight
         flag |= over
-    phase = bit_true._phases(t[13], t[14])
-    neutral = _neutral_slope(s, bit_true._phases(t[15], t[16]))
+    phase = phases(t[13], t[14])
+    neutral = _neutral_slope(s, phases(t[15], t[16]))
     for x in range(3):
-        out[3 + x] = t[3 + x] - _CAPACITOR_CURRENT[s[x]] * phase[x] * steps
-        out[10 + x], _ = _rounded(
+        out[3 + x] = t[3 + x] - inverter.CAPACITOR_CURRENT[s[x]] * phase[x] * steps
+        out[10 + x], _ = rounded(
             ((t[8] >> 2) << 14) + out[3 + x] * error_forced, 13, f.FORCED_WIDTH
         )
     out[2] = neutral * steps + t[2]
-    out[9], _ = _rounded(out[2] * error_forced, 13, f.FORCED_WIDTH)
-    out[17], over = _rounded(out[2] * change_weight, 13, f.WEIGHT_WIDTH)
+    out[9], _ = rounded(out[2] * error_forced, 13, f.FORCED_WIDTH)
+    out[17], over = rounded(out[2] * change_weight, 13, f.WEIGHT_WIDTH)
     flag |= over
     return out, flag != 0
 
@@ -187,39 +204,55 @@ def successor(register, reference, t, start_slope, s, steps):
 def _reference(register, results):
     """What i* moves by per step, alpha and beta, trajectory units."""
     reference = np.empty(2, dtype=np.int64)
-    for x in range(2):
-        reference[x], _ = _rounded(
-            results[_REFERENCE_SPEED + 1 - x] * register[_REFERENCE + x], 16, f.OPERAND_WIDTH
-        )
+    reference[0], _ = rounded(
+        results[_REFERENCE_SPEED_BETA] * register[_REFERENCE_ALPHA], 16, f.OPERAND_WIDTH
+    )
+    reference[1], _ = rounded(
+        results[_REFERENCE_SPEED_ALPHA] * register[_REFERENCE_BETA], 16, f.OPERAND_WIDTH
+    )
     return reference
 
 
 @njit
-def node_of(t):
-    """``bit_true.node_of`` with the opposite of phase c in place of c, and curvatures clipped.
+def node_of(t, saturated):
+    """``common.node_of`` with the opposite of phase c in place of c, and curvatures clipped.
+
+    Parameters
+    ----------
+    t : ndarray of int64, shape (22,)
+        In the order of ``program.TERMS``.
+    saturated : bool
+        Whether a term did not fit its word.
 
     Returns
     -------
-    As ``bit_true.node`` but for the current errors and curvatures: a, b and a + b.
+    Node
+        Its current errors and curvatures are those of a, b, and a + b.
     """
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature = (
-        bit_true.node_of(t)
-    )
-    error[2] = error[0] + error[1]
-    curvature[2] = curvature[0] + curvature[1]
-    flag = 0
+    n = common.node_of(t, saturated)
+    n.error[2] = n.error[0] + n.error[1]
+    n.curvature[2] = n.curvature[0] + n.curvature[1]
     for x in range(3):
-        curvature[x], over = _clip(curvature[x], f.CURVATURE_WIDTH)
-        flag |= over
-    return error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, flag != 0
+        n.curvature[x], over = saturate(n.curvature[x], f.CURVATURE_WIDTH)
+        saturated = saturated or over != 0
+    return Node(
+        n.error, n.slope, n.forced, n.phase, n.midpoint, n.weight_slope, n.weight_start,
+        n.curvature, saturated,
+    )  # fmt: skip
+
+
+@njit
+def _root(register, measurement):
+    """Results of the program, its terms alone, and the node of a measurement."""
+    results, saturated = common_terms(FAST_PROGRAM, measurement, register)
+    t = results[N_PRODUCTS:].copy()
+    return results, t, node_of(t, saturated)
 
 
 @njit
 def node(measurement, register):
-    """``bit_true.node`` of the fast variant, see ``node_of``."""
-    results, saturated = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
-    found = node_of(results[bit_true._N_PRODUCTS :])
-    return (*found[:8], saturated | found[8])
+    """The ``Node`` of a measurement, see ``node_of``; arguments as ``common.common_terms``."""
+    return _root(register, measurement)[2]
 
 
 @njit
@@ -232,29 +265,36 @@ def share_of(s, shares):
     hanging = 0
     total = 0
     for x in range(3):
-        hanging += _NEUTRAL_CURRENT[s[x]]
+        hanging += inverter.NEUTRAL_CURRENT[s[x]]
     if hanging == 1:
         for x in range(3):
-            if _NEUTRAL_CURRENT[s[x]] == 1:
+            if inverter.NEUTRAL_CURRENT[s[x]] == 1:
                 total = shares[x]
     elif hanging == 2:
         for x in range(3):
-            if _NEUTRAL_CURRENT[s[x]] == 0:
+            if inverter.NEUTRAL_CURRENT[s[x]] == 0:
                 total = -shares[x] - 1
     return total
 
 
 @njit
-def slopes(s, natural, forced, phase, midpoint, out):
-    """``bit_true.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
-    bit_true.slopes(s, natural, forced, phase, midpoint, out)
+def slopes(s, slope, forced, phase, midpoint, out):
+    """``common.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
+    common.slopes(s, slope, forced, phase, midpoint, out)
     out[2] = out[0] + out[1]
     out[3] = share_of(s, midpoint)
 
 
 @njit
-def _first(error, curvature):
-    """Current errors at k+1 but for the slope: a, b, and exactly their sum."""
+def first_errors(error, curvature):
+    """Errors at k+1 but for the slope: the currents' a, b, and exactly their sum.
+
+    Parameters
+    ----------
+    error : ndarray of int64, shape (7,)
+    curvature : ndarray of int64, shape (3,)
+        Of the ``Node``.
+    """
     first = error.copy()
     first[0] += curvature[0]
     first[1] += curvature[1]
@@ -263,9 +303,9 @@ def _first(error, curvature):
 
 
 @njit
-def _start_slopes(s, natural, forced, phase, midpoint, slope, start):
+def _start_slopes(s, n, slope, start):
     """Slopes under s into `slope`; those of the currents a and b for a successor into `start`."""
-    slopes(s, natural, forced, phase, midpoint, slope)
+    slopes(s, n.slope, n.forced, n.phase, n.midpoint, slope)
     start[0] = slope[0]
     start[1] = slope[1]
 
@@ -277,26 +317,9 @@ def has_successors(t, start):
     All do whose candidates stay inside their bounds; the state of k + 1 is not predicted otherwise.
     """
     for j in range(6):
-        if _clip(t[j], f.BASE_WIDTH)[1]:
+        if saturate(t[j], f.BASE_WIDTH)[1]:
             return False
-    return not (_clip(start[0], f.BASE_WIDTH)[1] or _clip(start[1], f.BASE_WIDTH)[1])
-
-
-@njit
-def _validity(error, first, slope, curvature, bound, threshold, horizon):
-    """L* of one candidate: how long every trajectory stays inside its bound."""
-    length = horizon
-    for j in range(7):
-        if abs(error[j]) > bound[j]:
-            return 0
-        if j < 3:
-            if abs(first[j] + slope[j]) > bound[j]:
-                return 0
-            found = first_exit(error[j], slope[j], curvature[j], bound[j], threshold[j])
-        else:
-            found = bit_true.search_length(error[j], slope[j], bound[j], horizon)
-        length = min(length, found)
-    return length
+    return not (saturate(start[0], f.BASE_WIDTH)[1] or saturate(start[1], f.BASE_WIDTH)[1])
 
 
 @njit
@@ -309,19 +332,74 @@ def _still(s, error, moving):
     moving[:] = error
     hanging = 0
     for x in range(3):
-        hanging += _NEUTRAL_CURRENT[s[x]]
-        if bit_true._CAPACITOR_CURRENT[s[x]] == 0:
+        hanging += inverter.NEUTRAL_CURRENT[s[x]]
+        if inverter.CAPACITOR_CURRENT[s[x]] == 0:
             moving[4 + x] = 0
     if hanging == 0:
         moving[3] = 0
 
 
-@njit
-def _deadlock_rank(first, slope, bound, weighted):
-    """What a deadlock compares, less is better: the largest excess at k+1, or the weighted rule's.
+# --- the rule of the specification ----------------------------------------------------------------
 
-    That is the largest excess with v_n's counted eight times, and a sixteenth of the currents'
-    largest, in sixteenths of a trajectory unit.
+
+@njit
+def length_inside(rule, error, first, slope, curvature, bound, threshold, horizon):
+    """L* of one candidate: how long every trajectory stays inside its bound.
+
+    Parameters
+    ----------
+    rule : int
+        Without effect; ``search`` hands it to every part of a rule.
+    error : ndarray of int64, shape (7,)
+        At the node: i_a, i_b, and their sum, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
+    first : ndarray of int64, shape (7,)
+        ``first_errors`` of the node.
+    slope : ndarray of int64, shape (7,)
+        Under the candidate, per step.
+    curvature, threshold : ndarray of int64, shape (3,)
+        Of the currents, per square step, and ``turn_threshold`` of each.
+    bound : ndarray of int64, shape (7,)
+        Half widths.
+    horizon : int
+        N, steps.
+
+    Returns
+    -------
+    int
+        0..N
+    """
+    length = horizon
+    for j in range(7):
+        if abs(error[j]) > bound[j]:
+            return 0
+        if j < 3:
+            if abs(first[j] + slope[j]) > bound[j]:
+                return 0
+            found = first_exit(error[j], slope[j], curvature[j], bound[j], threshold[j])
+        else:
+            found = search_length(error[j], slope[j], bound[j], horizon)
+        length = min(length, found)
+    return length
+
+
+@njit
+def deadlock_rank(first, slope, bound, weighted):
+    """What a deadlock compares, less is better: the largest excess at k+1 (Paper A, eq. 15).
+
+    The weighted rule counts the excess of v_n eight times and adds a sixteenth of the currents'
+    largest one.
+
+    Parameters
+    ----------
+    first, slope, bound : ndarray of int64, shape (7,)
+        As in ``length_inside``.
+    weighted : int
+        1 for the weighted rule.
+
+    Returns
+    -------
+    int
+        Trajectory units; sixteenths of them with the weighted rule.
     """
     current = -(1 << 40)
     for j in range(3):
@@ -330,171 +408,237 @@ def _deadlock_rank(first, slope, bound, weighted):
     for j in range(3, 7):
         excess = abs(first[j] + slope[j]) - bound[j]
         if weighted and j == 3:
-            excess <<= _NEUTRAL_SHIFT
+            excess <<= f.DEADLOCK_NEUTRAL_SHIFT
         worst = max(worst, excess)
-    return (worst << _CURRENT_SHIFT) + current if weighted else worst
+    return (worst << f.DEADLOCK_CURRENT_SHIFT) + current if weighted else worst
 
 
 @njit
-def _best_leaf(register, t, s1, effort1, steps, bound, horizon, scale):
-    """The cheapest leaf below a node: cost, whether its weight saturated, leaves; cost -1: none."""
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(t)
-    first = _first(error, curvature)
+def least_excess(
+    rule, error, first, slope, curvature, bound, effort, record, none_yet
+):  # fmt: skip
+    """Whether a candidate is the best so far in a deadlock; on equal ranks the earliest is.
+
+    Parameters
+    ----------
+    rule : int
+        1 for the weighted rule, see ``deadlock_rank``.
+    error, first, slope, curvature, bound
+        As in ``length_inside``.
+    effort : int
+        Weighted switching transitions of the candidate; without effect.
+    record : ndarray of int64, shape (8,)
+        The rank of the best so far in entry 0.
+    none_yet : bool
+        Whether this is the first candidate.
+    """
+    rank = deadlock_rank(first, slope, bound, rule)
+    if none_yet or rank < record[0]:
+        record[0] = rank
+        return True
+    return False
+
+
+@njit
+def no_surcharge(rule, error, slope, length):
+    """What a rule adds to J: nothing."""
+    return 0
+
+
+# --- the search -----------------------------------------------------------------------------------
+
+
+@njit(kept=False, inline=True)
+def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
+    """The cheapest leaf below a node.
+
+    Parameters
+    ----------
+    length_of, surcharge, rule
+        As in ``search``.
+    t : ndarray of int64, shape (22,)
+        Terms of the node.
+    s1 : ndarray of int64, shape (3,)
+        The node's positions.
+    effort1, steps : int
+        Effort and steps spent on the way to the node.
+    o : common.Options
+
+    Returns
+    -------
+    value : int
+        J in 1/COST_UNIT; -1 where no candidate stays inside its bounds.
+    saturated : bool
+        Whether its weight on v_n did not fit.
+    """
+    n = node_of(t, False)
+    first = first_errors(n.error, n.curvature)
     threshold = np.empty(3, dtype=np.int64)
-    sign = np.empty(3, dtype=np.int64)
     for x in range(3):
-        threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
-        sign[x] = 1 if phase[x] < 0 else 0
+        threshold[x] = turn_threshold(n.error[x], n.curvature[x], o.bound[x])
     slope = np.empty(7, dtype=np.int64)
     moving = np.empty(7, dtype=np.int64)
     s = np.empty(3, dtype=np.int64)
     best, best_clipped = -1, False
-    for ia in range(_COUNT[s1[0]]):
-        s[0] = _NEXT[s1[0], ia]
-        for ib in range(_COUNT[s1[1]]):
-            s[1] = _NEXT[s1[1], ib]
-            for ic in range(_COUNT[s1[2]]):
-                s[2] = _NEXT[s1[2], ic]
-                slopes(s, natural, forced, phase, midpoint, slope)
-                _still(s, error, moving)
-                length = _validity(moving, first, slope, curvature, bound, threshold, horizon)
+    for ia in range(inverter.NEXT_COUNT[s1[0]]):
+        s[0] = inverter.NEXT_TABLE[s1[0], ia]
+        for ib in range(inverter.NEXT_COUNT[s1[1]]):
+            s[1] = inverter.NEXT_TABLE[s1[1], ib]
+            for ic in range(inverter.NEXT_COUNT[s1[2]]):
+                s[2] = inverter.NEXT_TABLE[s1[2], ic]
+                slopes(s, n.slope, n.forced, n.phase, n.midpoint, slope)
+                _still(s, n.error, moving)
+                length = length_of(
+                    rule, moving, first, slope, n.curvature, o.bound, threshold, o.horizon
+                )
                 if length == 0:
                     continue
-                effort = effort1
-                for x in range(3):
-                    effort += _WEIGHT[sign[x], s1[x], s[x]]
-                weights = share_of(s, weight_slope)
-                value, clipped = bit_true.cost(effort, length, weight_start, weights, scale, steps)
+                effort = effort1 + effort_of(s1, s, n.phase)
+                weights = share_of(s, n.weight_slope)
+                value, clipped = cost(
+                    effort, length, n.weight_start, weights, o.weight_scale, steps
+                )
+                value += surcharge(rule, n.error, slope, length)
                 # among equals one whose weight did not saturate, whatever the order
                 if best < 0 or value < best or (value == best and best_clipped and not clipped):
                     best, best_clipped = value, clipped
     return best, best_clipped
 
 
-@njit
-def search_words(register, measurement, s_prev, order):
-    """One decision of the fast variant; arguments as ``bit_true.decide_words``.
+@njit(kept=False, inline=True)
+def search(
+    length_of, better, surcharge, rule, register, measurement, s_prev, order, record
+):  # fmt: skip
+    """One decision of the fast variant under a rule (Paper A, Algorithm 1; SESE: two of them).
+
+    The rule's parts are compiled functions.  A caller is compiled for its own, so that they cost
+    nothing; it must be compiled itself.
 
     Parameters
     ----------
+    length_of : compiled function
+        L* of a candidate: arguments and result as ``length_inside``.
+    better : compiled function
+        Whether a candidate is the best so far in a deadlock: as ``least_excess``.
+    surcharge : compiled function
+        What is added to J, in 1/COST_UNIT: as ``no_surcharge``.
+    rule : int or tuple
+        First argument of these.
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1).
     order : ndarray of int64, shape (64, 5)
         Filled with s1, L1 and effort of every node that was looked at, in turn.
+    record : ndarray of int64, shape (8,)
+        What ``better`` keeps about the best so far.
 
     Returns
     -------
     tuple of int
-        As ``bit_true.decide_words``, then whether the budget ended the search and how many rows of
+        As ``paper.decide_words``, then whether the budget ended the search and how many rows of
         `order` are filled.
     """
-    bound = np.empty(7, dtype=np.int64)
-    bound[0:3] = register[_N_COEFFICIENTS]
-    bound[3] = register[_N_COEFFICIENTS + 1]
-    bound[4:7] = register[_N_COEFFICIENTS + 2]
-    horizon = register[_N_COEFFICIENTS + 3]
-    scale = register[_N_COEFFICIENTS + 4]
-    two_switchings, budget, compensate, weighted = register[
-        _N_COEFFICIENTS + 5 : _N_COEFFICIENTS + 9
-    ]
-    results, saturated = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
-    t = results[bit_true._N_PRODUCTS :].copy()
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, over = node_of(
-        t
-    )
-    saturated |= over
+    o = options(register)
+    results, t, root = _root(register, measurement)
+    saturated = root.saturated
     slope = np.empty(7, dtype=np.int64)
     start = np.empty(2, dtype=np.int64)
     reference = _reference(register, results)
-    if compensate:
-        _start_slopes(s_prev, natural, forced, phase, midpoint, slope, start)
+    if o.compensate:
+        _start_slopes(s_prev, root, slope, start)
         if has_successors(t, start):
             t, over = successor(register, reference, t, start, s_prev, 1)
             saturated |= over
-            error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = (
-                node_of(t)
-            )
+            root = node_of(t, saturated)
         else:
             saturated = True
-    first = _first(error, curvature)
+    first = first_errors(root.error, root.curvature)
     threshold = np.empty(3, dtype=np.int64)
     for x in range(3):
-        threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
-    slopes(s_prev, natural, forced, phase, midpoint, slope)
+        threshold[x] = turn_threshold(root.error[x], root.curvature[x], o.bound[x])
+    slopes(s_prev, root.slope, root.forced, root.phase, root.midpoint, slope)
     held = True
     for j in range(7):
-        if abs(first[j] + slope[j]) > bound[j]:
+        if abs(first[j] + slope[j]) > o.bound[j]:
             held = False
     if held:
         return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated), 0, 0
 
-    sign = np.empty(3, dtype=np.int64)
-    for x in range(3):
-        sign[x] = 1 if phase[x] < 0 else 0
     feasible = False
     best_cost = 0
     best_length = 0
     best_saturated = False
-    best_excess = 0
     none_yet = True
     s = np.empty(3, dtype=np.int64)
     best = np.empty(3, dtype=np.int64)
     dead = np.empty(3, dtype=np.int64)
     # the queue of nodes: the first level's candidates by effort, the latest of an effort first
-    bucket_count = np.zeros(16, dtype=np.int64)
-    bucket = np.empty((16, 64, 7), dtype=np.int64)  # s, L1, start slopes, place
+    bucket_count = np.zeros(_EFFORTS, dtype=np.int64)
+    bucket = np.empty((_EFFORTS, CANDIDATES, 7), dtype=np.int64)  # s, L1, start slopes, place
     deep_cost, deep_place, deep_length, deep_saturated = -1, 0, 0, False
     deep = np.empty(3, dtype=np.int64)
-    place = 0
-    for ia in range(_COUNT[s_prev[0]]):
-        s[0] = _NEXT[s_prev[0], ia]
-        for ib in range(_COUNT[s_prev[1]]):
-            s[1] = _NEXT[s_prev[1], ib]
-            for ic in range(_COUNT[s_prev[2]]):
-                s[2] = _NEXT[s_prev[2], ic]
-                _start_slopes(s, natural, forced, phase, midpoint, slope, start)
-                length = _validity(error, first, slope, curvature, bound, threshold, horizon)
+    for ia in range(inverter.NEXT_COUNT[s_prev[0]]):
+        s[0] = inverter.NEXT_TABLE[s_prev[0], ia]
+        for ib in range(inverter.NEXT_COUNT[s_prev[1]]):
+            s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
+            for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
+                s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
+                _start_slopes(s, root, slope, start)
+                length = length_of(
+                    rule, root.error, first, slope, root.curvature, o.bound, threshold, o.horizon
+                )
                 place = 16 * ia + 4 * ib + ic
+                effort = effort_of(s_prev, s, root.phase)
                 if length > 0:
-                    effort = 0
-                    for x in range(3):
-                        effort += _WEIGHT[sign[x], s_prev[x], s[x]]
-                    weights = share_of(s, weight_slope)
-                    value, clipped = bit_true.cost(effort, length, weight_start, weights, scale, 0)
+                    weights = share_of(s, root.weight_slope)
+                    value, clipped = cost(
+                        effort, length, root.weight_start, weights, o.weight_scale, 0
+                    )
+                    value += surcharge(rule, root.error, slope, length)
                     if not feasible or value < best_cost:
                         feasible = True
                         best_cost = value
                         best_length = length
                         best_saturated = clipped
                         best[:] = s
-                    if two_switchings and length < horizon:
+                    if o.two_switchings and length < o.horizon:
                         n = bucket_count[effort]
                         bucket[effort, n, 0:3] = s
                         bucket[effort, n, 3] = length
                         bucket[effort, n, 4:6] = start
                         bucket[effort, n, 6] = place
                         bucket_count[effort] = n + 1
-                    elif two_switchings and (deep_cost < 0 or value < deep_cost):
+                    elif o.two_switchings and (deep_cost < 0 or value < deep_cost):
                         deep_cost, deep_place, deep_saturated = value, place, clipped
                         deep_length = length
                         deep[:] = s
-                # of use where nothing is feasible
-                excess = _deadlock_rank(first, slope, bound, weighted)
-                if none_yet or excess < best_excess:
-                    best_excess = excess
-                    dead[:] = s
-                none_yet = False
+                elif not feasible:
+                    if better(
+                        rule, root.error, first, slope, root.curvature, o.bound, effort, record,
+                        none_yet,
+                    ):  # fmt: skip
+                        dead[:] = s
+                    none_yet = False
     if not feasible:
         return dead[0], dead[1], dead[2], 0, 1, 0, int(saturated), 0, 0
 
-    left = budget
+    left = o.budget
     exhausted = 0
     looked_at = 0
-    for effort in range(16):
+    for effort in range(_EFFORTS):
         for n in range(bucket_count[effort] - 1, -1, -1):
             if exhausted:
                 break
             entry = bucket[effort, n]
-            leaves = _COUNT[entry[0]] * _COUNT[entry[1]] * _COUNT[entry[2]]
-            if budget > 0:
+            leaves = (
+                inverter.NEXT_COUNT[entry[0]]
+                * inverter.NEXT_COUNT[entry[1]]
+                * inverter.NEXT_COUNT[entry[2]]
+            )
+            if o.budget > 0:
                 if leaves > left:
                     exhausted = 1
                     break
@@ -504,7 +648,7 @@ def search_words(register, measurement, s_prev, order):
             looked_at += 1
             following, over = successor(register, reference, t, entry[4:6], entry[0:3], entry[3])
             value, clipped = _best_leaf(
-                register, following, entry[0:3], effort, entry[3], bound, horizon, scale
+                length_of, surcharge, rule, following, entry[0:3], effort, entry[3], o
             )
             if value >= 0 and (
                 deep_cost < 0 or value < deep_cost or (value == deep_cost and entry[6] < deep_place)
@@ -520,40 +664,62 @@ def search_words(register, measurement, s_prev, order):
 
 
 @njit
+def search_words(register, measurement, s_prev, order):
+    """One decision of the fast variant under the specification's rule.
+
+    Parameters
+    ----------
+    register, measurement, s_prev, order
+        As in ``search``.
+
+    Returns
+    -------
+    tuple of int
+        As ``search``.
+    """
+    record = np.zeros(8, dtype=np.int64)
+    return search(
+        length_inside, least_excess, no_surcharge, options(register).deadlock_rule,
+        register, measurement, s_prev, order, record,
+    )  # fmt: skip
+
+
+@njit
 def decide_words(register, measurement, s_prev):
-    """One decision of the fast variant; arguments and results as ``bit_true.decide_words``."""
-    order = np.empty((64, 5), dtype=np.int64)
+    """One decision of the fast variant; arguments and results as ``paper.decide_words``."""
+    order = np.empty((CANDIDATES, 5), dtype=np.int64)
     return search_words(register, measurement, s_prev, order)[:7]
 
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers; arguments as ``bit_true.decide``."""
-    measurement, clipped = bit_true.encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
+    """``decide_words`` on real numbers; arguments and results as ``paper.decide``."""
+    measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(parameters, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped
 
 
 @njit
-def _run(register, measurements, s_prev, out):
+def run_words(register, measurements, s_prev, out):
     """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 
 
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
-    """Decisions of the fast variant for every row of a trace; arguments as ``bit_true.run``."""
-    return bit_true.run_rows(_run, (values or registers(drive, "fast")).array(), trace)
+    """Decisions of the fast variant for every row of a trace; arguments as ``paper.run``."""
+    return run_rows(run_words, (values or registers(drive, "fast")).array(), trace)
 
 
 @njit
 def predicts(register, measurement, s_prev):
-    """Whether a step that is to be decided for k + 1 is: whether that state can be predicted."""
-    results, _ = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
-    t = results[bit_true._N_PRODUCTS :].copy()
-    _, natural, forced, phase, midpoint, _, _, _, _ = node_of(t)
+    """Whether a step that is to be decided for k + 1 is: whether that state can be predicted.
+
+    Arguments as ``decide_words``.
+    """
+    _, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
-    _start_slopes(s_prev, natural, forced, phase, midpoint, slope, start)
+    _start_slopes(s_prev, root, slope, start)
     return has_successors(t, start)
 
 
@@ -562,16 +728,25 @@ def node_at(
 ) -> NDArray[np.int64]:
     """Errors of the node that the root is taken to by `steps` steps under s, without prediction.
 
+    Parameters
+    ----------
+    register : (n,)
+        ``Registers.array()``.
+    measurement : (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s : (3,)
+        Positions of phases a, b, c.
+    steps : int
+        1..63.
+
     Returns
     -------
     (7,)
         y* - y of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
     """
-    results, _ = bit_true.common_terms(bit_true.FAST_PROGRAM, measurement, register)
-    t = results[bit_true._N_PRODUCTS :].copy()
-    _, natural, forced, phase, midpoint, _, _, _, _ = node_of(t)
+    results, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
-    _start_slopes(s, natural, forced, phase, midpoint, slope, start)
+    _start_slopes(s, root, slope, start)
     following, _ = successor(register, _reference(register, results), t, start, s, steps)
-    error: NDArray[np.int64] = bit_true.node_of(following)[0]
+    error: NDArray[np.int64] = common.node_of(following, False).error
     return error

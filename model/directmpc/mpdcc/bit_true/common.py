@@ -1,0 +1,434 @@
+"""What the bit-true twins of both variants share: measurements in, common terms, node, cost.
+
+It is written from the formats and the program of ``mpdcc.program``; it never reads the RTL.  All
+numbers are int64, whose range no intermediate result comes near.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc import fixed_point
+from directmpc.compiled import njit
+from directmpc.fixed_point import rounded, saturate
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc import inverter
+from directmpc.mpdcc.coefficients import INDEX
+from directmpc.mpdcc.program import (
+    COEFFICIENTS,
+    PRODUCTS,
+    PROGRAMS,
+    SIGNALS,
+    SPEEDS,
+    TERMS,
+    result_width,
+)
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
+
+_OPERANDS = SIGNALS + PRODUCTS
+_FACTORS = COEFFICIENTS + SPEEDS
+_RESULTS = PRODUCTS + TERMS
+
+
+def _flatten_program(variant: str) -> NDArray[np.int64]:
+    """Program in an order that respects its data flow: rows (a, b, alignment, result, last)."""
+    program = PROGRAMS[variant]
+    rows = []
+    for clock in range(max(len(block) for block in program)):
+        for block in program:
+            if clock >= len(block):
+                continue
+            step = block[clock]
+            last = clock + 1 == len(block) or block[clock + 1].result != step.result
+            rows.append(
+                (
+                    _OPERANDS.index(step.a),
+                    _FACTORS.index(step.b),
+                    f.ALIGNMENT[step.alignment],
+                    _RESULTS.index(step.result),
+                    int(last),
+                )
+            )
+    return np.array(rows, dtype=np.int64)
+
+
+PAPER_PROGRAM = _flatten_program("paper")
+FAST_PROGRAM = _flatten_program("fast")
+
+N_SIGNALS = len(SIGNALS)
+N_PRODUCTS = len(PRODUCTS)
+N_COEFFICIENTS = len(COEFFICIENTS)
+N_RESULTS = len(_RESULTS)
+_RESULT_WIDTHS = np.array([result_width(name) for name in _RESULTS], dtype=np.int64)
+_FORCED_HALF = 2 ** (f.FORCED_FRACTION - 1)
+_WEIGHT_SHIFTS = np.array(f.WEIGHT_SHIFTS, dtype=np.int64)
+_SCALES, _LOWS, _HIGHS = fixed_point.limits(list(f.MEASUREMENTS.values()))
+
+_BOUND_CURRENT = INDEX["bound_current"]
+_BOUND_NEUTRAL = INDEX["bound_neutral"]
+_BOUND_PHASE = INDEX["bound_phase"]
+_HORIZON = INDEX["horizon"]
+_WEIGHT_SCALE = INDEX["weight_scale"]
+_TWO_SWITCHINGS = INDEX["two_switchings"]
+_BUDGET = INDEX["budget"]
+_COMPENSATE = INDEX["compensate"]
+_DEADLOCK_RULE = INDEX["deadlock_rule"]
+
+
+class Options(NamedTuple):
+    """Parameters of the core besides the coefficients, see ``coefficients.Registers``.
+
+    Attributes
+    ----------
+    bound : ndarray of int64, shape (7,)
+        Half widths of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
+    horizon : int
+        N, steps.
+    weight_scale : int
+        Index into ``formats.WEIGHT_FRACTIONS``.
+    two_switchings, compensate, deadlock_rule : int
+        0 or 1: SESE; decide for k+1; the weighted rule in deadlocks.
+    budget : int
+        Candidates of the second level, 0 without limit.
+    """
+
+    bound: NDArray[np.int64]
+    horizon: int
+    weight_scale: int
+    two_switchings: int
+    budget: int
+    compensate: int
+    deadlock_rule: int
+
+
+class Node(NamedTuple):
+    """The node that explorers start from; every quantity in trajectory units unless said otherwise.
+
+    Attributes
+    ----------
+    error : ndarray of int64, shape (7,)
+        y* - y at k: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
+    slope : ndarray of int64, shape (3,)
+        Natural part of the current errors' slopes, per step.
+    forced : ndarray of int64, shape (5,)
+        Voltage terms of v_dc/2, v_n, v_ph_a..c; two extra fractional bits.
+    phase, midpoint, weight_slope : ndarray of int64, shape (3,)
+        Capacitor-current terms of the phases: slopes of v_ph, of v_n, of sqrt(lambda_n)*v_n.
+    weight_start : int
+        sqrt(lambda_n)*v_n at k.
+    curvature : ndarray of int64, shape (3,)
+        Of the current errors, per square step; zero in the paper variant.
+    saturated : bool
+        Whether a word did not hold its value.
+    """
+
+    error: NDArray[np.int64]
+    slope: NDArray[np.int64]
+    forced: NDArray[np.int64]
+    phase: NDArray[np.int64]
+    midpoint: NDArray[np.int64]
+    weight_slope: NDArray[np.int64]
+    weight_start: int
+    curvature: NDArray[np.int64]
+    saturated: bool
+
+
+@njit
+def options(register):
+    """``Options`` out of ``Registers.array()``."""
+    bound = np.empty(7, dtype=np.int64)
+    bound[0:3] = register[_BOUND_CURRENT]
+    bound[3] = register[_BOUND_NEUTRAL]
+    bound[4:7] = register[_BOUND_PHASE]
+    return Options(
+        bound,
+        register[_HORIZON],
+        register[_WEIGHT_SCALE],
+        register[_TWO_SWITCHINGS],
+        register[_BUDGET],
+        register[_COMPENSATE],
+        register[_DEADLOCK_RULE],
+    )
+
+
+@njit
+def common_terms(program, measurement, register):
+    """Errors, slopes and the terms of the candidates: run a program of ``mpdcc.program``.
+
+    Parameters
+    ----------
+    program : ndarray of int64, shape (n, 5)
+        ``PAPER_PROGRAM`` or ``FAST_PROGRAM``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    register : ndarray of int64
+        ``Registers.array()``.
+
+    Returns
+    -------
+    results : ndarray of int64
+        PRODUCTS, then TERMS.
+    saturated : bool
+        True where a result did not fit its word.
+    """
+    operand = np.empty(N_SIGNALS + N_PRODUCTS, dtype=np.int64)
+    operand[0:8] = measurement[0:8]
+    operand[8] = measurement[8]
+    operand[9] = measurement[9]
+    operand[10] = measurement[10]
+    operand[11] = measurement[9] - measurement[0]
+    operand[12] = measurement[10] - measurement[1]
+    for x in range(3):
+        operand[13 + x] = measurement[8] - 2 * measurement[5 + x]
+    results = np.zeros(N_RESULTS, dtype=np.int64)
+    total = np.zeros(N_RESULTS, dtype=np.int64)
+    saturated = False
+    for row in range(program.shape[0]):
+        a, b, shift, result, last = program[row]
+        factor = register[b] if b < N_COEFFICIENTS else measurement[11 + b - N_COEFFICIENTS]
+        total[result] += (operand[a] * factor) << shift
+        if last:
+            value, over = rounded(total[result], f.RESULT_SHIFT, _RESULT_WIDTHS[result])
+            saturated = saturated or over != 0
+            results[result] = value
+            if result < N_PRODUCTS:
+                operand[N_SIGNALS + result] = value
+    return results, saturated
+
+
+@njit
+def phases(alpha, beta):
+    """Inverse Clarke transformation (Paper A, eq. 1); beta already carries sqrt(3)/2."""
+    half = alpha >> 1
+    return alpha, beta - half, -half - beta
+
+
+@njit
+def node(program, measurement, register):
+    """The node of a measurement: arguments as ``common_terms``, result a ``Node``."""
+    results, saturated = common_terms(program, measurement, register)
+    return node_of(results[N_PRODUCTS:], saturated)
+
+
+@njit
+def node_of(t, saturated):
+    """The node of its terms.
+
+    Parameters
+    ----------
+    t : ndarray of int64, shape (22,)
+        In the order of ``program.TERMS``.
+    saturated : bool
+        Whether a term did not fit its word.
+
+    Returns
+    -------
+    Node
+    """
+    error = np.empty(7, dtype=np.int64)
+    error[0], error[1], error[2] = phases(t[0], t[1])
+    error[3:7] = t[2:6]
+    slope = np.empty(3, dtype=np.int64)
+    slope[0], slope[1], slope[2] = phases(t[6], t[7])
+    phase = np.empty(3, dtype=np.int64)
+    phase[0], phase[1], phase[2] = phases(t[13], t[14])
+    midpoint = np.empty(3, dtype=np.int64)
+    midpoint[0], midpoint[1], midpoint[2] = phases(t[15], t[16])
+    weight_slope = np.empty(3, dtype=np.int64)
+    weight_slope[0], weight_slope[1], weight_slope[2] = phases(t[18], t[19])
+    curvature = np.empty(3, dtype=np.int64)
+    curvature[0], curvature[1], curvature[2] = phases(t[20], t[21])
+    return Node(
+        error, slope, t[8:13].copy(), phase, midpoint, weight_slope, t[17], curvature, saturated
+    )
+
+
+@njit
+def slopes(s, slope, forced, phase, midpoint, out):
+    """Slopes of the seven errors under a switch position (Paper A, eqs. 17 and 18).
+
+    Parameters
+    ----------
+    s : ndarray of int64, shape (3,)
+        Positions of phases a, b, c, 0..7.
+    slope, forced, phase, midpoint
+        Of the ``Node``.
+    out : ndarray of int64, shape (7,)
+        Filled: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units per step.
+    """
+    u = np.empty(3, dtype=np.int64)
+    neutral = 0
+    for x in range(3):
+        p = s[x]
+        u[x] = (
+            inverter.HALF_DC[p] * forced[0]
+            + inverter.NEUTRAL[p] * forced[1]
+            + inverter.CAPACITOR[p] * forced[2 + x]
+        )
+        neutral += inverter.NEUTRAL_CURRENT[p] * midpoint[x]
+        out[4 + x] = -inverter.CAPACITOR_CURRENT[p] * phase[x]
+    for x in range(3):
+        difference = 2 * u[x] - u[(x + 1) % 3] - u[(x + 2) % 3]
+        out[x] = slope[x] - ((difference + _FORCED_HALF) >> f.FORCED_FRACTION)
+    out[3] = neutral
+
+
+@njit
+def effort_of(s_prev, s, phase):
+    """Weighted switching transitions f_s of a step (Paper A, eq. 12).
+
+    Parameters
+    ----------
+    s_prev, s : ndarray of int64, shape (3,)
+        Positions before and after it.
+    phase : ndarray of int64, shape (3,)
+        Of the ``Node``: its sign is the opposite of that of the phase current.
+
+    Returns
+    -------
+    int
+        0..15
+    """
+    effort = 0
+    for x in range(3):
+        effort += inverter.TRANSITION_WEIGHT[1 if phase[x] < 0 else 0, s_prev[x], s[x]]
+    return effort
+
+
+@njit
+def search_length(offset, slope, bound, horizon):
+    """Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound."""
+    if abs(offset) > bound:
+        return 0
+    room = bound - offset if slope >= 0 else bound + offset
+    step = abs(slope)
+    if step * horizon <= room:
+        return horizon
+    return room // step
+
+
+@njit
+def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
+    """J of a candidate (Paper A, eqs. 11 and 12).
+
+    Parameters
+    ----------
+    effort : int
+        Weighted switching transitions.
+    length : int
+        L* of the candidate, steps, at least 1.
+    weight_start, weight_slope : int
+        sqrt(lambda_n)*v_n at the node, and what it moves by per step (two extra fractional bits).
+    weight_scale : int
+        Index into ``formats.WEIGHT_FRACTIONS``.
+    before : int
+        Steps spent on the way to the node that the candidate starts from.
+
+    Returns
+    -------
+    value : int
+        J in 1/COST_UNIT.
+    saturated : bool
+        Whether sqrt(lambda_n)*v_n did not fit its word.
+    """
+    w, over = saturate(
+        weight_start + ((length * weight_slope) >> f.WEIGHT_SLOPE_FRACTION), f.WEIGHT_WIDTH
+    )
+    return effort * f.RECIPROCALS[before + length] + (
+        (w * w) >> _WEIGHT_SHIFTS[weight_scale]
+    ), over != 0
+
+
+@njit
+def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
+    """Quantise one set of measurements to the core's ports.
+
+    Parameters
+    ----------
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Machine state (i_s and psi_r, alpha and beta) and inverter state (v_n, v_ph_a..c), per unit.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference, alpha and beta, per unit.
+    omega_s, omega_r : float
+        Speeds, per unit.
+
+    Returns
+    -------
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    clipped : int
+        1 where a value lay outside its word.
+    """
+    real = np.empty(13, dtype=np.float64)
+    real[0:4] = x_m
+    real[4:8] = x_inv
+    real[8] = vdc
+    real[9:11] = iref
+    real[11] = omega_s
+    real[12] = omega_r
+    return fixed_point.encode_row(real, _SCALES, _LOWS, _HIGHS)
+
+
+def encode(trace: MpdccTrace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Quantise a trace to the core's measurement ports.
+
+    Parameters
+    ----------
+    trace : MpdccTrace
+        n rows.
+
+    Returns
+    -------
+    measurements : ndarray of int64, shape (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    saturated : ndarray of bool, shape (n,)
+        True where a value of the row lay outside its word.
+    """
+    columns = [
+        *trace.x_m.T,
+        *trace.x_inv.T,
+        trace.vdc,
+        *trace.iref.T,
+        trace.omega_s,
+        trace.omega_r,
+    ]
+    encoded = [fmt.encode(c) for fmt, c in zip(f.MEASUREMENTS.values(), columns, strict=True)]
+    return (
+        np.column_stack([integers for integers, _ in encoded]),
+        np.any(np.column_stack([clipped for _, clipped in encoded]), axis=1),
+    )
+
+
+def run_rows(rows: Any, register: NDArray[np.int64], trace: MpdccTrace) -> Decisions:
+    """Decisions of a compiled loop over rows (``_run`` of a variant) for a trace.
+
+    Parameters
+    ----------
+    rows : compiled function
+        Arguments (register, measurements, s_prev, out).
+    register : ndarray of int64
+        ``Registers.array()``.
+    trace : MpdccTrace
+        n independent rows.
+
+    Returns
+    -------
+    Decisions
+        ``cycles`` is None: the model has no clock.
+    """
+    measurements, clipped = encode(trace)
+    out = np.empty((len(measurements), 7), dtype=np.int64)
+    rows(register, measurements, trace.s_prev.astype(np.int64), out)
+    return Decisions(
+        s=out[:, 0:3],
+        held=out[:, 3],
+        deadlock=out[:, 4],
+        length=out[:, 5],
+        cycles=None,
+        saturated=out[:, 6] | clipped,
+    )
