@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.host.console import clear_output, progress_bar
 from directmpc.mpdcc import ideal, trace
-from directmpc.mpdcc.bit_true import paper as bit_true
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
+from directmpc.mptc import trace as mptc_trace
 from scripts.hdl import mptc_replay
 from scripts.hdl.mpdcc_simulation import EXPLORERS, simulate_rows
 from scripts.hdl.simulator import terminable
@@ -103,7 +104,7 @@ def replay_mpdcc(drive: Drive, request: Request) -> None:
 
 def replay_mptc(drive: MptcDrive, request: Request) -> None:
     """Read an MPTC trace, decide with the drive's method, and write the decisions."""
-    rows = trace.read_mptc_trace(request.trace)
+    rows = mptc_trace.read_trace(request.trace)
     if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
         print(
             f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",
@@ -111,7 +112,7 @@ def replay_mptc(drive: MptcDrive, request: Request) -> None:
         )
     with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
         decisions = mptc_replay.decide(drive, rows, request.engine, progress)
-    trace.write_mptc_decisions(request.out, decisions)
+    mptc_trace.write_decisions(request.out, decisions)
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from directmpc.mpdcc.trace import FloatArray, IntArray
 from directmpc.mptc.plant import PlantParameters
+from directmpc.mptc.trace import FloatArray, IntArray
 from scripts.hdl import simulator
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT

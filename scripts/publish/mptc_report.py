@@ -18,7 +18,6 @@ from rich.console import Console
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.host.console import progress_bar
-from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run
@@ -26,6 +25,7 @@ from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
+from directmpc.mptc.trace import IntArray
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation

@@ -13,12 +13,12 @@ import numpy as np
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.mpdcc.metrics import thd
-from directmpc.mpdcc.trace import FloatArray
 from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run, Scenario
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.plant import PlantParameters, plant_parameters
+from directmpc.mptc.trace import FloatArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
 WEIGHTS = (14.2, 32.0, 100.0, 250.0, 350.0)

@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
-from directmpc.mpdcc.trace import MptcDecisions, MptcTrace, read_mptc_decisions, write_mptc_trace
 from directmpc.mptc import closed_loop
+from directmpc.mptc.trace import MptcDecisions, MptcTrace, read_decisions, write_trace
 from scripts.hdl.clocks import clocks_of
 from tb.helpers.commands import assert_one_paragraph, command, started
 
@@ -120,7 +120,7 @@ def replayed(drive: Path, trace: Path, engine: str, *more: str) -> MptcDecisions
     assert "Warning" not in done.stderr
     assert "Traceback" not in done.stderr
     assert out.read_text(encoding="utf-8").startswith("u,cycles,saturated\n")
-    return read_mptc_decisions(out)
+    return read_decisions(out)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_rtl_and_model_agree(name: str, method: str, tmp_path: Path) -> None:
     machine, pole_pairs, vdc, control = DRIVES[name]
     path, trace = tmp_path / "a drive.toml", tmp_path / "trace.csv"
     drive = drive_file(path, machine, pole_pairs, vdc, control, method)
-    write_mptc_trace(trace, rows_of(drive, 0.75 * drive.control.psi_max))
+    write_trace(trace, rows_of(drive, 0.75 * drive.control.psi_max))
     rtl, model, ideal = (replayed(path, trace, engine) for engine in ("rtl", "model", "ideal"))
     assert rtl.cycles is not None
     assert set(rtl.cycles.tolist()) == {CYCLES[method]}
@@ -152,7 +152,7 @@ def small(folder: Path, method: str = "MPTC") -> tuple[Path, Path, MptcTrace]:
     drive = drive_file(path, machine, pole_pairs, vdc, control, method)
     loop = closed_loop.constant(drive, 300.0, 4.0, 0.8, 12)
     rows = closed_loop.simulate(drive, loop).trace
-    write_mptc_trace(trace, rows)
+    write_trace(trace, rows)
     return path, trace, rows
 
 
@@ -169,7 +169,7 @@ def test_values_outside_a_word_are_flagged(tmp_path: Path, engine: str) -> None:
     rows.torque_ref[8] = 30.0
     rows.omega_r[9] = -600.0
     rows.i_s[10, 1] = 20.0
-    write_mptc_trace(trace, rows)
+    write_trace(trace, rows)
     found = replayed(drive, trace, engine)
     flagged = [1, 2, 3, 4, 5, 6] if engine != "ideal" else []
     assert np.flatnonzero(found.saturated).tolist() == flagged
@@ -177,7 +177,7 @@ def test_values_outside_a_word_are_flagged(tmp_path: Path, engine: str) -> None:
         # clipping gives the nearest word: as if the row had asked for just that
         rows.i_s[1, 0], rows.psi_s[2, 1], rows.omega_r[3] = 20.0, -1.2, -601.0
         rows.torque_ref[4], rows.psi_ref[5:7] = 30.0, [1.4, 0.0]
-        write_mptc_trace(trace, rows)
+        write_trace(trace, rows)
         np.testing.assert_array_equal(replayed(drive, trace, "model").u, found.u)
 
 
@@ -185,7 +185,7 @@ def test_a_torque_out_of_reach_is_flagged(tmp_path: Path) -> None:
     drive, trace, rows = small(tmp_path, "MPFC")
     rows.torque_ref[3:5] = [29.0, -29.0]
     rows.psi_ref[3:5] = 0.1
-    write_mptc_trace(trace, rows)
+    write_trace(trace, rows)
     for engine in ("rtl", "model"):
         assert np.flatnonzero(replayed(drive, trace, engine).saturated).tolist() == [3, 4]
 
@@ -276,7 +276,7 @@ def test_make_replay(tmp_path: Path, method: str) -> None:
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found = read_mptc_decisions(tmp_path / "decisions.csv")
+    found = read_decisions(tmp_path / "decisions.csv")
     assert len(found) == len(rows)
     assert found.cycles is not None
     assert set(found.cycles.tolist()) == {CYCLES[method]}
@@ -299,7 +299,7 @@ def simulators(folder: Path) -> list[int]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_signal_ends_the_simulators(tmp_path: Path, number: signal.Signals, monkeypatch) -> None:
     drive, trace, rows = small(tmp_path)
-    write_mptc_trace(trace, joined([rows] * 400))
+    write_trace(trace, joined([rows] * 400))
     working = tmp_path / "working"
     working.mkdir()
     monkeypatch.setenv("TMPDIR", str(working))

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
-from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
+from directmpc.mptc.trace import IntArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
 SHIPPED = ("induction_2kw2", "motulator_2kw2")

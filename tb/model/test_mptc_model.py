@@ -21,20 +21,20 @@ import numpy as np
 import pytest
 
 from directmpc.drive_file import MptcDrive
-from directmpc.mpdcc.trace import (
-    MptcDecisions,
-    TraceError,
-    read_mptc_decisions,
-    read_mptc_trace,
-    write_mptc_decisions,
-    write_mptc_trace,
-)
 from directmpc.mptc import bit_true, closed_loop, ideal, observer
 from directmpc.mptc import formats as f
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.inverter import COMMUTATIONS, STATES, UNIT, ZERO_FROM
 from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.trace import (
+    MptcDecisions,
+    TraceError,
+    read_decisions,
+    read_trace,
+    write_decisions,
+    write_trace,
+)
 from scripts.studies import motulator_plant
 from tb.helpers import mptc_rows as core
 
@@ -259,20 +259,20 @@ def test_what_does_not_fit_names_its_key(key: str, value: float) -> None:
 def test_trace_and_decisions_survive_the_file(tmp_path: Path) -> None:
     drive = core.shipped("motulator_2kw2")
     run = closed_loop.simulate(drive, closed_loop.constant(drive, 300.0, 3.0, 0.9, 50))
-    write_mptc_trace(tmp_path / "t.csv", run.trace)
-    back = read_mptc_trace(tmp_path / "t.csv")
+    write_trace(tmp_path / "t.csv", run.trace)
+    back = read_trace(tmp_path / "t.csv")
     for name in ("i_s", "psi_s", "omega_r", "torque_ref", "psi_ref", "u"):
         np.testing.assert_array_equal(getattr(back, name), getattr(run.trace, name))
     for cycles in (None, np.full(50, 39)):
-        write_mptc_decisions(tmp_path / "d.csv", MptcDecisions(run.u, cycles, run.saturated))
-        decisions = read_mptc_decisions(tmp_path / "d.csv")
+        write_decisions(tmp_path / "d.csv", MptcDecisions(run.u, cycles, run.saturated))
+        decisions = read_decisions(tmp_path / "d.csv")
         np.testing.assert_array_equal(decisions.u, run.u)
         assert (decisions.cycles is None) == (cycles is None)
     text = (tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()
     text[3] = text[3].rsplit(",", 1)[0] + ",8"
     (tmp_path / "t.csv").write_text("\n".join(text), encoding="utf-8")
     with pytest.raises(TraceError, match=r"line 4, column 8 \(u\)"):
-        read_mptc_trace(tmp_path / "t.csv")
+        read_trace(tmp_path / "t.csv")
 
 
 #: Turns ratios that make other circuits of a machine: lr = lm (inverse gamma), ls = lm (gamma), 2.

@@ -19,10 +19,10 @@ from directmpc import fixed_point
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded, saturate
-from directmpc.mpdcc.trace import IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, Registers, registers
 from directmpc.mptc.inverter import ZERO_FROM
+from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 
 _HIGH = f.WORD_HIGH
 _FRACTION = f.FRACTION

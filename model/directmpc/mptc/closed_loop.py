@@ -15,10 +15,10 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
-from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step, torque
+from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.states import Controller, MptcState, mptc_decision
 
 RPM = 2.0 * np.pi / 60.0

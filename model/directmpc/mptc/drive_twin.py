@@ -12,11 +12,11 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
-from directmpc.mpdcc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.mptc import bit_true, observer, preexcitation
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import Registers, registers
 from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
+from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 
 #: Clocks from start to valid: the core's, and the register of the decision.
 CYCLES = {"MPTC": MPTC_CYCLES + 1, "MPFC": MPFC_CYCLES + 1}

@@ -19,8 +19,8 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
-from directmpc.mpdcc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from directmpc.mptc.inverter import UNIT, ZERO_FROM
+from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 
 
 class IdealParameters(NamedTuple):

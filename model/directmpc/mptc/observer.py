@@ -26,11 +26,11 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded
-from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import formats as f
 from directmpc.mptc import ideal
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, to_word
 from directmpc.mptc.coefficients import Registers, registers
+from directmpc.mptc.trace import IntArray
 
 GAIN = -40.0  # b of eq. 9, 1/s
 GUARD = 8  # bits of a state below a word's LSB
