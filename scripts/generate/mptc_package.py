@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from directmpc.mptc import cycles
 from directmpc.mptc import formats as f
 from directmpc.mptc import program as p
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -151,8 +152,8 @@ def _program() -> list[str]:
                 p.address(p.RADICAND + p.SUM_LATENCY, True),
                 "address: the radicand without the torque is in the accumulator",
             ),
-            ("CYCLES_MPTC", p.MPTC_CYCLES, "clocks from start to valid"),
-            ("CYCLES_MPFC", p.MPFC_CYCLES, "clocks from start to valid"),
+            ("CYCLES_MPTC", cycles.CORE["MPTC"], "clocks from start to valid"),
+            ("CYCLES_MPFC", cycles.CORE["MPFC"], "clocks from start to valid"),
         ]
     )
     lines += ["", "  type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;", ""]

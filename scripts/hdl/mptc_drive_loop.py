@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from directmpc.drive_file import MptcDrive
-from directmpc.mptc import bit_true, observer
+from directmpc.mptc import bit_true, cycles, observer
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -65,7 +65,7 @@ def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[Any]:
     formats = bit_true.parameters(drive)[1:]
     state = joined.initial()
     fixed = held_inputs(words)
-    cycles = joined.CYCLES["MPFC" if words.core[-1] else "MPTC"]
+    clocks = cycles.DRIVE["MPFC" if words.core[-1] else "MPTC"]
     names = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
     with netlist_check.simulator(ENTITY, GENERICS, ports=ports()) as rtl:
 
@@ -76,7 +76,7 @@ def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[Any]:
             wanted = joined.step_words(words, state, m)
             found = tuple(out[n] for n in ("u_next", "saturated", "clamped", "exciting"))
             flux = (out["psis_alpha"], out["psis_beta"])
-            if (found, flux, taken) != (wanted, tuple(int(v) & 0xFFFF for v in state[4:6]), cycles):
+            if (found, flux, taken) != (wanted, tuple(int(v) & 0xFFFF for v in state[4:6]), clocks):
                 raise SimulationError(f"{ENTITY}: {found}, {flux}, {taken} clocks, not {wanted}")
             return out["u_next"], out["saturated"] | clipped, out["clamped"]
 

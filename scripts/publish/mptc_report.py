@@ -18,13 +18,12 @@ from rich.console import Console
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.host.console import progress_bar
-from directmpc.mptc import bit_true, closed_loop
+from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
-from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
 from directmpc.mptc.trace import IntArray
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_drive_loop as rtl_loop
@@ -162,7 +161,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
     every = np.concatenate(values)
     words, u = np.concatenate(measurements), np.concatenate(applied)
     wanted = np.concatenate(expected)
-    clocks = np.where(every[:, -1] == 1, MPFC_CYCLES, MPTC_CYCLES)
+    clocks = np.where(every[:, -1] == 1, cycles.CORE["MPFC"], cycles.CORE["MPTC"])
     generics: tools.Generics = {"FLUX_CONTROL": True}
     found = netlist_check.ports_of(netlist.cached("mptc_core", generics), "mptc_core")
     held = tuple(name for name in found.inputs if name.startswith("c_"))
@@ -384,7 +383,7 @@ def hardware_table(figures: dict[str, Any]) -> list[str]:
         if key == "mpfc":
             clocks = f"{figures['cycles']}, MPFC {one['cycles']}"
         if key == "drive":
-            clocks = f"{one['cycles']}, MPFC {joined.CYCLES['MPFC']}"
+            clocks = f"{one['cycles']}, MPFC {cycles.DRIVE['MPFC']}"
         rows.append(
             [name, clocks, *(str(area[k]) for k in ("lut", "ff", "mult", "bram")),
              str(area["slices_unpacked"]), str(area["slices_packed"]), str(ecp5["lut"]), clock]

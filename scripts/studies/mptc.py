@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from directmpc.distortion import thd
 from directmpc.drive_file import MptcDrive, load_mptc_drive
-from directmpc.mpdcc.metrics import thd
 from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run, Scenario

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.drive_file import MptcDrive, load_mptc_drive
-from directmpc.mptc import bit_true, closed_loop
+from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.inverter import STATES
-from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
 from directmpc.mptc.trace import IntArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
@@ -68,7 +67,7 @@ class Rows:
 
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""
-        return np.where(self.registers[:, -1] == 1, MPFC_CYCLES, MPTC_CYCLES)
+        return np.where(self.registers[:, -1] == 1, cycles.CORE["MPFC"], cycles.CORE["MPTC"])
 
 
 def together(*parts: Rows) -> Rows:

@@ -114,6 +114,28 @@ def array(words: dict[str, int]) -> IntArray:
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
+class Words(NamedTuple):
+    """``COEFFICIENTS`` in compiled code."""
+
+    speed: int
+    voltage_alpha: int
+    voltage_beta: int
+    drop: int
+    pull: int
+    pull_flux: int
+    pull_current: int
+    decay: int
+    excitation: int
+    output_flux: int
+    output_current: int
+
+
+@njit
+def _words(c):
+    """``Words`` out of ``array``."""
+    return Words(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10])
+
+
 #: State of the twin: psi_c alpha, beta, psi_s alpha, beta, last current alpha, beta, overflow.
 STATE_WORDS = 7
 
@@ -127,13 +149,13 @@ _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 
 @njit
-def step_words(c, state, m, s):
+def step_words(coefficient, state, m, s):
     """One step of ``rotor_flux_observer``.
 
     Parameters
     ----------
-    c : ndarray of int64
-        Coefficients in port order.
+    coefficient : ndarray of int64, shape (11,)
+        Of ``array``.
     state : ndarray of int64, shape (7,)
         See ``STATE_WORDS``; replaced by the next.
     m : ndarray of int64, shape (8,)
@@ -147,8 +169,9 @@ def step_words(c, state, m, s):
         Rotor flux at k as the core's ports take it.
     saturated : int
     """
+    c = _words(coefficient)
     guard = GUARD
-    q, o = rounded(m[7] * 4 * c[0], ANGLE_SHIFT, WORD_WIDTH)
+    q, o = rounded(m[7] * 4 * c.speed, ANGLE_SHIFT, WORD_WIDTH)
     over = state[6] | o
     v = np.empty(3, dtype=np.int64)
     for x in range(3):
@@ -156,7 +179,7 @@ def step_words(c, state, m, s):
     v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
     v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
     over |= o0 | o1
-    volts = (v_a * c[1], v_b * c[2])
+    volts = (v_a * c.voltage_alpha, v_b * c.voltage_beta)
     flux = np.empty(2, dtype=np.int64)
     ahead = np.empty(2, dtype=np.int64)
     out = np.empty(2, dtype=np.int64)
@@ -165,18 +188,18 @@ def step_words(c, state, m, s):
         psi_c, psi_s = state[x] >> guard, state[2 + x] >> guard
         cross = ~(state[1] >> guard) if x == 0 else state[0] >> guard
         total = state[2 + x] << _STATE_SHIFT
-        total += (volts[x] << _ALIGN_COARSE) + mean * c[3]
-        total += (last * c[6] + psi_c * c[5] + psi_s * c[4]) << _ALIGN_MIDDLE
+        total += (volts[x] << _ALIGN_COARSE) + mean * c.drop
+        total += (last * c.pull_current + psi_c * c.pull_flux + psi_s * c.pull) << _ALIGN_MIDDLE
         flux[x], o0 = rounded(total, _STATE_SHIFT, STATE_WIDTH)
-        total = (state[x] << _STATE_SHIFT) + psi_c * c[7] + mean * c[8]
+        total = (state[x] << _STATE_SHIFT) + psi_c * c.decay + mean * c.excitation
         ahead[x], o1 = rounded(total + (cross * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
-        total = (flux[x] >> guard) * c[9] + m[x] * 4 * c[10]
+        total = (flux[x] >> guard) * c.output_flux + m[x] * 4 * c.output_current
         out[x], o2 = rounded(total << _ALIGN_WHOLE, _PORT_SHIFT, _PORT_WIDTH)
         over |= o0 | o1 | o2
     half_a, half_b = (ahead[0] - state[0]) >> (guard + 1), (ahead[1] - state[1]) >> (guard + 1)
-    total = (ahead[0] << _STATE_SHIFT) + half_a * c[7]
+    total = (ahead[0] << _STATE_SHIFT) + half_a * c.decay
     state[0], o0 = rounded(total + (~half_b * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
-    total = (ahead[1] << _STATE_SHIFT) + half_b * c[7]
+    total = (ahead[1] << _STATE_SHIFT) + half_b * c.decay
     state[1], o1 = rounded(total + (half_a * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
     state[2], state[3], state[4], state[5] = flux[0], flux[1], m[0], m[1]
     state[6] = o0 | o1

@@ -20,7 +20,7 @@ from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded, saturate
 from directmpc.mptc import formats as f
-from directmpc.mptc.coefficients import COEFFICIENTS, Registers, registers
+from directmpc.mptc.coefficients import Registers, registers, words
 from directmpc.mptc.inverter import ZERO_FROM
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 
@@ -43,7 +43,6 @@ _NORMALISE_STEPS = f.NORMALISE_STEPS
 _ROOT_WIDTH = f.ROOT_WIDTH
 _NORMAL = 2 ** (f.FRACTION - 2)
 _START = -(2 ** (f.FRACTION - 1))
-_N_COEFFICIENTS = len(COEFFICIENTS)
 #: Components of u_1 to u_6 and u_0: alpha in halves of voltage_alpha's step, beta in whole ones.
 VECTOR_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
 VECTOR_BETA = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
@@ -77,7 +76,15 @@ def magnitude(x, y):
 
 @njit
 def flux_difference(x, y, reference):
-    """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated."""
+    """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated.
+
+    Parameters
+    ----------
+    x, y : int
+        psi_s, MAGNITUDE_FRACTION fractional bits.
+    reference : int
+        psi_ref, a word, times half of the magnitude's gain.
+    """
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
     if difference < 0:
         difference = ~difference
@@ -93,29 +100,34 @@ def one_plus_half(coefficient):
 
 @njit
 def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
-    """w(k+1) and psi_s(k+1) by Heun's method, words.
+    """w(k+1) and psi_s(k+1) by Heun's method (Paper B, eqs. 4 and 5).
 
     Parameters
     ----------
-    c : ndarray of int64
-        ``Registers.array()``.
+    c : coefficients.Words
     i_a, i_b, psi_a, psi_b : int
         Current and flux, words.
     q : int
         T_s*omega_r, a word.
     step_a, step_b : int
         T_s*u(k) in a quarter (alpha) and in half (beta) of a word's LSB.
+
+    Returns
+    -------
+    w_alpha, w_beta, psi_alpha, psi_beta : int
+        Words.
+    saturated : int
     """
-    w_a, s0 = to_word(i_a * c[0] + psi_a * c[1])
-    w_b, s1 = to_word(i_b * c[0] + psi_b * c[1])
-    dw_a, s2 = to_word(w_a * c[2] + psi_a * c[3] + ~w_b * q)
-    dw_b, s3 = to_word(w_b * c[2] + psi_b * c[3] + w_a * q)
-    dp_a, s4 = to_word(i_a * c[4] + (step_a << (_FRACTION - 2)))
-    dp_b, s5 = to_word(i_b * c[4] + (step_b << (_FRACTION - 1)))
-    lead, half, turn = one_plus_half(c[2]), c[3] >> 1, q >> 1
+    w_a, s0 = to_word(i_a * c.current + psi_a * c.flux)
+    w_b, s1 = to_word(i_b * c.current + psi_b * c.flux)
+    dw_a, s2 = to_word(w_a * c.rotor + psi_a * c.rotor_flux + ~w_b * q)
+    dw_b, s3 = to_word(w_b * c.rotor + psi_b * c.rotor_flux + w_a * q)
+    dp_a, s4 = to_word(i_a * c.drop_current + (step_a << (_FRACTION - 2)))
+    dp_b, s5 = to_word(i_b * c.drop_current + (step_b << (_FRACTION - 1)))
+    lead, half, turn = one_plus_half(c.rotor), c.rotor_flux >> 1, q >> 1
     w1_a, s6 = to_word((w_a << _FRACTION) + dw_a * lead + dp_a * half + ~dw_b * turn)
     w1_b, s7 = to_word((w_b << _FRACTION) + dw_b * lead + dp_b * half + dw_a * turn)
-    lead, half = one_plus_half(c[6]), c[5] >> 1
+    lead, half = one_plus_half(c.drop_flux), c.drop >> 1
     p1_a, s8 = to_word((psi_a << _FRACTION) + dp_a * lead + dw_a * half)
     p1_b, s9 = to_word((psi_b << _FRACTION) + dp_b * lead + dw_b * half)
     return w1_a, w1_b, p1_a, p1_b, s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8 | s9
@@ -199,12 +211,12 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
 
 
 @njit
-def decide_words(c, m, u):
-    """One decision.
+def decide_words(register, m, u):
+    """One decision (Paper B, eqs. 4, 5, 11, 14 and 15; MPFC: eqs. 18 to 21).
 
     Parameters
     ----------
-    c : ndarray of int64
+    register : ndarray of int64
         ``Registers.array()``.
     m : ndarray of int64, shape (8,)
         In the order of ``formats.MEASUREMENTS``.
@@ -216,22 +228,23 @@ def decide_words(c, m, u):
     tuple of int
         u, saturated, clamped.
     """
+    c = words(register)
     i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
     psi_a, psi_b = m[2] << _SHIFT, m[3] << _SHIFT
-    q, s0 = to_word((m[4] << _SHIFT) * c[7])
-    d, s1 = to_word((m[5] << _LINK_SHIFT) * c[8])
-    s, s2 = to_word((m[5] << _LINK_SHIFT) * c[9])
-    torque = (m[6] << _SHIFT) * c[10]
+    q, s0 = to_word((m[4] << _SHIFT) * c.speed)
+    d, s1 = to_word((m[5] << _LINK_SHIFT) * c.voltage_alpha)
+    s, s2 = to_word((m[5] << _LINK_SHIFT) * c.voltage_beta)
+    torque = (m[6] << _SHIFT) * c.torque
     reference = m[7] << _SHIFT
     saturated = s0 | s1 | s2
     w_a, w_b, p_a, p_b, s3 = prediction(
         c, i_a, i_b, psi_a, psi_b, q, VECTOR_ALPHA[u] * d, VECTOR_BETA[u] * s
     )
-    base_a, s4 = to_word((p_a << _FRACTION) + w_a * c[5] + p_a * c[6])
-    base_b, s5 = to_word((p_b << _FRACTION) + w_b * c[5] + p_b * c[6])
+    base_a, s4 = to_word((p_a << _FRACTION) + w_a * c.drop + p_a * c.drop_flux)
+    base_b, s5 = to_word((p_b << _FRACTION) + w_b * c.drop + p_b * c.drop_flux)
     saturated |= s3 | s4 | s5
     clamped = 0
-    length, gain, flux_control = 0, c[11], c[_N_COEFFICIENTS]
+    length, gain, flux_control = 0, c.weight, c.flux_control
     if flux_control:
         t, s6 = to_word(torque)
         length, along, across, s7, clamped = flux_terms(
@@ -240,8 +253,8 @@ def decide_words(c, m, u):
         saturated |= s6 | s7
         start = length
     else:
-        tau_a, s6 = to_word((w_a << _FRACTION) + w_a * c[2] + p_a * c[3] + ~w_b * q)
-        tau_b, s7 = to_word((w_b << _FRACTION) + w_b * c[2] + p_b * c[3] + w_a * q)
+        tau_a, s6 = to_word((w_a << _FRACTION) + w_a * c.rotor + p_a * c.rotor_flux + ~w_b * q)
+        tau_b, s7 = to_word((w_b << _FRACTION) + w_b * c.rotor + p_b * c.rotor_flux + w_a * q)
         start = (torque + _TORQUE_HALF) >> _TORQUE_SHIFT
         start -= (tau_b * base_a + tau_a * ~base_b + _TORQUE_HALF) >> _TORQUE_SHIFT
         along = (d * tau_b + _TORQUE_HALF) >> _TORQUE_SHIFT
@@ -281,7 +294,16 @@ def decide_words(c, m, u):
 
 @njit
 def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
-    """Quantise one set of measurements, SI, to the core's ports.
+    """Quantise one set of measurements to the core's ports.
+
+    Parameters
+    ----------
+    scales, lows, highs : ndarray of float64, shape (8,)
+        Of ``parameters``.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb).
+    omega_r, vdc, torque_ref, psi_ref : float
+        rad/s (electrical), V, N*m, Wb.
 
     Returns
     -------

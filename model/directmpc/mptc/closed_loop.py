@@ -17,7 +17,8 @@ from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
-from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step, torque
+from directmpc.mptc.machine import torque
+from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.states import Controller, MptcState, mptc_decision
 

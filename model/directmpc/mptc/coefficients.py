@@ -23,10 +23,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
 
@@ -45,6 +47,34 @@ COEFFICIENTS: tuple[str, ...] = (
     "torque",
     "weight",
 )
+
+
+class Words(NamedTuple):
+    """Parameters of ``mptc_core`` in compiled code: ``COEFFICIENTS`` in order, then the method."""
+
+    current: int
+    flux: int
+    rotor: int
+    rotor_flux: int
+    drop_current: int
+    drop: int
+    drop_flux: int
+    speed: int
+    voltage_alpha: int
+    voltage_beta: int
+    torque: int
+    weight: int
+    flux_control: int
+
+
+@njit
+def words(register):
+    """``Words`` out of ``Registers.array()``."""
+    return Words(
+        register[0], register[1], register[2], register[3], register[4], register[5], register[6],
+        register[7], register[8], register[9], register[10], register[11], register[12],
+    )  # fmt: skip
+
 
 _UNIT = 2**f.FRACTION
 _FULL = 2.0 ** (f.MEASUREMENT_WIDTH - 1) / (2.0 ** (f.MEASUREMENT_WIDTH - 1) - 1.0)
@@ -154,18 +184,18 @@ def registers(drive: MptcDrive) -> Registers:
         "voltage_alpha": 2.0 * c.ts * 2.0 / 3.0 * 2.0 * drive.inverter.vdc / flux,
         "voltage_beta": 2.0 * c.ts / math.sqrt(3.0) * 2.0 * drive.inverter.vdc / flux,
     }
-    words = {name: round(value * _UNIT) for name, value in values.items()}
-    for name, word in words.items():
+    rounded = {name: round(value * _UNIT) for name, value in values.items()}
+    for name, word in rounded.items():
         if abs(word) > f.WORD_HIGH:
             raise ValueError(
                 f"{_KEYS[name]}: the coefficient {name} is {values[name]:.4g} and "
                 "cannot be represented"
             )
     for name in ("rotor", "drop_flux"):
-        words[name] = min(words[name], -1)
-    words |= {"torque": exact, "weight": _weight(drive, flux / (per_rotor * rotor))}
+        rounded[name] = min(rounded[name], -1)
+    rounded |= {"torque": exact, "weight": _weight(drive, flux / (per_rotor * rotor))}
     return Registers(
-        coefficients={name: words[name] for name in COEFFICIENTS},
+        coefficients={name: rounded[name] for name in COEFFICIENTS},
         flux_control=int(c.method == "MPFC"),
         torque_unit=per_rotor * rotor,
         rotor_unit=rotor,

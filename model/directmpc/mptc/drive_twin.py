@@ -15,11 +15,8 @@ from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, observer, preexcitation
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import Registers, registers
-from directmpc.mptc.program import MPFC_CYCLES, MPTC_CYCLES
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 
-#: Clocks from start to valid: the core's, and the register of the decision.
-CYCLES = {"MPTC": MPTC_CYCLES + 1, "MPFC": MPFC_CYCLES + 1}
 #: Words of a state: the observer's four, the estimate as the ports have it, u applied, magnetised.
 STATE_WORDS = 8
 _ALPHA, _BETA, _APPLIED, _MAGNETISED = 4, 5, 6, 7

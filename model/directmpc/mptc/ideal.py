@@ -1,12 +1,12 @@
 """The ideal MPTC and MPFC controller (docs/specification.md, section 3) in float64.
 
-Heun's method takes the state to k+1 under the vector that is being applied (eqs. 4 and 5; eq. 12
-as printed misses lambda*L_r before u_s), i_s0(k+1) follows from eq. 14, one stator flux per vector
-from the second row of eq. 4, the torque from eq. 15 and the cost from eq. 11.  MPFC takes the
-rotor flux of eq. 6, turned on by omega_r*T_s, and the reference vector of eqs. 18 to 21.
+Heun's method takes the state to k+1 under the vector that is being applied (Paper B, eqs. 4 and 5;
+eq. 12 as printed misses lambda*L_r before u_s).  i_s0(k+1) follows from eq. 14, one stator flux per
+vector from the second row of eq. 4, the torque from eq. 15 and the cost from eq. 11.  MPFC takes
+the rotor flux of eq. 6, turned on by omega_r*T_s, and the reference vector of eqs. 18 to 21.
 
-Ties go to the lowest number, the zero vector counting under the number it is given (u_0 or u_7).
-With no rotor flux at all the arcsine's argument is 0 where no torque is asked for, else clamped.
+Ties go to the lowest number; the zero vector counts under the number it is given (u_0 or u_7).
+Without any rotor flux the arcsine's argument is 0 where no torque is asked for, else it is clamped.
 """
 
 from __future__ import annotations
@@ -20,11 +20,15 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc.inverter import UNIT, ZERO_FROM
+from directmpc.mptc.machine import derivative, inverse_determinant, torque
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 
 
 class IdealParameters(NamedTuple):
-    """All that `decide` needs to know about a drive, SI; `unit` and `zero_from` as in `vectors`."""
+    """All that `decide` needs to know about a drive, SI.
+
+    `unit` and `zero_from` are the tables of `inverter`.
+    """
 
     ts: float
     rs: float
@@ -58,20 +62,24 @@ def ideal_parameters(drive: MptcDrive) -> IdealParameters:
 
 
 @njit
-def derivative(p, i, psi, omega_r, u):
-    """A x + B u of eq. 4: derivatives of stator current and stator flux."""
-    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
-    di = (
-        complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r) * i
-        + lam * complex(p.rr, -p.lr * omega_r) * psi
-        + lam * p.lr * u
-    )
-    return di, u - p.rs * i
-
-
-@njit
 def heun(p, i, psi, omega_r, u):
-    """x(k+1) by eq. 5."""
+    """State after one control period by Heun's method (Paper B, eq. 5).
+
+    Parameters
+    ----------
+    p : IdealParameters
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : complex
+        Stator voltage held over the period, V.
+
+    Returns
+    -------
+    i, psi : complex
+        At k+1.
+    """
     di, dpsi = derivative(p, i, psi, omega_r, u)
     di, dpsi = p.ts * di, p.ts * dpsi
     ci, cpsi = derivative(p, di, dpsi, omega_r, 0j)
@@ -80,8 +88,26 @@ def heun(p, i, psi, omega_r, u):
 
 @njit
 def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
-    """Reference vector of the stator flux at k+2 (eqs. 6, 18 to 21), and whether it was clamped."""
-    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    """Reference vector of the stator flux at k+2 (Paper B, eqs. 6 and 18 to 21).
+
+    Parameters
+    ----------
+    p : IdealParameters
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k+1.
+    omega_r : float
+        Electrical speed, rad/s.
+    torque_ref, psi_ref : float
+        N*m, Wb.
+
+    Returns
+    -------
+    reference : complex
+        Wb.
+    clamped : bool
+        Whether the arcsine's argument was outside -1..1.
+    """
+    lam = inverse_determinant(p)
     psi_r = p.lr / p.lm * psi - i / (lam * p.lm)
     psi_r *= cmath.exp(1j * omega_r * p.ts)
     denominator = 1.5 * p.pole_pairs * lam * p.lm * abs(psi_r) * psi_ref
@@ -120,7 +146,7 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     clamped : bool
         True where the arcsine's argument was.
     """
-    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    lam = inverse_determinant(p)
     i1, psi1 = heun(p, i, psi, omega_r, p.unit[u] * vdc)
     i0 = (
         (1.0 - lam * p.rr * p.ls * p.ts) * i1
@@ -137,8 +163,7 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
         if p.flux_control:
             cost[j] = abs(reference - psi2)
         else:
-            torque = 1.5 * p.pole_pairs * (psi2.real * i0.imag - psi2.imag * i0.real)
-            cost[j] = abs(torque_ref - torque) + p.k_psi * abs(psi_ref - abs(psi2))
+            cost[j] = abs(torque_ref - torque(p, i0, psi2)) + p.k_psi * abs(psi_ref - abs(psi2))
     return cost, clamped
 
 

@@ -27,9 +27,9 @@ from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded
 from directmpc.mptc import formats as f
-from directmpc.mptc import ideal
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, to_word
 from directmpc.mptc.coefficients import Registers, registers
+from directmpc.mptc.machine import derivative, inverse_determinant
 from directmpc.mptc.trace import IntArray
 
 GAIN = -40.0  # b of eq. 9, 1/s
@@ -50,6 +50,29 @@ COEFFICIENTS: tuple[str, ...] = (
     "gain_rotor",
     "gain_stator",
 )
+
+
+class Words(NamedTuple):
+    """``COEFFICIENTS`` in compiled code."""
+
+    current: int
+    flux: int
+    rotor: int
+    rotor_flux: int
+    drop: int
+    drop_flux: int
+    speed: int
+    voltage_alpha: int
+    voltage_beta: int
+    gain_rotor: int
+    gain_stator: int
+
+
+@njit
+def _words(c):
+    """``Words`` out of ``array``."""
+    return Words(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10])
+
 
 _FRACTION = f.FRACTION
 _SHIFT = f.MEASUREMENT_SHIFT
@@ -107,13 +130,13 @@ def to_state(total):
 
 
 @njit
-def step_words(c, state, m, u):
-    """One step of ``mptc_observer``.
+def step_words(coefficient, state, m, u):
+    """One step of ``mptc_observer`` (Paper B, eqs. 8 and 9).
 
     Parameters
     ----------
-    c : ndarray of int64
-        Coefficients in port order.
+    coefficient : ndarray of int64, shape (11,)
+        Of ``array``.
     state : ndarray of int64, shape (4,)
         w alpha and beta, psi_s alpha and beta; replaced by the next.
     m : ndarray of int64, shape (4,)
@@ -127,38 +150,31 @@ def step_words(c, state, m, u):
         Stator flux at k+1 as the core's ports take it.
     saturated : int
     """
-    q, s0 = to_word((m[2] << _SHIFT) * c[6])
-    d, s1 = to_word((m[3] << _LINK_SHIFT) * c[7])
-    s, s2 = to_word((m[3] << _LINK_SHIFT) * c[8])
+    c = _words(coefficient)
+    q, s0 = to_word((m[2] << _SHIFT) * c.speed)
+    d, s1 = to_word((m[3] << _LINK_SHIFT) * c.voltage_alpha)
+    s, s2 = to_word((m[3] << _LINK_SHIFT) * c.voltage_beta)
     w_a, w_b = state[0] >> _GUARD, state[1] >> _GUARD
     p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
-    e_a, s3 = to_word((~w_a << _FRACTION) + (m[0] << _SHIFT) * c[0] + p_a * c[1])
-    e_b, s4 = to_word((~w_b << _FRACTION) + (m[1] << _SHIFT) * c[0] + p_b * c[1])
+    e_a, s3 = to_word((~w_a << _FRACTION) + (m[0] << _SHIFT) * c.current + p_a * c.flux)
+    e_b, s4 = to_word((~w_b << _FRACTION) + (m[1] << _SHIFT) * c.current + p_b * c.flux)
     up = _STATE_SHIFT
-    wn_a, s5 = to_state((state[0] << up) + w_a * c[2] + p_a * c[3] + ~w_b * q + e_a * c[9])
-    wn_b, s6 = to_state((state[1] << up) + w_b * c[2] + p_b * c[3] + w_a * q + e_b * c[9])
-    pn_a, s7 = to_state(
-        (state[2] << up)
-        + w_a * c[4]
-        + p_a * c[5]
-        + d * (VECTOR_ALPHA[u] << (_FRACTION - 2))
-        + e_a * c[10]
-    )
-    pn_b, s8 = to_state(
-        (state[3] << up)
-        + w_b * c[4]
-        + p_b * c[5]
-        + s * (VECTOR_BETA[u] << (_FRACTION - 1))
-        + e_b * c[10]
-    )
+    rotor_a = w_a * c.rotor + p_a * c.rotor_flux + ~w_b * q + e_a * c.gain_rotor
+    rotor_b = w_b * c.rotor + p_b * c.rotor_flux + w_a * q + e_b * c.gain_rotor
+    wn_a, s5 = to_state((state[0] << up) + rotor_a)
+    wn_b, s6 = to_state((state[1] << up) + rotor_b)
+    stator_a = w_a * c.drop + p_a * c.drop_flux + d * (VECTOR_ALPHA[u] << (_FRACTION - 2))
+    stator_b = w_b * c.drop + p_b * c.drop_flux + s * (VECTOR_BETA[u] << (_FRACTION - 1))
+    pn_a, s7 = to_state((state[2] << up) + stator_a + e_a * c.gain_stator)
+    pn_b, s8 = to_state((state[3] << up) + stator_b + e_b * c.gain_stator)
     saturated = s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8
     # halves of what has moved; a difference of two states has a bit more than a state
     dw_a, dw_b = (wn_a - state[0]) >> (_GUARD + 1), (wn_b - state[1]) >> (_GUARD + 1)
     dp_a, dp_b = (pn_a - state[2]) >> (_GUARD + 1), (pn_b - state[3]) >> (_GUARD + 1)
-    state[0], s0 = to_state((wn_a << up) + dw_a * c[2] + dp_a * c[3] + ~dw_b * q)
-    state[1], s1 = to_state((wn_b << up) + dw_b * c[2] + dp_b * c[3] + dw_a * q)
-    state[2], s2 = to_state((pn_a << up) + dw_a * c[4] + dp_a * c[5])
-    state[3], s3 = to_state((pn_b << up) + dw_b * c[4] + dp_b * c[5])
+    state[0], s0 = to_state((wn_a << up) + dw_a * c.rotor + dp_a * c.rotor_flux + ~dw_b * q)
+    state[1], s1 = to_state((wn_b << up) + dw_b * c.rotor + dp_b * c.rotor_flux + dw_a * q)
+    state[2], s2 = to_state((pn_a << up) + dw_a * c.drop + dp_a * c.drop_flux)
+    state[3], s3 = to_state((pn_b << up) + dw_b * c.drop + dp_b * c.drop_flux)
     saturated |= s0 | s1 | s2 | s3
     out_a, _ = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
     out_b, _ = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
@@ -178,7 +194,7 @@ def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
 
     Parameters
     ----------
-    p : IdealParameters
+    p : ideal.IdealParameters
         Machine the observer is set up for.
     b : float
         Gain of eq. 9, 1/s.
@@ -198,10 +214,10 @@ def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
     current, flux : complex
         Estimates at k+1.
     """
-    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
+    lam = inverse_determinant(p)
     error = measured - current
-    di, dpsi = ideal.derivative(p, current, flux, omega_r, p.unit[u] * vdc)
+    di, dpsi = derivative(p, current, flux, omega_r, p.unit[u] * vdc)
     di = p.ts * (di - 2.0 * b * error)
     dpsi = p.ts * (dpsi - b / (lam * p.lr) * error)
-    ci, cpsi = ideal.derivative(p, di, dpsi, omega_r, 0j)
+    ci, cpsi = derivative(p, di, dpsi, omega_r, 0j)
     return current + di + 0.5 * p.ts * ci, flux + dpsi + 0.5 * p.ts * cpsi

@@ -2,8 +2,9 @@
 
 The electrical equations are eq. 1 and 2 with constant speed over a control period, solved exactly
 by a complex 2x2 matrix exponential (the vector is constant over the period, the machine linear at
-constant speed); the mechanics follow by the trapezoidal torque.  It shares no code with the
-controllers' predictions; the motulator plant (`motulator_plant`) is the independent check.
+constant speed); the mechanics follow by the trapezoidal torque.  It shares the equations of
+`machine` with the controllers, and none of their predictions; the plant of the motulator library
+(`scripts.studies.motulator_plant`) is the independent check.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.drive_file import MptcDrive
 from directmpc.mptc.inverter import UNIT
+from directmpc.mptc.machine import current_row, torque
 
 
 class PlantParameters(NamedTuple):
@@ -62,12 +64,6 @@ def plant_parameters(
 
 
 @njit
-def torque(p, i, psi):
-    """Electromagnetic torque, 1.5 * N_p * psi_s x i_s."""
-    return 1.5 * p.pole_pairs * (psi.real * i.imag - psi.imag * i.real)
-
-
-@njit
 def _flow(a11, a12, a21, a22, h):
     """exp(A*h) and its integral over h, by scaling and squaring of a Taylor series."""
     steps = 1
@@ -93,16 +89,10 @@ def _flow(a11, a12, a21, a22, h):
 @njit
 def advance(p, i, psi, omega_r, u, duration):
     """Stator current and stator flux after `duration` s under vector u at constant speed."""
-    lam = 1.0 / (p.ls * p.lr - p.lm * p.lm)
-    e, g = _flow(
-        complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r),
-        lam * complex(p.rr, -p.lr * omega_r),
-        complex(-p.rs, 0.0),
-        0j,
-        duration,
-    )
+    from_current, from_flux, from_voltage = current_row(p, omega_r)
+    e, g = _flow(from_current, from_flux, complex(-p.rs, 0.0), 0j, duration)
     v = p.unit[u] * p.vdc
-    b0, b1 = lam * p.lr * v, v
+    b0, b1 = from_voltage * v, v
     return (
         e[0, 0] * i + e[0, 1] * psi + g[0, 0] * b0 + g[0, 1] * b1,
         e[1, 0] * i + e[1, 1] * psi + g[1, 0] * b0 + g[1, 1] * b1,

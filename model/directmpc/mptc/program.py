@@ -220,9 +220,6 @@ def last_clock(first_term: int) -> int:
 
 MPTC_LAST = last_clock(MPTC_FIRST_TERM)
 MPFC_LAST = last_clock(MPFC_FIRST_TERM)
-#: From the edge that accepts ``start`` to the one that samples ``valid``.
-MPTC_CYCLES = MPTC_LAST + 1
-MPFC_CYCLES = MPFC_LAST + 1
 
 
 def base(name: str) -> str:

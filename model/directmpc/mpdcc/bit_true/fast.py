@@ -471,11 +471,15 @@ def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
     saturated : bool
         Whether its weight on v_n did not fit.
     """
-    n = node_of(t, False)
-    first = first_errors(n.error, n.curvature)
+    # arrays out of a record inside the loops would cost a third of the search's time
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(
+        t, False
+    )
+    bound, horizon, scale = o.bound, o.horizon, o.weight_scale
+    first = first_errors(error, curvature)
     threshold = np.empty(3, dtype=np.int64)
     for x in range(3):
-        threshold[x] = turn_threshold(n.error[x], n.curvature[x], o.bound[x])
+        threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
     slope = np.empty(7, dtype=np.int64)
     moving = np.empty(7, dtype=np.int64)
     s = np.empty(3, dtype=np.int64)
@@ -486,19 +490,15 @@ def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
             s[1] = inverter.NEXT_TABLE[s1[1], ib]
             for ic in range(inverter.NEXT_COUNT[s1[2]]):
                 s[2] = inverter.NEXT_TABLE[s1[2], ic]
-                slopes(s, n.slope, n.forced, n.phase, n.midpoint, slope)
-                _still(s, n.error, moving)
-                length = length_of(
-                    rule, moving, first, slope, n.curvature, o.bound, threshold, o.horizon
-                )
+                slopes(s, natural, forced, phase, midpoint, slope)
+                _still(s, error, moving)
+                length = length_of(rule, moving, first, slope, curvature, bound, threshold, horizon)
                 if length == 0:
                     continue
-                effort = effort1 + effort_of(s1, s, n.phase)
-                weights = share_of(s, n.weight_slope)
-                value, clipped = cost(
-                    effort, length, n.weight_start, weights, o.weight_scale, steps
-                )
-                value += surcharge(rule, n.error, slope, length)
+                effort = effort1 + effort_of(s1, s, phase)
+                weights = share_of(s, weight_slope)
+                value, clipped = cost(effort, length, weight_start, weights, scale, steps)
+                value += surcharge(rule, error, slope, length)
                 # among equals one whose weight did not saturate, whatever the order
                 if best < 0 or value < best or (value == best and best_clipped and not clipped):
                     best, best_clipped = value, clipped
@@ -555,14 +555,17 @@ def search(
             root = node_of(t, saturated)
         else:
             saturated = True
-    first = first_errors(root.error, root.curvature)
+    # arrays out of a record inside the loops would cost a third of the search's time
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = root
+    bound, horizon, scale = o.bound, o.horizon, o.weight_scale
+    first = first_errors(error, curvature)
     threshold = np.empty(3, dtype=np.int64)
     for x in range(3):
-        threshold[x] = turn_threshold(root.error[x], root.curvature[x], o.bound[x])
-    slopes(s_prev, root.slope, root.forced, root.phase, root.midpoint, slope)
+        threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
+    slopes(s_prev, natural, forced, phase, midpoint, slope)
     held = True
     for j in range(7):
-        if abs(first[j] + slope[j]) > o.bound[j]:
+        if abs(first[j] + slope[j]) > bound[j]:
             held = False
     if held:
         return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated), 0, 0
@@ -586,25 +589,22 @@ def search(
             s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
             for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
                 s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
-                _start_slopes(s, root, slope, start)
-                length = length_of(
-                    rule, root.error, first, slope, root.curvature, o.bound, threshold, o.horizon
-                )
+                slopes(s, natural, forced, phase, midpoint, slope)
+                start[0], start[1] = slope[0], slope[1]
+                length = length_of(rule, error, first, slope, curvature, bound, threshold, horizon)
                 place = 16 * ia + 4 * ib + ic
-                effort = effort_of(s_prev, s, root.phase)
+                effort = effort_of(s_prev, s, phase)
                 if length > 0:
-                    weights = share_of(s, root.weight_slope)
-                    value, clipped = cost(
-                        effort, length, root.weight_start, weights, o.weight_scale, 0
-                    )
-                    value += surcharge(rule, root.error, slope, length)
+                    weights = share_of(s, weight_slope)
+                    value, clipped = cost(effort, length, weight_start, weights, scale, 0)
+                    value += surcharge(rule, error, slope, length)
                     if not feasible or value < best_cost:
                         feasible = True
                         best_cost = value
                         best_length = length
                         best_saturated = clipped
                         best[:] = s
-                    if o.two_switchings and length < o.horizon:
+                    if o.two_switchings and length < horizon:
                         n = bucket_count[effort]
                         bucket[effort, n, 0:3] = s
                         bucket[effort, n, 3] = length
@@ -617,7 +617,7 @@ def search(
                         deep[:] = s
                 elif not feasible:
                     if better(
-                        rule, root.error, first, slope, root.curvature, o.bound, effort, record,
+                        rule, error, first, slope, curvature, bound, effort, record,
                         none_yet,
                     ):  # fmt: skip
                         dead[:] = s

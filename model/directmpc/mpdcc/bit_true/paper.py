@@ -48,13 +48,15 @@ def decide_words(register, measurement, s_prev):
         s_a, s_b, s_c, held, deadlock, length, saturated.
     """
     o = options(register)
-    root = node(PAPER_PROGRAM, measurement, register)
-    saturated = root.saturated
+    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = node(
+        PAPER_PROGRAM, measurement, register
+    )
+    bound, horizon = o.bound, o.horizon
     slope = np.empty(7, dtype=np.int64)
-    slopes(s_prev, root.slope, root.forced, root.phase, root.midpoint, slope)
+    slopes(s_prev, natural, forced, phase, midpoint, slope)
     held = True
     for j in range(7):
-        if abs(root.error[j] + slope[j]) > o.bound[j]:
+        if abs(error[j] + slope[j]) > bound[j]:
             held = False
     if held:
         return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated)
@@ -73,22 +75,20 @@ def decide_words(register, measurement, s_prev):
             s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
             for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
                 s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
-                slopes(s, root.slope, root.forced, root.phase, root.midpoint, slope)
-                length = o.horizon
+                slopes(s, natural, forced, phase, midpoint, slope)
+                length = horizon
                 excess = -(1 << 40)
                 for j in range(7):
-                    excess = max(excess, abs(root.error[j] + slope[j]) - o.bound[j])
+                    excess = max(excess, abs(error[j] + slope[j]) - bound[j])
                     if length > 0:
-                        found = search_length(root.error[j], slope[j], o.bound[j], o.horizon)
+                        found = search_length(error[j], slope[j], bound[j], horizon)
                         length = min(length, found)
                 if length > 0:
                     weights = 0
                     for x in range(3):
-                        weights += inverter.NEUTRAL_CURRENT[s[x]] * root.weight_slope[x]
-                    effort = effort_of(s_prev, s, root.phase)
-                    value, clipped = cost(
-                        effort, length, root.weight_start, weights, o.weight_scale
-                    )
+                        weights += inverter.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+                    effort = effort_of(s_prev, s, phase)
+                    value, clipped = cost(effort, length, weight_start, weights, o.weight_scale)
                     if not best_feasible or value < best_cost:
                         best_feasible = True
                         best_cost = value

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from directmpc.mptc import closed_loop, observer, preexcitation
+from directmpc.mptc import cycles as clocks
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -89,7 +90,7 @@ def test_netlist_of_the_joined_drive_decides_as_its_twin() -> None:
         u, saturated, clamped, exciting = joined.step_words(words, state, measured[k])
         found.append((u, core.SWITCHES[u], saturated, clamped, exciting, *state[4:6]))
         rows.append(rtl_loop.held_inputs(words) | {"restart": restart})
-        cycles.append(joined.CYCLES[method])
+        cycles.append(clocks.DRIVE[method])
         if restart:  # held until the next start
             state[-1] = 0
     inputs = {name: [row[name] for row in rows] for name in rows[0]}

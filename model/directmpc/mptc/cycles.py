@@ -1,0 +1,15 @@
+"""Clock cycles of a decision of MPTC and MPFC, from the program of the multipliers.
+
+Counted from the clock edge that accepts ``start`` to the one that samples ``valid``.  They do not
+depend on the measurements.
+"""
+
+from __future__ import annotations
+
+from directmpc.mptc.program import MPFC_LAST, MPTC_LAST
+
+#: Of ``mptc_core``, by the method of the drive file.
+CORE: dict[str, int] = {"MPTC": MPTC_LAST + 1, "MPFC": MPFC_LAST + 1}
+
+#: Of ``mptc_drive``, which registers the decision.
+DRIVE: dict[str, int] = {method: clocks + 1 for method, clocks in CORE.items()}
