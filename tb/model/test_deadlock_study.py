@@ -74,9 +74,7 @@ def test_random_drives_and_states(horizon: str, rule: str) -> None:
     rng = np.random.default_rng(17)
     deadlocks = 0
     for _ in range(60):
-        drive = states.random_drive(rng).with_control(
-            switching_horizon=horizon, deadlock_rule=rule
-        )
+        drive = states.random_drive(rng).with_control(switching_horizon=horizon, deadlock_rule=rule)
         deadlocks += assert_alike(drive, states.near(drive, 8, rng))
         deadlocks += assert_alike(drive, states.wide(8, rng, beyond=1.2))
     assert deadlocks >= 50

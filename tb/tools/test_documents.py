@@ -27,6 +27,7 @@ import pytest
 import directmpc
 from directmpc import drive_file
 from directmpc.mpdcc import inverter, trace
+from directmpc.mptc import trace as mptc_trace
 from scripts.hdl import sources
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.shared.tools import ROOT
@@ -146,9 +147,9 @@ def test_every_column_is_specified(tmp_path: Path) -> None:
     trace.write_decisions(path, decisions)
     assert header(path) == columns("decisions of mpdcc")
     vectors = np.zeros((1, 2))
-    trace.write_mptc_trace(path, trace.MptcTrace(vectors, vectors, real, real, real, flag))
+    mptc_trace.write_trace(path, mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag))
     assert header(path) == columns("trace of mptc")
-    trace.write_mptc_decisions(path, trace.MptcDecisions(flag, flag, flag))
+    mptc_trace.write_decisions(path, mptc_trace.MptcDecisions(flag, flag, flag))
     assert header(path) == columns("decisions of mptc")
 
 
