@@ -177,7 +177,10 @@ def _better(keys, best, latest):
 
 @njit
 def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
-    """``fast.length_inside``; with the inward rule, outputs that come closer do not end it."""
+    """``fast.length_inside``; with the inward rule, outputs that come closer do not end it.
+
+    Arguments as ``fast.length_inside``, but for `rule`: ``Numbers``.
+    """
     if not rule.inward:
         return fast.length_inside(0, error, first, slope, curvature, bound, threshold, horizon)
     length = horizon
@@ -201,7 +204,11 @@ def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
 
 @njit
 def better(rule, error, first, slope, curvature, bound, effort, record, none_yet):
-    """``fast.least_excess`` for a rule; `record`: keys of the best, then how many tie with it."""
+    """``fast.least_excess`` for a rule.
+
+    Arguments as ``fast.least_excess``, but for `rule`, ``Numbers``, and `record`: the keys of the
+    best so far, then how many candidates tie with it.
+    """
     ahead = np.empty(7, dtype=np.int64)
     keys = np.empty(7, dtype=np.int64)
     _errors_ahead(first, slope, error, curvature, rule.step, ahead)
@@ -218,7 +225,10 @@ def better(rule, error, first, slope, curvature, bound, effort, record, none_yet
 
 @njit
 def surcharge(rule, error, slope, length):
-    """Terminal weight on the flying capacitors, cost units."""
+    """Terminal weight on the flying capacitors, cost units.
+
+    Arguments as ``fast.no_surcharge``, but for `rule`: ``Numbers``.
+    """
     if rule.terminal == 0.0:
         return 0
     total = 0.0

@@ -20,7 +20,7 @@ from directmpc.compiled import njit
 from directmpc.drive_file import Drive
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState, discretise
+from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState
 from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.states import Controller, MpdccState, StateError, mpdcc_decision
@@ -277,8 +277,8 @@ def _loop(
         x[:] = state
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
-            _predict(predictor, x, applied, omega_r[k], vdc[k])
-            turned = iref[k] * cmath.exp(1j * omega_s[k] * predictor[0])
+            ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
+            turned = iref[k] * cmath.exp(1j * omega_s[k] * predictor.ts)
             reference[0], reference[1] = turned.real, turned.imag
         seen[k] = x
         seen_s[k] = applied
@@ -298,32 +298,6 @@ def _loop(
         positions[k + 1] = applied
         plant_step(plant, state, applied, omega_r[k], vdc[k])
     states[len(vdc)] = state
-
-
-@njit
-def _predict(predictor, x, s_abc, omega_r, vdc):
-    """Take the state one step on as the ideal controller's model does, in place."""
-    h, tau_s, tau_r, xm, xr, d = predictor[:6]
-    a11, a12, a21, a22, b1, b2 = discretise(tau_s, tau_r, xm, xr, d, omega_r, h)
-    half_dc, neutral, capacitor, from_neutral, from_capacitor = predictor[8:]
-    current, flux = complex(x[0], x[1]), complex(x[2], x[3])
-    root = 0.8660254037844386 * current.imag
-    phases = (current.real, -0.5 * current.real + root, -0.5 * current.real - root)
-    voltage = 0j
-    drawn = 0.0
-    for phase in range(3):
-        s = s_abc[phase]
-        v = half_dc[s] * 0.5 * vdc + neutral[s] * x[4] + capacitor[s] * x[5 + phase]
-        voltage += 2.0 / 3.0 * v * cmath.exp(2j * cmath.pi / 3.0 * phase)
-        drawn += from_neutral[s] * phases[phase]
-    for phase in range(3):
-        x[5 + phase] += predictor[7] * from_capacitor[s_abc[phase]] * phases[phase]
-    x[4] += predictor[6] * drawn
-    current, flux = (
-        a11 * current + a12 * flux + b1 * voltage,
-        a21 * current + a22 * flux + b2 * voltage,
-    )
-    x[0], x[1], x[2], x[3] = current.real, current.imag, flux.real, flux.imag
 
 
 @njit
@@ -456,12 +430,7 @@ def simulate(
     )
     state, applied = initial_conditions(profile, rng, disturbance)
 
-    own = ideal.ideal_parameters(drive)
-    predictor = (
-        own.ts, own.tau_s, own.tau_r, own.xm, own.xr, own.d,
-        own.neutral_slope, own.capacitor_slope,
-        anpc.HALF_DC, anpc.NEUTRAL, anpc.CAPACITOR, anpc.NEUTRAL_CURRENT, anpc.CAPACITOR_CURRENT,
-    )  # fmt: skip
+    predictor = ideal.ideal_parameters(drive)
     states = np.empty((total + 1, STATES))
     positions = np.empty((total + 1, 3), np.int64)
     positions[0] = applied

@@ -97,7 +97,25 @@ def phases(vector):
 
 @njit
 def inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
-    """Stator voltage vector of a position and what it adds to the inverter voltages each step."""
+    """What a switch position applies to machine and inverter (Paper A, eqs. 1 and 2).
+
+    Parameters
+    ----------
+    p : IdealParameters
+    vdc, v_n, v_a, v_b, v_c : float
+        Voltages of dc link, neutral point and phase capacitors, per unit.
+    i_a, i_b, i_c : float
+        Phase currents, per unit.
+    s_a, s_b, s_c : int
+        Positions, 0..7.
+
+    Returns
+    -------
+    voltage : complex
+        Stator voltage vector, per unit.
+    r_n, r_a, r_b, r_c : float
+        What v_n and v_ph_a..c move by in a step, per unit.
+    """
     half = 0.5 * vdc
     u_a = p.half_dc[s_a] * half + p.neutral[s_a] * v_n + p.capacitor[s_a] * v_a
     u_b = p.half_dc[s_b] * half + p.neutral[s_b] * v_n + p.capacitor[s_b] * v_b
@@ -171,7 +189,24 @@ def _extend(
 
 @njit
 def prepare(p, x_m, iref, omega_s, omega_r, steps):
-    """What all candidates share: discretised machine, responses and reference over `steps`."""
+    """What all candidates share.
+
+    Parameters
+    ----------
+    p, x_m, iref, omega_s, omega_r
+        As in `decide`.
+    steps : int
+        Length of the reference.
+
+    Returns
+    -------
+    a11, a12, a21, a22 : complex
+        Machine over a step, see `machine.discretise`.
+    natural, forced, forced_flux : (N + 1,) complex
+        Current without voltage; current and rotor flux per voltage vector, from the state 0.
+    reference : (steps + 1,) complex
+        Turned with omega_s.
+    """
     a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
     n = p.horizon
     natural = np.empty(n + 1, np.complex128)
@@ -431,26 +466,45 @@ def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
         out[k, 3], out[k, 4], out[k, 5] = row[3], row[4], row[5]
 
 
+@njit
+def advance(p, x, s, omega_r, vdc):
+    """Take a state one step on, as `decide` predicts it (Paper A, eqs. 2 and 3), in place.
+
+    Parameters
+    ----------
+    p : IdealParameters
+    x : (8,) float
+        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c at k, per unit;
+        replaced by those at k + 1.
+    s : (3,) int
+        Positions applied from k to k + 1.
+    omega_r, vdc : float
+        Rotor speed and dc-link voltage, per unit.
+    """
+    a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    current, flux = complex(x[0], x[1]), complex(x[2], x[3])
+    i_a, i_b, i_c = phases(current)
+    voltage, r_n, r_a, r_b, r_c = inputs(
+        p, vdc, x[4], x[5], x[6], x[7], i_a, i_b, i_c, s[0], s[1], s[2]
+    )
+    following = a11 * current + a12 * flux + b1 * voltage
+    flux = a21 * current + a22 * flux + b2 * voltage
+    x[0], x[1], x[2], x[3] = following.real, following.imag, flux.real, flux.imag
+    x[4] += r_n
+    x[5] += r_a
+    x[6] += r_b
+    x[7] += r_c
+
+
 def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
     """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it."""
-    x_m, x_inv, iref = trace.x_m.copy(), trace.x_inv.copy(), trace.iref.copy()
-    p = parameters
+    state = np.hstack([trace.x_m, trace.x_inv])
+    iref = trace.iref.copy()
     for k in range(len(trace)):
-        a11, a12, a21, a22, b1, b2 = discretise(
-            p.tau_s, p.tau_r, p.xm, p.xr, p.d, trace.omega_r[k], p.ts
-        )
-        current, flux = complex(*trace.x_m[k, :2]), complex(*trace.x_m[k, 2:])
-        s = trace.s_prev[k]
-        voltage, *slopes = inputs(
-            p, trace.vdc[k], *trace.x_inv[k], *phases(current), s[0], s[1], s[2]
-        )
-        following = a11 * current + a12 * flux + b1 * voltage
-        flux = a21 * current + a22 * flux + b2 * voltage
-        x_m[k] = following.real, following.imag, flux.real, flux.imag
-        x_inv[k] += slopes
-        turned = complex(*iref[k]) * cmath.exp(1j * trace.omega_s[k] * p.ts)
+        advance(parameters, state[k], trace.s_prev[k], trace.omega_r[k], trace.vdc[k])
+        turned = complex(*iref[k]) * cmath.exp(1j * trace.omega_s[k] * parameters.ts)
         iref[k] = turned.real, turned.imag
-    return dataclasses.replace(trace, x_m=x_m, x_inv=x_inv, iref=iref)
+    return dataclasses.replace(trace, x_m=state[:, :4].copy(), x_inv=state[:, 4:].copy(), iref=iref)
 
 
 def run(drive: Drive, trace: MpdccTrace) -> Decisions:

@@ -167,7 +167,22 @@ def candidates(s_abc: Sequence[int]) -> list[tuple[int, int, int]]:
 def phase_voltages(
     s_abc: Sequence[int], v_dc: float, v_n: float, v_ph: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Form v_abc against the dc-link midpoint, shape (3,), per unit (drive model, section 1)."""
+    """Form v_abc against the dc-link midpoint (Paper A, eq. 2).
+
+    Parameters
+    ----------
+    s_abc : sequence of int
+        Positions of phases a, b, c, 0..7.
+    v_dc, v_n : float
+        Voltages of dc link and neutral point, per unit.
+    v_ph : (3,)
+        Voltages of the phase capacitors, per unit.
+
+    Returns
+    -------
+    (3,)
+        Per unit.
+    """
     s = np.asarray(s_abc, dtype=np.int64)
     return HALF_DC[s] * (v_dc / 2) + NEUTRAL[s] * v_n + CAPACITOR[s] * np.asarray(v_ph)
 

@@ -223,7 +223,32 @@ def step_ideal(
     voltage: complex,
     omega_r: float,
 ) -> tuple[complex, IdealState]:
-    """One step in float64: rotor flux at k, next state; per unit, ``voltage`` over the interval."""
+    """One step in float64; everything per unit.
+
+    Parameters
+    ----------
+    machine : InductionMachine
+        Machine the observer is set up for.
+    h : float
+        Control period.
+    crossover : float
+        Frequency below which the current model and above which the voltage model rules.
+    state : IdealState
+        At k-1.
+    current : complex
+        Stator current at k.
+    voltage : complex
+        Stator voltage from k-1 to k.
+    omega_r : float
+        Rotor speed at k.
+
+    Returns
+    -------
+    flux : complex
+        Rotor flux at k.
+    state : IdealState
+        At k.
+    """
     m, mean = machine, 0.5 * (current + state.current)
     pole = -m.rr / m.xr + 1j * omega_r
     rate = pole * state.rotor + m.rr * m.xm / m.xr * mean

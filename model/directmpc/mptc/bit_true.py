@@ -384,7 +384,19 @@ def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.boo
 
 @njit
 def run_words(register, measurements, u, out):
-    """``decide_words`` for every row."""
+    """``decide_words`` for every row.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurements : ndarray of int64, shape (n, 8)
+        In the order of ``formats.MEASUREMENTS``.
+    u : ndarray of int64, shape (n,)
+        Vector that is being applied.
+    out : ndarray of int64, shape (n, 3)
+        Filled with u, saturated, clamped.
+    """
     for k in range(measurements.shape[0]):
         out[k, 0], out[k, 1], out[k, 2] = decide_words(register, measurements[k], u[k])
 

@@ -85,9 +85,22 @@ def initial() -> IntArray:
 
 
 def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -> IntArray:
-    """State of an observer that has a machine's current (A) and flux (Wb); u_0 applied.
+    """State of an observer that has estimated a machine's state; u_0 applied.
 
     The RTL comes to such a state by magnetising; a loop that begins at speed is given it.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+    p : Parameters
+        Of the same drive.
+    current, flux : complex
+        Stator current (A) and stator flux linkage (Wb).
+
+    Returns
+    -------
+    (8,)
+        As ``step_words`` takes it.
     """
     words, _ = bit_true.encode_row(
         *bit_true.parameters(drive)[1:], current, flux, 0.0, 0.0, 0.0, 0.0

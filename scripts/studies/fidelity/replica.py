@@ -368,7 +368,30 @@ def _slopes(p, s, natural, forced, phase, midpoint, out):
 
 @njit
 def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide as the fast variant would with these roundings; arguments as ``ideal.decide``."""
+    """Decide as the fast variant would with these roundings, horizon SE (Paper A, Algorithm 1).
+
+    Parameters
+    ----------
+    p : Replica
+        Grains, trajectory and search.
+    x_m : (4,) float
+        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit, as are all others.
+    x_inv : (4,) float
+        v_n, v_ph_a, v_ph_b, v_ph_c at k.
+    vdc : float
+        dc-link voltage.
+    iref : (2,) float
+        Current reference at k, alpha and beta.
+    omega_s, omega_r : float
+        Stator and rotor angular speed.
+    s_prev : (3,) int
+        Positions s(k-1), 0..7.
+
+    Returns
+    -------
+    s_a, s_b, s_c, held, deadlock, length, saturated : int
+        As ``ideal.decide``; `saturated` is always 0.
+    """
     horizon = p.exact.horizon
     measured = np.empty(13)
     measured[0:4] = x_m

@@ -300,7 +300,22 @@ def effort_of(s_prev, s, phase):
 
 @njit
 def search_length(offset, slope, bound, horizon):
-    """Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound."""
+    """How long a straight line stays inside its bound (Paper A, eq. 25 and Algorithm 2).
+
+    Parameters
+    ----------
+    offset, slope : int
+        Error at the node and what it moves by per step, trajectory units.
+    bound : int
+        Half width, trajectory units.
+    horizon : int
+        N, steps.
+
+    Returns
+    -------
+    int
+        Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound.
+    """
     if abs(offset) > bound:
         return 0
     room = bound - offset if slope >= 0 else bound + offset

@@ -279,7 +279,10 @@ def share_of(s, shares):
 
 @njit
 def slopes(s, slope, forced, phase, midpoint, out):
-    """``common.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c."""
+    """``common.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c.
+
+    Arguments as ``common.slopes``.
+    """
     common.slopes(s, slope, forced, phase, midpoint, out)
     out[2] = out[0] + out[1]
     out[3] = share_of(s, midpoint)
@@ -441,7 +444,17 @@ def least_excess(
 
 @njit
 def no_surcharge(rule, error, slope, length):
-    """What a rule adds to J: nothing."""
+    """What the specification's rule adds to J: nothing.
+
+    Parameters
+    ----------
+    rule : int
+        Without effect, as are all others.
+    error, slope : ndarray of int64, shape (7,)
+        As in ``length_inside``.
+    length : int
+        L* of the candidate, steps.
+    """
     return 0
 
 
@@ -701,7 +714,19 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def run_words(register, measurements, s_prev, out):
-    """``decide_words`` for every row."""
+    """``decide_words`` for every row.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurements : ndarray of int64, shape (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (n, 3)
+        s(k-1).
+    out : ndarray of int64, shape (n, 7)
+        Filled.
+    """
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 

@@ -134,7 +134,19 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def run_words(register, measurements, s_prev, out):
-    """``decide_words`` for every row."""
+    """``decide_words`` for every row.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurements : ndarray of int64, shape (n, 13)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (n, 3)
+        s(k-1).
+    out : ndarray of int64, shape (n, 7)
+        Filled.
+    """
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 
