@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.controllers import ENGINES, check_drive, check_engine, make_controller
+from directmpc.distortion import thd
 from directmpc.drive_file import Drive, MptcDrive
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import ideal as mpdcc_ideal
-from directmpc.mpdcc import metrics, trace
+from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
+from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.plant import plant_parameters, slip
 from directmpc.states import Controller
 
@@ -74,8 +76,8 @@ class SimulationResult:
     torque: FloatArray
     omega_r: FloatArray
     applied: IntArray
-    trace: trace.MpdccTrace | trace.MptcTrace
-    decisions: trace.Decisions | trace.MptcDecisions
+    trace: trace.MpdccTrace | mptc_trace.MptcTrace
+    decisions: trace.Decisions | mptc_trace.MptcDecisions
 
     def __len__(self) -> int:
         return len(self.time)
@@ -95,7 +97,7 @@ class SimulationResult:
             If the run does not cover one period of the stator frequency.
         """
         ts = self.drive.ts_pu if isinstance(self.drive, Drive) else self.drive.control.ts
-        found = metrics.thd(self.phase_currents, self.speed, ts)
+        found = thd(self.phase_currents, self.speed, ts)
         return float(np.sqrt(np.mean(found**2)))
 
     def table(self) -> dict[str, NDArray[Any]]:
@@ -116,7 +118,7 @@ class SimulationResult:
             columns["torque"] = self.torque
             columns |= {f"next_s_{x}": d.s[:, i] for i, x in enumerate("abc")}
             columns |= {"next_held": d.held, "next_deadlock": d.deadlock, "next_length": d.length}
-        elif isinstance(t, trace.MptcTrace) and isinstance(d, trace.MptcDecisions):
+        elif isinstance(t, mptc_trace.MptcTrace) and isinstance(d, mptc_trace.MptcDecisions):
             columns |= {"is_alpha": t.i_s[:, 0], "is_beta": t.i_s[:, 1]}
             columns |= {"psis_alpha": t.psi_s[:, 0], "psis_beta": t.psi_s[:, 1]}
             columns |= {"omega_r": t.omega_r, "torque_ref": t.torque_ref, "psi_ref": t.psi_ref}
@@ -135,7 +137,7 @@ class SimulationResult:
         if isinstance(self.trace, trace.MpdccTrace):
             trace.write_trace(path, self.trace)
         else:
-            trace.write_mptc_trace(path, self.trace)
+            mptc_trace.write_trace(path, self.trace)
 
 
 def simulate(
@@ -358,5 +360,5 @@ def _run_mptc(
         omega_r=seen.omega_r,
         applied=seen.u,
         trace=seen,
-        decisions=trace.MptcDecisions(run.u[keep], None, saturated[keep]),
+        decisions=mptc_trace.MptcDecisions(run.u[keep], None, saturated[keep]),
     )
