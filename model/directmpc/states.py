@@ -74,9 +74,11 @@ def three_positions(name: str, value: Any) -> tuple[int, int, int]:
 
 
 def _column(row: Mapping[str, Any], name: str) -> Any:
+    """A value of a row; a text, as a CSV reader gives it, becomes a number."""
     if name not in row:
         raise StateError(f"state: has no column {name}; it has {', '.join(map(str, row))}")
-    return row[name]
+    value = row[name]
+    return _number(f"column {name}", value, "the file's unit") if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)

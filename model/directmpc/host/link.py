@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-import serial
+if TYPE_CHECKING:
+    import serial
 
 from directmpc.host import protocol as p
 from directmpc.host.protocol import Frame, Outcome, Splitter, Type
@@ -70,12 +71,21 @@ class SerialStream:
     Raises
     ------
     LinkError
-        If it cannot be opened.
+        If it cannot be opened, or pyserial is not installed.
     """
 
     def __init__(self, port: str, baud: int) -> None:
         try:
-            self._serial = serial.serial_for_url(port, baudrate=baud, timeout=0.05, exclusive=True)
+            import serial  # an optional requirement of the package
+        except ImportError:
+            raise LinkError(
+                "pyserial is not installed; pip install 'directmpc[board]' does it"
+            ) from None
+        self._failures = (serial.SerialException, OSError)
+        try:
+            self._serial: serial.SerialBase = serial.serial_for_url(
+                port, baudrate=baud, timeout=0.05, exclusive=True
+            )
         except (serial.SerialException, ValueError, OSError) as error:
             raise LinkError(f"{port}: cannot be opened: {error}") from None
         self.port = port
@@ -85,14 +95,14 @@ class SerialStream:
         """Send all of it."""
         try:
             return self._serial.write(data)
-        except (serial.SerialException, OSError) as error:
+        except self._failures as error:
             raise LinkError(f"{self.port}: {error}") from None
 
     def read(self) -> bytes:
         """What has come, at once; waits up to 50 ms if nothing has."""
         try:
             return self._serial.read(max(1, self._serial.in_waiting))
-        except (serial.SerialException, OSError) as error:
+        except self._failures as error:
             raise LinkError(f"{self.port}: {error}") from None
 
     def close(self) -> None:

@@ -1,0 +1,121 @@
+"""The package as others install it: a source archive, a wheel from it, an environment of its own.
+
+Sweep: the archive and the wheel; a fresh environment without the repository.
+Stimulus: the five lines of a first program for both kinds of drive, from another folder; the host's
+command.
+Checks: what the archive and the wheel hold; complete metadata; decisions as the repository's.
+Timing: below a minute.
+Does not prove: that the declared bounds of the requirements hold; those of this machine are used.
+"""
+
+from __future__ import annotations
+
+import email
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from directmpc import shipped_drives
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = """
+import directmpc
+from directmpc import decide, load_drive, simulate
+print(directmpc.__file__)
+for name in ("anpc5l_6kv", "induction_2kw2"):
+    drive = load_drive(name)
+    result = simulate(drive, "model", steps=3)
+    row = {column: values[1] for column, values in result.table().items()}
+    result.write_trace(f"{name}.csv")
+    print(result.applied.tolist(), decide(drive, row).apply)
+"""
+
+
+def backend(folder: Path, call: str) -> Path:
+    """What the build backend makes of a folder, in its subfolder `dist`."""
+    (folder / "dist").mkdir(exist_ok=True)
+    code = f"from setuptools import build_meta as b; print(b.{call}('dist'))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return folder / "dist" / done.stdout.split()[-1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel, built from a source archive of a copy of the sources."""
+    copy = tmp_path_factory.mktemp("sources")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    shutil.copytree(ROOT / "drives", copy / "drives")
+    ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    shutil.copytree(ROOT / "model", copy / "model", symlinks=True, ignore=ignored)
+    with tarfile.open(backend(copy, "build_sdist")) as archive:
+        unpacked = tmp_path_factory.mktemp("unpacked")
+        archive.extractall(unpacked, filter="data")
+    (source,) = unpacked.iterdir()
+    assert not (source / "model" / "directmpc" / "drives").is_symlink()
+    return backend(source, "build_wheel")
+
+
+def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        found = email.message_from_bytes(
+            archive.read(next(n for n in names if n.endswith(".dist-info/METADATA")))
+        )
+    here = {
+        str(path.relative_to(ROOT / "model"))
+        for path in (ROOT / "model" / "directmpc").rglob("*.py")
+    } | {f"directmpc/drives/{name}.toml" for name in shipped_drives()}
+    assert {n for n in names if ".dist-info/" not in n} == here
+    assert any(n.endswith(".dist-info/licenses/LICENSE") for n in names)
+    assert found["License-Expression"] == "Apache-2.0"
+    assert found["Author"] == "directmpc contributors"
+    assert found["Description-Content-Type"] == "text/markdown"
+    assert found["Requires-Python"] == ">=3.11"
+    for required in found.get_all("Requires-Dist"):
+        assert ">=" in required
+        assert "<" in required
+    assert found.get_all("Provides-Extra") == ["board"]
+
+
+def test_the_wheel_works_without_the_repository(wheel: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", with_pip=False, symlinks=True)
+    python = tmp_path / "env" / "bin" / "python"
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps"]
+    subprocess.run([*install, "--no-index", "-q", str(wheel)], check=True)
+    (site,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+    # the requirements, as installed here
+    site.joinpath("requirements.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    # as plain Python: to compile all would take minutes, and is no matter of the wheel
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    environment["NUMBA_DISABLE_JIT"] = "1"
+
+    def run(*command: str, **more: str) -> str:
+        done = subprocess.run(
+            command, cwd=elsewhere, env=environment | more, capture_output=True, text=True,
+            check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    lines = run(str(python), "-c", PROGRAM).splitlines()
+    assert Path(lines[0]).is_relative_to(site)
+    assert (elsewhere / "induction_2kw2.csv").is_file()
+    again = run(sys.executable, "-c", PROGRAM, PYTHONPATH=str(ROOT / "model")).splitlines()
+    assert Path(again[0]).is_relative_to(ROOT)
+    assert len(lines) == 3
+    assert lines[1:] == again[1:]
+    assert "monitor" in run(str(python), "-m", "directmpc.host", "--help")
+    assert "monitor" in run(str(tmp_path / "env" / "bin" / "directmpc-host"), "--help")
