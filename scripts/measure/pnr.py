@@ -14,9 +14,7 @@
 from __future__ import annotations
 
 import concurrent.futures
-import csv
 import functools
-import io
 import json
 import re
 import statistics
@@ -34,7 +32,7 @@ from scripts.hdl import conversion as netlist
 from scripts.hdl import sources
 from scripts.hdl.netlist_check import Ports, ports_of
 from scripts.measure.synth import Configuration, configurations, map_netlist
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.shared.command import UsageError
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
@@ -358,21 +356,14 @@ def summarise(
 
 
 def _csv(summary: dict[str, Any]) -> str:
-    out = io.StringIO()
-    for name in ("entity", "generics", "part", "target_mhz", "commit", "dirty"):
-        out.write(f"# {name}: {summary[name]}\n")
-    for name, text in summary["tools"].items():
-        out.write(f"# {name}: {text}\n")
-    out.write(
-        f"# seeds: {', '.join(str(s) for s in sorted(run['seed'] for run in summary['runs']))}\n"
-    )
-    out.write(f"# reproduce: {summary['reproduce']}\n")
+    names = ("entity", "generics", "part", "target_mhz", "commit", "dirty")
+    head = [f"{name}: {summary[name]}" for name in names]
+    head += [f"{name}: {text}" for name, text in summary["tools"].items()]
+    seeds = sorted(run["seed"] for run in summary["runs"])
+    head += [f"seeds: {', '.join(map(str, seeds))}", f"reproduce: {summary['reproduce']}"]
     columns = ["seed", "fmax_mhz", "delay_ns", "logic_ns", "routing_ns", "levels", "words"]
     columns += ["from", "to", "from_vhdl", "to_vhdl"]
-    table = csv.DictWriter(out, columns, extrasaction="ignore", lineterminator="\n")
-    table.writeheader()
-    table.writerows(summary["runs"])
-    return out.getvalue()
+    return tables.csv_text(summary["runs"], head, columns)
 
 
 def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:

@@ -34,7 +34,7 @@ from scripts.hdl.simulator import in_parallel, terminable
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import tools
-from scripts.shared.figures import save_png
+from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import motulator_plant
 from scripts.studies import mptc as study
@@ -262,20 +262,13 @@ def fidelity(rows: dict[str, dict[str, float]]) -> dict[str, Any]:
 
 
 def _axes(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Any, Any]:
-    import matplotlib  # here, not above: nothing else of this package needs plots
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    return plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **options)
+    options |= {"layout": "constrained", "squeeze": False}
+    return pyplot().subplots(rows, columns, figsize=size, **options)
 
 
 def _save(figure: Any, path: Path) -> None:
-    from matplotlib import pyplot as plt
-
     save_png(figure, path)
-    plt.close(figure)
+    pyplot().close(figure)
 
 
 _COLOUR = "#1b6ca8"

@@ -8,8 +8,6 @@ The tables of docs/figures.md and README.md are rewritten from ``reports/metrics
 from __future__ import annotations
 
 import concurrent.futures
-import csv
-import io
 import json
 import shutil
 import time
@@ -36,7 +34,7 @@ from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import cache, paper_a, tables, tools
-from scripts.shared.figures import save_png
+from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
@@ -283,12 +281,7 @@ def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
 
 def draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    plt = pyplot()
     figure, axes = plt.subplots(
         2, 2, figsize=(8.0, 5.4), sharex=True, sharey="row", layout="constrained"
     )
@@ -400,15 +393,6 @@ def fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 # --- files ----------------------------------------------------------------------------------------
-
-
-def _csv_text(rows: Sequence[dict[str, Any]], head: Sequence[str]) -> str:
-    out = io.StringIO()
-    out.writelines(f"# {line}\n" for line in head)
-    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return out.getvalue()
 
 
 def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
@@ -615,7 +599,9 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
         ]
         suffix = "" if variant == DEFAULT_VARIANT else f"_{variant}"
         files[f"table2{suffix}.md"] = table2(figures, head, variant)
-        files[f"fidelity{suffix}.csv"] = _csv_text(rows, ["part: none, models only", *head[1:]])
+        files[f"fidelity{suffix}.csv"] = tables.csv_text(
+            rows, ["part: none, models only", *head[1:]]
+        )
         draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
         drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
@@ -629,7 +615,7 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
         f"commit: {commit}",
         f"command: {COMMAND}",
     ]
-    files["fmax.csv"] = _csv_text(fmax_rows(timed), head)
+    files["fmax.csv"] = tables.csv_text(fmax_rows(timed), head)
     two_level, two_level_tools = mptc_report.build(jobs, seeds, say, temporary)
     document["mptc"] = two_level | {"commit": commit, "tools": two_level_tools}
     if _sources() != before:

@@ -12,6 +12,20 @@ COLOURS = ("#1b6ca8", "#d1495b", "#3a7d44")
 """Of three lines that belong together, phases for instance."""
 
 
+STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
+
+
+def pyplot() -> Any:
+    """matplotlib's pyplot in the style of all pictures, drawing into memory."""
+    import matplotlib  # here, not above: who draws nothing starts without it
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update(STYLE)
+    return plt
+
+
 def save_png(figure: Any, path: Path) -> None:
     """Save a matplotlib figure as a PNG with a palette, a third of the size of true colour.
 

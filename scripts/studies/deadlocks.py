@@ -32,7 +32,7 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, save_png
+from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import deadlock_rules as rules
 from scripts.studies import horizon as horizon_study
@@ -483,10 +483,7 @@ def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
     """One deadlock of SE in time, and distortion and switching frequency over the speed."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    plt = pyplot()
 
     figure, axes = plt.subplots(2, 3, figsize=(11, 5.4), layout="constrained")
     setting = Setting("SE", 0.10, 0.2, FRESH)
@@ -615,15 +612,6 @@ def write_page(report: str) -> None:
     tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
 
 
-def _write(path: Path, fields: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="ascii") as stream:
-        writer = csv.DictWriter(stream, fields)
-        writer.writeheader()
-        writer.writerows(
-            {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
-        )
-
-
 def _read(path: Path) -> list[dict[str, Any]]:
     """Rows as ``_write`` wrote them, numbers as numbers."""
     with path.open(newline="", encoding="ascii") as stream:
@@ -741,7 +729,9 @@ def study(
             settings = [Setting(h, b, s, start) for start in range(starts)]
             anatomies.append(anatomy(base, settings, steps))
             progress(len(anatomies))
-    _write(out / "deadlock_steps.csv", STEP_FIELDS, anatomies)
+    tools.write(
+        out / "deadlock_steps.csv", tables.csv_text(anatomies, columns=STEP_FIELDS, digits=4)
+    )
 
     jobs = [
         (name, Setting(h, b, s, start))
@@ -760,7 +750,7 @@ def study(
             for name, setting in jobs:
                 rows.append(run(base, name, setting, steps))
                 progress(len(rows))
-        _write(out / "deadlocks.csv", RUN_FIELDS, rows)
+        tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
 
     decided, most = verify(base, points, steps)
     signed = [

@@ -11,7 +11,6 @@ interpolated over its distortion, and SESE's frequency set against it at SESE's 
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.machine import discretise
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, save_png
+from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies.fidelity import decisions
 
@@ -294,10 +293,7 @@ def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> list[str]
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Switching frequency against distortion, one panel for each speed."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    plt = pyplot()
 
     speeds = sorted({r["speed"] for r in rows}, reverse=True)
     figure, axes = plt.subplots(
@@ -334,10 +330,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
     """Draw f_sw and THD against the clocks that a budget allows, for several explorers."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    plt = pyplot()
 
     figure, (above, below) = plt.subplots(2, 1, figsize=(6.4, 6), sharex=True, layout="constrained")
     for explorers, colour in ((1, "#b3472d"), (2, "#c9a227"), (4, "#1b6ca8")):
@@ -394,12 +387,7 @@ def study(
             rows.append(run(base, setting, steps, shadow=True))
             progress(len(rows))
     out.mkdir(parents=True, exist_ok=True)
-    with (out / "sese.csv").open("w", newline="", encoding="ascii") as stream:
-        writer = csv.DictWriter(stream, FIELDS)
-        writer.writeheader()
-        writer.writerows(
-            {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
-        )
+    tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
     draw(rows, out / "sese.png")
 
     gains = {

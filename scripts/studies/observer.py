@@ -10,8 +10,6 @@ table in docs/observer.md.
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +24,8 @@ from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.plant import plant_data, plant_step
+from scripts.shared import tables, tools
+from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 
 SPEEDS = (0.05, 0.1, 0.2, 0.5, 1.0)
@@ -202,11 +202,7 @@ def _markdown(rows: list[dict[str, object]]) -> str:
 
 
 def _plot(rows: list[dict[str, object]], path: Path) -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axes = plt.subplots(3, 3, figsize=(11, 8), sharex=True, layout="constrained")
     for axis, name in zip(axes.flat, MISMATCHES, strict=True):
         for crossover in CROSSOVERS:
@@ -231,7 +227,7 @@ def _plot(rows: list[dict[str, object]], path: Path) -> None:
     for axis in axes[:, 0]:
         axis.set_ylabel("flux error (%)")
     axes[0, 0].legend(title="crossover", fontsize=8)
-    figure.savefig(path, dpi=100, metadata={"Software": None})
+    save_png(figure, path)
     plt.close(figure)
 
 
@@ -239,16 +235,9 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     """Write CSV, plot and table for a drive."""
     drive = load_mpdcc_drive(drive_file)
     rows = table(drive)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    (ROOT / "reports" / "observer.csv").write_text(text.getvalue(), encoding="utf-8")
+    tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, ROOT / "reports" / "observer.png")
     page = ROOT / "docs" / "observer.md"
-    head, _, rest = page.read_text(encoding="utf-8").partition("<!-- table: begin -->")
-    _, _, tail = rest.partition("<!-- table: end -->")
-    page.write_text(
-        f"{head}<!-- table: begin -->\n{_markdown(rows)}\n<!-- table: end -->{tail}",
-        encoding="utf-8",
-    )
+    text = page.read_text(encoding="utf-8")
+    markers = ("<!-- table: begin -->", "<!-- table: end -->")
+    tools.write(page, tables.between(text, _markdown(rows), *markers))

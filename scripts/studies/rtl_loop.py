@@ -31,7 +31,7 @@ from scripts.hdl import mpdcc_simulation
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.shared import paper_a
-from scripts.shared.figures import COLOURS, save_png
+from scripts.shared.figures import COLOURS, pyplot, save_png
 
 PERIODS = 2
 """Fundamental periods run unless the number of steps is given."""
@@ -212,10 +212,7 @@ def latency(run: Run) -> Table:
 
 def draw(run: Run, path: Path) -> None:
     """Draw currents, positions and capacitor voltages into a PNG file."""
-    import matplotlib  # here, not above: replay and the tests of the model need no plots
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    plt = pyplot()
 
     drive, result = run.drive, run.result
     n = len(result)
@@ -224,7 +221,6 @@ def draw(run: Run, path: Path) -> None:
     reference = (
         np.column_stack([result.profile.iref.real, result.profile.iref.imag]) @ CLARKE_INVERSE.T
     )
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
     figure, axes = plt.subplots(
         4, 1, figsize=(9.0, 8.6), sharex=True, height_ratios=(3.0, 2.2, 1.3, 1.5),
         layout="constrained",

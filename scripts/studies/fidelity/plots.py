@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scripts.shared.figures import save_png
+from scripts.shared.figures import pyplot, save_png
 from scripts.studies.fidelity import budget
 from scripts.studies.fidelity.points import Row
 from scripts.studies.fidelity.pooling import NORMAL_95
@@ -19,23 +19,13 @@ BEGIN = "<!-- {}: begin (written by make fidelity) -->"
 END = "<!-- {}: end -->"
 
 
-def _pyplot() -> Any:
-    import matplotlib  # here, not above: who only measures needs no plots
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    return plt
-
-
 def _values(rows: Sequence[Row], group: str) -> dict[str, float]:
     return {r["setting"]: r["mismatch_pct"] for r in rows if r["group"] == group}
 
 
 def draw_budget(rows: Sequence[Row], path: Path) -> None:
     """Bars per approximation and rounding: alone, and what leaving it out gains."""
-    plt = _pyplot()
+    plt = pyplot()
     alone, without = _values(rows, "alone"), _values(rows, "without")
     whole = _values(rows, "whole")
     figure, axes = plt.subplots(
@@ -66,7 +56,7 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
 
 def draw_words(rows: Sequence[Row], path: Path) -> None:
     """Mismatch against word length."""
-    plt = _pyplot()
+    plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.6), sharey=True, layout="constrained")
     for group, label, colour in (
         ("error bits alone", "all else exact", BLUE),
@@ -95,7 +85,7 @@ def draw_words(rows: Sequence[Row], path: Path) -> None:
 
 def draw_loops(rows: Sequence[Row], path: Path) -> None:
     """Differences of switching frequency and THD per point, with their 95 % intervals."""
-    plt = _pyplot()
+    plt = pyplot()
     figure, axes = plt.subplots(2, 1, figsize=(9.0, 5.2), sharex=True, layout="constrained")
     for variant, colour, shift in (("paper", RED, 0.15), ("fast", BLUE, -0.15)):
         chosen = [r for r in rows if r["controller"] == variant]

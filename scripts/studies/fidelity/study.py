@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import concurrent.futures
-import csv
-import io
 import json
 import multiprocessing
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from directmpc.host.console import progress_bar
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
 from scripts.studies.fidelity.points import DRIVES, Row, points
@@ -110,19 +108,11 @@ def summary(found: dict[str, Any]) -> dict[str, Any]:
     return result | {"parabolas": found["parabolas"]}
 
 
-def _csv_text(rows: Sequence[Row], commit: str) -> str:
-    out = io.StringIO()
-    out.write(f"# commit: {commit}\n# command: {COMMAND}\n")
-    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return out.getvalue()
-
-
 def write(found: dict[str, Any]) -> None:
     """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md."""
     commit, dirty = tools.git_state()
     commit += "-dirty" if dirty else ""
+    head = [f"commit: {commit}", f"command: {COMMAND}"]
     figures = {"commit": commit, "command": COMMAND, **summary(found)}
     explaining = [r for r in found["explaining"] if r["omega_s_pu"] == EXPLAINED]
     for name, rows in (
@@ -131,7 +121,7 @@ def write(found: dict[str, Any]) -> None:
         ("fidelity_straight_line", explaining),
         ("error_budget", found["budget"]),
     ):
-        tools.write(REPORTS / f"{name}.csv", _csv_text(rows, commit))
+        tools.write(REPORTS / f"{name}.csv", tables.csv_text(rows, head))
     plots.draw_budget(found["budget"], REPORTS / "error_budget.png")
     plots.draw_words(found["budget"], REPORTS / "word_length.png")
     plots.draw_loops(found["loops"], REPORTS / "fidelity_loops.png")
