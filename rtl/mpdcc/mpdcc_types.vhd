@@ -299,6 +299,9 @@ package mpdcc_types is
 
   function share_of (shares : weights_t; pattern : std_logic_vector(2 downto 0)) return weight_t;
 
+  -- which next position an index chooses for a phase
+  function choice_of (index : unsigned(INDEX_WIDTH - 1 downto 0); phase : natural) return unsigned;
+
   -- next position that a choice stands for
   function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t;
 
@@ -526,6 +529,17 @@ package body mpdcc_types is
     return picked(shares(0), shares(1), shares(2), pattern);
 
   end function share_of;
+
+  function choice_of (index : unsigned(INDEX_WIDTH - 1 downto 0); phase : natural) return unsigned is
+
+    variable result : unsigned(1 downto 0);
+
+  begin
+
+    result := index(5 - 2 * phase downto 4 - 2 * phase);
+    return result;
+
+  end function choice_of;
 
   function next_position (previous : position_t; choice : unsigned(1 downto 0)) return position_t is
   begin
