@@ -224,6 +224,15 @@ package mpdcc_types is
     saturated   => '0'
   );
 
+  -- where a decision is, for the second level
+
+  type level_phase_t is record
+    idle       : std_logic; -- '1': no decision is under way
+    probing    : std_logic; -- '1': the probe of the node of k is under way
+    predicting : std_logic; -- '1': the node is taken on to k+1
+    leaves     : std_logic; -- '1': nodes of the second level are searched
+  end record level_phase_t;
+
   type evaluated_array_t is array (natural range <>) of evaluated_t;
 
   -- a node of the second level before its state is computed

@@ -40,18 +40,7 @@ end entity candidate_enumerator;
 
 architecture rtl of candidate_enumerator is
 
-  function last_phase_of (two : boolean) return natural is
-  begin
-
-    if (two) then
-      return 1;
-    else
-      return 2;
-    end if;
-
-  end function last_phase_of;
-
-  constant LAST_PHASE : natural := last_phase_of(BLOCKS);
+  constant LAST_PHASE : natural := chosen(BLOCKS, 1, 2);
 
   subtype choice_t is natural range 0 to 3;
 

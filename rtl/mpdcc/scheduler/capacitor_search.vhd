@@ -28,6 +28,7 @@ library ieee;
 library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
 entity capacitor_search is
@@ -51,19 +52,25 @@ end entity capacitor_search;
 
 architecture rtl of capacitor_search is
 
-  constant LINES       : natural := 30; -- idle
-  constant ROOT_LINES  : natural := 17; -- of s(k-1) and all others
-  constant STAGE_COUNT : natural := 2 + LENGTH_WIDTH / 2;
+  constant LINES : natural := ROOT_LINES + SUCCESSOR_LINES; -- of both; idle
+
+  -- first line of each kind, see p_lines
+  constant OTHER_KINDS    : natural := 4;
+  constant LAST_KINDS     : natural := OTHER_KINDS + 3;
+  constant OTHER_PATTERNS : natural := LAST_KINDS + 3;
+  constant CHARGED        : natural := ROOT_LINES;
+  constant DISCHARGED     : natural := CHARGED + 3;
+  constant ALL_PATTERNS   : natural := DISCHARGED + 3;
 
   subtype room_t is unsigned(BOUND_WIDTH - 1 downto 0);
 
-  type rooms_t is array (2 to STAGE_COUNT) of room_t;
+  type rooms_t is array (2 to CAPACITOR_STAGES) of room_t;
 
-  type rows_t is array (1 to STAGE_COUNT) of capacitor_row_t;
+  type rows_t is array (2 to CAPACITOR_STAGES) of capacitor_row_t;
 
-  type lengths_t is array (2 to STAGE_COUNT) of length_t;
+  type lengths_t is array (2 to CAPACITOR_STAGES) of length_t;
 
-  type ends_t is array (2 to STAGE_COUNT) of trajectory_t;
+  type ends_t is array (2 to CAPACITOR_STAGES) of trajectory_t;
 
   subtype phase_t is natural range 0 to 3; -- 3: neutral point
 
@@ -91,15 +98,14 @@ architecture rtl of capacitor_search is
   end function term_of;
 
   signal line  : natural range 0 to LINES; -- LINES: idle
-  signal valid     : std_logic_vector(0 to STAGE_COUNT);
+  signal valid     : std_logic_vector(0 to CAPACITOR_STAGES);
   signal first     : std_logic_vector(0 to 2);     -- '1': a line of s(k-1)
   signal phase_0   : phase_t;
   signal kind_0    : unsigned(1 downto 0);
   signal pattern_0 : std_logic_vector(2 downto 0);
   signal flips     : unsigned(2 downto 0);         -- how the next pattern differs from that of s(k-1)
   signal bank_now  : std_logic;
-  signal bank_row  : std_logic_vector(1 to STAGE_COUNT);
-  signal row   : rows_t;
+  signal bank_row  : std_logic_vector(1 to CAPACITOR_STAGES);
 
   signal early_0    : current_term_t; -- term of the line, registered
   signal term_0     : current_term_t; -- the same, or selected a clock later
@@ -110,12 +116,20 @@ architecture rtl of capacitor_search is
   signal slope_1 : trajectory_t;
   signal error_1 : trajectory_t;
   signal bound_1 : bound_t;
+  signal row_1   : capacitor_row_t;
+
+  signal room_2   : room_t;
+  signal pace_2   : room_t;
+  signal excess_2 : trajectory_t;
+  signal inside_2 : std_logic;
+  signal row_2    : capacitor_row_t;
 
   signal room   : rooms_t;
   signal pace   : rooms_t;
   signal length : lengths_t;
-  signal inside : std_logic_vector(2 to STAGE_COUNT);
+  signal inside : std_logic_vector(2 to CAPACITOR_STAGES);
   signal excess : ends_t;
+  signal row    : rows_t;
   signal passed : std_logic;
 
 begin
@@ -130,25 +144,10 @@ begin
   end generate g_late;
 
   p_lines : process (clk) is
-
-    variable phase   : phase_t;
-    variable pattern : std_logic_vector(2 downto 0);
-    variable single  : std_logic_vector(2 downto 0);
-    variable kind    : unsigned(1 downto 0);
-    variable slope   : signed(CURRENT_TERM_WIDTH + 1 downto 0);
-    variable term    : signed(CURRENT_TERM_WIDTH + 1 downto 0);
-    variable carry   : unsigned(0 downto 0);
-    variable room_up : signed(TRAJECTORY_WIDTH downto 0);
-    variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
-    variable error   : trajectory_t;
-    variable steep   : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
-    variable left    : room_t;
-    variable less    : signed(BOUND_WIDTH downto 0);
-
   begin
 
     if rising_edge(clk) then
-      valid <= to_std_logic(line /= LINES) & valid(0 to STAGE_COUNT - 1);
+      valid <= to_std_logic(line /= LINES) & valid(0 to CAPACITOR_STAGES - 1);
 
       if (line = ROOT_LINES - 1) then
         line <= LINES;
@@ -156,46 +155,77 @@ begin
         line <= line + 1;
       end if;
 
-      -- stage 0
-      -- lines 0 to 2: phases as at s(k-1); 3: neutral point as at s(k-1); 4 to 9: the phases' other
-      -- kinds; 10 to 16: the other patterns of the neutral point
-      -- 17 to 22: both kinds with a current of each phase; 23 to 29: all patterns but none
-      pattern  := neutral_pattern(previous) xor std_logic_vector(flips);
-      phase    := 3;
-      kind     := "00";
-      first(0) <= to_std_logic(line < 4);
-
-      if (line >= ROOT_LINES) then
-        pattern := std_logic_vector(flips);
-      end if;
-
-      if ((line >= 10 and line < ROOT_LINES) or line >= 23) then
+      if ((line >= OTHER_PATTERNS and line < ROOT_LINES) or line >= ALL_PATTERNS) then
         flips <= flips + 1;
       else
         flips <= "001";
       end if;
 
-      if (line < 10) then
+      if (start = '1') then
+        line     <= 0;
+        bank_now <= bank;
+
+        if (successor = '1') then
+          line <= ROOT_LINES;
+        end if;
+      end if;
+
+      if (rst = '1') then
+        line  <= LINES;
+        valid <= (others => '0');
+      end if;
+    end if;
+
+  end process p_lines;
+
+  -- stage 0
+  --   root        0 to 2    phases as at s(k-1)
+  --               3         neutral point as at s(k-1)
+  --               4 to 9    the phases' other two kinds
+  --               10 to 16  the other patterns of the neutral point
+  --   successor   17 to 22  both kinds with a current, of each phase
+  --               23 to 29  all patterns but none
+  p_which : process (clk) is
+
+    variable phase   : phase_t;
+    variable pattern : std_logic_vector(2 downto 0);
+    variable single  : std_logic_vector(2 downto 0);
+    variable kind    : unsigned(1 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      pattern  := neutral_pattern(previous) xor std_logic_vector(flips);
+      phase    := 3;
+      kind     := "00";
+      first(0) <= to_std_logic(line < OTHER_KINDS);
+
+      if (line >= ROOT_LINES) then
+        pattern := std_logic_vector(flips);
+      end if;
+
+      if (line < OTHER_PATTERNS) then
         pattern := neutral_pattern(previous);
       end if;
 
       for x in 0 to 2 loop
-        if (line = x or line = 4 + x or line = 7 + x or line = 17 + x or line = 20 + x) then
+        if (line = x or line = OTHER_KINDS + x or line = LAST_KINDS + x or line = CHARGED + x
+            or line = DISCHARGED + x) then
           phase := x;
           kind  := charge_kind(previous(x));
         end if;
       end loop;
 
       -- the other two of 0, 1, 2 in turn
-      if (line >= 4 and line < 7) then
+      if (line >= OTHER_KINDS and line < LAST_KINDS) then
         kind := kind(0) & (kind(0) nor kind(1));
-      elsif (line >= 7 and line < 10) then
+      elsif (line >= LAST_KINDS and line < OTHER_PATTERNS) then
         kind := (kind(0) nor kind(1)) & kind(1);
       end if;
 
-      if (line >= 17 and line < 20) then
+      if (line >= CHARGED and line < DISCHARGED) then
         kind := "01";
-      elsif (line >= 20 and line < 23) then
+      elsif (line >= DISCHARGED and line < ALL_PATTERNS) then
         kind := "10";
       end if;
 
@@ -215,10 +245,21 @@ begin
         opposite_0 <= kind(0);
         negative_0 <= kind(0);
       end if;
+    end if;
 
-      -- stage 1
+  end process p_which;
+
+  -- stage 1
+  p_slope : process (clk) is
+
+    variable slope : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable term  : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable carry : unsigned(0 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
       first(1) <= first(0);
-      bank_row <= bank_now & bank_row(1 to STAGE_COUNT - 1);
 
       if (valid(0) = '1') then
         term     := resize(term_0, term'length);
@@ -234,7 +275,7 @@ begin
         if (phase_0 = 3) then
           error_1 <= node.error(3);
           bound_1 <= limits.bound_neutral;
-          row(1)  <= unsigned'("10") & unsigned(pattern_0);
+          row_1   <= unsigned'("10") & unsigned(pattern_0);
         else
           for x in 0 to 2 loop
             if (phase_0 = x) then
@@ -243,11 +284,24 @@ begin
           end loop;
 
           bound_1 <= limits.bound_phase;
-          row(1)  <= to_unsigned(phase_0, 3) & kind_0;
+          row_1   <= to_unsigned(phase_0, 3) & kind_0;
         end if;
       end if;
+    end if;
 
-      -- stage 2
+  end process p_slope;
+
+  -- stage 2, and whether a line of s(k-1) is outside at k+1
+  p_room : process (clk) is
+
+    variable room_up : signed(TRAJECTORY_WIDTH downto 0);
+    variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
+    variable error   : trajectory_t;
+    variable steep   : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
       first(2) <= first(1);
 
       if (valid(1) = '1') then
@@ -255,84 +309,103 @@ begin
         room_dn := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) + error_1;
 
         if (slope_1 >= 0) then
-          room(2) <= unsigned(room_up(BOUND_WIDTH - 1 downto 0));
+          room_2 <= unsigned(room_up(BOUND_WIDTH - 1 downto 0));
         else
-          room(2) <= unsigned(room_dn(BOUND_WIDTH - 1 downto 0));
+          room_2 <= unsigned(room_dn(BOUND_WIDTH - 1 downto 0));
         end if;
 
         steep := magnitude(slope_1);
 
         if (steep(TRAJECTORY_WIDTH - 1 downto BOUND_WIDTH) /= 0) then
-          pace(2) <= (others => '1');
+          pace_2 <= (others => '1');
         else
-          pace(2) <= steep(BOUND_WIDTH - 1 downto 0);
+          pace_2 <= steep(BOUND_WIDTH - 1 downto 0);
         end if;
 
-        error     := error_1 + slope_1;
-        excess(2) <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
-        inside(2) <= not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
-        row(2)    <= row(1);
-        length(2) <= (others => '0');
+        error    := error_1 + slope_1;
+        excess_2 <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
+        inside_2 <= not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
+        row_2    <= row_1;
       end if;
 
-      if (valid(2) = '1' and first(2) = '1' and excess(2) > 0) then
+      if (valid(2) = '1' and first(2) = '1' and excess_2 > 0) then
         passed <= '0';
       end if;
 
-      -- stages 3 to 5
-      for i in 3 to STAGE_COUNT loop
-        if (valid(i - 1) = '1') then
-          left      := room(i - 1);
-          length(i) <= length(i - 1);
+      if (start = '1') then
+        passed <= '1';
+      end if;
+    end if;
 
-          for bit in 2 * (STAGE_COUNT - i) + 1 downto 2 * (STAGE_COUNT - i) loop
-            -- what lies below the multiple's LSB passes by
+  end process p_room;
+
+  -- stages 3 to CAPACITOR_STAGES
+  room(2)   <= room_2;
+  pace(2)   <= pace_2;
+  inside(2) <= inside_2;
+  excess(2) <= excess_2;
+  row(2)    <= row_2;
+  length(2) <= (others => '0');
+
+  g_stages : for i in 3 to CAPACITOR_STAGES generate
+
+    p_length : process (clk) is
+
+      variable left : room_t;
+      variable less : signed(BOUND_WIDTH downto 0);
+      variable bits : length_t;
+
+    begin
+
+      if rising_edge(clk) then
+        if (valid(i - 1) = '1') then
+          left := room(i - 1);
+          bits := length(i - 1);
+
+          for bit in 2 * (CAPACITOR_STAGES - i) + 1 downto 2 * (CAPACITOR_STAGES - i) loop
+            -- the bits below bit are unaffected by 2**bit * pace and bypass the subtractor
             less := signed(resize(shift_right(left, bit), less'length)) - signed(resize(pace(i - 1), less'length));
 
             if (less >= 0) then
               left(BOUND_WIDTH - 1 downto bit) := unsigned(less(BOUND_WIDTH - bit - 1 downto 0));
-              length(i)(bit) <= '1';
+              bits(bit)                        := '1';
             end if;
           end loop;
 
           room(i)   <= left;
           pace(i)   <= pace(i - 1);
+          length(i) <= bits;
           inside(i) <= inside(i - 1);
           excess(i) <= excess(i - 1);
           row(i)    <= row(i - 1);
         end if;
-      end loop;
-
-      if (start = '1') then
-        line     <= 0;
-        passed   <= '1';
-        bank_now <= bank;
-
-        if (successor = '1') then
-          line <= ROOT_LINES;
-        end if;
       end if;
 
-      if (rst = '1') then
-        line  <= LINES;
-        valid <= (others => '0');
-      end if;
+    end process p_length;
+
+  end generate g_stages;
+
+  p_bank : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      bank_row <= bank_now & bank_row(1 to CAPACITOR_STAGES - 1);
     end if;
 
-  end process p_lines;
+  end process p_bank;
 
   p_entry : process (valid, row, bank_row, length, inside, excess, limits) is
   begin
 
-    entry.write  <= valid(STAGE_COUNT);
-    entry.row    <= row(STAGE_COUNT);
-    entry.bank   <= bank_row(STAGE_COUNT);
-    entry.length <= length(STAGE_COUNT);
-    entry.excess <= excess(STAGE_COUNT);
+    entry.write  <= valid(CAPACITOR_STAGES);
+    entry.row    <= row(CAPACITOR_STAGES);
+    entry.bank   <= bank_row(CAPACITOR_STAGES);
+    entry.length <= length(CAPACITOR_STAGES);
+    entry.excess <= excess(CAPACITOR_STAGES);
 
-    if (inside(STAGE_COUNT) = '0') then
+    if (inside(CAPACITOR_STAGES) = '0') then
       entry.length <= (others => '0');
-    elsif (length(STAGE_COUNT) > limits.horizon) then
+    elsif (length(CAPACITOR_STAGES) > limits.horizon) then
       entry.length <= limits.horizon;
     end if;
 

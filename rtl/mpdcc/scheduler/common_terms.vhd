@@ -24,6 +24,7 @@ library ieee;
 library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
 entity common_terms is
@@ -59,9 +60,6 @@ end entity common_terms;
 
 architecture rtl of common_terms is
 
-  -- controls travel with the block: three stages of the block, then the result register
-  constant STAGES : natural := 3;
-
   constant VARIANT : natural := variant_of(FOLDED);
 
   constant LENGTH_OF_PROGRAM : natural := PROGRAM_LENGTHS(VARIANT);
@@ -69,24 +67,9 @@ architecture rtl of common_terms is
   -- whether successors are computed
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
-  -- steps of all programs that are run
-  function step_count_of (successors : boolean) return natural is
-  begin
-
-    if (successors) then
-      return PROGRAM_STEPS;
-    else
-      return LENGTH_OF_PROGRAM;
-    end if;
-
-  end function step_count_of;
-
-  constant LAST_STEP : natural := step_count_of(ADVANCES);
+  constant LAST_STEP : natural := chosen(ADVANCES, PROGRAM_STEPS, LENGTH_OF_PROGRAM); -- of all programs that are run
 
   constant LENGTH_AT : natural := COEFFICIENT_COUNT + 2; -- place of the first length among the factors
-
-  -- step whose result comes with the natural slope of the successor: between its own and the next
-  constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
 
   subtype accumulator_t is std_logic_vector(ACCUMULATOR_WIDTH - 1 downto 0);
 
@@ -118,8 +101,8 @@ architecture rtl of common_terms is
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
   signal step         : std_logic_vector(0 to LAST_STEP - 1); -- '1': is issued
   signal complete     : std_logic_vector(0 to LAST_STEP - 1); -- '1': its sum is in the accumulator
-  signal root         : std_logic_vector(0 to LENGTH_OF_PROGRAM - 1 + STAGES);
-  signal ahead        : std_logic_vector(LENGTH_OF_PROGRAM to LAST_STEP - 1 + STAGES);
+  signal root         : std_logic_vector(0 to LENGTH_OF_PROGRAM - 1 + MAC_STAGES);
+  signal ahead        : std_logic_vector(LENGTH_OF_PROGRAM to LAST_STEP - 1 + MAC_STAGES);
   signal begins_ahead : std_logic;                            -- '1': the successor's first sum is complete
   signal slopes_ahead : std_logic;                            -- '1': its natural slope is due
   signal accumulators : accumulators_t;
@@ -330,7 +313,7 @@ begin
   -- encoded would have to be decoded before every operand and every result
   g_root : for i in 0 to LENGTH_OF_PROGRAM - 1 generate
     step(i)     <= root(i);
-    complete(i) <= root(i + STAGES);
+    complete(i) <= root(i + MAC_STAGES);
   end generate g_root;
 
   g_successor : if ADVANCES generate
@@ -345,7 +328,7 @@ begin
 
   g_ahead : for i in LENGTH_OF_PROGRAM to LAST_STEP - 1 generate
     step(i)     <= ahead(i);
-    complete(i) <= ahead(i + STAGES);
+    complete(i) <= ahead(i + MAC_STAGES);
   end generate g_ahead;
 
   p_sequence : process (clk) is

@@ -71,7 +71,7 @@ end entity mpdcc_scheduler;
 
 architecture rtl of mpdcc_scheduler is
 
-  type phase_t is (IDLE, PREPARE, AWAIT, PREDICT, SEARCH, LEAVES, FINISH);
+  type phase_t is (IDLE, PREPARE, AWAIT, PREDICTING, SEARCH, LEAVES, FINISH);
 
   type state_t is record
     phase     : phase_t;
@@ -79,30 +79,18 @@ architecture rtl of mpdcc_scheduler is
     any       : std_logic; -- best holds a result
     best      : result_t;
     predicted : std_logic; -- the node is that of k+1
-    cut       : std_logic; -- the budget has run out
-    left      : unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates of the second level
-    pending   : natural range 0 to 2; -- nodes begun but not handed out
-    cool      : std_logic; -- the next node may begin
-    ripe      : std_logic; -- the first of them may be handed out
-    bank      : std_logic; -- table of the capacitors for the next node
     valid     : std_logic;
     decision  : decision_t;
   end record state_t;
 
   constant STATE_INIT : state_t := (
-    phase    => IDLE,
-    started  => '0',
-    any      => '0',
-    best     => RESULT_INIT,
+    phase     => IDLE,
+    started   => '0',
+    any       => '0',
+    best      => RESULT_INIT,
     predicted => '0',
-    cut       => '0',
-    left      => (others => '0'),
-    pending   => 0,
-    cool      => '1',
-    ripe      => '0',
-    bank      => '0',
-    valid    => '0',
-    decision => DECISION_INIT
+    valid     => '0',
+    decision  => DECISION_INIT
   );
 
   -- '1' for the lowest set bit only
@@ -124,10 +112,29 @@ architecture rtl of mpdcc_scheduler is
 
   end function first_of;
 
+  -- the decision to hold s(k-1)
+  function kept (before : positions_t; saturated : std_logic) return decision_t is
+
+    variable result : decision_t;
+
+  begin
+
+    result.position  := before;
+    result.held      := '1';
+    result.deadlock  := '0';
+    result.length    := (others => '0');
+    result.saturated := saturated;
+    result.exhausted := '0';
+    return result;
+
+  end function kept;
+
+  -- the decision for a candidate
   function decided (
     best      : result_t;
     before    : positions_t;
-    saturated : std_logic
+    saturated : std_logic;
+    exhausted : std_logic
   ) return decision_t is
 
     variable result : decision_t;
@@ -135,14 +142,14 @@ architecture rtl of mpdcc_scheduler is
   begin
 
     for x in 0 to 2 loop
-      result.position(x) := next_position(before(x), best.index(5 - 2 * x downto 4 - 2 * x));
+      result.position(x) := next_position(before(x), choice_of(best.index, x));
     end loop;
 
     result.held      := '0';
     result.deadlock  := not best.feasible;
     result.length    := best.length;
     result.saturated := saturated or best.saturated;
-    result.exhausted := '0';
+    result.exhausted := exhausted;
     return result;
 
   end function decided;
@@ -150,63 +157,7 @@ architecture rtl of mpdcc_scheduler is
   -- whether successors of a node are searched at all
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
-  -- clocks from the begin of a successor's program: its capacitor terms are complete two clocks
-  -- later, the queue may show the next entry, the errors are complete, the first leaf may be loaded,
-  -- the next program may begin one clock later
-  constant CAPACITORS_AT : natural := 12;
-  constant TAKEN_AT      : natural := 13;
-  constant TURN_AT       : natural := 18;
-  constant RIPE_AT       : natural := 24;
-  constant COOL_AT       : natural := 15;
-
-  -- a node from its begin to its leaves
-  type visit_t is record
-    index    : unsigned(INDEX_WIDTH - 1 downto 0);
-    position : positions_t;
-    effort   : unsigned(EFFORT_WIDTH - 1 downto 0);
-    length   : length_t;
-    bank     : std_logic;
-  end record visit_t;
-
-  -- candidates that follow a position: 27, 36, 48 or 64
-  function candidates_of (position : positions_t) return unsigned is
-
-    variable fours : unsigned(1 downto 0);
-
-  begin
-
-    fours := "00";
-
-    for x in 0 to 2 loop
-      if (NEXT_LAST(to_integer(position(x))) = 3) then
-        fours := fours + 1;
-      end if;
-    end loop;
-
-    case fours is
-
-      when "00" =>
-
-        return to_unsigned(27, BUDGET_WIDTH);
-
-      when "01" =>
-
-        return to_unsigned(36, BUDGET_WIDTH);
-
-      when "10" =>
-
-        return to_unsigned(48, BUDGET_WIDTH);
-
-      when others =>
-
-        return to_unsigned(64, BUDGET_WIDTH);
-
-    end case;
-
-  end function candidates_of;
-
-  signal r      : state_t;
-  signal r_next : state_t;
+  signal r : state_t;
 
   signal sample   : measurement_t;
   signal s_before : positions_t;
@@ -231,53 +182,40 @@ architecture rtl of mpdcc_scheduler is
   signal enumerated      : candidate_t;
 
   -- the second level
-  signal advance         : std_logic;
-  signal advanced        : std_logic;
-  signal overflowed      : std_logic;
-  signal error_ahead     : trajectories_t;
-  signal words           : words_t;
-  signal base            : base_words_t;
-  signal lengths         : signed_lengths_t;
-  signal base_unfit      : std_logic;
-  signal unfit           : std_logic; -- '1': the state of k+1 does not fit its words and is not predicted
-  signal slope_ahead     : plane_t;
-  signal keep            : std_logic;
-  signal settle          : std_logic; -- the node of k+1 is complete
-  signal show_slope      : std_logic;
-  signal show_error      : std_logic;
-  signal slope_now       : std_logic;
-  signal error_now       : std_logic;
-  signal follow          : std_logic;
-  signal two_levels      : std_logic; -- '1': SESE
-  signal whole_arrives   : std_logic; -- '1': a leaf of the root is evaluated
-  signal capacitors_go   : std_logic;
-  signal turn_go         : std_logic;
-  signal turn_now        : std_logic;
-  signal visit_bank      : std_logic;
-  signal since           : std_logic_vector(1 to RIPE_AT); -- clocks since the begin
-  signal visit_position  : positions_t;                    -- of the node begun last
-  signal visit_table     : std_logic;                      -- and its table of the capacitors
-  signal visit_steps     : length_t;                       -- and its L1
-  signal waiting         : visit_t;                        -- handed out next
-  signal lead            : length_t;                       -- of the node handed out last
-  signal flagged         : std_logic;
-  signal start_unfit     : std_logic;
-  signal advanced_late   : std_logic;
-  signal predicted_flag  : std_logic;
-  signal decision_flag   : std_logic;
-  signal queue_clear     : std_logic;
-  signal queue_open      : std_logic;
-  signal queue_whole     : std_logic;
-  signal queue_valid     : std_logic;
-  signal queue_entry     : entry_t;
-  signal queue_taken     : std_logic;
-  signal queue_empty     : std_logic;
-  signal load            : std_logic;
-  signal launch          : std_logic;
-  signal leaves_ready    : std_logic;
-  signal leaves_ending   : std_logic;
-  signal leaves_active   : std_logic;
-  signal over            : std_logic; -- no more leaves will come
+  signal level       : level_phase_t;
+  signal advance     : std_logic;
+  signal advanced    : std_logic;
+  signal overflowed  : std_logic;
+  signal error_ahead : trajectories_t;
+  signal words       : words_t;
+  signal base        : base_words_t;
+  signal lengths     : signed_lengths_t;
+  signal slope_ahead : plane_t;
+  signal show_slope  : std_logic;
+  signal show_error  : std_logic;
+  signal show_turn   : std_logic;
+  signal start_lines : std_logic;
+  signal successor   : std_logic;
+  signal line_bank   : std_logic;
+  signal start_turn  : std_logic;
+  signal settle      : std_logic; -- the node of k+1 is complete
+  signal unfit       : std_logic; -- '1': the state of k+1 does not fit its words and is not predicted
+  signal ahead_flag  : std_logic; -- '1': a value of the node of k+1 saturated
+  signal whole       : std_logic; -- '1': a leaf of the root is evaluated
+  signal over        : std_logic; -- no more leaves will come
+  signal cut         : std_logic; -- the budget has run out
+
+  signal two_levels    : std_logic; -- '1': SESE
+  signal whole_arrives : std_logic; -- '1': SESE, and a leaf of the root is evaluated
+  signal decision_flag : std_logic;
+
+  -- events of Algorithm 1, each '1' for one clock
+  signal predict     : std_logic; -- take the node on to k+1
+  signal hold        : std_logic; -- s(k-1) is kept
+  signal opened      : std_logic; -- the root has a feasible candidate: on to the second level
+  signal stopped     : std_logic; -- it has none: deadlock
+  signal searched    : std_logic; -- everything is compared
+  signal explorers_idle : std_logic;
 
   signal take     : std_logic_vector(EXPLORERS - 1 downto 0);
   signal taken    : std_logic;
@@ -370,41 +308,89 @@ begin
       lengths      => lengths,
       base         => base,
       slope_ahead  => slope_ahead,
-      show_slope   => slope_now,
-      show_error   => error_now,
+      show_slope   => show_slope,
+      show_error   => show_error,
       advanced     => advanced,
       overflowed   => overflowed,
       error_ahead  => error_ahead,
       words        => words
     );
 
-  g_one_level : if not ADVANCES generate
-    node <= terms_node;
+  level.idle       <= to_std_logic(r.phase = IDLE);
+  level.probing    <= to_std_logic(r.phase = AWAIT) and not r.predicted;
+  level.predicting <= to_std_logic(r.phase = PREDICTING);
+  level.leaves     <= to_std_logic(r.phase = LEAVES);
 
-    leaf_valid     <= (others => '0');
-    leaf           <= (others => LEAF_INIT);
-    reached        <= REACHED_INIT;
-    base           <= (others => '0');
-    slope_ahead    <= (others => (others => '0'));
-    slope_now      <= '0';
-    error_now      <= '0';
-    turn_now       <= '1';
-    capacitors_go  <= terms_charged;
-    turn_go        <= terms_done;
-    queue_whole    <= '0';
-    queue_valid    <= '0';
-    queue_entry    <= ENTRY_INIT;
-    queue_empty    <= '1';
-    leaves_ready   <= '1';
-    leaves_ending  <= '1';
-    leaves_active  <= '0';
-    settle         <= '0';
-    predicted_flag <= '0';
-    unfit          <= '0';
-    since          <= (others => '0');
-    lengths        <= (others => '0');
-    visit_bank     <= '0';
+  g_one_level : if not ADVANCES generate
+    node        <= terms_node;
+    reached     <= REACHED_INIT;
+    leaf_valid  <= (others => '0');
+    leaf        <= (others => LEAF_INIT);
+    advance     <= '0';
+    lengths     <= (others => '0');
+    base        <= (others => '0');
+    slope_ahead <= (others => (others => '0'));
+    show_slope  <= '0';
+    show_error  <= '0';
+    show_turn   <= '1';
+    start_lines <= terms_charged;
+    successor   <= '0';
+    line_bank   <= '0';
+    start_turn  <= terms_done;
+    settle      <= '0';
+    unfit       <= '0';
+    ahead_flag  <= '0';
+    whole       <= '0';
+    over        <= '1';
+    cut         <= '0';
   end generate g_one_level;
+
+  g_two_levels : if ADVANCES generate
+
+    i_level : entity work.second_level
+      generic map (
+        EXPLORERS => EXPLORERS
+      )
+      port map (
+        clk         => clk,
+        rst         => rst,
+        phase       => level,
+        predict     => predict,
+        previous    => s_before,
+        negative    => negative,
+        horizon     => limits.horizon,
+        budget      => budget,
+        evaluated   => evaluated,
+        done        => terms_done,
+        charged     => terms_charged,
+        advanced    => advanced,
+        overflowed  => overflowed,
+        node        => terms_node,
+        words       => words,
+        advance     => advance,
+        lengths     => lengths,
+        base        => base,
+        slope_ahead => slope_ahead,
+        show_slope  => show_slope,
+        show_error  => show_error,
+        start_lines => start_lines,
+        successor   => successor,
+        bank        => line_bank,
+        start_turn  => start_turn,
+        show_turn   => show_turn,
+        shown       => node,
+        reached     => reached,
+        leaf_valid  => leaf_valid,
+        leaf        => leaf,
+        settle      => settle,
+        unfit       => unfit,
+        saturated   => ahead_flag,
+        whole       => whole,
+        over        => over,
+        cut         => cut
+      );
+
+  end generate g_two_levels;
 
   g_paper : if FOLDED generate
     ask        <= terms_done;
@@ -423,6 +409,7 @@ begin
     capacitor.row    <= (others => '0');
     capacitor.length <= (others => '0');
     capacitor.excess <= (others => '0');
+    capacitor.bank   <= '0';
   end generate g_paper;
 
   g_fast : if not FOLDED generate
@@ -436,16 +423,16 @@ begin
       port map (
         clk             => clk,
         rst             => rst,
-        capacitors_done => capacitors_go,
+        capacitors_done => start_lines,
         limits          => limits,
         node            => terms_node,
         previous        => s_before,
         negative        => negative,
         error_ahead     => error_ahead,
-        turn_start      => turn_go,
-        show_turn       => turn_now,
-        successor       => since(CAPACITORS_AT),
-        bank            => visit_bank,
+        turn_start      => start_turn,
+        show_turn       => show_turn,
+        successor       => successor,
+        bank            => line_bank,
         band            => band,
         capacitor       => capacitor,
         ready           => lines_ready,
@@ -454,147 +441,9 @@ begin
 
   end generate g_fast;
 
-  g_two_levels : if ADVANCES generate
-    -------------------------------------------------------------------------------------------
-    -- Second level: the node that common_terms holds is kept, and taken on to each successor
-    -------------------------------------------------------------------------------------------
-
-    follow        <= to_std_logic(r.phase /= LEAVES);
-    settle        <= advanced and to_std_logic(r.phase = PREDICT);
-    keep          <= terms_done or settle;
-    unfit         <= base_unfit or start_unfit;
-    slope_now     <= show_slope or settle;
-    error_now     <= show_error or settle;
-    turn_now      <= show_error or follow;
-    capacitors_go <= terms_charged or settle or (since(CAPACITORS_AT) and not follow);
-    turn_go       <= terms_done or settle or (since(TURN_AT) and not follow);
-    visit_bank    <= visit_table and not follow;
-    visit_steps   <= queue_entry.length when follow = '0' else
-                     to_unsigned(1, LENGTH_WIDTH);
-    queue_taken   <= since(TAKEN_AT) and not follow;
-
-    i_base : entity work.node_base
-      port map (
-        clk         => clk,
-        keep        => keep,
-        words       => words,
-        position    => visit_position,
-        steps       => visit_steps,
-        slope       => queue_entry.slope,
-        base        => base,
-        lengths     => lengths,
-        slope_ahead => slope_ahead,
-        unfit       => base_unfit
-      );
-
-    i_queue : entity work.node_queue
-      port map (
-        clk       => clk,
-        rst       => rst,
-        clear     => queue_clear,
-        open_root => follow,
-        evaluated => evaluated,
-        horizon   => limits.horizon,
-        previous  => s_before,
-        whole     => queue_whole,
-        valid     => queue_valid,
-        entry     => queue_entry,
-        taken     => queue_taken,
-        empty     => queue_empty
-      );
-
-    p_visits : process (clk) is
-    begin
-
-      if rising_edge(clk) then
-        since <= advance & since(1 to RIPE_AT - 1);
-
-        if (advance = '1') then
-          visit_position <= queue_entry.position;
-          visit_table    <= r.bank;
-
-          if (follow = '1') then
-            visit_position <= s_before;
-          end if;
-        end if;
-
-        if (since(CAPACITORS_AT) = '1') then
-          waiting.index    <= queue_entry.index;
-          waiting.position <= visit_position;
-          waiting.effort   <= queue_entry.effort;
-          waiting.length   <= queue_entry.length;
-          waiting.bank     <= visit_table;
-        end if;
-
-        if (load = '1') then
-          lead    <= waiting.length;
-          flagged <= overflowed;
-        end if;
-
-        if (evaluated.slope_valid = '1' and r.phase = AWAIT and r.predicted = '0') then
-          start_unfit <= evaluated.unfit;
-        end if;
-
-        advanced_late <= settle;
-
-        if (advanced_late = '1') then
-          predicted_flag <= overflowed;
-        end if;
-
-        if (r.phase = IDLE) then
-          predicted_flag <= '0';
-        end if;
-
-        if (rst = '1') then
-          since         <= (others => '0');
-          advanced_late <= '0';
-        end if;
-      end if;
-
-    end process p_visits;
-
-    i_leaves : entity work.leaf_dispatcher
-      generic map (
-        EXPLORERS => EXPLORERS
-      )
-      port map (
-        clk        => clk,
-        rst        => rst,
-        load       => load,
-        position   => waiting.position,
-        effort     => waiting.effort,
-        negative   => negative,
-        bank       => waiting.bank,
-        index      => waiting.index,
-        ready      => leaves_ready,
-        ending     => leaves_ending,
-        active     => leaves_active,
-        launch     => launch,
-        leaf_valid => leaf_valid,
-        leaf       => leaf
-      );
-
-    i_shown : entity work.node_shown
-      port map (
-        clk        => clk,
-        rst        => rst,
-        follow     => follow,
-        launch     => launch,
-        node       => terms_node,
-        words      => words,
-        lead       => lead,
-        saturated  => flagged,
-        shown      => node,
-        reached    => reached,
-        show_slope => show_slope,
-        show_error => show_error
-      );
-
-  end generate g_two_levels;
-
-  decision_flag <= terms_saturated or predicted_flag or (compensate and unfit and not r.predicted);
+  decision_flag <= terms_saturated or ahead_flag or (compensate and unfit and not r.predicted);
   two_levels    <= two_switchings and to_std_logic(ADVANCES);
-  whole_arrives <= queue_whole and two_levels;
+  whole_arrives <= whole and two_levels;
 
   ---------------------------------------------------------------------------------------------
   -- Enumeration
@@ -687,175 +536,168 @@ begin
   -- Algorithm 1
   ---------------------------------------------------------------------------------------------
 
-  over <= to_std_logic(r.pending = 0) and not leaves_active and (r.cut or queue_empty);
+  explorers_idle <= to_std_logic(explorer_busy = (explorer_busy'range => '0'));
 
-  p_next : process (r, start, ask, lines_held, lines_ready, decision_flag, candidate_ready, probe_done, probe_held,
-                    s_before, enumerate_valid, enumerate_done, enumerated, taken, arrival, compare, incoming,
-                    explorer_busy, two_levels, compensate, unfit, budget, settle, since, queue_valid,
-                    queue_entry, leaves_ready, leaves_ending, over) is
+  predict <= to_std_logic(ADVANCES and r.phase = AWAIT) and probe_done and compensate and not unfit
+             and not r.predicted;
+  hold    <= to_std_logic(r.phase = AWAIT) and probe_done and not predict and probe_held and lines_held;
+  opened  <= to_std_logic(r.phase = SEARCH) and two_levels and taken and incoming.feasible;
+  stopped <= to_std_logic(r.phase = SEARCH) and two_levels and taken and not incoming.feasible;
 
-    variable v     : state_t;
-    variable wants : unsigned(BUDGET_WIDTH - 1 downto 0);
-    variable rest  : unsigned(BUDGET_WIDTH downto 0);
+  -- the enumerator still shows the last search's end in the first clock; what arrived is compared
+  -- now, and what has not is busy
+  searched <= r.started and explorers_idle
+              and ((to_std_logic(r.phase = SEARCH) and not two_levels and enumerate_done)
+                   or (to_std_logic(r.phase = LEAVES) and over));
 
+  p_phase : process (clk) is
   begin
 
-    v               := r;
-    v.valid         := '0';
-    rest            := (others => '0');
-    v.started       := to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
-    terms_start     <= '0';
-    enumerate_start <= '0';
+    if rising_edge(clk) then
+      r.started <= to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
+
+      case r.phase is
+
+        when IDLE =>
+
+          r.predicted <= '0';
+
+          if (start = '1') then
+            r.phase <= PREPARE;
+          end if;
+
+        when PREPARE =>
+
+          if (ask = '1') then
+            r.phase <= AWAIT;
+          end if;
+
+        when AWAIT =>
+
+          if (predict = '1') then
+            r.predicted <= '1';
+            r.phase     <= PREDICTING;
+          elsif (hold = '1') then
+            r.phase <= IDLE;
+          elsif (probe_done = '1') then
+            r.phase <= SEARCH;
+          end if;
+
+        when PREDICTING =>
+
+          if (settle = '1') then
+            r.phase <= AWAIT;
+          end if;
+
+        when SEARCH =>
+
+          if (opened = '1') then
+            r.phase   <= LEAVES;
+            r.started <= '0';
+          elsif (stopped = '1') then
+            r.phase <= IDLE;
+          elsif (searched = '1') then
+            r.phase <= FINISH;
+          end if;
+
+        when LEAVES =>
+
+          if (searched = '1') then
+            r.phase <= FINISH;
+          end if;
+
+        when FINISH =>
+
+          r.phase <= IDLE;
+
+      end case;
+
+      if (rst = '1') then
+        r.phase <= STATE_INIT.phase;
+      end if;
+    end if;
+
+  end process p_phase;
+
+  p_best : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (compare = '1' and (r.any = '0' or better(arrival, r.best) = '1')) then
+        r.best <= arrival;
+        r.any  <= '1';
+      end if;
+
+      -- the first level's decision, for want of a leaf
+      if (opened = '1' and r.any = '0') then
+        r.best <= incoming;
+      end if;
+
+      if (r.phase = IDLE) then
+        r.any           <= '0';
+        r.best.feasible <= '0';
+      end if;
+    end if;
+
+  end process p_best;
+
+  p_decision : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      r.valid <= hold or stopped or to_std_logic(r.phase = FINISH);
+
+      if (hold = '1') then
+        r.decision <= kept(s_before, decision_flag);
+      end if;
+
+      if (stopped = '1') then
+        r.decision <= decided(incoming, s_before, decision_flag, '0');
+      end if;
+
+      if (r.phase = FINISH) then
+        r.decision <= decided(r.best, s_before, decision_flag, cut);
+      end if;
+
+      if (rst = '1') then
+        r.valid <= STATE_INIT.valid;
+      end if;
+    end if;
+
+  end process p_decision;
+
+  ---------------------------------------------------------------------------------------------
+  -- Candidates to the explorers: the probe, then what is enumerated
+  ---------------------------------------------------------------------------------------------
+
+  terms_start     <= to_std_logic(r.phase = IDLE) and start;
+  enumerate_start <= to_std_logic(r.phase = AWAIT) and probe_done and not predict and not hold;
+
+  p_candidate : process (r, ask, settle, s_before, enumerated, enumerate_valid, lines_ready, candidate_ready,
+                         two_levels) is
+  begin
+
     enumerate_ready <= '0';
     candidate_valid <= (others => '0');
     candidate       <= enumerated;
-    advance         <= '0';
-    queue_clear     <= '0';
-    load            <= '0';
 
-    if (compare = '1' and (r.any = '0' or better(arrival, r.best) = '1')) then
-      v.best := arrival;
-      v.any  := '1';
+    if ((r.phase = PREPARE and ask = '1') or (r.phase = PREDICTING and settle = '1')) then
+      candidate_valid(0) <= '1';
     end if;
 
-    case r.phase is
+    if (r.phase = SEARCH and enumerate_valid = '1' and lines_ready = '1') then
+      candidate_valid <= first_of(candidate_ready);
+      enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
 
-      when IDLE =>
+      -- one explorer alone, so that the queue takes one candidate a clock
+      if (two_levels = '1') then
+        candidate_valid    <= (others => '0');
+        candidate_valid(0) <= candidate_ready(0);
+        enumerate_ready    <= candidate_ready(0);
+      end if;
+    end if;
 
-        v.any           := '0';
-        v.best.feasible := '0';
-        v.predicted     := '0';
-        v.cut           := '0';
-        v.cool          := '1';
-        v.bank          := '0';
-        queue_clear     <= '1';
-
-        if (start = '1') then
-          v.phase     := PREPARE;
-          terms_start <= '1';
-        end if;
-
-      when PREPARE =>
-
-        if (ask = '1') then
-          candidate_valid(0) <= '1';
-          v.phase            := AWAIT;
-        end if;
-
-      when AWAIT =>
-
-        if (probe_done = '1') then
-          if (ADVANCES and compensate = '1' and unfit = '0' and r.predicted = '0') then
-            advance     <= '1';
-            v.predicted := '1';
-            v.phase     := PREDICT;
-          elsif (probe_held = '1' and lines_held = '1') then
-            v.phase              := IDLE;
-            v.valid              := '1';
-            v.decision.position  := s_before;
-            v.decision.held      := '1';
-            v.decision.deadlock  := '0';
-            v.decision.length    := (others => '0');
-            v.decision.saturated := decision_flag;
-            v.decision.exhausted := '0';
-          else
-            v.phase         := SEARCH;
-            enumerate_start <= '1';
-          end if;
-        end if;
-
-      when PREDICT =>
-
-        if (settle = '1') then
-          candidate_valid(0) <= '1';
-          v.phase            := AWAIT;
-        end if;
-
-      when SEARCH =>
-
-        if (enumerate_valid = '1' and lines_ready = '1') then
-          candidate_valid <= first_of(candidate_ready);
-          enumerate_ready <= to_std_logic(candidate_ready /= (candidate_ready'range => '0'));
-
-          -- one explorer alone, so that the queue takes one candidate a clock
-          if (two_levels = '1') then
-            candidate_valid    <= (others => '0');
-            candidate_valid(0) <= candidate_ready(0);
-            enumerate_ready    <= candidate_ready(0);
-          end if;
-        end if;
-
-        if (two_levels = '1') then
-          if (taken = '1' and incoming.feasible = '1') then
-            v.phase   := LEAVES;
-            v.started := '0';
-            v.left    := budget;
-
-            -- the first level's decision, for want of a leaf
-            if (r.any = '0') then
-              v.best := incoming;
-            end if;
-          elsif (taken = '1') then
-            v.phase    := IDLE;
-            v.valid    := '1';
-            v.decision := decided(incoming, s_before, decision_flag);
-          end if;
-        elsif (r.started = '1' and enumerate_done = '1' and explorer_busy = (explorer_busy'range => '0')) then
-          -- the enumerator still shows the last search's end in the first clock; what arrived is compared
-          -- now, and what has not is busy
-          v.phase := FINISH;
-        end if;
-
-      when LEAVES =>
-
-        wants := candidates_of(queue_entry.position);
-
-        if (since(COOL_AT) = '1') then
-          v.cool := '1';
-        end if;
-
-        if (since(RIPE_AT) = '1') then
-          v.ripe := '1';
-        end if;
-
-        -- hand out the first node that is complete
-        if ((r.ripe = '1' or since(RIPE_AT) = '1') and leaves_ready = '1') then
-          load      <= '1';
-          v.ripe    := '0';
-          v.pending := v.pending - 1;
-        end if;
-
-        -- begin with the next while its predecessor's words are still needed for eight clocks at most
-        if (queue_valid = '1' and r.cut = '0' and r.cool = '1'
-            and (r.pending = 0 or (r.pending = 1 and leaves_ending = '1'))) then
-          rest := ('0' & r.left) - wants;
-
-          if (budget /= 0 and rest(BUDGET_WIDTH) = '1') then
-            v.cut := '1';
-          else
-            advance     <= '1';
-            v.left      := rest(BUDGET_WIDTH - 1 downto 0);
-            v.pending   := v.pending + 1;
-            v.cool      := '0';
-            v.bank      := not r.bank;
-          end if;
-        end if;
-
-        if (r.started = '1' and over = '1' and explorer_busy = (explorer_busy'range => '0')) then
-          v.phase := FINISH;
-        end if;
-
-      when FINISH =>
-
-        v.phase := IDLE;
-        v.valid := '1';
-
-        v.decision           := decided(r.best, s_before, decision_flag);
-        v.decision.exhausted := r.cut;
-
-    end case;
-
-    if (r.phase = PREPARE or r.phase = AWAIT or r.phase = PREDICT) then
+    if (r.phase = PREPARE or r.phase = AWAIT or r.phase = PREDICTING) then
       candidate <= (
         probe    => '1',
         index    => (others => '0'),
@@ -864,25 +706,7 @@ begin
       );
     end if;
 
-    r_next <= v;
-
-  end process p_next;
-
-  p_state : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      r <= r_next;
-
-      if (rst = '1') then
-        r.phase   <= STATE_INIT.phase;
-        r.pending <= STATE_INIT.pending;
-        r.ripe    <= STATE_INIT.ripe;
-        r.valid <= STATE_INIT.valid;
-      end if;
-    end if;
-
-  end process p_state;
+  end process p_candidate;
 
   last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerate_done)
                 or (to_std_logic(r.phase = LEAVES) and r.started and over);

@@ -20,6 +20,7 @@ library ieee;
 library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
 entity leaf_dispatcher is
@@ -47,23 +48,10 @@ end entity leaf_dispatcher;
 architecture rtl of leaf_dispatcher is
 
   -- clocks that the next positions of phase c take, at most
-  function rounds_of (count : positive) return positive is
-  begin
-
-    if (count >= 4) then
-      return 1;
-    elsif (count >= 2) then
-      return 2;
-    else
-      return 4;
-    end if;
-
-  end function rounds_of;
-
-  constant ROUNDS : positive := rounds_of(EXPLORERS);
+  constant ROUNDS : positive := chosen(EXPLORERS >= 4, 1, chosen(EXPLORERS >= 2, 2, 4));
 
   -- blocks that are left where ending rises
-  constant LAST_BLOCKS : natural := 8 / ROUNDS;
+  constant LAST_BLOCKS : natural := ENDING_CLOCKS / ROUNDS;
 
   subtype choice_t is natural range 0 to 3;
 

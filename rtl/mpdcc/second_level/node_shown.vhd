@@ -19,6 +19,7 @@ library ieee;
 library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
 entity node_shown is
@@ -39,14 +40,6 @@ entity node_shown is
 end entity node_shown;
 
 architecture rtl of node_shown is
-
-  -- clocks from launch to the last in which the old value is read
-  constant SLOPE_READ  : natural := 2;
-  constant ERROR_READ  : natural := 3;
-  constant WEIGHT_READ : natural := 11;
-  constant LEAD_READ   : natural := 12;
-  constant START_READ  : natural := 13;
-  constant BEST_READ   : natural := 16;
 
   subtype component_t is signed(WEIGHT_SLOPE_WIDTH - 1 downto 0);
 
