@@ -11,6 +11,12 @@ library ieee;
 
 package directmpc_constants is
 
+  constant CURRENT_WIDTH : natural := 16; -- bits, measured currents, signed
+  constant FLUX_WIDTH : natural := 16; -- bits, rotor flux, signed
+  constant SPEED_WIDTH : natural := 16; -- bits, speeds, signed
+  constant NEUTRAL_VOLTAGE_WIDTH : natural := 16; -- bits, v_n, signed
+  constant CAPACITOR_VOLTAGE_WIDTH : natural := 16; -- bits, v_ph, unsigned
+  constant LINK_VOLTAGE_WIDTH : natural := 16; -- bits, v_dc, unsigned
   constant OPERAND_WIDTH : natural := 18; -- bits, multiplier operand A, signed
   constant COEFFICIENT_WIDTH : natural := 16; -- bits, multiplier operand B, signed
   constant ACCUMULATOR_WIDTH : natural := 41; -- bits, signed

@@ -107,20 +107,32 @@ package mpdcc_types is
     deadlock_rule : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
   end record limits_t;
 
+  -- parameters, FACTOR_* order
+
+  type coefficients_t is array (0 to COEFFICIENT_COUNT - 1) of std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);
+
+  -- of the second level; without SECOND_LEVEL two_switchings and compensate have to be '0'
+
+  type options_t is record
+    two_switchings : std_logic;                           -- '1': SESE, '0': SE
+    budget         : unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates of the second level, 0: no limit
+    compensate     : std_logic;                           -- '1': decide for k+1 from the state predicted under s(k-1)
+  end record options_t;
+
   type measurement_t is record
-    is_alpha   : signed(15 downto 0);   -- stator current, 1/16000 pu
-    is_beta    : signed(15 downto 0);   -- 1/16000 pu
-    psir_alpha : signed(15 downto 0);   -- rotor flux, 1/9000 pu
-    psir_beta  : signed(15 downto 0);   -- 1/9000 pu
-    v_n        : signed(15 downto 0);   -- neutral point potential, 1/64012.5 pu
-    v_ph_a     : unsigned(15 downto 0); -- phase capacitor voltages, 1/32006.25 pu
-    v_ph_b     : unsigned(15 downto 0); -- 1/32006.25 pu
-    v_ph_c     : unsigned(15 downto 0); -- 1/32006.25 pu
-    v_dc       : unsigned(15 downto 0); -- dc-link voltage, 1/16003.125 pu
-    iref_alpha : signed(15 downto 0);   -- current reference, 1/16000 pu
-    iref_beta  : signed(15 downto 0);   -- 1/16000 pu
-    omega_s    : signed(15 downto 0);   -- stator frequency, 1/16000 pu
-    omega_r    : signed(15 downto 0);   -- rotor speed, 1/16000 pu
+    is_alpha   : signed(CURRENT_WIDTH - 1 downto 0);   -- stator current, 1/16000 pu
+    is_beta    : signed(CURRENT_WIDTH - 1 downto 0);   -- 1/16000 pu
+    psir_alpha : signed(FLUX_WIDTH - 1 downto 0);   -- rotor flux, 1/9000 pu
+    psir_beta  : signed(FLUX_WIDTH - 1 downto 0);   -- 1/9000 pu
+    v_n        : signed(NEUTRAL_VOLTAGE_WIDTH - 1 downto 0);   -- neutral point potential, 1/64012.5 pu
+    v_ph_a     : unsigned(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- phase capacitor voltages, 1/32006.25 pu
+    v_ph_b     : unsigned(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- 1/32006.25 pu
+    v_ph_c     : unsigned(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- 1/32006.25 pu
+    v_dc       : unsigned(LINK_VOLTAGE_WIDTH - 1 downto 0); -- dc-link voltage, 1/16003.125 pu
+    iref_alpha : signed(CURRENT_WIDTH - 1 downto 0);   -- current reference, 1/16000 pu
+    iref_beta  : signed(CURRENT_WIDTH - 1 downto 0);   -- 1/16000 pu
+    omega_s    : signed(SPEED_WIDTH - 1 downto 0);   -- stator frequency, 1/16000 pu
+    omega_r    : signed(SPEED_WIDTH - 1 downto 0);   -- rotor speed, 1/16000 pu
   end record measurement_t;
 
   type decision_t is record

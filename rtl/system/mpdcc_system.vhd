@@ -309,8 +309,8 @@ begin
     generic map (
       EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,
-      SECOND_LEVEL      => SECOND_LEVEL,
-      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+      SECOND_LEVEL      => SECOND_LEVEL and not FOLDED,
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK and not FOLDED
     )
     port map (
       clk                         => clk,

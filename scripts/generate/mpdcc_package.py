@@ -61,6 +61,12 @@ def _most_effort() -> int:
 def _formats() -> list[str]:
     """Widths and fixed-point positions."""
     entries = [
+        ("CURRENT_WIDTH", f.CURRENT.width, "bits, measured currents, signed"),
+        ("FLUX_WIDTH", f.FLUX.width, "bits, rotor flux, signed"),
+        ("SPEED_WIDTH", f.SPEED.width, "bits, speeds, signed"),
+        ("NEUTRAL_VOLTAGE_WIDTH", f.NEUTRAL_VOLTAGE.width, "bits, v_n, signed"),
+        ("CAPACITOR_VOLTAGE_WIDTH", f.CAPACITOR_VOLTAGE.width, "bits, v_ph, unsigned"),
+        ("LINK_VOLTAGE_WIDTH", f.LINK_VOLTAGE.width, "bits, v_dc, unsigned"),
         ("OPERAND_WIDTH", f.OPERAND_WIDTH, "bits, multiplier operand A, signed"),
         ("COEFFICIENT_WIDTH", f.COEFFICIENT_WIDTH, "bits, multiplier operand B, signed"),
         ("ACCUMULATOR_WIDTH", f.ACCUMULATOR_WIDTH, "bits, signed"),

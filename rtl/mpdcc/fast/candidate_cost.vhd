@@ -167,8 +167,9 @@ begin
   begin
 
     if rising_edge(clk) then
-      feasible                               <= to_std_logic(length /= 0) & feasible(LENGTH_STAGE + 1 to COST_STAGE - 1);
-      efforts                                <= effort_in & efforts(LENGTH_STAGE + 2 to COST_STAGE - 1);
+      feasible <= to_std_logic(length /= 0) & feasible(LENGTH_STAGE + 1 to COST_STAGE - 1);
+      efforts  <= effort_in & efforts(LENGTH_STAGE + 2 to COST_STAGE - 1);
+
       lengths(LENGTH_STAGE + 1 to COST_STAGE) <= lengths(LENGTH_STAGE to COST_STAGE - 1);
     end if;
 

@@ -15,12 +15,15 @@ library work;
 package explorer_types is
 
   -- '1': the registers of a stage hold a candidate
+
   subtype stages_t is std_logic_vector(0 to COST_STAGE);
 
   -- place of a candidate in the order of enumeration
+
   subtype index_t is std_logic_vector(INDEX_WIDTH - 1 downto 0);
 
   -- weighted transitions of both levels
+
   subtype efforts_t is unsigned(TOTAL_EFFORT_WIDTH - 1 downto 0);
 
   type kinds_t is array (0 to 2) of unsigned(1 downto 0);

@@ -40,7 +40,7 @@ end entity candidate_enumerator;
 
 architecture rtl of candidate_enumerator is
 
-  constant LAST_PHASE : natural := chosen(BLOCKS, 1, 2);
+  constant LAST_PHASE : natural := choose(BLOCKS, 1, 2);
 
   subtype choice_t is natural range 0 to 3;
 

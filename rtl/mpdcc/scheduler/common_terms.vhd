@@ -67,7 +67,7 @@ architecture rtl of common_terms is
   -- whether successors are computed
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
 
-  constant LAST_STEP : natural := chosen(ADVANCES, PROGRAM_STEPS, LENGTH_OF_PROGRAM); -- of all programs that are run
+  constant LAST_STEP : natural := choose(ADVANCES, PROGRAM_STEPS, LENGTH_OF_PROGRAM); -- of all programs that are run
 
   constant LENGTH_AT : natural := COEFFICIENT_COUNT + 2; -- place of the first length among the factors
 

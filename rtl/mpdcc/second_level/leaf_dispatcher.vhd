@@ -48,7 +48,7 @@ end entity leaf_dispatcher;
 architecture rtl of leaf_dispatcher is
 
   -- clocks that the next positions of phase c take, at most
-  constant ROUNDS : positive := chosen(EXPLORERS >= 4, 1, chosen(EXPLORERS >= 2, 2, 4));
+  constant ROUNDS : positive := choose(EXPLORERS >= 4, 1, choose(EXPLORERS >= 2, 2, 4));
 
   -- blocks that are left where ending rises
   constant LAST_BLOCKS : natural := ENDING_CLOCKS / ROUNDS;

@@ -1,0 +1,432 @@
+"""Writes the flat shells around the cores: entities whose ports are std_logic and vectors of it.
+
+Inside, the cores have records as ports. Vendors' tools, netlists and other languages want flat
+ports. A shell copies ports to the fields of records and back, and does nothing else. What a shell
+looks like stands in ``SHELLS``; a port is written once, with its comment.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from directmpc.mpdcc import formats as f
+
+#: Length that a line stays below.
+_LINE = 120
+_RTL = Path(__file__).resolve().parents[2] / "rtl"
+
+
+@dataclass(frozen=True)
+class Port:
+    """One flat port.
+
+    Attributes
+    ----------
+    name : str
+    width : str
+        Upper bound of the vector, ``15`` or ``WORD_WIDTH - 1``; empty: std_logic.
+    comment : str
+        Unit, format or polarity, for the end of the line.
+    field : str
+        Field of the record it is copied to or from; empty: the port goes to the inner port of its
+        name, or, in a group, to the field of its name. Beginning with a parenthesis: an element of
+        an array.
+    convert : str
+        Type of the field, ``signed`` or ``unsigned``; empty: the type of the port.
+    """
+
+    name: str
+    width: str
+    comment: str
+    field: str = ""
+    convert: str = ""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Ports that belong together.
+
+    Attributes
+    ----------
+    comment : str
+        Line above the group; empty: none.
+    ports : tuple of Port
+    output : bool
+        Whether they are outputs.
+    record, kind : str
+        Inner port that is a record or an array, and its type; empty: the ports are the inner
+        entity's own. Two groups may share a record.
+    """
+
+    comment: str
+    ports: tuple[Port, ...]
+    output: bool = False
+    record: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Shell:
+    """A shell.
+
+    Attributes
+    ----------
+    entity, inner, folder : str
+        Names of the shell and of what it wraps; room of the file below ``rtl/``.
+    header : str
+        The shell's manual, without comment dashes.
+    packages : tuple of str
+        Packages of library work that are used.
+    generics : tuple of (name, type, default, comment)
+    groups : tuple of Group
+    """
+
+    entity: str
+    inner: str
+    folder: str
+    header: str
+    packages: tuple[str, ...]
+    generics: tuple[tuple[str, str, str, str], ...]
+    groups: tuple[Group, ...]
+
+    @property
+    def path(self) -> Path:
+        """File of the shell."""
+        return _RTL / self.folder / f"{self.entity}.vhd"
+
+
+_CLOCK = (
+    Port("clk", "", "rising edge"),
+    Port("rst", "", "synchronous, active high"),
+    Port("start", "", "'1' for one clock: decide; ignored while busy"),
+)
+
+#: What each measurement of MPDCC is, where it is not like the one before.
+_MEASURED = {
+    "is_alpha": "stator current, ",
+    "psir_alpha": "rotor flux, ",
+    "v_n": "neutral point potential, ",
+    "v_ph_a": "capacitor, ",
+    "v_dc": "dc-link voltage, ",
+    "iref_alpha": "current reference, ",
+    "omega_s": "stator frequency, ",
+    "omega_r": "rotor speed, ",
+}
+_WIDTHS = {
+    "CURRENT": f.CURRENT,
+    "FLUX": f.FLUX,
+    "SPEED": f.SPEED,
+    "NEUTRAL_VOLTAGE": f.NEUTRAL_VOLTAGE,
+    "CAPACITOR_VOLTAGE": f.CAPACITOR_VOLTAGE,
+    "LINK_VOLTAGE": f.LINK_VOLTAGE,
+}
+_COEFFICIENTS = (
+    ("error_alpha", "(iref - is) to trajectory units"),
+    ("error_beta", "the same times sqrt(3)/2"),
+    ("error_neutral", "-v_n to trajectory units"),
+    ("error_phase", "(v_dc/4 - v_ph) to trajectory units"),
+    ("stator_alpha", "h/tau_s"),
+    ("stator_beta", "h/tau_s * sqrt(3)/2"),
+    ("rotor_alpha", "-h*Xm/(D*tau_r)"),
+    ("rotor_beta", "-h*Xm/(D*tau_r) * sqrt(3)/2"),
+    ("reference_alpha", "-h"),
+    ("reference_beta", "h * sqrt(3)/2"),
+    ("emf_alpha", "-h*Xm/D"),
+    ("emf_beta", "h*Xm/D * sqrt(3)/2"),
+    ("correction_alpha", "-p*L*h**2"),
+    ("correction_beta", "-p*L*h**2 * sqrt(3)/2"),
+    ("forced_voltage", "h*Xr/(3*D), for v_dc/2 and v_ph"),
+    ("forced_neutral", "h*Xr/(3*D), for v_n"),
+    ("phase_alpha", "h/X_ph"),
+    ("phase_beta", "h/X_ph * sqrt(3)/2"),
+    ("midpoint_alpha", "h/(2*X_dc)"),
+    ("midpoint_beta", "h/(2*X_dc) * sqrt(3)/2"),
+    ("weight", "sqrt(lambda_n)"),
+    ("weight_alpha", "-sqrt(lambda_n)*h/(2*X_dc)"),
+    ("weight_beta", "-sqrt(3*lambda_n)*h/(4*X_dc)"),
+    ("curvature_emf_alpha", "c: omega_r*psi_r; fast"),
+    ("curvature_emf_beta", "c: the same, beta; fast"),
+    ("curvature_flux_alpha", "c: omega_r**2*psi_r; fast"),
+    ("curvature_flux_beta", "c: the same, beta; fast"),
+    ("curvature_reference_alpha", "c: omega_s**2*iref; fast"),
+    ("curvature_reference_beta", "c: the same, beta; fast"),
+    ("change_phase", "h/X_ph * 16; SESE, prediction only"),
+    ("change_midpoint", "h/(2*X_dc) * 16; likewise"),
+    ("change_weight", "-sqrt(lambda_n)*h/(2*X_dc); likewise"),
+    ("error_forced", "-h*Xr/(3*D); likewise"),
+)
+
+
+def _measurement(name: str, word: f.Format) -> Port:
+    """A measurement of MPDCC: its width by name, its scale from the formats."""
+    width = next(key for key, value in _WIDTHS.items() if value is word)
+    kind = "signed" if word.signed else "unsigned"
+    text = f"{_MEASURED.get(name, '')}{kind}, 1/{word.scale:.10g} pu"
+    return Port(name, f"{width}_WIDTH - 1", text, name, kind)
+
+
+def _parameter(name: str, comment: str) -> Port:
+    """A coefficient of MPDCC: an element of the array."""
+    return Port(f"c_{name}", "COEFFICIENT_WIDTH - 1", comment, f"(FACTOR_{name.upper()})")
+
+
+def _position(name: str, phase: int, step: str, field: str) -> Port:
+    text = f"switch position s({step}) of phase {'abc'[phase]}, 0 to 7"
+    return Port(name, "2", text, f"{field}({phase})", "unsigned")
+
+
+MPDCC = Shell(
+    entity="mpdcc_core",
+    inner="mpdcc_controller",
+    folder="mpdcc",
+    header="""\
+Model predictive direct current control of a five-level ANPC drive (Paper A): the core.
+
+One scheduler and EXPLORERS explorers.  Give the measurements with a one-clock start; valid comes
+with the switch position for this step.  docs/specification.md says what is decided: hold while
+every output stays inside its bound, else the candidate of least switching effort per step of
+validity.
+
+Formats: per unit with the scales at each port; parameters as directmpc.mpdcc.coefficients
+computes them from a drive file, in units of that drive.
+Latency: fast 21 clocks when held, at most 112, 82, 73 with one to three explorers and 70 with
+more; paper 28 when held, at most 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS.  One decision at
+a time; the next start may come one clock after valid.
+With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
+explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
+Where no candidate stays inside its bounds the decision is the candidate of the least largest
+excess at k+1.  With deadlock_rule (WEIGHTED_DEADLOCK) the excess of v_n counts eight times and a
+sixteenth of the currents' largest is added, see step_one and docs/deadlocks.md.  It takes no
+clock more.
+Overflow: saturates and sets saturated; nothing wraps.
+FOLDED = true excludes SECOND_LEVEL and WEIGHTED_DEADLOCK; elaboration fails with both.
+Considered and rejected: docs/alternatives.md.""",
+    packages=("directmpc_constants", "mpdcc_types"),
+    generics=(
+        ("EXPLORERS", "positive range 1 to 8", "2", "number of explorers"),
+        ("FOLDED", "boolean", "false", "true: the paper's explorer, false: the fast one"),
+        (
+            "SECOND_LEVEL",
+            "boolean",
+            "false",
+            "true: SESE and delay compensation, fast explorer alone",
+        ),
+        (
+            "WEIGHTED_DEADLOCK",
+            "boolean",
+            "false",
+            "true: the weighted deadlock rule, fast explorer alone",
+        ),
+    ),
+    groups=(
+        Group("", _CLOCK),
+        Group(
+            "measurements, sampled with start",
+            tuple(_measurement(name, word) for name, word in f.MEASUREMENTS.items()),
+            record="measurement",
+            kind="measurement_t",
+        ),
+        Group(
+            "",
+            tuple(_position(f"s_prev_{x}", i, "k-1", "") for i, x in enumerate("abc")),
+            record="previous",
+            kind="positions_t",
+        ),
+        Group(
+            "parameters from a drive file, stable from start to valid; coefficients signed, scaled",
+            tuple(_parameter(name, comment) for name, comment in _COEFFICIENTS),
+            record="coefficients",
+            kind="coefficients_t",
+        ),
+        Group(
+            "",
+            (
+                *(
+                    Port(
+                        f"bound_{name}",
+                        "BOUND_WIDTH - 1",
+                        "unsigned, trajectory units",
+                        convert="unsigned",
+                    )
+                    for name in ("current", "neutral", "phase")
+                ),
+                Port(
+                    "horizon", "LENGTH_WIDTH - 1", "N, unsigned, steps, 1 to 63", convert="unsigned"
+                ),
+                Port(
+                    "weight_scale",
+                    "1",
+                    "fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20",
+                    convert="unsigned",
+                ),
+            ),
+            record="limits",
+            kind="limits_t",
+        ),
+        Group(
+            "",
+            (
+                Port(
+                    "two_switchings", "", "switching horizon: '1': SESE, SECOND_LEVEL only, '0': SE"
+                ),
+                Port(
+                    "budget",
+                    "BUDGET_WIDTH - 1",
+                    "candidates of SESE's second level, 0: no limit",
+                    convert="unsigned",
+                ),
+                Port(
+                    "compensate",
+                    "",
+                    "'1': decide for k+1 from the state predicted under s(k-1); likewise",
+                ),
+            ),
+            record="options",
+            kind="options_t",
+        ),
+        Group(
+            "",
+            (
+                Port(
+                    "deadlock_rule",
+                    "",
+                    "'1': weighted, WEIGHTED_DEADLOCK only, '0': largest excess",
+                ),
+            ),
+            record="limits",
+            kind="limits_t",
+        ),
+        Group(
+            "decision, stable until the next valid",
+            (
+                Port("valid", "", "'1' for one clock: decision is new"),
+                Port("busy", "", "'1': a decision is under way"),
+            ),
+            output=True,
+        ),
+        Group(
+            "",
+            (
+                *(_position(f"s_{x}", i, "k", "position") for i, x in enumerate("abc")),
+                Port("held", "", "'1': s(k-1) was kept"),
+                Port("deadlock", "", "'1': no candidate stays inside its bounds"),
+                Port(
+                    "length",
+                    "LENGTH_WIDTH - 1",
+                    "L* of the choice, steps; 0 when held or deadlocked",
+                    convert="unsigned",
+                ),
+                Port("saturated", "", "'1': a value did not fit its word"),
+                Port(
+                    "exhausted",
+                    "",
+                    "'1': the budget ended the search, the decision is the best so far",
+                ),
+            ),
+            output=True,
+            record="decision",
+            kind="decision_t",
+        ),
+    ),
+)
+
+SHELLS: tuple[Shell, ...] = (MPDCC,)
+
+
+def _declarations(shell: Shell) -> list[str]:
+    """Lines of the port list."""
+    ports = [(group, port) for group in shell.groups for port in group.ports]
+    kinds = {
+        port.name: f"std_logic_vector({port.width} downto 0)" if port.width else "std_logic"
+        for _, port in ports
+    }
+    names = max(len(port.name) for _, port in ports)
+    wide = max(map(len, kinds.values())) + 1
+    lines = []
+    for group in shell.groups:
+        if group.comment:
+            lines.append(f"    -- {group.comment}")
+        for port in group.ports:
+            end = "" if port is ports[-1][1] else ";"
+            mode = "out  " if group.output else "in   "
+            tight = f"    {port.name} : {mode} {kinds[port.name]}{end} -- {port.comment}"
+            code = f"    {port.name:<{names}} : {mode} {kinds[port.name] + end:<{wide}}"
+            line = f"{code} -- {port.comment}"
+            lines.append(line if len(line) < _LINE else tight)
+    return lines
+
+
+def _copied(group: Group, port: Port) -> tuple[str, str]:
+    """Target and source of a port's copy."""
+    field = port.field or port.name
+    inside = f"{group.record}{'' if field.startswith('(') else '.'}{field}"
+    if group.output:
+        return port.name, f"std_logic_vector({inside})" if port.convert else inside
+    return inside, f"{port.convert}({port.name})" if port.convert else port.name
+
+
+def text(shell: Shell) -> str:
+    """The whole file of a shell."""
+    converts = any(port.convert for group in shell.groups for port in group.ports)
+    lines = [f"-- {line}".rstrip() for line in shell.header.splitlines()]
+    lines += [
+        "--",
+        f"-- This flat shell around {shell.inner} is generated by `make generate`",
+        "-- (scripts/generate/core_shells.py); do not edit.",
+        "-- Licence: Apache-2.0",
+        "",
+        "library ieee;",
+        "  use ieee.std_logic_1164.all;",
+        *(["  use ieee.numeric_std.all;"] if converts else []),
+        "",
+        "library work;",
+        *(f"  use work.{name}.all;" for name in shell.packages),
+        "",
+        f"entity {shell.entity} is",
+        "  generic (",
+    ]
+    for name, kind, default, comment in shell.generics:
+        end = "" if name == shell.generics[-1][0] else ";"
+        lines.append(f"    {name} : {kind} := {default}{end} -- {comment}")
+    lines += ["  );", "  port (", *_declarations(shell), "  );", f"end entity {shell.entity};", ""]
+    lines += [f"architecture rtl of {shell.entity} is", ""]
+    records = [group for group in shell.groups if group.record]
+    kinds = {group.record: group.kind for group in records}
+    width = max(map(len, kinds))
+    lines += [f"  signal {name:<{width}} : {kind};" for name, kind in kinds.items()]
+    lines += ["", "begin", ""]
+    for group in records:
+        pairs = [_copied(group, port) for port in group.ports]
+        width = max(len(target) for target, _ in pairs)
+        lines += [f"  {target:<{width}} <= {source};" for target, source in pairs]
+        lines.append("")
+    names = [
+        name
+        for group in shell.groups
+        for name in ([group.record] if group.record else [port.name for port in group.ports])
+    ]
+    inner = list(dict.fromkeys(names))
+    generics = [name for name, *_ in shell.generics]
+    lines += [f"  i_core : entity work.{shell.inner}", "    generic map ("]
+    wide = max(map(len, generics))
+    lines += [
+        f"      {name:<{wide}} => {name}{',' if name != generics[-1] else ''}" for name in generics
+    ]
+    lines += ["    )", "    port map ("]
+    wide = max(map(len, inner))
+    lines += [f"      {name:<{wide}} => {name}{',' if name != inner[-1] else ''}" for name in inner]
+    lines += ["    );", "", "end architecture rtl;", ""]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Command line: write every shell."""
+    argparse.ArgumentParser(description=main.__doc__).parse_args()
+    for shell in SHELLS:
+        shell.path.write_text(text(shell), encoding="ascii")
+
+
+if __name__ == "__main__":
+    main()
