@@ -60,7 +60,7 @@ def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
 
 
 BLOCK_FAULTS = [
-    Fault("candidate_enumerator", "return 1;", "return 2;", r"candidate:"),
+    Fault("candidate_enumerator", "choose(BLOCKS, 1, 2)", "choose(BLOCKS, 2, 2)", r"candidate:"),
 ]
 
 

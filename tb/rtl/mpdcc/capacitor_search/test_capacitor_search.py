@@ -40,7 +40,7 @@ def test_rows_are_straight_lines(throttle: bool) -> None:
 
 FAULTS = [
     Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
-    Fault("capacitor_search", "excess(2) > 0", "excess(2) >= 0", r"held:"),
+    Fault("capacitor_search", "excess_2 > 0", "excess_2 >= 0", r"held:"),
 ]
 
 

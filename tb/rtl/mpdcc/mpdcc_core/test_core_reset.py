@@ -174,7 +174,7 @@ FAST_FAULTS = [
     Fault("mpdcc_scheduler", "r.valid <= STATE_INIT.valid;", "null;  -- valid", RESET_CHECKS),
     Fault(
         "explorer_fast",
-        "valid(1 to STAGE_COUNT) <= (others => '0');",
+        "valid(1 to COST_STAGE)  <= (others => '0');",
         "null;  -- pipeline",
         RESET_CHECKS,
     ),
@@ -187,8 +187,15 @@ def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
 
 
 SECOND_LEVEL_FAULTS = [
-    Fault("mpdcc_scheduler", "r.pending <= STATE_INIT.pending;", "null;  -- pending", RESET_CHECKS),
-    Fault("mpdcc_scheduler", "r.ripe    <= STATE_INIT.ripe;", "null;  -- ripe", RESET_CHECKS),
+    Fault(
+        "second_level", "r.pending      <= STATE_INIT.pending;", "null;  -- pending", RESET_CHECKS
+    ),
+    Fault(
+        "second_level",
+        "r.may_hand_out <= STATE_INIT.may_hand_out;",
+        "null;  -- may_hand_out",
+        RESET_CHECKS,
+    ),
 ]
 
 

@@ -108,8 +108,8 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
 FAULTS = [
     Fault(
         "explorer_fast",
-        "best.index     <= unsigned(dead_index);",
-        "best.index     <= unsigned(index_dead);",
+        "index     => index_dead,",
+        "index     => index_last,",
         r"decisions differ",
     ),
     Fault("mpdcc_core", "<= deadlock_rule;", "<= '0';", r"decisions differ"),

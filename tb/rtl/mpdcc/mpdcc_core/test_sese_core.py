@@ -169,9 +169,9 @@ FAULTS = [
         r"a decision takes more than \d+ clocks",
     ),
     Fault(
-        "node_shown",
-        "ERROR_READ  : natural := 3",
-        "ERROR_READ  : natural := 5",
+        "mpdcc_timing",
+        "ERROR_READ  : natural := ERROR_STAGE - 1",
+        "ERROR_READ  : natural := ERROR_STAGE + 1",
         r"decisions differ",
     ),
     Fault(
@@ -180,6 +180,7 @@ FAULTS = [
         "<= both",
         r"decisions differ",
     ),
+    Fault("second_level", "not r.bank;", "r.bank;", r"decisions differ"),
 ]
 
 

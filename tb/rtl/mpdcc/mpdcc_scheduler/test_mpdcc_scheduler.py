@@ -63,8 +63,8 @@ PAPER_FAULTS = [
     ),
     Fault(
         "mpdcc_scheduler",
-        "enumerate_done = '1' and explorer_busy = (explorer_busy'range => '0')",
-        "enumerate_done = '1'",
+        "searched <= r.started and explorers_idle",
+        "searched <= r.started",
         r"clocks after the last result:",
     ),
 ]
@@ -79,8 +79,8 @@ FAST_FAULTS = [
     Fault("node_preparation", "xor falling", "or falling", r"band turn:"),
     Fault(
         "mpdcc_scheduler",
-        "probe_held = '1' and lines_held = '1'",
-        "probe_held = '1'",
+        "not predict and probe_held and lines_held",
+        "not predict and probe_held",
         r"every candidate was given out:",
     ),
 ]
