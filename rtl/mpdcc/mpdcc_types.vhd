@@ -192,7 +192,7 @@ package mpdcc_types is
 
   type reached_t is record
     second    : std_logic;                          -- '1': leaves of the second level
-    lead      : length_t;                           -- L1, with stage 13
+    lead      : length_t;                           -- L1, as candidate_cost reads it in stage LENGTH_STAGE
     length    : length_t;                           -- L1, with the comparison
     saturated : std_logic;                          -- '1': a value of the node saturated, with the comparison
   end record reached_t;

@@ -18,9 +18,7 @@
 -- Latency: LENGTH_STAGE - SLOPE_STAGE clocks from the slopes; one candidate a clock.
 -- Overflow: a step that does not fit is outside. A slope beyond START_SLOPE_WIDTH leaves in one step: the
 -- candidate is dead by allowed, whatever is searched.
--- Weighed, not built (figures estimated): carrying e(l) and testing both bounds takes a comparison more in each of the
--- 18 search cells, 330 LUTs, and is wrong after the first exit; two clocks per search stage double
--- the registers and bring no clock rate where the cell is margin, slope and two chained adders.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -1,9 +1,9 @@
 -- Lengths and excesses of v_n and the phase capacitor voltages, for every position at once.
 --
 -- A phase capacitor's trajectory depends on the phase and on whether its position charges it,
--- discharges it or neither; v_n's on which phases hang on the neutral point: 9 + 8 straight lines
--- serve all candidates of a node. They pass one pipeline, one line a clock, those of s(k-1) first,
--- so that the hold test has its answer early.
+-- discharges it or neither. That of v_n depends on which phases are connected to the neutral point.
+-- So 9 + 8 straight lines serve all candidates of a node. They pass one pipeline, one line a clock.
+-- Those of s(k-1) come first, so that the hold test has its answer early.
 --
 --   stage 0    which line, and the current term that it is made of
 --   stage 1    slope and error at k of the line
@@ -16,9 +16,7 @@
 -- Successors: the phases' lines without current and the neutral point without a phase do not move,
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
 -- Overflow: none; abs(slope) is clipped at twice the largest bound, which is outside at once.
--- Tried and dropped: one bit a stage takes 200 flip-flops more; using the explorers' own pipelines
--- saves 250 slices and makes every explorer
--- idle for seven clocks of every node.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -1,9 +1,10 @@
 -- Central scheduler (Paper A, Section V, Algorithm 1).
 --
--- Samples the measurements, has the common terms computed, asks an explorer whether s(k-1) keeps
--- every output inside its bound for one more step, and if not hands every candidate to the first
--- free explorer and keeps the best result: smallest J where some length is above zero, else the
--- smallest J_dl; ties go to the earliest candidate, in whatever order results arrive.
+-- Samples the measurements and has the common terms computed. Asks an explorer whether s(k-1) keeps
+-- every output inside its bound for one more step; if so, the position is held. If not, hands every
+-- candidate to the first free explorer and keeps the best result: the smallest J where some length is
+-- above zero, else the smallest J_dl. Ties go to the earliest candidate, in whatever order results
+-- arrive. With ADVANCES the best candidates of the root go on to second_level.
 --
 -- Formats: see mpdcc_types.
 -- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
@@ -13,8 +14,7 @@
 -- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
 -- decision.
--- Weighed, not built (figures estimated): starting the enumeration before the probe is answered saves 12 clocks of a
--- search and costs a cancellation through every explorer.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -373,7 +373,7 @@ def test_unnamed_nets_are_all_that_may_differ_in_a_module() -> None:
 #: Lost while converting, so to speak: a part of a signal, a condition; and who has to notice.
 FAULTS = {
     "mpdcc": (
-        "explorer_fast", r"assign lanes = (\w+);", r"assign lanes = \1 & ~(861'd65535 << 206);",
+        "length_search", r"assign lanes = (\w+);", r"assign lanes = \1 & ~(861'd65535 << 206);",
         "run.differing == 0",
     ),
     "mptc": (

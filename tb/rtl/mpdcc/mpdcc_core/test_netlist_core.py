@@ -200,7 +200,7 @@ def others() -> list[Configuration]:
 def test_every_netlist_that_is_measured_decides_alike(
     many_rows: dict[str, core.Rows], two_level_rows: core.Rows, one: Configuration
 ) -> None:
-    # what GHDL keeps in one conversion it may lose in another: see the search of explorer_fast
+    # what GHDL keeps in one conversion it may lose in another: see length_search
     variant = "paper" if one.generics.get("FOLDED", False) else "fast"
     rows, outputs = many_rows[variant], OUTPUTS
     if one.generics.get("SECOND_LEVEL", False):
