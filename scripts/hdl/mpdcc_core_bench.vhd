@@ -15,6 +15,8 @@
 -- explorer the search is 64 candidates and 46 clocks; from four explorers on the enumerator is the
 -- limit. Whether explorers finish in the same clock counts too: their results are taken in turn.
 -- With two switchings directmpc.mpdcc.cycles counts them, for every s(k-1).
+--
+-- Words keep their places in row, parameters and response if bounds and lengths are shorter.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -22,6 +24,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library directmpc;
+  use directmpc.directmpc_constants.all;
 
 entity mpdcc_core_bench is
   generic (
@@ -60,7 +63,7 @@ architecture bench of mpdcc_core_bench is
   signal count    : unsigned(15 downto 0) := (others => '0');
   signal valid    : std_logic;
   signal busy     : std_logic;
-  signal decision : std_logic_vector(18 downto 0);
+  signal decision : std_logic_vector(18 downto 0) := (others => '0'); -- a shorter length leaves zeros
 
 begin
 
@@ -195,10 +198,10 @@ begin
       c_change_midpoint  => parameters(495 downto 480),
       c_change_weight    => parameters(511 downto 496),
       c_error_forced     => parameters(527 downto 512),
-      bound_current      => parameters(543 downto 528),
-      bound_neutral      => parameters(559 downto 544),
-      bound_phase        => parameters(575 downto 560),
-      horizon            => parameters(581 downto 576),
+      bound_current      => parameters(528 + BOUND_WIDTH - 1 downto 528),
+      bound_neutral      => parameters(544 + BOUND_WIDTH - 1 downto 544),
+      bound_phase        => parameters(560 + BOUND_WIDTH - 1 downto 560),
+      horizon            => parameters(576 + LENGTH_WIDTH - 1 downto 576),
       weight_scale       => parameters(583 downto 582),
       two_switchings     => parameters(584),
       budget             => parameters(596 downto 585),
@@ -211,7 +214,7 @@ begin
       s_c                => decision(8 downto 6),
       held               => decision(9),
       deadlock           => decision(10),
-      length             => decision(16 downto 11),
+      length             => decision(11 + LENGTH_WIDTH - 1 downto 11),
       saturated          => decision(17),
       exhausted          => decision(18)
     );

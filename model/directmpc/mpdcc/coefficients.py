@@ -265,7 +265,7 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
     real = _per_unit(drive, prediction)
     bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
     unit = min(
-        min(_HIGH / abs(value) for value in real.values() if value != 0.0),
+        min(f.COEFFICIENT_SHARE * _HIGH / abs(value) for value in real.values() if value != 0.0),
         f.BOUND_HIGH[variant] / max(bounds),
         _curvature_unit(drive) if variant == "fast" else math.inf,
     )

@@ -84,6 +84,10 @@ RANK_WIDTH = max(COST_WIDTH, TRAJECTORY_WIDTH + DEADLOCK_NEUTRAL_SHIFT + DEADLOC
 #: that does not leave before it turns goes at most 1.125 * (bound + |error|) beyond the error.
 BOUND_HIGH = {"paper": 2**BOUND_WIDTH - 1, "fast": 29000}
 
+#: Share of a coefficient's 16 bits that the trajectory unit may make it fill. Less than one where
+#: trajectory words are shorter: coefficients shrink with the unit, and so do the terms they make.
+COEFFICIENT_SHARE = 1.0
+
 #: Products are aligned so that bit RESULT_SHIFT of the accumulator is the LSB of the result; a
 #: program step may shift its product left by ``ALIGNMENT[k]`` first.
 RESULT_SHIFT = 16
