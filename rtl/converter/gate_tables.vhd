@@ -17,7 +17,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.directmpc_constants.all;
+  use work.anpc5l_leg.all;
 
 package gate_tables is
 

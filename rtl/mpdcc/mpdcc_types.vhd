@@ -10,6 +10,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.anpc5l_leg.all;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
 
@@ -32,8 +33,6 @@ package mpdcc_types is
   subtype cost_t is unsigned(COST_WIDTH - 1 downto 0);
 
   subtype rank_t is unsigned(RANK_WIDTH - 1 downto 0);
-
-  subtype position_t is unsigned(2 downto 0);
 
   subtype curvature_t is signed(CURVATURE_WIDTH - 1 downto 0);
 
@@ -58,8 +57,6 @@ package mpdcc_types is
   type turns_t is array (0 to 2) of turn_t;
 
   type weights_t is array (0 to 2) of weight_t;
-
-  type positions_t is array (0 to 2) of position_t;
 
   type node_t is record
     error           : errors_t;        -- y* - y at k, trajectory units; i_c: the fast variant has y - y*

@@ -203,7 +203,7 @@ clock more.
 Overflow: saturates and sets saturated; nothing wraps.
 FOLDED = true excludes SECOND_LEVEL and WEIGHTED_DEADLOCK; elaboration fails with both.
 Considered and rejected: docs/alternatives.md.""",
-    packages=("directmpc_constants", "mpdcc_types"),
+    packages=("anpc5l_leg", "directmpc_constants", "mpdcc_types"),
     generics=(
         ("EXPLORERS", "positive range 1 to 8", "2", "number of explorers"),
         ("FOLDED", "boolean", "false", "true: the paper's explorer, false: the fast one"),

@@ -8,6 +8,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library directmpc;
+  use directmpc.anpc5l_leg.all;
   use directmpc.directmpc_constants.all;
   use directmpc.mpdcc_types.all;
 

@@ -27,6 +27,7 @@ from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.program import PROGRAMS, TERMS, result_width
+from scripts.generate import core_shells
 from scripts.generate import mpdcc_package as vhdl_package
 from scripts.hdl import states
 from tb.helpers import plain, plain_states
@@ -330,14 +331,14 @@ def test_a_budget_without_sese_has_no_effect(drive: Drive) -> None:
     assert co.registers(asked, "paper") == co.registers(drive, "paper")
 
 
-def test_the_generated_package_is_up_to_date() -> None:
-    path = (
-        vhdl_package.Path(vhdl_package.__file__).parents[2]
-        / "rtl"
-        / "mpdcc"
-        / "directmpc_constants.vhd"
-    )
-    assert path.read_text(encoding="utf-8") == vhdl_package.text()
+def test_the_generated_packages_are_up_to_date() -> None:
+    rtl = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl"
+    constants = (rtl / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
+    assert constants == vhdl_package.text()
+    leg = (rtl / "converter" / "anpc5l_leg.vhd").read_text(encoding="utf-8")
+    assert leg == vhdl_package.leg_text()
+    shell = (rtl / "mpdcc" / "mpdcc_core.vhd").read_text(encoding="utf-8")
+    assert shell == core_shells.text(core_shells.MPDCC)
 
 
 def test_equal_shares_of_effort_and_length_cost_the_same() -> None:
