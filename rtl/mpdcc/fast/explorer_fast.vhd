@@ -16,7 +16,7 @@
 -- Leaves: candidates of the second level come one a clock past the blocks, as leaf. node and band
 -- change in time with the stages (see node_shown), steps and efforts of reached add to the leaf's.
 -- Weighted deadlock rule (WEIGHTED_DEADLOCK, chosen with limits.deadlock_rule): see step_one.
--- Formats: trajectory units. See directmpc/mpdcc/bit_true.
+-- Formats: trajectory units. See model/directmpc/mpdcc/bit_true/fast.py.
 -- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
 -- its block is taken; initiation interval one clock per candidate.
 -- Overflow: none but sqrt(lambda_n)*v_n, which saturates and flags; see the units.
