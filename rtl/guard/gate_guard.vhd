@@ -21,6 +21,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.anpc5l_leg.positions_t;
   use work.gate_tables.all;
 
 entity gate_guard is
@@ -66,8 +67,6 @@ architecture rtl of gate_guard is
 
   constant GATES_OF_LEG : positive := gates_of(FIVE_LEVEL);
 
-  type positions_t is array (0 to 2) of std_logic_vector(2 downto 0);
-
   signal goals    : positions_t;
   signal trips    : std_logic_vector(3 downto 0);
   signal legal    : std_logic_vector(2 downto 0);
@@ -84,9 +83,9 @@ architecture rtl of gate_guard is
 
 begin
 
-  goals(0) <= position_a;
-  goals(1) <= position_b;
-  goals(2) <= position_c;
+  goals(0) <= unsigned(position_a);
+  goals(1) <= unsigned(position_b);
+  goals(2) <= unsigned(position_c);
 
   trips(FAULT_EXTERNAL) <= external_trip;
 
@@ -147,7 +146,7 @@ begin
         clk       => clk,
         stop      => stop,
         accept    => accept,
-        goal      => goals(x),
+        goal      => std_logic_vector(goals(x)),
         dead_time => dead_now,
         rest_time => rest_now,
         legal     => legal(x),

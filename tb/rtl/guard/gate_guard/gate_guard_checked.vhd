@@ -21,6 +21,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library directmpc;
+  use directmpc.anpc5l_leg.positions_t;
   use directmpc.gate_tables.all;
 
 entity gate_guard_checked is
@@ -67,8 +68,6 @@ architecture rtl of gate_guard_checked is
   subtype age_t is unsigned(12 downto 0);
 
   type ages_t is array (0 to COUNT - 1) of age_t;
-
-  type positions_t is array (0 to 2) of unsigned(2 downto 0);
 
   signal g         : std_logic_vector(COUNT - 1 downto 0);
   signal now_on    : std_logic;
