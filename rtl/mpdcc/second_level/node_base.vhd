@@ -14,9 +14,9 @@
 -- Latency: none from the words and the entry to base, which common_terms samples operand by operand
 -- for 16 clocks; one clock from keep.
 -- Overflow: a kept error that does not fit BASE_WIDTH is far outside any bound, so that no candidate of
--- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: a candidate that
--- stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a prediction takes
--- one step with slopes that fit.
+-- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: a
+-- candidate that stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a
+-- prediction takes one step with slopes that fit.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
