@@ -7,7 +7,6 @@ looks like stands in ``SHELLS``; a port is written once, with its comment.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -421,12 +420,7 @@ def text(shell: Shell) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Command line: write every shell."""
-    argparse.ArgumentParser(description=main.__doc__).parse_args()
+def write() -> None:
+    """Write every shell."""
     for shell in SHELLS:
         shell.path.write_text(text(shell), encoding="ascii")
-
-
-if __name__ == "__main__":
-    main()
