@@ -17,7 +17,6 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.live import Live
@@ -82,7 +81,9 @@ def _settings(board: Board, given: argparse.Namespace) -> GuardSettings:
     return GuardSettings(clock=float(board.identity.clock))
 
 
-def _load(board: Board, console: Console, drive: Drive | MptcDrive, given: Any) -> RegisterValues:
+def _load(
+    board: Board, console: Console, drive: Drive | MptcDrive, given: argparse.Namespace
+) -> RegisterValues:
     variant = "paper" if board.is_mpdcc() and board.identity.options & 1 else "fast"
     try:
         found = values(drive, _settings(board, given), variant)
