@@ -23,6 +23,7 @@ WRONG = (
     ("scripts/hdl/sources.py", "scripts.measure.synth", "The rooms of scripts"),
     ("scripts/studies/mptc.py", "scripts.publish.report", "The rooms of scripts"),
     ("directmpc/mpdcc/ideal.py", "directmpc.host.board", "a host knows the controllers"),
+    ("directmpc/mptc/ideal.py", "directmpc.mpdcc.machine", "a host knows the controllers"),
 )
 
 
