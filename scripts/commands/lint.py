@@ -252,7 +252,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only checks with one of them in their name")
 
 
-def _run(given: argparse.Namespace) -> int | None:
+def _lint(given: argparse.Namespace) -> int | None:
     if given.fix:
         return fix()
     failed = 0
@@ -276,4 +276,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 1 if failed else 0
 
 
-COMMAND = Command("lint", __doc__.splitlines()[0], _arguments, _run, failed=1)
+COMMAND = Command("lint", __doc__.splitlines()[0], _arguments, _lint, failed=1)
