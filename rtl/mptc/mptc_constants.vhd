@@ -133,6 +133,11 @@ package mptc_constants is
   constant FORK_ADDRESS : natural := 48; -- its address for MPFC
   constant ADDRESS_COUNT : natural := 110; -- program addresses
   constant FIRST_LENGTH : natural := 23; -- address: first vector enters the magnitude
+  constant STREAM_VECTORS : natural := 7; -- vectors in the stream, one a clock
+  constant STREAM_TERM : natural := 4; -- clocks from a vector's length to its torque term
+  constant STREAM_COMPARE : natural := 8; -- clocks from its length to its comparison
+  constant STREAM_LAST : natural := 15; -- clocks to the last comparison
+  constant SUM_LATENCY : natural := 3; -- clocks from a product to its sum
   constant LAST_MPTC : natural := 38; -- address: valid
   constant FIRST_STREAM_MPFC : natural := 94; -- address: the stream of vectors begins
   constant LAST_MPFC : natural := 109; -- address: valid

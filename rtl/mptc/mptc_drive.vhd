@@ -1,11 +1,11 @@
--- Two-level induction drive from measured currents to switch states: observer, pre-excitation and
--- core joined, so that stator currents, speed and dc-link voltage are all that is measured.
+-- Two-level induction drive from measured currents to switch states: observer, pre-excitation and core together.
+-- Stator currents, speed and dc-link voltage are all that is measured.
 --
--- Give the measurements of period k with a one-clock start; valid comes with the vector to apply from
--- k+1 on.  The three parts work at the same time: mptc_core decides with the flux that mptc_observer
--- estimated for k in the period before, mptc_preexcitation decides in its place until the flux is
--- there (excite), and the observer takes the estimate on to k+1 with the vector that is being
--- applied.  That is the last decision, kept here: apply it, or hold rst.
+-- Give the measurements of period k with a one-clock start.  valid comes with the vector to apply from k+1 on.  The
+-- three parts work at the same time.  mptc_core decides with the flux that mptc_observer estimated for k in the period
+-- before.  mptc_preexcitation decides in its place until the flux is there (excite).  The observer takes the estimate
+-- on to k+1 with the vector that is being applied.  That is the last decision, which is kept here: apply it, or hold
+-- rst.
 --
 -- Formats: those of the parts (model/directmpc/mptc/formats.py); the twin is
 -- model/directmpc/mptc/drive_twin.py.
@@ -23,6 +23,7 @@ library ieee;
 library work;
   use work.directmpc_math.all;
   use work.mptc_constants.all;
+  use work.mptc_vectors.all;
 
 entity mptc_drive is
   generic (
@@ -224,7 +225,7 @@ begin
 
   busy       <= active;
   u_next     <= applied;
-  switches   <= SWITCHES_OF(to_integer(unsigned(applied)));
+  switches   <= switches_of_vector(applied);
   psis_alpha <= flux_alpha;
   psis_beta  <= flux_beta;
 

@@ -1,14 +1,13 @@
 -- Pre-excitation (Paper B, section 6.1): builds up the flux before a start without a surge of current.
 --
--- A fixed vector, u_1, is applied; where the current's magnitude is above its limit, zero voltage
--- (u_0, one commutation away).  When the stator flux has reached its level, finished rises and
--- stays: the drive is handed over to mptc_core, whose u_next is used from then on.  restart begins
--- anew.  One decision a control period, like the core's and in its place.
+-- A fixed vector, u_1, is applied.  Where the current's magnitude is above its limit, u_0 is applied instead; it is
+-- one commutation away.  When the stator flux has reached its level, finished rises and stays.  From then on the
+-- drive uses u_next of mptc_core.  restart begins anew.  One decision a control period, in place of the core's.
 --
 -- Squares are compared instead of magnitudes: |i|**2 with limit**2, |psi|**2 with level**2.
 --
--- Formats: as in mptc_core (model/directmpc/mptc/formats.py); limit in the current's, level in the
--- flux's unit, 15 bits unsigned.
+-- Formats: as in mptc_core (model/directmpc/mptc/formats.py); limit in the unit of the current, level in the unit of
+-- the flux, 15 bits unsigned.
 -- Latency: valid 11 clocks after start, always; one mac_block, one multiplier.
 -- Overflow: none: sums of three squares of 18 bits fit the accumulator.
 -- Considered and rejected: docs/alternatives.md.
@@ -47,17 +46,21 @@ end entity mptc_preexcitation;
 
 architecture rtl of mptc_preexcitation is
 
-  constant WORDS   : natural := 6;
-  constant ENDING  : natural := 9; -- address: both sums have been seen
-  constant CURRENT : natural := 5; -- address: the current's sum is complete
-  constant FLUX    : natural := 8; -- address: the flux's sum is complete
+  constant TERMS   : natural := 3;                           -- products of a sum: both components and the bound
+  constant WORDS   : natural := 2 * TERMS;                   -- current, then flux; one product a clock
+  constant CURRENT : natural := TERMS - 1 + SUM_LATENCY;     -- address: the current's sum is complete
+  constant FLUX    : natural := WORDS - 1 + SUM_LATENCY;     -- address: the flux's sum is complete
+  constant ENDING  : natural := FLUX + 1;                    -- address: both sums have been seen
 
   signal active   : std_logic;
   signal address  : natural range 0 to 15;
   signal samples  : std_logic_vector(WORDS * WORD_WIDTH - 1 downto 0);
   signal a_inputs : std_logic_vector(WORDS * WORD_WIDTH - 1 downto 0);
   signal b_inputs : std_logic_vector(WORDS * WORD_WIDTH - 1 downto 0);
+  signal place    : unsigned(3 downto 0);
   signal choice   : std_logic_vector(2 downto 0);
+  signal limit_word : std_logic_vector(WORD_WIDTH - 1 downto 0);
+  signal level_word : std_logic_vector(WORD_WIDTH - 1 downto 0);
   signal issue    : std_logic;
   signal gather   : std_logic;
   signal seed     : std_logic_vector(SUM_WIDTH - 1 downto 0);
@@ -105,22 +108,26 @@ begin
   -- a word times itself, the bounds times their one's complement: less x**2 + x; the seed puts x back
   g_words : for i in 0 to WORDS - 1 generate
 
-    g_value : if i mod 3 /= 2 generate
+    g_value : if i mod TERMS /= TERMS - 1 generate
       b_inputs((i + 1) * WORD_WIDTH - 1 downto i * WORD_WIDTH) <= word(samples, i, WORD_WIDTH);
     end generate g_value;
 
-    g_bound : if i mod 3 = 2 generate
+    g_bound : if i mod TERMS = TERMS - 1 generate
       b_inputs((i + 1) * WORD_WIDTH - 1 downto i * WORD_WIDTH) <= not word(samples, i, WORD_WIDTH);
     end generate g_bound;
 
   end generate g_words;
 
   a_inputs <= samples;
-  choice   <= std_logic_vector(to_unsigned(address, 4)(2 downto 0));
+  place    <= to_unsigned(address, 4);
+  choice   <= std_logic_vector(place(2 downto 0));
   issue    <= active and to_std_logic(address < WORDS);
-  gather   <= to_std_logic(address /= 0 and address /= 3);
-  seed     <= std_logic_vector(resize(unsigned(word(samples, 2, WORD_WIDTH)), SUM_WIDTH)) when address = 0 else
-              std_logic_vector(resize(unsigned(word(samples, 5, WORD_WIDTH)), SUM_WIDTH));
+  gather   <= to_std_logic(address /= 0 and address /= TERMS);
+
+  limit_word <= word(samples, TERMS - 1, WORD_WIDTH);
+  level_word <= word(samples, WORDS - 1, WORD_WIDTH);
+  seed       <= std_logic_vector(resize(unsigned(limit_word), SUM_WIDTH)) when address = 0 else
+                std_logic_vector(resize(unsigned(level_word), SUM_WIDTH));
 
   i_mac : entity work.mac_block
     generic map (

@@ -1,22 +1,23 @@
--- Rotor-flux observer, so that mpdcc_core needs the stator currents, the speed and the inverter's
--- voltages alone.
+-- Rotor-flux observer.  With it mpdcc_core needs the stator currents, the speed and the inverter's voltages,
+-- but no measured flux.
 --
 --   psi_c' = -(1/tau_r - j omega_r) psi_c + xm/tau_r i_s                   current model
 --   psi_s' = v - rs i_s + k (xm/xr psi_c + D/xr i_s - psi_s)               voltage model
---   psi_r  = xr/xm psi_s - D/xm i_s
+--   psi_r  = xr/xm psi_s - D/xm i_s                                        estimate
 --
--- The current model rules below the frequency k, the voltage model above it.  One step takes the estimate from
--- k-1 to k with what is measured at k and the positions applied between: give it what the core gets, and
--- start the core with valid.  Heun's method for the current model.
+-- Below the frequency k the current model decides the estimate, above it the voltage model.  A step takes the
+-- estimate from k-1 to k.  It needs the measurements at k and the positions applied from k-1 to k.  Give it the
+-- measurements that the core gets, and start the core with valid.  The current model takes a step of Heun's
+-- method.
 --
--- How: two mac_blocks, alpha and beta, follow one program of 13 products.
--- Formats: ports as mpdcc_core's; operands 18 bits, states 12 bits more (model/directmpc/
--- rotor_flux_observer.py, where the fractional bits of each coefficient stand).
--- Latency: valid 15 clocks after start, busy 17; the next start may come when busy has fallen.
--- Overflow: states and words saturate and set saturated; a state that saturates after valid sets the next
--- one.  Nothing wraps.  A reset clears the states.
--- Weighed, not built (figures estimated): one mac_block takes 28 clocks; 8 guard bits instead of 12 make the
--- rounding of a state 5 % of what a step of the slowest drive adds to it.
+-- How: two mac_blocks, one for alpha and one for beta, follow one program of 13 products
+-- (model/directmpc/mpdcc/observer_program.py), which a mac_sequencer reads.
+-- Formats: ports as those of mpdcc_core.  Operands have 18 bits, states 12 bits more.  The fractional bits of the
+-- coefficients stand in model/directmpc/mpdcc/observer.py, which is also the bit-true twin.
+-- Latency: valid 15 clocks after start, busy for 17 clocks; the next start may come when busy has fallen.
+-- Overflow: states and words saturate and set saturated.  A state that saturates after valid sets saturated of
+-- the next step.  Nothing wraps.  A reset clears the states.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -27,6 +28,10 @@ library work;
   use work.anpc5l_leg.all;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.guarded_states.all;
+  use work.mpdcc_types.position_t;
+  use work.mpdcc_types.positions_t;
+  use work.rotor_flux_observer_program.all;
 
 entity rotor_flux_observer is
   port (
@@ -78,27 +83,22 @@ architecture rtl of rotor_flux_observer is
   constant ALIGNMENT    : natural := 3;  -- bits of left shift a step
   constant SUM          : natural := 48; -- six products of 45 bits
   constant PHASE_WIDTH  : natural := 20; -- bits of a phase voltage, signed, 1/64012.5 pu
-  constant A_COUNT      : natural := 10;
-  constant B_COUNT      : natural := 10;
-  constant STEPS        : natural := 14;
-
-  -- addresses at which sums are complete, and others
-  constant ANGLE_AT  : natural := 3;
-  constant FLUX_AT   : natural := 8;
-  constant AHEAD_AT  : natural := 11;
-  constant OUTPUT_AT : natural := 13;
-  constant STATE_AT  : natural := 16;
-  constant PARKED    : natural := 31;
+  constant A_BITS       : natural := selector_width(A_PLACES);
+  constant B_BITS       : natural := selector_width(B_PLACES);
 
   subtype word_t is std_logic_vector(WORD - 1 downto 0);
 
   subtype state_t is signed(STATE - 1 downto 0);
 
-  subtype sum_t is signed(SUM - 1 downto 0);
-
   type words_t is array (0 to 1) of word_t;
 
   type states_t is array (0 to 1) of state_t;
+
+  type a_words_t is array (0 to A_PLACES - 1) of word_t;
+
+  type b_words_t is array (0 to B_PLACES - 1) of word_t;
+
+  type sums_t is array (0 to SEED_KINDS - 1) of std_logic_vector(SUM - 1 downto 0);
 
   type samples_t is array (0 to 1) of signed(15 downto 0);
 
@@ -106,35 +106,10 @@ architecture rtl of rotor_flux_observer is
 
   type phases_t is array (0 to 2) of signed(PHASE_WIDTH - 1 downto 0);
 
-  type positions_t is array (0 to 2) of std_logic_vector(2 downto 0);
-
   type capacitors_t is array (0 to 2) of std_logic_vector(15 downto 0);
 
-  type program_t is array (0 to STEPS - 1, 0 to 3) of integer;
-
-  constant NOTHING : integer := -2;
-  constant GATHER  : integer := -1;
-
-  -- operand A, operand B, steps of alignment, seed (or what is done instead of taking one)
-  constant PROGRAM : program_t := (
-    (0, 0, 0, 0),         -- omega_r * speed: angle
-    (1, 1, 2, 1),         -- voltage
-    (2, 2, 0, GATHER),    -- mean current * drop
-    (3, 5, 1, GATHER),    -- last current * pull_current
-    (4, 4, 1, GATHER),    -- psi_c * pull_flux
-    (5, 3, 1, GATHER),    -- psi_s * pull: psi_s
-    (4, 6, 0, 2),         -- psi_c * decay
-    (2, 7, 0, GATHER),    -- mean current * excitation
-    (6, 8, 2, GATHER),    -- psi_c of the other axis * angle: psi_c, Euler
-    (5, 9, 3, 3),         -- psi_s * output_flux
-    (7, 9, 3, GATHER),    -- current * output_current: psi_r
-    (0, 0, 0, NOTHING),
-    (8, 6, 0, 4),         -- half of the step * decay
-    (9, 8, 2, GATHER)     -- half of the other axis's step * angle: psi_c
-  );
-
   signal active      : std_logic;
-  signal address     : natural range 0 to PARKED;
+  signal due         : std_logic_vector(DUE_EVENTS - 1 downto 0); -- clocks of the program's events
   signal current     : samples_t;
   signal previous    : samples_t; -- current at k-1
   signal speed       : std_logic_vector(15 downto 0);
@@ -150,87 +125,51 @@ architecture rtl of rotor_flux_observer is
   signal ahead       : states_t; -- psi_c, Euler
   signal estimate    : samples_t;
   signal overflow    : std_logic;
-  signal clipped     : flags_t;  -- by lane, in this clock
-  signal bent        : flags_t;  -- voltage did not fit
+  signal clipped     : flags_t;   -- by lane, in this clock
+  signal bent        : flags_t;   -- voltage did not fit
   signal turned      : std_logic; -- angle did not fit
   signal issue       : std_logic;
   signal gathering   : std_logic;
   signal aligned     : std_logic_vector(1 downto 0);
-  signal a_choice    : std_logic_vector(3 downto 0);
-  signal b_choice    : std_logic_vector(3 downto 0);
-  signal seed_choice : natural range 0 to 4;
-  signal output_step : std_logic;
+  signal a_choice    : std_logic_vector(A_BITS - 1 downto 0);
+  signal b_choice    : std_logic_vector(B_BITS - 1 downto 0);
+  signal seed_choice : std_logic_vector(SEED_KINDS - 1 downto 0);
   signal first_total : std_logic_vector(SUM - 1 downto 0);
 
-  -- a state without its guard bits
-  function coarse (value : state_t) return word_t is
-  begin
-
-    return std_logic_vector(value(STATE - 1 downto GUARD));
-
-  end function coarse;
-
-  -- half of what a state has moved
-  function half_of (value, origin : state_t) return word_t is
-
-    variable moved : signed(STATE downto 0);
-
-  begin
-
-    moved := resize(value, STATE + 1) - resize(origin, STATE + 1);
-    return std_logic_vector(moved(STATE downto GUARD + 1));
-
-  end function half_of;
-
-  -- a state as a seed, with the constant that rounds the sum to a state
-  function seed_of (value : state_t) return sum_t is
-
-    variable result : sum_t;
-
-  begin
-
-    result                  := shift_left(resize(value, SUM), STATE_SHIFT);
-    result(STATE_SHIFT - 1) := '1';
-    return result;
-
-  end function seed_of;
-
   -- a bit of a table of positions
-  function has (mask : positions_mask_t; position : std_logic_vector(2 downto 0)) return std_logic is
+  function has (mask : positions_mask_t; position : position_t) return std_logic is
   begin
 
-    return mask(to_integer(unsigned(position)));
+    return mask(to_integer(position));
 
   end function has;
 
 begin
 
-  p_sequence : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      valid <= to_std_logic(active = '1' and address = OUTPUT_AT);
-
-      if (active = '1') then
-        if (address = STATE_AT) then
-          active  <= '0';
-          address <= PARKED;
-        else
-          address <= address + 1;
-        end if;
-      elsif (start = '1') then
-        active  <= '1';
-        address <= 0;
-      end if;
-
-      if (rst = '1') then
-        active  <= '0';
-        address <= PARKED;
-        valid   <= '0';
-      end if;
-    end if;
-
-  end process p_sequence;
+  i_sequencer : entity work.mac_sequencer
+    generic map (
+      PROGRAM   => OBSERVER_PROGRAM,
+      EVENTS    => OBSERVER_EVENTS,
+      VALID_AT  => VALID_AT,
+      LAST_AT   => LAST_AT,
+      A_BITS    => A_BITS,
+      B_BITS    => B_BITS,
+      SEEDS     => SEED_KINDS
+    )
+    port map (
+      clk         => clk,
+      rst         => rst,
+      start       => start,
+      enable      => issue,
+      accumulate  => gathering,
+      alignment   => aligned,
+      a_select    => a_choice,
+      b_select    => b_choice,
+      seed_select => seed_choice,
+      due         => due,
+      valid       => valid,
+      busy        => active
+    );
 
   busy <= active;
 
@@ -247,12 +186,12 @@ begin
         capacitors(1) <= v_ph_b;
         capacitors(2) <= v_ph_c;
         link          <= v_dc;
-        positions(0)  <= s_a;
-        positions(1)  <= s_b;
-        positions(2)  <= s_c;
+        positions(0)  <= unsigned(s_a);
+        positions(1)  <= unsigned(s_b);
+        positions(2)  <= unsigned(s_c);
       end if;
 
-      if (address = STATE_AT) then
+      if (due(DUE_ROTOR) = '1') then
         previous <= current;
       end if;
 
@@ -296,7 +235,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (address = 0) then
+      if (due(DUE_VOLTAGE) = '1') then
         alpha := shift_left(resize(phases(0), PHASE_WIDTH + 3), 1) - phases(1) - phases(2) + 2;
         beta  := resize(phases(1), PHASE_WIDTH + 3) - phases(2) + 2;
 
@@ -313,34 +252,6 @@ begin
   -- Products
   ---------------------------------------------------------------------------------------------
 
-  p_issue : process (address) is
-  begin
-
-    issue       <= '0';
-    gathering   <= '0';
-    aligned     <= "00";
-    a_choice    <= (others => '0');
-    b_choice    <= (others => '0');
-    seed_choice <= 0;
-
-    for i in 0 to STEPS - 1 loop
-      if (address = i) then
-        issue     <= to_std_logic(PROGRAM(i, 3) /= NOTHING);
-        gathering <= to_std_logic(PROGRAM(i, 3) = GATHER);
-        aligned   <= std_logic_vector(to_unsigned(PROGRAM(i, 2), 2));
-        a_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 0), 4));
-        b_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 1), 4));
-
-        if (PROGRAM(i, 3) >= 0) then
-          seed_choice <= PROGRAM(i, 3);
-        end if;
-      end if;
-    end loop;
-
-    output_step <= to_std_logic(address = 10);
-
-  end process p_issue;
-
   p_angle : process (clk) is
 
     variable value : signed(SUM - ANGLE_SHIFT - 1 downto 0);
@@ -348,7 +259,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (address = ANGLE_AT) then
+      if (due(DUE_ANGLE) = '1') then
         value  := signed(first_total(SUM - 1 downto ANGLE_SHIFT));
         angle  <= std_logic_vector(clip(value, WORD));
         turned <= overflows(value, WORD);
@@ -359,15 +270,16 @@ begin
 
   g_lanes : for x in 0 to 1 generate
 
-    signal a_inputs : std_logic_vector(A_COUNT * WORD - 1 downto 0);
-    signal b_inputs : std_logic_vector(B_COUNT * WORD - 1 downto 0);
+    signal a_words  : a_words_t;
+    signal b_words  : b_words_t;
+    signal a_inputs : std_logic_vector(A_PLACES * WORD - 1 downto 0);
+    signal b_inputs : std_logic_vector(B_PLACES * WORD - 1 downto 0);
     signal mean     : signed(16 downto 0);
     signal cross    : word_t;
     signal turning  : word_t;
     signal own_volt : word_t;
-    signal last_b   : word_t;
-    signal seed     : sum_t;
-    signal seed_in  : std_logic_vector(SUM - 1 downto 0);
+    signal seeds    : sums_t;
+    signal seed     : std_logic_vector(SUM - 1 downto 0);
     signal total    : std_logic_vector(SUM - 1 downto 0);
 
   begin
@@ -375,67 +287,75 @@ begin
     mean <= resize(current(x), 17) + previous(x);
 
     g_alpha : if x = 0 generate
-      cross       <= not coarse(rotor(1));
-      turning     <= not half_of(ahead(1), rotor(1));
+      cross       <= not coarse(rotor(1), GUARD);
+      turning     <= not half_of(ahead(1), rotor(1), GUARD);
       own_volt    <= o_voltage_alpha;
       first_total <= total;
     end generate g_alpha;
 
     g_beta : if x = 1 generate
-      cross    <= coarse(rotor(0));
-      turning  <= half_of(ahead(0), rotor(0));
+      cross    <= coarse(rotor(0), GUARD);
+      turning  <= half_of(ahead(0), rotor(0), GUARD);
       own_volt <= o_voltage_beta;
     end generate g_beta;
 
-    -- the last coefficient serves two products that follow one another
-    last_b <= o_output_current when output_step = '1' else
-              o_output_flux;
+    a_words(A_SPEED)    <= speed & "00";
+    a_words(A_VOLTAGE)  <= voltage(x);
+    a_words(A_MEAN)     <= std_logic_vector(mean) & '0';
+    a_words(A_PREVIOUS) <= std_logic_vector(previous(x)) & "00";
+    a_words(A_ROTOR)    <= coarse(rotor(x), GUARD);
+    a_words(A_STATOR)   <= coarse(stator(x), GUARD);
+    a_words(A_CROSS)    <= cross;
+    a_words(A_CURRENT)  <= std_logic_vector(current(x)) & "00";
+    a_words(A_HALF)     <= half_of(ahead(x), rotor(x), GUARD);
+    a_words(A_TURNING)  <= turning;
 
-    a_inputs <= turning & half_of(ahead(x), rotor(x)) & std_logic_vector(current(x)) & "00" & cross
-                & coarse(stator(x)) & coarse(rotor(x)) & std_logic_vector(previous(x)) & "00"
-                & std_logic_vector(mean) & '0' & voltage(x) & speed & "00";
-    b_inputs <= last_b & angle & o_excitation & o_decay & o_pull_current & o_pull_flux & o_pull & o_drop
-                & own_volt & o_speed;
+    b_words(B_SPEED)        <= o_speed;
+    b_words(B_VOLTAGE)      <= own_volt;
+    b_words(B_DROP)         <= o_drop;
+    b_words(B_PULL)         <= o_pull;
+    b_words(B_PULL_FLUX)    <= o_pull_flux;
+    b_words(B_PULL_CURRENT) <= o_pull_current;
+    b_words(B_DECAY)        <= o_decay;
+    b_words(B_EXCITATION)   <= o_excitation;
+    b_words(B_ANGLE)        <= angle;
+    -- one place for both coefficients of the output: their products follow one another
+    b_words(B_OUTPUT)       <= o_output_current when due(DUE_OUTPUT_CURRENT) = '1' else
+                               o_output_flux;
 
-    p_seed : process (seed_choice, stator, rotor, ahead) is
+    g_a : for i in 0 to A_PLACES - 1 generate
+      a_inputs((i + 1) * WORD - 1 downto i * WORD) <= a_words(i);
+    end generate g_a;
+
+    g_b : for i in 0 to B_PLACES - 1 generate
+      b_inputs((i + 1) * WORD - 1 downto i * WORD) <= b_words(i);
+    end generate g_b;
+
+    seeds(SEED_ANGLE_HALF) <= half_lsb(SUM, ANGLE_SHIFT);
+    seeds(SEED_STATOR)     <= seed_of(stator(x), SUM, STATE_SHIFT);
+    seeds(SEED_ROTOR)      <= seed_of(rotor(x), SUM, STATE_SHIFT);
+    seeds(SEED_PORT_HALF)  <= half_lsb(SUM, PORT_SHIFT);
+    seeds(SEED_AHEAD)      <= seed_of(ahead(x), SUM, STATE_SHIFT);
+
+    p_seed : process (seed_choice, seeds) is
     begin
 
-      seed <= (others => '0');
+      seed <= seeds(SEED_ANGLE_HALF);
 
-      case seed_choice is
-
-        when 1 =>
-
-          seed <= seed_of(stator(x));
-
-        when 2 =>
-
-          seed <= seed_of(rotor(x));
-
-        when 3 =>
-
-          seed(PORT_SHIFT - 1) <= '1';
-
-        when 4 =>
-
-          seed <= seed_of(ahead(x));
-
-        when others =>
-
-          seed(ANGLE_SHIFT - 1) <= '1';
-
-      end case;
+      for i in SEED_STATOR to SEED_AHEAD loop
+        if (seed_choice(i) = '1') then
+          seed <= seeds(i);
+        end if;
+      end loop;
 
     end process p_seed;
-
-    seed_in <= std_logic_vector(seed);
 
     i_mac : entity work.mac_block
       generic map (
         A_WIDTH           => WORD,
         B_WIDTH           => WORD,
-        A_WORDS           => A_COUNT,
-        B_WORDS           => B_COUNT,
+        A_WORDS           => A_PLACES,
+        B_WORDS           => B_PLACES,
         ALIGNMENT_STEP    => ALIGNMENT,
         ACCUMULATOR_WIDTH => SUM
       )
@@ -448,7 +368,7 @@ begin
         b_select    => b_choice,
         alignment   => aligned,
         accumulate  => gathering,
-        seed        => seed_in,
+        seed        => seed,
         accumulator => total
       );
 
@@ -463,19 +383,19 @@ begin
         value  := signed(total(SUM - 1 downto STATE_SHIFT));
         result := signed(total(SUM - 1 downto PORT_SHIFT));
 
-        if (address = FLUX_AT) then
+        if (due(DUE_STATOR) = '1') then
           stator(x) <= clip(value, STATE);
         end if;
 
-        if (address = AHEAD_AT) then
+        if (due(DUE_AHEAD) = '1') then
           ahead(x) <= clip(value, STATE);
         end if;
 
-        if (address = STATE_AT) then
+        if (due(DUE_ROTOR) = '1') then
           rotor(x) <= clip(value, STATE);
         end if;
 
-        if (address = OUTPUT_AT) then
+        if (due(DUE_ESTIMATE) = '1') then
           estimate(x) <= clip(result, 16);
         end if;
 
@@ -487,7 +407,7 @@ begin
 
     end process p_results;
 
-    p_clipped : process (address, total) is
+    p_clipped : process (due, total) is
 
       variable value  : signed(SUM - STATE_SHIFT - 1 downto 0);
       variable result : signed(SUM - PORT_SHIFT - 1 downto 0);
@@ -498,9 +418,9 @@ begin
       result     := signed(total(SUM - 1 downto PORT_SHIFT));
       clipped(x) <= '0';
 
-      if (address = FLUX_AT or address = AHEAD_AT or address = STATE_AT) then
+      if (due(DUE_STATOR) = '1' or due(DUE_AHEAD) = '1' or due(DUE_ROTOR) = '1') then
         clipped(x) <= overflows(value, STATE);
-      elsif (address = OUTPUT_AT) then
+      elsif (due(DUE_ESTIMATE) = '1') then
         clipped(x) <= overflows(result, 16);
       end if;
 
@@ -515,7 +435,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (address = OUTPUT_AT) then
+      if (due(DUE_ESTIMATE) = '1') then
         saturated <= overflow or clipped(0) or clipped(1) or bent(0) or bent(1) or turned;
         overflow  <= '0';
       elsif (clipped(0) = '1' or clipped(1) = '1') then

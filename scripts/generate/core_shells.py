@@ -331,7 +331,103 @@ Considered and rejected: docs/alternatives.md.""",
     ),
 )
 
-SHELLS: tuple[Shell, ...] = (MPDCC,)
+
+def _coefficient(name: str, comment: str) -> Port:
+    return Port(f"c_{name}", "WORD_WIDTH - 1", comment, name)
+
+
+MPTC = Shell(
+    entity="mptc_core",
+    inner="mptc_controller",
+    folder="mptc",
+    header="""\
+Predictive torque control (MPTC) and predictive flux control (MPFC) of an induction machine on a
+two-level inverter (Paper B): the core.
+
+Give the measurements, the references and the vector that is being applied with a one-clock start.
+valid comes with the vector to apply next. docs/specification.md says what is decided: the state is
+taken to k+1 by Heun's method (eqs. 4 and 5), i_s0 is formed once (eq. 14), one stator flux and one
+torque per vector (eqs. 13 and 15). The cost is that of eq. 11 with k_psi; for MPFC it is the square
+of the distance from the reference vector of eqs. 18 to 21 (eq. 17). A tie goes to the lowest
+number. u_0 or u_7 stands for zero voltage, whichever takes fewer commutations from u.
+
+How: three mac_blocks follow a program (model/directmpc/mptc/program.py), where every product stands
+with its clock. w = i_s - lambda*L_r*psi_s is a state in place of the current; i_s0 then is one
+Euler step of w (model/directmpc/mptc/formats.py). After that the seven vectors pass, one a clock:
+flux by two additions, its length by mptc_magnitude, torque by two additions, cost by the third
+mac_block, comparison. MPFC needs neither arcsine nor division: multiplied by |w|**2 its reference
+vector is made of products and one square root (mptc_root). The parts stand in mptc_sequencer,
+mptc_datapath, mptc_vector_stream and mptc_flux_reference; mptc_controller connects them.
+
+Formats: fractions of the drive's full scales, model/directmpc/mptc/formats.py; parameters as
+directmpc.mptc.coefficients computes them from a drive file.
+Latency: valid 39 clocks after start for MPTC, 78 for MPFC, always. One decision at a time; the next
+start may come with valid.
+Overflow: saturates and sets saturated; nothing wraps. clamped says that the torque reference was
+beyond what the rotor flux allows (the arcsine's argument beyond 1).
+Corners: with all costs equal the lowest number wins. Without rotor flux MPFC takes it to lie along
+alpha, an angle of zero, so that a start from zero flux moves.
+FLUX_CONTROL = false leaves MPFC out; the core then ignores method_mpfc.
+Considered and rejected: docs/alternatives.md.""",
+    packages=("mptc_constants", "mptc_types"),
+    generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
+    groups=(
+        Group("", _CLOCK),
+        Group(
+            "measurements and references, sampled with start",
+            (
+                Port("is_alpha", "15", "stator current, signed, current_max/32767"),
+                Port("is_beta", "15", "signed, current_max/32767"),
+                Port("psis_alpha", "15", "stator flux linkage, signed, psi_max/32767"),
+                Port("psis_beta", "15", "signed, psi_max/32767"),
+                Port("omega_r", "15", "electrical speed, signed, speed_max/32767"),
+                Port("v_dc", "15", "dc-link voltage, unsigned, vdc/32768"),
+                Port("torque_ref", "15", "torque reference, signed, torque_max/32767"),
+                Port("psi_ref", "14", "flux reference, unsigned, psi_max/26979"),
+                Port("u", "2", "number of the vector being applied, 0 to 7"),
+            ),
+            record="inputs",
+            kind="mptc_inputs_t",
+        ),
+        Group(
+            "parameters from a drive file, stable from start to valid; coefficients signed, 17 "
+            "fractional bits",
+            (
+                _coefficient("current", "I/W: current in w"),
+                _coefficient("flux", "-lambda*L_r*P/W: flux in w"),
+                _coefficient("rotor", "w in T_s*dw/dt"),
+                _coefficient("rotor_flux", "flux in T_s*dw/dt"),
+                _coefficient("drop_current", "-T_s*R_s*I/P: current in T_s*dpsi_s/dt"),
+                _coefficient("drop", "w in T_s*dpsi_s/dt"),
+                _coefficient("drop_flux", "flux in T_s*dpsi_s/dt"),
+                _coefficient("speed", "T_s*speed_max"),
+                _coefficient("voltage_alpha", "2*T_s*2/3*v_dc in fluxes"),
+                _coefficient("voltage_beta", "2*T_s*v_dc/sqrt(3) in fluxes"),
+                _coefficient("torque", "torque_max in torque terms"),
+                _coefficient("weight", "k_psi, not negative"),
+            ),
+            record="coefficients",
+            kind="mptc_coefficients_t",
+        ),
+        Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
+        Group(
+            "decision, stable until the next valid",
+            (
+                Port("valid", "", "'1' for one clock: decision is new"),
+                Port("busy", "", "'1': a decision is under way"),
+                Port("u_next", "2", "number of the vector to apply next, 0 to 7"),
+                Port("switches", "2", "its switch states a, b, c; '1': positive rail"),
+                Port("saturated", "", "'1': a value did not fit its word"),
+                Port("clamped", "", "'1': MPFC cannot reach torque_ref"),
+            ),
+            output=True,
+            record="decision",
+            kind="mptc_decision_t",
+        ),
+    ),
+)
+
+SHELLS: tuple[Shell, ...] = (MPDCC, MPTC)
 
 
 def _declarations(shell: Shell) -> list[str]:

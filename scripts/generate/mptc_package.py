@@ -139,6 +139,11 @@ def _program() -> list[str]:
             ("FORK_ADDRESS", p.address(p.FORK, True), "its address for MPFC"),
             ("ADDRESS_COUNT", p.address(p.MPFC_LAST, True) + 1, "program addresses"),
             ("FIRST_LENGTH", p.FIRST_LENGTH, "address: first vector enters the magnitude"),
+            ("STREAM_VECTORS", p.VECTORS, "vectors in the stream, one a clock"),
+            ("STREAM_TERM", p.STREAM_TERM, "clocks from a vector's length to its torque term"),
+            ("STREAM_COMPARE", p.STREAM_COMPARE, "clocks from its length to its comparison"),
+            ("STREAM_LAST", p.STREAM_COMPARE + p.VECTORS, "clocks to the last comparison"),
+            ("SUM_LATENCY", p.SUM_LATENCY, "clocks from a product to its sum"),
             ("LAST_MPTC", p.MPTC_LAST, "address: valid"),
             (
                 "FIRST_STREAM_MPFC",

@@ -121,7 +121,7 @@ def test_every_clock_is_asserted_by_a_bench() -> None:
     # the benches have no numbers of their own, so a figure nobody reads is one nobody asserts
     text = "".join(path.read_text(encoding="utf-8") for path in (tools.ROOT / "tb").rglob("*.py"))
     read = set(re.findall(r'\bclocks_of\(\s*"(\w+)", "(\w+)"', text))
-    entities = {entity for entity, _ in read} | {"mpdcc_core"}
+    entities = {entity for entity, _ in read} | {"mpdcc_core", "mptc_core"}
     for entity, table in budgets.load().cycles.items():
         if "asserted_within" in table:
             assert table["asserted_within"] in entities, entity

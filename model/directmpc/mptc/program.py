@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from directmpc.mac_program import SUM_LATENCY
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import ITERATIONS, MEASUREMENTS, NORMALISE_STEPS, ROOT_WIDTH
 
@@ -25,9 +26,7 @@ ALPHA, BETA, FLUX = 0, 1, 2
 BLOCKS = 3
 
 #: Clocks from issuing a sum's last product until its word can be an operand.
-LATENCY = 4
-#: Clocks from issuing until the sum stands in the block's accumulator.
-SUM_LATENCY = 3
+LATENCY = SUM_LATENCY + 1
 FORK = 16
 FORK_OFFSET = 32
 
@@ -161,11 +160,16 @@ COMMON: tuple[Step, ...] = (
 
 _LAST_FLUX = _pass_flux(15, "stator")
 
+#: Vectors that are tried: six, and zero voltage once.
+VECTORS = 7
 #: Clock in which the first torque term is formed; its cost is issued in the next.
 MPTC_FIRST_TERM = 27
 #: Clocks from a flux vector's way into the magnitude to the one in which its cost is issued.
 LENGTH_LATENCY = ITERATIONS // 2 + 1
 FIRST_LENGTH = MPTC_FIRST_TERM + 1 - LENGTH_LATENCY
+#: Clocks from a vector's length to its torque term and to its comparison.
+STREAM_TERM = MPTC_FIRST_TERM - FIRST_LENGTH
+STREAM_COMPARE = STREAM_TERM + 1 + SUM_LATENCY
 
 MPTC: tuple[Step, ...] = (
     *_LAST_FLUX,
@@ -175,7 +179,10 @@ MPTC: tuple[Step, ...] = (
     Step(23, BETA, "rotor_alpha", "not_stator_beta", "", "level"),
     Step(22, FLUX, "rotor_beta", "step_alpha", "torque_half", "along"),
     Step(22, ALPHA, "rotor_alpha", "step_beta", "torque_half", "across"),
-    *(Step(MPTC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost") for n in range(7)),
+    *(
+        Step(MPTC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost")
+        for n in range(VECTORS)
+    ),
 )
 
 #: Clocks of MPFC: normalising w, its modulus, the radicand and the root.
@@ -209,13 +216,16 @@ MPFC: tuple[Step, ...] = (
     Step(ALONG + 1, BETA, "rotor_alpha", "root_across"),
     Step(ALONG + 2, BETA, "modulus", "stator_beta", "", "stator_beta"),
     Step(ALONG + 2 + LATENCY, BETA, "not_stator_beta", "root3_2", "torque_half", "across"),
-    *(Step(MPFC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost") for n in range(7)),
+    *(
+        Step(MPFC_FIRST_TERM + 1 + n, FLUX, "difference", "c_weight", "cost")
+        for n in range(VECTORS)
+    ),
 )
 
 
 def last_clock(first_term: int) -> int:
     """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector."""
-    return first_term + 1 + 6 + SUM_LATENCY + 1
+    return first_term + 1 + (VECTORS - 1) + SUM_LATENCY + 1
 
 
 MPTC_LAST = last_clock(MPTC_FIRST_TERM)

@@ -11,8 +11,9 @@ Timing: 39 clocks for MPTC and 78 for MPFC from start to valid, always; the benc
 in which a decision takes more than 40 or 80.
 Resets: at every edge of a decision of either method; the next one, with other parameters, is the
 twin's and takes the clocks it takes without.
-Faults: in the tie rule, the torque's sign, MPFC's clamp, the latency, three in MPFC's program
-decoded a clock ahead, two in the reset: each must turn the comparison red.
+Faults: at least one in each file of the core, among them the tie rule, the torque's sign, MPFC's
+clamp, the latency, MPFC's program decoded a clock ahead; two in the reset. Each must turn the
+comparison red.
 Does not prove: parameters that change between start and valid, which is forbidden.
 """
 
@@ -121,13 +122,31 @@ def test_netlist_without_mpfc_decides_as_the_twin() -> None:
 
 
 FAULTS = {
-    "tie rule": ("mptc_core", "best_cost & wins_tie", "best_cost & '0'"),
-    "torque sign": ("mptc_core", "negative_beta(number) xor mpfc", "negative_beta(number)"),
-    "clamp": ("mptc_core", "beyond <= not radicand_fits", "beyond <= '0'"),
-    "first products": ("mptc_core", "start = '1' and active = '0';", "start = '1';"),
-    "fork": ("mptc_core", "address = FORK - 1 and mpfc = '1'", "address = FORK - 1"),
-    "decoded late": ("mptc_core", "address = PROGRAM(i, 0) - 1", "address = PROGRAM(i, 0)"),
+    "tie rule": ("mptc_vector_stream", "best_cost & wins_tie", "best_cost & '0'"),
+    "torque sign": (
+        "mptc_vector_stream",
+        "negative_beta(vector) xor mpfc",
+        "negative_beta(vector)",
+    ),
+    "zero voltage": ("mptc_vector_stream", 'winner = "111" and', 'winner = "110" and'),
+    "clamp": ("mptc_flux_reference", "beyond <= not fits", "beyond <= '0'"),
+    "first products": (
+        "mptc_sequencer",
+        "due := start = '1' and active = '0';",
+        "due := start = '1';",
+    ),
+    "fork": ("mptc_sequencer", "address = FORK - 1 and turned = '1';", "address = FORK - 1;"),
+    "decoded late": ("mptc_sequencer", "address = PROGRAM(i, 0) - 1", "address = PROGRAM(i, 0)"),
     "latency": ("mptc_constants", "LAST_MPTC : natural := 38", "LAST_MPTC : natural := 37"),
+    "seed": (
+        "mptc_datapath",
+        "(SEED_PSIS_BETA)    <= seed_word(signed(words(OPERAND_PSIS_BETA",
+        "(SEED_PSIS_BETA)    <= seed_word(signed(words(OPERAND_PSIS_ALPHA",
+    ),
+    "one adder": ("mptc_types", "      b := not b;", "      b := b;"),
+    "voltage": ("mptc_vectors", 'number = "001" or number = "100"', 'number = "001"'),
+    "sample": ("mptc_controller", "if (accept = '1') then", "if (start = '1') then"),
+    "wiring": ("mptc_core", "inputs.is_beta    <= is_beta;", "inputs.is_beta    <= is_alpha;"),
 }
 
 
@@ -148,7 +167,7 @@ def resets(rtl: Path = RTL) -> Outcome:
         "mptc_core_bench",
         "tb.rtl.mptc.mptc_core.bench_mptc_core_reset",
         units=["mptc_core"],
-        files=[Path(__file__).with_name("mptc_core_bench.vhd")],
+        files=[rtl_simulation.BENCH],
         generics={"FLUX_CONTROL": "true"},
         rtl=rtl,
     )
@@ -173,7 +192,7 @@ def test_a_reset_leaves_nothing_behind() -> None:
     ids=["valid", "address"],
 )
 def test_a_reset_that_forgets_is_found(old: str, new: str, tmp_path: Path) -> None:
-    rtl = altered(tmp_path, "mptc_core", old, new)
+    rtl = altered(tmp_path, "mptc_sequencer", old, new)
     with pytest.raises(CheckError, match="reset at edge"):
         resets(rtl)
 

@@ -9,7 +9,8 @@ the estimate converges, stays with the flux and survives wrong resistances; the 
 estimate alone; pre-excitation keeps the current at its limit and hands over with the flux at its
 level.
 Timing: 39, 11 and 40 (MPFC 79) clocks from start to valid, always.
-Faults: a gain in the wrong place, a comparison turned round: each must turn the bench red.
+Faults: a gain in the wrong place of the program, half steps taken late, a voltage of the wrong
+sign, a comparison turned round: each must turn the bench red.
 """
 
 from __future__ import annotations
@@ -116,15 +117,18 @@ FAULTS = {
         "signed(estimate_beta), estimated",
         "signed(estimate_beta), '1'",
     ),
-    "gain": ("mptc_observer", "(9, 10, -1), -- e_alpha", "(10, 10, -1), -- e_alpha"),
+    "gain": ("mptc_observer_program", "(10, 9, 9, 0, -1)", "(10, 10, 9, 0, -1)"),
+    "half step": ("mptc_observer", "due(DUE_HALF_W) = '1'", "due(DUE_W_ALPHA) = '1'"),
+    "share": ("mptc_vectors", 'number = "101" or number = "110");', 'number = "101");'),
     "comparison": ("mptc_preexcitation", "signed(total) > 0", "signed(total) >= 0"),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
-    entity, old, new = FAULTS[name]
-    rtl = altered(tmp_path, entity, old, new)
+    unit, old, new = FAULTS[name]
+    rtl = altered(tmp_path, unit, old, new)
+    entity = unit if unit in ("mptc_drive", "mptc_preexcitation") else "mptc_observer"
     with pytest.raises(CheckError, match=r"estimate|decision|is undefined"):
         bench(entity, 100 if entity != "mptc_drive" else 20, rtl)
 

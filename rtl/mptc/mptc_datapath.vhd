@@ -1,0 +1,347 @@
+-- Datapath of the two-level controllers: three mac_blocks, their operands, and the registers that sums go to.
+--
+-- Takes the measurements to k+1 by Heun's method (eqs. 4 and 5) and to k+2 without voltage; forms i_s0 (eq. 14), the
+-- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last
+-- block forms their costs.  Which product is formed when, stands in model/directmpc/mptc/program.py; mptc_sequencer
+-- tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then is one Euler
+-- step of w (model/directmpc/mptc/formats.py).
+--
+-- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
+-- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.
+-- Overflow: a word that does not fit saturates and sets overflow, which is cleared while idle.  Nothing wraps.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_math.all;
+  use work.guarded_states.all;
+  use work.mptc_constants.all;
+  use work.mptc_types.all;
+  use work.mptc_vectors.all;
+
+entity mptc_datapath is
+  generic (
+    FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
+  );
+  port (
+    clk          : in    std_logic;           -- rising edge
+    idle         : in    std_logic;           -- '1': no decision is under way; clears overflow
+    mpfc         : in    std_logic;           -- '1': MPFC, '0': MPTC; stable
+    products     : in    mptc_products_t;     -- what the mac_blocks begin
+    events       : in    mptc_events_t;       -- what is due
+    sample       : in    mptc_inputs_t;       -- measurements and references, stable
+    coefficients : in    mptc_coefficients_t; -- stable
+    difference   : in    word_t;              -- distance of a vector's length from the reference
+    too_far      : in    std_logic;           -- '1': a distance saturated
+    term         : in    term_t;              -- torque term of a vector, signed
+    target       : in    mptc_reference_t;    -- MPFC's reference, stable when the program reads it
+    state        : out   mptc_state_t;        -- what the stream of vectors needs
+    sum          : out   sum_t;               -- accumulator of the last block: costs, MPFC's radicand
+    overflow     : out   std_logic            -- '1': a value has not fitted its word since idle
+  );
+end entity mptc_datapath;
+
+architecture rtl of mptc_datapath is
+
+  type words_t is array (0 to OPERAND_COUNT - 1) of word_t;
+
+  type results_t is array (0 to RESULT_COUNT - 1) of signed_word_t;
+
+  type terms_t is array (0 to TERM_COUNT - 1) of term_t;
+
+  type sums_t is array (0 to BLOCK_COUNT - 1) of sum_t;
+
+  type seeds_t is array (0 to SEED_COUNT_ALL - 1) of sum_t;
+
+  constant RESULTS_WRITTEN : natural := counted(FLUX_CONTROL, RESULT_COUNT, RESULT_COUNT_MPTC);
+  constant WORD_EVENTS     : natural := counted(FLUX_CONTROL, WORD_WRITES'length(1), WORD_WRITES_MPTC);
+  constant TERM_EVENTS     : natural := counted(FLUX_CONTROL, TERM_WRITES'length(1), TERM_WRITES_MPTC);
+
+  signal words   : words_t;
+  signal results : results_t;
+  signal terms   : terms_t;
+  signal sums    : sums_t;
+  signal seeds   : seeds_t;
+  signal flagged : std_logic;
+
+  -- half of a word, or one plus half of it for negative words
+  function halved (value : word_t; leading : std_logic) return word_t is
+
+    variable result : word_t;
+
+  begin
+
+    result                 := std_logic_vector(shift_right(signed(value), 1));
+    result(WORD_WIDTH - 1) := value(WORD_WIDTH - 1) xor leading;
+    return result;
+
+  end function halved;
+
+  -- a word as a seed, with the constant that rounds the sum
+  function seed_word (value : signed) return sum_t is
+  begin
+
+    return signed(seed_of(value, SUM_WIDTH, FRACTION));
+
+  end function seed_word;
+
+  -- the part of a sum that is a torque term
+  function term_of (value : sum_t) return term_t is
+  begin
+
+    return value(TERM_SHIFT + TERM_WIDTH - 1 downto TERM_SHIFT);
+
+  end function term_of;
+
+begin
+
+  ---------------------------------------------------------------------------------------------
+  -- Operands
+  ---------------------------------------------------------------------------------------------
+
+  words(OPERAND_IS_ALPHA)   <= as_word(sample.is_alpha);
+  words(OPERAND_IS_BETA)    <= as_word(sample.is_beta);
+  words(OPERAND_PSIS_ALPHA) <= as_word(sample.psis_alpha);
+  words(OPERAND_PSIS_BETA)  <= as_word(sample.psis_beta);
+  words(OPERAND_OMEGA_R)    <= as_word(sample.omega_r);
+  words(OPERAND_V_DC)       <= link_word(sample.v_dc);
+  words(OPERAND_TORQUE_REF) <= as_word(sample.torque_ref);
+  words(OPERAND_PSI_REF)    <= as_word('0' & sample.psi_ref);
+
+  words(OPERAND_C_CURRENT)       <= coefficients.current;
+  words(OPERAND_C_FLUX)          <= coefficients.flux;
+  words(OPERAND_C_ROTOR)         <= coefficients.rotor;
+  words(OPERAND_C_ROTOR_FLUX)    <= coefficients.rotor_flux;
+  words(OPERAND_C_DROP_CURRENT)  <= coefficients.drop_current;
+  words(OPERAND_C_DROP)          <= coefficients.drop;
+  words(OPERAND_C_DROP_FLUX)     <= coefficients.drop_flux;
+  words(OPERAND_C_SPEED)         <= coefficients.speed;
+  words(OPERAND_C_VOLTAGE_ALPHA) <= coefficients.voltage_alpha;
+  words(OPERAND_C_VOLTAGE_BETA)  <= coefficients.voltage_beta;
+  words(OPERAND_C_TORQUE)        <= coefficients.torque;
+  words(OPERAND_C_WEIGHT)        <= coefficients.weight;
+
+  words(OPERAND_GAIN)       <= std_logic_vector(to_unsigned(GAIN, WORD_WIDTH));
+  words(OPERAND_ROOT3_2)    <= std_logic_vector(to_unsigned(ROOT3_2, WORD_WIDTH));
+  words(OPERAND_DIFFERENCE) <= difference;
+
+  g_results : for i in 0 to RESULTS_WRITTEN - 1 generate
+    words(OPERAND_START_ALPHA + i) <= std_logic_vector(results(i));
+  end generate g_results;
+
+  words(OPERAND_NOT_START_BETA)  <= not words(OPERAND_START_BETA);
+  words(OPERAND_NOT_ROTOR_BETA)  <= not words(OPERAND_ROTOR_BETA);
+  words(OPERAND_NOT_STATOR_BETA) <= not words(OPERAND_STATOR_BETA);
+
+  words(OPERAND_SHARE_ALPHA) <= share_alpha(sample.u);
+  words(OPERAND_SHARE_BETA)  <= share_beta(sample.u);
+
+  g_flux_operands : if FLUX_CONTROL generate
+    words(OPERAND_NOT_HALF_ANGLE) <= not std_logic_vector(shift_right(results(RESULT_ANGLE), 1));
+    words(OPERAND_NOT_MOMENT)     <= not words(OPERAND_MOMENT);
+    words(OPERAND_ROOT_ALONG)     <= target.along;
+    words(OPERAND_ROOT_ACROSS)    <= target.across;
+  end generate g_flux_operands;
+
+  ---------------------------------------------------------------------------------------------
+  -- First summands
+  ---------------------------------------------------------------------------------------------
+
+  seeds(SEED_HALF)         <= to_signed(2 ** (FRACTION - 1), SUM_WIDTH);
+  seeds(SEED_TORQUE_HALF)  <= to_signed(2 ** (TERM_SHIFT - 1), SUM_WIDTH);
+  seeds(SEED_PSIS_ALPHA)   <= seed_word(signed(words(OPERAND_PSIS_ALPHA)));
+  seeds(SEED_PSIS_BETA)    <= seed_word(signed(words(OPERAND_PSIS_BETA)));
+  seeds(SEED_START_ALPHA)  <= seed_word(results(RESULT_START_ALPHA));
+  seeds(SEED_START_BETA)   <= seed_word(results(RESULT_START_BETA));
+  seeds(SEED_ROTOR_ALPHA)  <= seed_word(results(RESULT_ROTOR_ALPHA));
+  seeds(SEED_ROTOR_BETA)   <= seed_word(results(RESULT_ROTOR_BETA));
+  seeds(SEED_STATOR_ALPHA) <= seed_word(results(RESULT_STATOR_ALPHA));
+  seeds(SEED_STATOR_BETA)  <= seed_word(results(RESULT_STATOR_BETA));
+  seeds(SEED_NONE)         <= (others => '0');
+
+  -- MPTC: |term| as one's complement; MPFC: term
+  p_cost_seed : process (term, mpfc) is
+
+    variable size : sum_t;
+
+  begin
+
+    size := resize(term, SUM_WIDTH);
+
+    if (mpfc = '0' and term(TERM_WIDTH - 1) = '1') then
+      size := not size;
+    end if;
+
+    seeds(SEED_COST) <= shift_left(size, COST_SHIFT);
+
+  end process p_cost_seed;
+
+  ---------------------------------------------------------------------------------------------
+  -- Products
+  ---------------------------------------------------------------------------------------------
+
+  g_blocks : for n in 0 to BLOCK_COUNT - 1 generate
+
+    constant A_WORDS     : natural := counted(FLUX_CONTROL, A_COUNT(n), A_COUNT_MPTC(n));
+    constant B_WORDS     : natural := counted(FLUX_CONTROL, B_COUNT(n), B_COUNT_MPTC(n));
+    constant SEED_WORDS  : natural := counted(FLUX_CONTROL, SEED_COUNT(n), SEED_COUNT_MPTC(n));
+
+    signal a_inputs    : std_logic_vector(A_WORDS * WORD_WIDTH - 1 downto 0);
+    signal b_inputs    : std_logic_vector(B_WORDS * WORD_WIDTH - 1 downto 0);
+    signal seed_inputs : std_logic_vector(SEED_WORDS * SUM_WIDTH - 1 downto 0);
+    signal a_place     : std_logic_vector(selector_width(A_WORDS) - 1 downto 0);
+    signal b_place     : std_logic_vector(selector_width(B_WORDS) - 1 downto 0);
+    signal seed_place  : std_logic_vector(selector_width(SEED_WORDS) - 1 downto 0);
+    signal seed        : std_logic_vector(SUM_WIDTH - 1 downto 0);
+    signal b_word      : word_t;
+    signal b_input     : word_t;
+    signal total       : std_logic_vector(SUM_WIDTH - 1 downto 0);
+
+  begin
+
+    g_a : for i in 0 to A_WORDS - 1 generate
+      a_inputs((i + 1) * WORD_WIDTH - 1 downto i * WORD_WIDTH) <= words(A_LISTS(n, i));
+    end generate g_a;
+
+    g_b : for i in 0 to B_WORDS - 1 generate
+      b_inputs((i + 1) * WORD_WIDTH - 1 downto i * WORD_WIDTH) <= words(B_LISTS(n, i));
+    end generate g_b;
+
+    g_seed : for i in 0 to SEED_WORDS - 1 generate
+      seed_inputs((i + 1) * SUM_WIDTH - 1 downto i * SUM_WIDTH) <=
+        std_logic_vector(seeds(SEED_LISTS(n, i)));
+    end generate g_seed;
+
+    a_place    <= products.a_choice(n)(selector_width(A_WORDS) - 1 downto 0);
+    b_place    <= products.b_choice(n)(selector_width(B_WORDS) - 1 downto 0);
+    seed_place <= products.seed_choice(n)(selector_width(SEED_WORDS) - 1 downto 0);
+
+    seed    <= selected(seed_inputs, seed_place, SUM_WIDTH);
+    b_word  <= selected(b_inputs, b_place, WORD_WIDTH);
+    b_input <= b_word when products.halve(n) = '0' else
+               halved(b_word, products.lead(n));
+
+    i_mac : entity work.mac_block
+      generic map (
+        A_WIDTH           => WORD_WIDTH,
+        B_WIDTH           => WORD_WIDTH,
+        A_WORDS           => A_WORDS,
+        B_WORDS           => 1,
+        ALIGNMENT_STEP    => 0,
+        ACCUMULATOR_WIDTH => SUM_WIDTH
+      )
+      port map (
+        clk         => clk,
+        enable      => products.issue(n),
+        a_inputs    => a_inputs,
+        a_select    => a_place,
+        b_inputs    => b_input,
+        b_select    => "0",
+        alignment   => "00",
+        accumulate  => products.gather(n),
+        seed        => seed,
+        accumulator => total
+      );
+
+    sums(n) <= signed(total);
+
+  end generate g_blocks;
+
+  sum <= sums(BLOCK_COUNT - 1);
+
+  ---------------------------------------------------------------------------------------------
+  -- Results
+  ---------------------------------------------------------------------------------------------
+
+  p_words : process (clk) is
+
+    variable value : signed(SUM_WIDTH - FRACTION - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk) then
+      if (idle = '1') then
+        flagged <= '0';
+      end if;
+
+      if (too_far = '1') then
+        flagged <= '1';
+      end if;
+
+      for i in 0 to WORD_EVENTS - 1 loop
+        if (events.word_writes(i) = '1') then
+          value                      := sums(WORD_WRITES(i, 1))(SUM_WIDTH - 1 downto FRACTION);
+          results(WORD_WRITES(i, 2)) <= clip(value, WORD_WIDTH);
+
+          if (overflows(value, WORD_WIDTH) = '1' and (i < WORD_WRITES_MPTC or mpfc = '1')) then
+            flagged <= '1';
+          end if;
+        end if;
+      end loop;
+
+      -- MPFC: bring w and the torque reference to full size
+      if (FLUX_CONTROL and events.normalise = '1') then
+        if (overflows(results(RESULT_ROTOR_ALPHA), WORD_WIDTH - 2) = '0'
+            and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 2) = '0') then
+          results(RESULT_ROTOR_ALPHA) <= shift_left(results(RESULT_ROTOR_ALPHA), 2);
+          results(RESULT_ROTOR_BETA)  <= shift_left(results(RESULT_ROTOR_BETA), 2);
+          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & "00", WORD_WIDTH);
+
+          if (overflows(results(RESULT_MOMENT), WORD_WIDTH - 2) = '1') then
+            flagged <= '1';
+          end if;
+        end if;
+      end if;
+
+      -- without rotor flux take it to lie along alpha
+      if (FLUX_CONTROL and events.orient = '1') then
+        if (results(RESULT_ROTOR_ALPHA) = 0 and results(RESULT_ROTOR_BETA) = 0) then
+          results(RESULT_ROTOR_ALPHA)(WORD_WIDTH - 1 downto WORD_WIDTH - 2) <= "11";
+        end if;
+      end if;
+    end if;
+
+  end process p_words;
+
+  overflow <= flagged;
+
+  p_terms : process (clk) is
+
+    variable wide : term_t;
+
+  begin
+
+    if rising_edge(clk) then
+      for i in 0 to TERM_EVENTS - 1 loop
+        if (events.term_writes(i) = '1') then
+          wide := term_of(sums(TERM_WRITES(i, 1)));
+
+          if (TERM_WRITES(i, 2) = TERM_ALONG or TERM_WRITES(i, 2) = TERM_ACROSS) then
+            terms(TERM_WRITES(i, 2)) <= wide;
+          elsif (TERM_WRITES(i, 2) = TERM_DEMAND) then
+            terms(TERM_LEVEL) <= wide;
+          elsif (i < TERM_WRITES_MPTC) then
+            -- torque reference, less torque without voltage
+            terms(TERM_LEVEL) <= terms(TERM_LEVEL) - wide;
+          else
+            terms(TERM_LEVEL) <= shift_right(wide, 3);
+          end if;
+        end if;
+      end loop;
+    end if;
+
+  end process p_terms;
+
+  state.stator_alpha <= results(RESULT_STATOR_ALPHA);
+  state.stator_beta  <= results(RESULT_STATOR_BETA);
+  state.step_alpha   <= results(RESULT_STEP_ALPHA);
+  state.step_beta    <= results(RESULT_STEP_BETA);
+  state.level        <= terms(TERM_LEVEL);
+  state.along        <= terms(TERM_ALONG);
+  state.across       <= terms(TERM_ACROSS);
+  state.moment       <= results(RESULT_MOMENT);
+
+end architecture rtl;

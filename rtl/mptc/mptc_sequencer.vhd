@@ -1,0 +1,226 @@
+-- Sequencer of the two-level controllers: counts the clocks of a decision and reads the program for each.
+--
+-- The program stands in mptc_constants; model/directmpc/mptc/program.py explains and checks it.  MPTC and MPFC share
+-- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.
+--
+-- With FLUX_CONTROL the program is read a clock ahead, and products come from registers.  Reading and choosing among
+-- the longer lists of MPFC in one clock ends at 95 to 105 MHz on ECP5, five seeds; this way it is 107 at least.
+--
+-- Formats: places as in the lists of mptc_constants.
+-- Latency: products and events of clock n of the program come n clocks after the edge that accepts start.  valid
+-- follows it by LAST_MPTC or LAST_MPFC clocks of the program.
+-- Overflow: none.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_math.all;
+  use work.mptc_constants.all;
+  use work.mptc_types.all;
+
+entity mptc_sequencer is
+  generic (
+    FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
+  );
+  port (
+    clk         : in    std_logic;       -- rising edge
+    rst         : in    std_logic;       -- synchronous, active high
+    start       : in    std_logic;       -- '1' for one clock: decide; ignored while busy
+    method_mpfc : in    std_logic;       -- '1': MPFC, '0': MPTC; sampled with start
+    accept      : out   std_logic;       -- '1': start is accepted with the next edge
+    mpfc        : out   std_logic;       -- '1': the decision under way is MPFC's
+    products    : out   mptc_products_t; -- what the mac_blocks begin
+    events      : out   mptc_events_t;   -- what is due
+    valid       : out   std_logic;       -- '1' for one clock: the decision is new
+    busy        : out   std_logic        -- '1': a decision is under way
+  );
+end entity mptc_sequencer;
+
+architecture rtl of mptc_sequencer is
+
+  -- bits of an address: every one of the program, and one for an idle sequencer
+  constant ADDRESS_BITS : positive := selector_width(ADDRESS_COUNT + 1);
+  constant PARKED_BITS  : positive := selector_width(counted(FLUX_CONTROL, ADDRESS_COUNT, LAST_MPTC + 1) + 1);
+  constant PARKED       : natural  := 2 ** PARKED_BITS - 1; -- address of an idle sequencer
+  constant STEPS        : natural  := counted(FLUX_CONTROL, STEP_COUNT, STEP_COUNT_MPTC);
+  constant WORD_EVENTS  : natural  := counted(FLUX_CONTROL, WORD_WRITES'length(1), WORD_WRITES_MPTC);
+  constant TERM_EVENTS  : natural  := counted(FLUX_CONTROL, TERM_WRITES'length(1), TERM_WRITES_MPTC);
+
+  signal active  : std_logic;
+  signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
+  signal turned  : std_logic; -- the method is MPFC
+  signal ending  : std_logic;
+  signal decoded : mptc_products_t;
+
+  -- a place as bits; zero for what is no place
+  function bits_of (index : integer) return select_t is
+  begin
+
+    if (index < 0) then
+      return (others => '0');
+    else
+      return std_logic_vector(to_unsigned(index, select_t'length));
+    end if;
+
+  end function bits_of;
+
+begin
+
+  p_sequence : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      valid <= '0';
+
+      if (active = '1') then
+        if (ending = '1') then
+          active  <= '0';
+          valid   <= '1';
+          address <= PARKED;
+        elsif (FLUX_CONTROL and turned = '1' and address = FORK - 1) then
+          address <= FORK_ADDRESS;
+        else
+          address <= (address + 1) mod 2 ** ADDRESS_BITS;
+        end if;
+      elsif (start = '1') then
+        active  <= '1';
+        address <= 0;
+      end if;
+
+      if (rst = '1') then
+        active  <= '0';
+        address <= PARKED;
+        valid   <= '0';
+      end if;
+    end if;
+
+  end process p_sequence;
+
+  ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
+  busy   <= active;
+  accept <= start and not active;
+  mpfc   <= turned;
+
+  g_method : if FLUX_CONTROL generate
+
+    p_method : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (active = '0' and start = '1') then
+          turned <= method_mpfc;
+        end if;
+      end if;
+
+    end process p_method;
+
+  end generate g_method;
+
+  g_one_method : if not FLUX_CONTROL generate
+    turned <= '0';
+  end generate g_one_method;
+
+  ---------------------------------------------------------------------------------------------
+  -- Products
+  ---------------------------------------------------------------------------------------------
+
+  p_decode : process (address, active, start, turned) is
+
+    variable due    : boolean;
+    variable chosen : mptc_products_t;
+
+  begin
+
+    chosen.issue       := (others => '0');
+    chosen.gather      := (others => '0');
+    chosen.halve       := (others => '0');
+    chosen.lead        := (others => '0');
+    chosen.a_choice    := (others => (others => '0'));
+    chosen.b_choice    := (others => (others => '0'));
+    chosen.seed_choice := (others => (others => '0'));
+
+    for i in 0 to STEPS - 1 loop
+      if (not FLUX_CONTROL) then
+        due := address = PROGRAM(i, 0);
+      elsif (PROGRAM(i, 0) = 0) then
+        due := start = '1' and active = '0';
+      elsif (PROGRAM(i, 0) = FORK) then
+        due := address = FORK - 1 and turned = '0';
+      elsif (PROGRAM(i, 0) = FORK_ADDRESS) then
+        due := address = FORK - 1 and turned = '1';
+      else
+        due := address = PROGRAM(i, 0) - 1;
+      end if;
+
+      for n in 0 to BLOCK_COUNT - 1 loop
+        if (due and PROGRAM(i, 1) = n) then
+          chosen.issue(n)       := '1';
+          chosen.gather(n)      := chosen.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
+          chosen.halve(n)       := chosen.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
+          chosen.lead(n)        := chosen.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
+          chosen.a_choice(n)    := chosen.a_choice(n) or bits_of(PROGRAM(i, 2));
+          chosen.b_choice(n)    := chosen.b_choice(n) or bits_of(PROGRAM(i, 3));
+          chosen.seed_choice(n) := chosen.seed_choice(n) or bits_of(PROGRAM(i, 4));
+        end if;
+      end loop;
+    end loop;
+
+    decoded <= chosen;
+
+  end process p_decode;
+
+  g_ahead : if FLUX_CONTROL generate
+
+    p_ahead : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        products <= decoded;
+      end if;
+
+    end process p_ahead;
+
+  end generate g_ahead;
+
+  g_at_once : if not FLUX_CONTROL generate
+    products <= decoded;
+  end generate g_at_once;
+
+  ---------------------------------------------------------------------------------------------
+  -- Events
+  ---------------------------------------------------------------------------------------------
+
+  p_events : process (address, ending) is
+  begin
+
+    events.word_writes  <= (others => '0');
+    events.term_writes  <= (others => '0');
+    events.normalise    <= '0';
+    events.orient       <= '0';
+    events.square       <= '0';
+    events.rest         <= '0';
+    events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1);
+    events.last         <= ending;
+
+    for i in 0 to WORD_EVENTS - 1 loop
+      events.word_writes(i) <= to_std_logic(address = WORD_WRITES(i, 0));
+    end loop;
+
+    for i in 0 to TERM_EVENTS - 1 loop
+      events.term_writes(i) <= to_std_logic(address = TERM_WRITES(i, 0));
+    end loop;
+
+    if (FLUX_CONTROL) then
+      events.normalise    <= to_std_logic(address >= FIRST_NORMALISE and address < FIRST_NORMALISE + NORMALISE_STEPS);
+      events.orient       <= to_std_logic(address = FIRST_NORMALISE + NORMALISE_STEPS);
+      events.square       <= to_std_logic(address = FIRST_ROOT);
+      events.rest         <= to_std_logic(address = FIRST_ROOT + 1);
+      events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1 or address = FIRST_STREAM_MPFC - 1);
+    end if;
+
+  end process p_events;
+
+end architecture rtl;

@@ -1,0 +1,151 @@
+-- Records between mptc_core and the parts of the controller, and the types in them.
+--
+-- Formats as in model/directmpc/mptc/formats.py.  All records are valid in the clock in which they are given.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.mptc_constants.all;
+  use work.mptc_vectors.all;
+
+package mptc_types is
+
+  subtype measurement_t is std_logic_vector(MEASUREMENT_WIDTH - 1 downto 0);
+
+  subtype signed_word_t is signed(WORD_WIDTH - 1 downto 0); -- a word that is written by a sum
+
+  subtype sum_t is signed(SUM_WIDTH - 1 downto 0); -- sum of products
+
+  subtype term_t is signed(TERM_WIDTH - 1 downto 0); -- torque term
+
+  -- measurements and references of a decision
+  type mptc_inputs_t is record
+    is_alpha   : measurement_t;                                  -- signed
+    is_beta    : measurement_t;                                  -- signed
+    psis_alpha : measurement_t;                                  -- signed
+    psis_beta  : measurement_t;                                  -- signed
+    omega_r    : measurement_t;                                  -- signed
+    v_dc       : measurement_t;                                  -- unsigned
+    torque_ref : measurement_t;                                  -- signed
+    psi_ref    : std_logic_vector(REFERENCE_WIDTH - 1 downto 0); -- unsigned
+    u          : std_logic_vector(2 downto 0);                   -- number of the vector being applied
+  end record mptc_inputs_t;
+
+  -- parameters from a drive file
+  type mptc_coefficients_t is record
+    current       : word_t;
+    flux          : word_t;
+    rotor         : word_t;
+    rotor_flux    : word_t;
+    drop_current  : word_t;
+    drop          : word_t;
+    drop_flux     : word_t;
+    speed         : word_t;
+    voltage_alpha : word_t;
+    voltage_beta  : word_t;
+    torque        : word_t;
+    weight        : word_t;
+  end record mptc_coefficients_t;
+
+  -- what a decision brings
+  type mptc_decision_t is record
+    valid     : std_logic;                    -- '1' for one clock: the others are new
+    busy      : std_logic;                    -- '1': a decision is under way
+    u_next    : std_logic_vector(2 downto 0); -- number of the vector to apply next
+    switches  : std_logic_vector(2 downto 0); -- its switch states a, b, c; '1': positive rail
+    saturated : std_logic;                    -- '1': a value did not fit its word
+    clamped   : std_logic;                    -- '1': MPFC cannot reach the torque reference
+  end record mptc_decision_t;
+
+  subtype blocks_t is std_logic_vector(0 to BLOCK_COUNT - 1); -- one bit for each mac_block
+
+  subtype select_t is std_logic_vector(4 downto 0); -- place in a list
+
+  type selects_t is array (0 to BLOCK_COUNT - 1) of select_t;
+
+  -- products that the blocks begin in this clock
+  type mptc_products_t is record
+    issue       : blocks_t;  -- '1': a product
+    gather      : blocks_t;  -- '1': it is added to the sum so far
+    halve       : blocks_t;  -- '1': half of B
+    lead        : blocks_t;  -- '1': one plus half of B
+    a_choice    : selects_t; -- place in A_LISTS
+    b_choice    : selects_t; -- place in B_LISTS
+    seed_choice : selects_t; -- place in SEED_LISTS
+  end record mptc_products_t;
+
+  -- what is due in this clock
+  type mptc_events_t is record
+    word_writes  : std_logic_vector(WORD_WRITES'length(1) - 1 downto 0); -- row of WORD_WRITES
+    term_writes  : std_logic_vector(TERM_WRITES'length(1) - 1 downto 0); -- row of TERM_WRITES
+    normalise    : std_logic;                                            -- MPFC: bring w to full size, one shift
+    orient       : std_logic;                                            -- MPFC: w without size lies along alpha
+    square       : std_logic; -- MPFC: the square of the reference's length is in the last block's accumulator
+    rest         : std_logic; -- MPFC: the same less the torque's part
+    begin_stream : std_logic;                                            -- the first vector follows
+    last         : std_logic;                                            -- the last vector is compared
+  end record mptc_events_t;
+
+  -- state at k+2 without voltage, and what the vectors add to it
+  type mptc_state_t is record
+    stator_alpha : signed_word_t; -- flux
+    stator_beta  : signed_word_t;
+    step_alpha   : signed_word_t; -- twice the whole step of a vector along alpha
+    step_beta    : signed_word_t;
+    level        : term_t;        -- MPTC: torque reference less torque; MPFC: size of a step in the cost
+    along        : term_t;        -- torque, or cost, of a step along alpha
+    across       : term_t;        -- torque, or cost, of a step along beta
+    moment       : signed_word_t; -- MPFC: torque reference as flux across the rotor flux
+  end record mptc_state_t;
+
+  -- MPFC's reference of the stator flux in the coordinates of the rotor flux
+  type mptc_reference_t is record
+    along  : word_t;    -- part along the rotor flux
+    across : word_t;    -- part across it
+    beyond : std_logic; -- '1': no part along it is left, the torque reference is out of reach
+  end record mptc_reference_t;
+
+  -- as many of a table's entries as a configuration has
+  function counted (flux_control : boolean; every, without : natural) return natural;
+
+  -- value + step or value - step, one adder
+  function moved (value, step : signed; negative : std_logic) return signed;
+
+end package mptc_types;
+
+package body mptc_types is
+
+  function counted (flux_control : boolean; every, without : natural) return natural is
+  begin
+
+    if (flux_control) then
+      return every;
+    else
+      return without;
+    end if;
+
+  end function counted;
+
+  function moved (value, step : signed; negative : std_logic) return signed is
+
+    variable a : signed(value'length downto 0);
+    variable b : signed(value'length downto 0);
+
+  begin
+
+    a := value & '1';
+    b := resize(step, value'length) & '0';
+
+    if (negative = '1') then
+      b := not b;
+    end if;
+
+    a := a + b;
+    return a(value'length downto 1);
+
+  end function moved;
+
+end package body mptc_types;

@@ -1,0 +1,239 @@
+-- Stream of voltage vectors: tries u_1 to u_6 and then zero voltage, one a clock, and keeps the cheapest.
+--
+-- For each vector: stator flux at k+2 (eq. 13) and the distance of its length from the reference (mptc_magnitude);
+-- torque term (eq. 15); cost (eq. 11), which the last mac_block of mptc_datapath forms from both; comparison.  For
+-- MPFC the torque term is the vector's part of |psi_s,ref - psi_s|**2 (eq. 17).  A tie goes to the lowest number.
+-- Zero voltage comes last, as u_0 or u_7, whichever takes fewer commutations from the vector being applied; as u_0 it
+-- wins a tie.
+--
+-- Formats: as in model/directmpc/mptc/formats.py.
+-- Latency: one vector a clock.  The clocks between length, torque term and comparison of a vector stand in
+-- mptc_constants (STREAM_*); number is stable one clock after last.
+-- Overflow: a distance that does not fit saturates and sets overflow; nothing wraps.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_math.all;
+  use work.mptc_constants.all;
+  use work.mptc_types.all;
+  use work.mptc_vectors.all;
+
+entity mptc_vector_stream is
+  port (
+    clk          : in    std_logic;                                      -- rising edge
+    rst          : in    std_logic;                                      -- synchronous, active high
+    begin_stream : in    std_logic;                                      -- '1': the first vector comes a clock later
+    last         : in    std_logic;                                      -- '1': the last vector is compared
+    mpfc         : in    std_logic;                                      -- '1': MPFC, '0': MPTC; stable
+    applied      : in    std_logic_vector(2 downto 0);                   -- number of the vector being applied, stable
+    psi_ref      : in    std_logic_vector(REFERENCE_WIDTH - 1 downto 0); -- flux reference, unsigned, stable
+    state        : in    mptc_state_t;                                   -- flux and torque terms, stable
+    sum          : in    sum_t;                                          -- cost of the vector that is compared, signed
+    difference   : out   word_t;                                         -- distance of a length, not negative
+    term         : out   term_t;                                         -- torque term of a vector, signed
+    overflow     : out   std_logic;                                      -- '1': a distance saturated
+    number       : out   vector_t                                        -- number of the vector to apply next
+  );
+end entity mptc_vector_stream;
+
+architecture rtl of mptc_vector_stream is
+
+  constant STREAM_WIDTH : positive := 4; -- bits of the counter, which returns to zero after STREAM_LAST
+
+  subtype cost_t is signed(COST_WIDTH - COST_DROPPED - 1 downto 0);
+
+  -- 0: no vector; else the vector's number plus 0 at the length, STREAM_TERM at the torque term and
+  -- STREAM_COMPARE at the comparison
+  signal stream        : unsigned(STREAM_WIDTH - 1 downto 0);
+  signal length_number : vector_t;
+  signal length_enable : std_logic;
+  signal length_valid  : std_logic;
+  signal x             : signed(LENGTH_WIDTH - 1 downto 0);
+  signal y             : signed(LENGTH_WIDTH - 1 downto 0);
+  signal x_bits        : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  signal y_bits        : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  signal half_length   : word_t;
+  signal distance      : word_t;
+  signal too_far       : std_logic;
+  signal term_whole    : std_logic; -- '1': all of the step along alpha, '0': half of it
+  signal term_alpha    : std_logic; -- '1': a step along alpha
+  signal term_beta     : std_logic; -- '1': a step along beta
+  signal term_add      : std_logic; -- '1': alpha's is subtracted
+  signal term_subtract : std_logic; -- '1': beta's is subtracted
+  signal cost          : cost_t;
+  signal cost_number   : vector_t;
+  signal best_cost     : cost_t;
+  signal best          : vector_t;
+  signal better        : std_logic;
+  signal wins_tie      : std_logic;
+  signal winner        : vector_t;
+
+begin
+
+  assert STREAM_LAST = 2 ** STREAM_WIDTH - 1 and STREAM_COMPARE mod 8 = 0
+    report "mptc_vector_stream: the counter's low bits have to be the number that is compared, and 0 to follow the last"
+    severity failure;
+
+  p_stream : process (clk) is
+
+    variable following : unsigned(STREAM_WIDTH - 1 downto 0);
+    variable ahead     : unsigned(STREAM_WIDTH - 1 downto 0);
+    variable vector    : vector_t;
+
+  begin
+
+    if rising_edge(clk) then
+      following := (others => '0');
+
+      if (stream /= 0) then
+        following := stream + 1;
+      elsif (begin_stream = '1') then
+        following := to_unsigned(1, STREAM_WIDTH);
+      end if;
+
+      if (rst = '1') then
+        following := (others => '0');
+      end if;
+
+      ahead         := following - STREAM_TERM;
+      vector        := std_logic_vector(ahead(2 downto 0));
+      stream        <= following;
+      term_whole    <= whole_alpha(vector);
+      term_alpha    <= has_alpha(vector);
+      term_beta     <= has_beta(vector);
+      term_add      <= negative_alpha(vector) xnor mpfc;
+      term_subtract <= negative_beta(vector) xor mpfc;
+      wins_tie      <= to_std_logic(following = STREAM_LAST) and not zero_is_u_7(applied);
+    end if;
+
+  end process p_stream;
+
+  ---------------------------------------------------------------------------------------------
+  -- Lengths
+  ---------------------------------------------------------------------------------------------
+
+  length_number <= std_logic_vector(stream(2 downto 0));
+  length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
+
+  p_lengths : process (length_number, state) is
+
+    variable step_x : signed(LENGTH_WIDTH - 1 downto 0);
+    variable step_y : signed(LENGTH_WIDTH - 1 downto 0);
+
+  begin
+
+    step_x := shift_left(resize(state.step_alpha, LENGTH_WIDTH), LENGTH_GUARD - 1);
+
+    if (whole_alpha(length_number) = '0') then
+      step_x := shift_right(step_x, 1);
+    end if;
+
+    step_x := gated(step_x, has_alpha(length_number));
+    step_y := shift_left(resize(gated(state.step_beta, has_beta(length_number)), LENGTH_WIDTH), LENGTH_GUARD - 1);
+    x      <= moved(shift_left(resize(state.stator_alpha, LENGTH_WIDTH), LENGTH_GUARD), step_x,
+                    negative_alpha(length_number));
+    y      <= moved(shift_left(resize(state.stator_beta, LENGTH_WIDTH), LENGTH_GUARD), step_y,
+                    negative_beta(length_number));
+
+  end process p_lengths;
+
+  x_bits      <= std_logic_vector(x);
+  y_bits      <= std_logic_vector(y);
+  half_length <= as_word('0' & psi_ref);
+
+  i_magnitude : entity work.mptc_magnitude
+    port map (
+      clk            => clk,
+      rst            => rst,
+      enable         => length_enable,
+      x              => x_bits,
+      y              => y_bits,
+      half_reference => half_length,
+      valid          => length_valid,
+      difference     => distance,
+      overflow       => too_far
+    );
+
+  difference <= distance and (word_t'range => not mpfc);
+  overflow   <= too_far and length_valid;
+
+  ---------------------------------------------------------------------------------------------
+  -- Torque terms
+  ---------------------------------------------------------------------------------------------
+
+  -- MPTC: reference - torque; MPFC: the same with the opposite vector's sign
+  p_term : process (clk) is
+
+    variable whole  : term_t;
+    variable along  : term_t;
+    variable across : term_t;
+
+  begin
+
+    if rising_edge(clk) then
+      if (stream /= 0) then
+        along := shift_right(state.along, 1);
+
+        if (term_whole = '0') then
+          along := shift_right(along, 1);
+        end if;
+
+        along  := gated(along, term_alpha);
+        across := gated(shift_right(state.across, 1), term_beta);
+        whole  := gated(state.level, not mpfc or term_alpha);
+        whole  := moved(whole, along, term_add);
+        whole  := moved(whole, across, term_subtract);
+        term   <= whole;
+      end if;
+    end if;
+
+  end process p_term;
+
+  ---------------------------------------------------------------------------------------------
+  -- Comparison
+  ---------------------------------------------------------------------------------------------
+
+  cost        <= sum(COST_WIDTH - 1 downto COST_DROPPED);
+  cost_number <= std_logic_vector(stream(2 downto 0));
+
+  better <= to_std_logic(cost & '0' < best_cost & wins_tie);
+
+  winner <= best when better = '0' else
+            cost_number;
+
+  p_best : process (clk) is
+
+    variable chosen : vector_t;
+
+  begin
+
+    if rising_edge(clk) then
+      if (better = '1') then
+        best      <= cost_number;
+        best_cost <= cost;
+      end if;
+
+      -- before the first comparison: worse than any cost
+      if (stream <= STREAM_COMPARE) then
+        best_cost                       <= (others => '1');
+        best_cost(best_cost'length - 1) <= '0';
+      end if;
+
+      if (last = '1') then
+        chosen := winner;
+
+        if (winner = "111" and zero_is_u_7(applied) = '0') then
+          chosen := "000";
+        end if;
+
+        number <= chosen;
+      end if;
+    end if;
+
+  end process p_best;
+
+end architecture rtl;

@@ -1,0 +1,117 @@
+"""The sequencer of the observers' programs, with its example program.
+
+Sweep: the default generics; programs and generics that contradict each other.
+Stimulus: starts and resets at random, also while a step is under way.
+Checks: every output in every clock.
+Timing: valid 8 clocks after start, busy for 8 clocks.
+Faults: a step that ends late, a row whose seed is lost, an event in the wrong clock.
+Does not prove: the observers' own programs; their benches do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from directmpc.mac_program import Product, Program, Word, plain
+from directmpc.mpdcc import observer_program as rotor_flux
+from directmpc.mptc import observer_program as stator_flux
+from scripts.hdl.clocks import clocks_of
+from scripts.hdl.ghdl import BenchError, BuildError
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+
+def bench(rtl: Path = RTL, generics: dict[str, object] | None = None) -> Outcome:
+    return run(
+        "mac_sequencer",
+        "tb.rtl.common.mac_sequencer.bench_mac_sequencer",
+        units=["mac_sequencer"],
+        generics=generics,
+        arguments={"seed": 3, "clocks": 2000},
+        rtl=rtl,
+    )
+
+
+def test_it_follows_its_program() -> None:
+    assert bench().checks["program"] == 2000
+
+
+FAULTS = [
+    Fault(
+        "mac_sequencer",
+        "if (address = LAST_AT) then",
+        "if (address = LAST_AT - 1) then",
+        "(program|due|busy)",
+    ),
+    Fault(
+        "mac_sequencer",
+        "if (PROGRAM(i, 4) /= GATHER) then",
+        "if (PROGRAM(i, 4) = 0) then",
+        "program",
+    ),
+    Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
+    Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_found(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
+
+
+@pytest.mark.parametrize("generics", [{"LAST_AT": 5}, {"B_BITS": 1}, {"SEEDS": 1}, {"VALID_AT": 9}])
+def test_impossible_generics_are_refused(generics: dict[str, object]) -> None:
+    with pytest.raises((BenchError, BuildError), match="mac_sequencer: "):
+        bench(generics=generics)
+
+
+def test_the_programs_take_the_clocks_that_are_promised() -> None:
+    for entity, program in (
+        ("rotor_flux_observer", rotor_flux.PROGRAM),
+        ("mptc_observer", stator_flux.PROGRAM),
+    ):
+        assert program.latency == clocks_of(entity, "latency")
+    assert rotor_flux.PROGRAM.last + 1 == clocks_of("rotor_flux_observer", "busy")
+
+
+def _program(*products: Product, **changes: object) -> Program:
+    given: dict[str, object] = {
+        "a": {"x": Word("x"), "sum": Word("sum", {"sum": 1})},
+        "b": plain("k"),
+        "seeds": plain("half"),
+        "products": products,
+        "actions": {},
+        "valid_after": 3,
+        "last": 9,
+    }
+    return Program(**(given | changes))  # type: ignore[arg-type]
+
+
+FIRST = Product(0, "x", "k", "half", "sum")
+
+
+@pytest.mark.parametrize(
+    ("program", "message"),
+    [
+        (_program(FIRST, Product(3, "sum", "k", "half", "y")), "written 1 times, but .* 0 times"),
+        (_program(FIRST, Product(4, "y", "k", "half", "y")), "unknown operand A y"),
+        (_program(FIRST, Product(4, "x", "k", "third", "y")), "unknown seed third"),
+        (_program(FIRST, Product(0, "x", "k", "half", "y")), "does not follow"),
+        (_program(FIRST, Product(4, "x", "k", "", "y")), "has no beginning"),
+        (_program(FIRST, Product(4, "x", "k", "half")), "the last sum has no end"),
+        (_program(FIRST, Product(7, "x", "k", "half", "y")), "behind the last one"),
+        (_program(FIRST, Product(4, "x", "k", "half", "sum")), "two sums have the same result"),
+        (_program(FIRST, valid_after=4), "nothing is written in clock 4"),
+        (_program(Product(0, "x", "k", "half", "sum", 4)), "from 0 to 3"),
+    ],
+)
+def test_a_program_that_contradicts_itself_is_refused(program: Program, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        program.check({})
+
+
+def test_a_program_without_contradiction_is_not() -> None:
+    _program(FIRST, Product(4, "sum", "k", "half", "y")).check({})
