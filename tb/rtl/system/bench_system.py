@@ -278,6 +278,8 @@ async def decisions_and_flags(system: System, count: int) -> None:
     board.check("flag", await bus.read("system.flags", "start_ignored"), 1)
     # the observer's flux in the measurement's place
     await observed(system, drive, parameters)
+    # and once more: the estimate begins anew
+    await observed(system, drive, parameters)
     assert rng is not None
 
 
@@ -325,14 +327,23 @@ async def faults(system: System) -> None:
     quiet["v_dc"] = 32_000
     if system.controller == "mpdcc":
         quiet |= {"v_ph_a": 16_000, "v_ph_b": 16_000, "v_ph_c": 16_000}
-    for name, value in {
-        "watchdog": 60_000, "decision_limit": 60_000, "current_limit": 100,
+    settings = {
+        "watchdog": 60_000, "decision_limit": 59_000, "current_limit": 100,
         "link_high": 40_000, "link_low": 20_000, "dead_time": 12, "minimum_on": 14,
         "minimum_off": 1,
-    }.items():  # fmt: skip
+    }  # fmt: skip
+    guard = dut.i_shell.i_guard
+    before = {name: number(getattr(guard, name)) for name in settings}
+    for name, value in settings.items():
         _, fields = bus.registers[f"guard.{name}"]
         await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+    for name in settings:
+        board.check("setting before", number(getattr(guard, name)), before[name], name)
     await bus.write("system.command", commit=1)
+    while await bus.read("system.status", "commit_pending"):
+        pass
+    for name, value in settings.items():
+        board.check("setting", number(getattr(guard, name)), value, name)
 
     async def enable() -> None:
         await bus.write("system.control", enable=1)
@@ -407,7 +418,8 @@ async def system(dut) -> None:
             "word": 60 * given["registers"],
             "one set": given["rounds"],
             "decision": given["decisions"],
-            "observed": 8,
+            "observed": 16,
+            "setting": 8,
             "trip": 1,
         },
         {"new set": 4, "commits": 4, "flags": 1},

@@ -5,8 +5,10 @@ Stimulus: every register with random words, strobes and pauses on all channels; 
 written and committed at any time while decisions run; decisions from ports and from registers, with
 measured and observed flux; trips, clears, enables.
 Checks: what registers hold and refuse; every decision is the model's for one whole committed set;
-cycle counters, sticky flags, write-one-to-clear; gates off on trips and until enabled anew.
-Faults: a commit that takes effect while a decision runs; a parameter connected to another's port.
+cycle counters, sticky flags, write-one-to-clear; every setting reaches its port of the gate guard
+with a commit and not before; gates off on trips and until enabled anew.
+Faults: a commit that takes effect while a decision runs; a parameter connected to another's port; a
+setting on another's port; an estimate that survives its reset.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ def bench(controller: str, rounds: int, rtl: Path = RTL, *, registers: bool = Tr
             "controller": controller,
         },
         rtl=rtl,
-        timeout=240,
+        timeout=900,
     )
 
 
@@ -49,6 +51,17 @@ FAULTS = {
     "hasty commit": ("commit_control", "waiting and (ending or not (busy or start))", "waiting"),
     "wrong port": ("mptc_system", "in_force.c_torque.value", "in_force.c_weight.value"),
     "open gate": ("write_gate", "and not (hold or under_way)", "and not under_way"),
+    "wrong setting": (
+        "system_shell",
+        "=> in_force.minimum_off.clocks",
+        "=> in_force.minimum_on.clocks",
+    ),
+    "wrong limit": (
+        "system_shell",
+        "=> in_force.decision_limit.clocks",
+        "=> in_force.watchdog.clocks",
+    ),
+    "old estimate": ("mptc_system", "(forget and not (deciding or observer_busy))", "'0'"),
 }
 
 
