@@ -29,8 +29,6 @@ library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
   use work.guarded_states.all;
-  use work.mpdcc_types.position_t;
-  use work.mpdcc_types.positions_t;
   use work.rotor_flux_observer_program.all;
 
 entity rotor_flux_observer is
