@@ -6,8 +6,7 @@ random on every clock but the start's, `start` repeated while busy.
 Checks: every output bit for bit, valid and busy in every clock; the twin follows the float64
 observer; the estimate follows the plant's true flux in closed loop within stated bounds.
 Timing: valid 15 clocks after start, busy 17.
-Faults: a cross term without its sign, a coefficient in the wrong place of the program, a half
-step from the wrong origin.
+Faults: a cross term without its sign, a coefficient in the wrong place of the program.
 """
 
 from __future__ import annotations
@@ -44,11 +43,6 @@ def test_it_steps_as_its_twin() -> None:
 FAULTS = {
     "sign": ("rotor_flux_observer", "not coarse(rotor(1), GUARD);", "coarse(rotor(1), GUARD);"),
     "place": ("rotor_flux_observer_program", "(4, 4, 4, 1, -1)", "(4, 4, 3, 1, -1)"),
-    "half step": (
-        "guarded_states",
-        "resize(value, value'length + 1) - resize(origin",
-        "resize(value, value'length + 1) + resize(origin",
-    ),
 }
 
 
