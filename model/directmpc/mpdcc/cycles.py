@@ -50,8 +50,8 @@ def _schedule(explorers, root, nodes, cut):
     cut_at = 0
     while loaded < len(nodes) or (cut and cut_at == 0):
         pending = begun - loaded
-        cool = begun == 0 or clock >= begins[begun - 1] + 16
-        may = cool and (pending == 0 or (pending == 1 and clock >= shortly))
+        may_begin = begun == 0 or clock >= begins[begun - 1] + 16
+        may = may_begin and (pending == 0 or (pending == 1 and clock >= shortly))
         if loaded < begun and clock >= begins[loaded] + 24 and clock >= free:
             a, b, c = nodes[loaded]
             each = (c + in_step - 1) // in_step
