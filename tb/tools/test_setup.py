@@ -22,7 +22,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-PROGRAMS = """bash cat chmod cp cut dirname env grep head id kill ln make mkdir mktemp printf rm sed
+PROGRAMS = """bash cat chmod cp cut dirname env grep head id ln make mkdir mktemp printf rm sed
     sh sha256sum sleep sort tee touch tr true""".split()  # noqa: SIM905, names of programs
 
 VERSIONS = {"ghdl": "GHDL 5.0.1 (Debian)", "verilator": "Verilator 5.032", "g++": "g++ 14"}
