@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.drive_file import Drive, MptcDrive, load_drive
-from directmpc.host.console import clear_output, progress_bar
+from directmpc.host.console import check_output, progress_bar
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
@@ -137,7 +137,7 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 
 def replay(request: Request) -> None:
     """Do what was asked for; raises the errors that the command reports."""
-    clear_output(request.out, request.drive, request.trace)
+    check_output(request.out, request.drive, request.trace)
     drive = load_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)
 

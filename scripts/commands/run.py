@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from directmpc.drive_file import load_mpdcc_drive
-from directmpc.host.console import clear_output
+from directmpc.host.console import check_output
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.simulator import terminable
@@ -38,7 +38,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.speed == 0.0:
         raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    clear_output(given.out, given.drive)
+    check_output(given.out, given.drive)
     with terminable():
         try:
             run = rtl_loop.simulate(drive, given.speed, given.steps, given.explorers, given.variant)

@@ -72,7 +72,7 @@ class Command:
         except UsageError as error:
             parser.error(str(error))
         except (ToolError, ValueError, OSError) as error:
-            report_error(self.name, error)
+            report_error(self.name, error, getattr(given, "out", None))
             return self.failed if isinstance(error, ToolError) else 2
         except KeyboardInterrupt:
             said = "; ".join(filter(None, ["interrupted", self.interrupted]))

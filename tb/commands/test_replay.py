@@ -231,7 +231,7 @@ def test_bad_arguments(
     assert trace_file.read_bytes() == before
 
 
-def test_an_earlier_runs_decisions_do_not_outlive_a_failure(
+def test_a_failure_leaves_an_earlier_runs_decisions_as_they_are(
     trace_file: Path, tmp_path: Path
 ) -> None:
     out, link, pipe = tmp_path / "out.csv", tmp_path / "link.csv", tmp_path / "pipe.csv"
@@ -241,10 +241,14 @@ def test_an_earlier_runs_decisions_do_not_outlive_a_failure(
     done = command(*good, link)
     assert done.returncode == 0, done.stderr
     assert link.is_symlink()
-    assert out.read_text(encoding="utf-8").startswith("s_a,")
+    before = out.read_bytes()
+    assert before.startswith(b"s_a,")
     done = command("--drive", DRIVE, "--trace", DRIVE, "--engine", "model", "--out", link)
     assert done.returncode == 2
-    assert not out.exists()
+    assert f"nothing was written; {link} is as it was before" in done.stderr
+    assert done.stderr.startswith(f"replay: {DRIVE}, line 1, column 1: ")
+    assert out.read_bytes() == before
+    assert link.is_symlink()
     done = command(*good, pipe)
     assert done.returncode == 2
     assert "ordinary file" in done.stderr

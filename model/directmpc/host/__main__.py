@@ -25,7 +25,7 @@ from rich.table import Table
 from directmpc.drive_file import Drive, MptcDrive, load_drive
 from directmpc.host import lockstep
 from directmpc.host.board import Board, RegisterError
-from directmpc.host.console import OneParagraphParser, clear_output, progress_bar, report_error
+from directmpc.host.console import OneParagraphParser, check_output, progress_bar, report_error
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import Outcome
 from directmpc.host.registers import GuardSettings, RegisterValues, values
@@ -116,7 +116,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
                 f"--out: {given.drive} is an {drive.controller} drive; the decisions of mpdcc "
                 "drives alone are written"
             )
-        clear_output(given.out, given.drive)
+        check_output(given.out, given.drive)
     _load(board, console, drive, given)
     variant = "paper" if board.identity.options & 1 else "fast"
     board.write("system.control", enable=0, own_positions=0)

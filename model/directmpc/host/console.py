@@ -73,8 +73,8 @@ def progress_bar(
     yield line
 
 
-def clear_output(out: Path, *inputs: Path) -> None:
-    """Remove an earlier run's output, so that it never passes for the output of a run that fails.
+def check_output(out: Path, *inputs: Path) -> None:
+    """Find out that an output can be written before the work begins; what stands there stays.
 
     Raises
     ------
@@ -94,13 +94,26 @@ def clear_output(out: Path, *inputs: Path) -> None:
     for used in inputs:
         if used.exists() and out.samefile(used):
             raise OutputError(f"{out}: is an input; another path is needed")
-    out.resolve().unlink()
 
 
-def report_error(program: str, error: BaseException) -> None:
-    """Print an expected error as one paragraph on stderr."""
+def report_error(program: str, error: BaseException, kept: Path | None = None) -> None:
+    """Print an expected error as one paragraph on stderr.
+
+    Parameters
+    ----------
+    program
+        Its name; the message begins with it.
+    error
+        What went wrong.
+    kept
+        An output that was not written; where a file stands there, the message says that it is as
+        before.
+    """
     text = str(error)
     if isinstance(error, OSError):
         text = f"{error.filename or 'file'}: {error.strerror or error}"
     # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
-    print(f"{program}: " + "\n".join(x for x in text.splitlines() if x.strip()), file=sys.stderr)
+    lines = [line for line in text.splitlines() if line.strip()]
+    if kept is not None and kept.is_file():
+        lines.append(f"nothing was written; {kept} is as it was before")
+    print(f"{program}: " + "\n".join(lines), file=sys.stderr)
