@@ -119,7 +119,11 @@ FAULTS = {
     ),
     "gain": ("mptc_observer_program", "(10, 9, 9, 0, -1)", "(10, 10, 9, 0, -1)"),
     "half step": ("mptc_observer", "due(DUE_HALF_W) = '1'", "due(DUE_W_ALPHA) = '1'"),
-    "share": ("mptc_vectors", 'number = "101" or number = "110");', 'number = "101");'),
+    "share": (
+        "mptc_vectors",
+        'to_std_logic(number = "101" or number = "110");',
+        'to_std_logic(number = "101");',
+    ),
     "comparison": ("mptc_preexcitation", "signed(total) > 0", "signed(total) >= 0"),
 }
 
