@@ -14,8 +14,8 @@ from directmpc.host.link import RefusedError
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import trace
+from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS
 from scripts.commands import replay
@@ -49,7 +49,7 @@ def replayed(folder: Path, engine: str, seen: MpdccTrace) -> list[list[str]]:
 def exhausted_of(drive: Drive, seen: MpdccTrace) -> list[int]:
     """Whether the budget ends the model's search, for every row that was seen."""
     register = VARIANTS["fast"].registers(drive).array()
-    measured, _ = bit_true.encode(seen)
+    measured, _ = common.encode(seen)
     order = np.empty((64, 5), dtype=np.int64)
     return [
         int(bit_true_fast.search_words(register, row, s, order)[7])
