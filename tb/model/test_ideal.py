@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -181,9 +180,7 @@ def as_rows(decisions) -> list[tuple[int, ...]]:
     ],
     ids=lambda value: ",".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
-def test_ideal_is_as_specified(
-    drive: Drive, with_control: Callable[..., Drive], control: dict, n: int
-) -> None:
+def test_ideal_is_as_specified(drive: Drive, control: dict, n: int) -> None:
     changed = drive.with_control(**control)
     trace = random_trace(changed, n, seed=len(str(control)))
     decisions = ideal.run(changed, trace)
@@ -198,7 +195,7 @@ def test_ideal_is_as_specified(
 
 
 @pytest.mark.parametrize("kind", ["SE", "SESE"])
-def test_every_branch_occurs(drive: Drive, with_control: Callable[..., Drive], kind: str) -> None:
+def test_every_branch_occurs(drive: Drive, kind: str) -> None:
     changed = drive.with_control(switching_horizon=kind)
     decisions = ideal.run(changed, random_trace(changed, 3000, seed=5))
     assert decisions.held.mean() > 0.02
@@ -209,9 +206,7 @@ def test_every_branch_occurs(drive: Drive, with_control: Callable[..., Drive], k
 
 
 @pytest.mark.parametrize("kind", ["SE", "SESE"])
-def test_pruning_changes_nothing(
-    drive: Drive, with_control: Callable[..., Drive], kind: str
-) -> None:
+def test_pruning_changes_nothing(drive: Drive, kind: str) -> None:
     changed = drive.with_control(switching_horizon=kind, lambda_n=0.0)
     parameters = ideal.ideal_parameters(changed)
     trace = random_trace(changed, 400, seed=8)

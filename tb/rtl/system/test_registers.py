@@ -36,9 +36,12 @@ def ports_of(entity: str) -> dict[str, int]:
     """Parameter ports of a core: name to width."""
     text = file_of(entity).read_text(encoding="utf-8")
     head = text[text.index("entity") : text.index("-- decision")]
-    head = head.replace("WORD_WIDTH - 1", "17")
-    found = re.findall(r"^ *(\w+) *: *in *std_logic_vector\((\d+) downto 0\)", head, re.M)
-    return {name: int(high) + 1 for name, high in found}
+    package = {"mpdcc_core": "directmpc_constants", "mptc_core": "mptc_constants"}[entity]
+    constants = file_of(package).read_text(encoding="utf-8")
+    widths = dict(re.findall(r"constant (\w+_WIDTH) *: natural *:= (\d+)", constants))
+    found = re.findall(r"^ *(\w+) *: *in *std_logic_vector\((.+?) downto 0\)", head, re.M)
+    high = {name: bound.removesuffix(" - 1") for name, bound in found}
+    return {name: int(widths[b]) if b in widths else int(b) + 1 for name, b in high.items()}
 
 
 @pytest.mark.parametrize("controller", register_files.CONTROLLERS)
