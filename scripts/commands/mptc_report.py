@@ -14,10 +14,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--texts", action="store_true", help="rewrite docs/figures.md and docs/mptc.md only"
     )
+    parser.add_argument(
+        "--resources", action="store_true",
+        help="measure the resources alone; clock frequencies stay those of the placed commit",
+    )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    mptc_report.regenerate(given.jobs, given.seeds, given.texts)
+    mptc_report.regenerate(given.jobs, given.seeds, given.texts, given.resources)
     return 0
 
 

@@ -77,13 +77,18 @@ MOST_DIFFERING = 1.0  # %
 # --- hardware -------------------------------------------------------------------------------------
 
 
-def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
-    """Resources, clocks of a decision and clock frequency of every design, and the tools.
+def resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
+    """Resources and clocks of a decision of every design, and the tools.
+
+    Parameters
+    ----------
+    jobs
+        Processes at a time.
 
     Returns
     -------
     figures : dict
-        The enumerator's at the top, the others below their keys.
+        By the key of the design; families as in metrics.json.
     tools : dict
     """
     out = BUILD / "synth_report_mptc.json"
@@ -105,6 +110,30 @@ def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
             figures[family] = {
                 k: v for k, v in area.items() if k not in ("cells", "seconds", "carry_feeds")
             }
+        found[key] = figures
+    return found, used
+
+
+def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
+    """Resources, clocks of a decision and clock frequency of every design, and the tools.
+
+    Parameters
+    ----------
+    jobs
+        Processes at a time.
+    seeds
+        Seeds of placement.
+
+    Returns
+    -------
+    figures : dict
+        The enumerator's at the top, the others below their keys.
+    tools : dict
+    """
+    measured, used = resources(jobs)
+    found: dict[str, Any] = {}
+    for key, entity, generics in DESIGNS:
+        figures = measured[key]
         if key in PLACED:
             name = tools.configuration_name(entity, generics)
             run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
@@ -669,7 +698,27 @@ def update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
     write_texts(figures)
 
 
-def regenerate(jobs: int, seeds: int, texts_only: bool) -> None:
+def update_resources(jobs: int) -> None:
+    """Measure the resources anew and keep all else of ``mptc`` in metrics.json.
+
+    Clock frequencies stay those of the commit that was placed, `commit`; `resources_commit` says
+    what the resources were measured at.
+    """
+    commit, dirty = tools.git_state()
+    measured, _ = resources(jobs)
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    figures = document["mptc"]
+    for key, one in measured.items():
+        kept = figures[key] if key else figures
+        for family in one.keys() - {"cycles"}:
+            kept[family] |= one[family]
+    figures["resources_commit"] = commit + "-dirty" * dirty
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_texts(figures)
+
+
+def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = False) -> None:
     """Regenerate the two-level part of the reports, or only the pages that show it.
 
     Parameters
@@ -680,6 +729,8 @@ def regenerate(jobs: int, seeds: int, texts_only: bool) -> None:
         Seeds of placement.
     texts_only
         Whether only docs/figures.md and docs/mptc.md are written.
+    resources_only
+        Whether only the resources are measured, see `update_resources`.
     """
     console = Console(stderr=True, highlight=False)
     began = time.perf_counter()
@@ -691,6 +742,8 @@ def regenerate(jobs: int, seeds: int, texts_only: bool) -> None:
         if texts_only:
             document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
             write_texts(document["mptc"])
+        elif resources_only:
+            update_resources(jobs)
         else:
             update(jobs, seeds, say)
     say("done")
