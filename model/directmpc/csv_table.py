@@ -32,7 +32,7 @@ class TraceError(ValueError):
 class Column:
     """One column of a file.
 
-    Parameters
+    Attributes
     ----------
     name : str
         As the header has it.
@@ -52,25 +52,54 @@ class Column:
 
     @property
     def is_integer(self) -> bool:
-        """Whether its fields are integers."""
+        """Whether its fields are integers.
+
+        Returns
+        -------
+        bool
+            True where the column has a range.
+        """
         return self.low is not None
 
     @property
     def pattern(self) -> str:
-        """Regular expression of one field, without its range."""
+        """Regular expression of one field, without its range.
+
+        Returns
+        -------
+        str
+            For ``re.fullmatch``; an empty field matches where it may stand.
+        """
         pattern = _INTEGER if self.is_integer else _REAL
         return f"(?:{pattern})?" if self.may_be_empty else pattern
 
     @property
     def allowed(self) -> str:
-        """What a field may hold, in words."""
+        """What a field may hold, in words.
+
+        Returns
+        -------
+        str
+            End of the sentence "it must be ...".
+        """
         if not self.is_integer:
             return "a finite number such as -0.125 or 1e-3"
         words = f"an integer from {self.low} to {self.high}"
         return f"empty or {words}" if self.may_be_empty else words
 
     def accepts(self, field: str) -> bool:
-        """Whether a field may stand in this column."""
+        """Whether a field may stand in this column.
+
+        Parameters
+        ----------
+        field : str
+            Text between two commas.
+
+        Returns
+        -------
+        bool
+            False for a wrong form, a number outside the range, or one that is not finite.
+        """
         if re.fullmatch(self.pattern, field) is None:
             return False
         if not field:
@@ -193,12 +222,48 @@ def read_table(path: PathLike, columns: Sequence[Column]) -> dict[str, list[str]
 
 
 def floats(table: dict[str, list[str]], names: Iterable[str]) -> FloatArray:
-    """Columns of a table as real numbers, shape (rows, columns)."""
+    """Columns of a table as real numbers, shape (rows, columns).
+
+    Parameters
+    ----------
+    table : dict of list of str
+        Of ``read_table``, n rows.
+    names : iterable of str
+        m columns, none of them empty in any row.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, m)
+        In the units of the file.
+
+    Raises
+    ------
+    ValueError
+        If a field is empty.
+    """
     return np.array([[float(field) for field in table[name]] for name in names]).T.copy()
 
 
 def integers(table: dict[str, list[str]], name: str) -> IntArray:
-    """A column of a table as integers, shape (rows,)."""
+    """A column of a table as integers, shape (rows,).
+
+    Parameters
+    ----------
+    table : dict of list of str
+        Of ``read_table``, n rows.
+    name : str
+        Column of integers, not empty in any row.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        In the units of the file.
+
+    Raises
+    ------
+    ValueError
+        If a field is empty.
+    """
     return np.array([int(field) for field in table[name]], dtype=np.int64)
 
 
@@ -243,6 +308,18 @@ def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[s
 
 def read_cycles(path: PathLike, table: dict[str, list[str]]) -> IntArray | None:
     """Column `cycles`, None if it is empty throughout.
+
+    Parameters
+    ----------
+    path : str or path
+        File that the table was read from, for the message.
+    table : dict of list of str
+        Of ``read_table``, n rows, with a column `cycles`.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,), or None
+        Clock cycles of each decision.
 
     Raises
     ------

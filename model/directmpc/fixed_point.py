@@ -17,7 +17,7 @@ from directmpc.compiled import njit
 class Format:
     """A fixed-point word.
 
-    Parameters
+    Attributes
     ----------
     width : int
         Bits, sign included.
@@ -33,12 +33,24 @@ class Format:
 
     @property
     def low(self) -> int:
-        """Smallest integer the encoder produces (the most negative code is never used)."""
+        """Smallest integer the encoder produces (the most negative code is never used).
+
+        Returns
+        -------
+        int
+            LSB.
+        """
         return -(2 ** (self.width - 1) - 1) if self.signed else 0
 
     @property
     def high(self) -> int:
-        """Largest integer of the word."""
+        """Largest integer of the word.
+
+        Returns
+        -------
+        int
+            LSB.
+        """
         return 2 ** (self.width - self.signed) - 1
 
     def encode(self, value: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -108,7 +120,20 @@ def rounded(total, shift, width):
 
 
 def limits(formats: list[Format]) -> tuple[NDArray[np.float64], ...]:
-    """Scales, lowest and highest words of formats as arrays, as ``encode_row`` takes them."""
+    """Scales, lowest and highest words of formats as arrays, as ``encode_row`` takes them.
+
+    Parameters
+    ----------
+    formats : list of Format
+        One for each of n signals.
+
+    Returns
+    -------
+    scales : ndarray of float64, shape (n,)
+        LSB per unit.
+    lows, highs : ndarray of float64, shape (n,)
+        ``Format.low`` and ``Format.high``, LSB.
+    """
     return (
         np.array([fmt.scale for fmt in formats]),
         np.array([fmt.low for fmt in formats], dtype=np.float64),

@@ -87,13 +87,25 @@ class Program:
 
     @property
     def events(self) -> dict[str, int]:
-        """Name -> clock in which it is written; sums in the order of products, then actions."""
+        """Name -> clock in which it is written; sums in the order of products, then actions.
+
+        Returns
+        -------
+        dict of str to int
+            Sums are written SUM_LATENCY clocks after their last product.
+        """
         sums = {p.result: p.clock + SUM_LATENCY for p in self.products if p.result}
         return sums | dict(self.actions)
 
     @property
     def latency(self) -> int:
-        """Clocks from the edge that accepts ``start`` to the one that samples ``valid``."""
+        """Clocks from the edge that accepts ``start`` to the one that samples ``valid``.
+
+        Returns
+        -------
+        int
+            Clocks, one more than to the clock in which ``valid`` is high.
+        """
         return self.valid_after + 2
 
     def check(self, updates: Mapping[str, tuple[str, ...]]) -> None:
@@ -107,6 +119,11 @@ class Program:
         ----------
         updates : mapping of str to tuple of str
             Registers that an action writes. A sum writes the register of its name.
+
+        Raises
+        ------
+        ValueError
+            Naming the clock and the word that contradict.
         """
         writes: dict[str, list[int]] = {}
         for name, clock in self.events.items():
@@ -149,10 +166,32 @@ class Program:
 
 
 def places(words: Mapping[str, Word]) -> tuple[str, ...]:
-    """Places of a multiplexer in order, each once."""
+    """Places of a multiplexer in order, each once.
+
+    Parameters
+    ----------
+    words : mapping of str to Word
+        Words of one operand, or seeds.
+
+    Returns
+    -------
+    tuple of str
+        In the order in which `words` names them.
+    """
     return tuple(dict.fromkeys(word.place for word in words.values()))
 
 
 def plain(*names: str) -> dict[str, Word]:
-    """Words that hold still during a step: inputs and parameters."""
+    """Words that hold still during a step: inputs and parameters.
+
+    Parameters
+    ----------
+    *names : str
+        Inputs and parameters; each is its own place.
+
+    Returns
+    -------
+    dict of str to Word
+        Name to a word that reads no register.
+    """
     return {name: Word(name) for name in names}

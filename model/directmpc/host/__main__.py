@@ -71,7 +71,27 @@ def _status(board: Board) -> Table:
 
 
 def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show the board's identity."""
+    """Show the board's identity.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where the tables go.
+    given : Namespace
+        Arguments of the command line; none is used.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer.
+    """
     console.print(_facts(board))
     console.print(_status(board))
     return 0
@@ -102,13 +122,64 @@ def _load(
 
 
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Write a drive file's registers."""
+    """Write a drive file's registers, commit them and read them back.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where what was written is counted.
+    given : Namespace
+        `drive`, path of a drive file; `lock_step`, whether the guard's times are the longest.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer, or has the other controller.
+    RegisterError
+        If a register cannot be written, or does not keep what was written.
+    ValueError
+        If the drive file cannot be used; the message names file and key.
+    """
     _load(board, console, load_drive(given.drive), given)
     return 0
 
 
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Run a closed loop: the board decides, the plant is simulated here."""
+    """Run a closed loop: the board decides, the plant is simulated here.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where the results go.
+    given : Namespace
+        `drive`; `speed`, of rated speed (MPTC: of 50 Hz); `steps`; `gates`, whether they switch;
+        `out`, path of the decisions or None.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 1 where a decision differs from the bit-true model's.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer, gives no decision, or has the other controller.
+    RefusedError
+        If the board refuses a step.
+    RegisterError
+        If a register cannot be written, or does not keep what was written.
+    ValueError
+        If the drive file cannot be used, or `out` cannot be written.
+    """
     drive = load_drive(given.drive)
     if given.out:  # found out after the last step, all of them would have been for nothing
         if not isinstance(drive, Drive):
@@ -122,6 +193,13 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     board.write("system.control", enable=0, own_positions=0)
 
     def loop() -> lockstep.LockStep:
+        """Do the steps of the drive's controller.
+
+        Returns
+        -------
+        LockStep
+            What the run gave; the decisions of MPDCC are written where they are asked for.
+        """
         with progress_bar("steps over the link", given.steps) as progress:
             if isinstance(drive, Drive):
                 done, _, decisions = lockstep.run_mpdcc(
@@ -151,7 +229,27 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show the status again and again."""
+    """Show the status again and again.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where the table is kept up to date.
+    given : Namespace
+        `period`, s between two looks; `count`, looks, 0 without end.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer.
+    """
     with Live(_status(board), console=console, auto_refresh=False) as live:
         count = 1
         while given.count == 0 or count < given.count:
@@ -162,14 +260,60 @@ def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def read(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show a register."""
+    """Show a register.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where the fields go, one a line.
+    given : Namespace
+        `register`, its name as in docs/registers.md.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    KeyError
+        If there is no such register.
+    RegisterError
+        If the board does not let it be read.
+    """
     for field, value in board.read(given.register).items():
         console.print(f"{field} = {value}", highlight=False)
     return 0
 
 
 def write(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Write fields of a register."""
+    """Write fields of a register.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Not used.
+    given : Namespace
+        `register`, its name; `fields`, each NAME=VALUE, in any base that Python reads.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    KeyError
+        If there is no such register or field.
+    RegisterError
+        If a field has no value, or one that does not fit.
+    ValueError
+        If a value is no integer.
+    """
     fields = {}
     for pair in given.fields:
         name, sign, value = pair.partition("=")
@@ -230,7 +374,19 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do one command; 1 when a decision differs from the model's, 2 on an error."""
+    """Do one command; 1 when a decision differs from the model's, 2 on an error.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 when a decision differs from the model's, 2 on an error, 130 on an
+        interrupt.
+    """
     given = _arguments(arguments)
     console = Console(width=None if sys.stdout.isatty() else 110)
     try:

@@ -52,11 +52,35 @@ class Board:
 
     @property
     def controller(self) -> str:
-        """As drive files write it."""
+        """As drive files write it.
+
+        Returns
+        -------
+        str
+            "mpdcc" or "mptc".
+        """
         return self.identity.controller.name.lower()
 
     def read_word(self, address: int) -> int:
-        """A register's word."""
+        """A register's word.
+
+        Parameters
+        ----------
+        address : int
+            Byte address, a multiple of 4.
+
+        Returns
+        -------
+        int
+            32 bits, unsigned.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        RegisterError
+            If there is no such register to read.
+        """
         _, response, word = struct.unpack(
             "<HBI", self.link.request(Type.READ, struct.pack("<H", address))
         )
@@ -65,7 +89,23 @@ class Board:
         return int(word)
 
     def write_word(self, address: int, word: int) -> None:
-        """Write a register's word."""
+        """Write a register's word.
+
+        Parameters
+        ----------
+        address : int
+            Byte address, a multiple of 4.
+        word : int
+            32 bits, unsigned.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        RegisterError
+            If it is no word of 32 bits (nothing is sent then), or there is no such register to
+            write.
+        """
         if not 0 <= word < 1 << 32:
             raise RegisterError(f"write to 0x{address:03X}: {word} is not a word of 32 bits")
         _, response = struct.unpack(
@@ -75,7 +115,25 @@ class Board:
             raise RegisterError(f"write to 0x{address:03X}: {_RESPONSES.get(response, response)}")
 
     def read(self, name: str) -> dict[str, int]:
-        """Fields of a register, signed where they are."""
+        """Fields of a register, signed where they are.
+
+        Parameters
+        ----------
+        name : str
+            Name of a register as in docs/registers.md.
+
+        Returns
+        -------
+        dict of str to int
+            Field to value, in the format that docs/registers.md gives.
+
+        Raises
+        ------
+        KeyError
+            If there is no such register.
+        RegisterError
+            If it cannot be read.
+        """
         address, fields = self._map[name]
         word = self.read_word(address)
         found = {}
@@ -87,8 +145,17 @@ class Board:
     def write(self, name: str, **values: int) -> None:
         """Write fields of a register; those not given are written as 0.
 
+        Parameters
+        ----------
+        name : str
+            Name of a register as in docs/registers.md.
+        **values : int
+            Field to value, signed where the field is.
+
         Raises
         ------
+        KeyError
+            If there is no such register or field.
         RegisterError
             If a value does not fit its field; nothing is sent then.
         """
@@ -100,7 +167,17 @@ class Board:
         self.write_word(address, word)
 
     def load(self, found: RegisterValues) -> int:
-        """Write a drive's registers and commit them; how many were written.
+        """Write a drive's registers and commit them.
+
+        Parameters
+        ----------
+        found : RegisterValues
+            Of ``registers.values``.
+
+        Returns
+        -------
+        int
+            How many were written, the commit included.
 
         Raises
         ------
@@ -130,7 +207,25 @@ class Board:
         return len(writes)
 
     def differing(self, found: RegisterValues) -> list[str]:
-        """Names of a drive's registers that read back another word than they should have."""
+        """Names of a drive's registers that read back another word than they should have.
+
+        Parameters
+        ----------
+        found : RegisterValues
+            What was loaded.
+
+        Returns
+        -------
+        list of str
+            In address order; empty where all is as it should be.
+
+        Raises
+        ------
+        RegisterError
+            If a register cannot be read.
+        ValueError
+            If a value does not fit its register.
+        """
         # the commit, the last write, reads as nothing
         return [
             name for name, address, word in found.writes()[:-1] if self.read_word(address) != word
@@ -141,16 +236,39 @@ class Board:
 
         Parameters
         ----------
-        words
-            The core's measurement ports, in port order, as integers.
-        position
+        words : list of int
+            The core's measurement ports, in port order, in LSB of their formats.
+        position : int
             MPDCC: s(k-1), packed; MPTC: u.
+
+        Returns
+        -------
+        Decision
+            With the clocks that it took.
+
+        Raises
+        ------
+        LinkError
+            If no reply comes; a step is sent once.
+        RefusedError
+            If the board refuses it.
         """
         payload = p.step_payload(words, position)
         return Decision.unpack(self.link.request(Type.STEP, payload, once=True))
 
     def counters(self) -> dict[Outcome, int]:
-        """Frames by outcome since the board's reset, of this link."""
+        """Frames by outcome since the board's reset, of this link.
+
+        Returns
+        -------
+        dict of Outcome to int
+            0 to 2**32 - 1.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        """
         counts: list[int] = []
         for first in range(0, p.OUTCOME_COUNT, p.COUNTERS_PER_REPLY):
             reply = self.link.request(Type.COUNTERS, bytes([first]))
@@ -158,5 +276,11 @@ class Board:
         return {outcome: counts[outcome] for outcome in Outcome}
 
     def is_mpdcc(self) -> bool:
-        """Which controller was built."""
+        """Which controller was built.
+
+        Returns
+        -------
+        bool
+            True for MPDCC, false for MPTC.
+        """
         return self.identity.controller is Controller.MPDCC

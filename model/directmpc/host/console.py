@@ -19,7 +19,18 @@ class OneParagraphParser(argparse.ArgumentParser):
     """Reports wrong arguments as every other error: one paragraph, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
-        """Print the message and leave."""
+        """Print the message and leave.
+
+        Parameters
+        ----------
+        message : str
+            What is wrong with the arguments.
+
+        Raises
+        ------
+        SystemExit
+            Always, with exit code 2.
+        """
         print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
         sys.exit(2)
 
@@ -28,16 +39,21 @@ class OneParagraphParser(argparse.ArgumentParser):
 def progress_bar(
     text: str, total: int, stream: TextIO | None = None
 ) -> Iterator[Callable[[int], None]]:
-    """Yield a function that takes how many are done; a bar, or plain lines off a terminal.
+    """Show how far a command has come: a bar, or plain lines off a terminal.
 
     Parameters
     ----------
-    text
+    text : str
         What is under way.
-    total
-        How many there are.
-    stream
+    total : int
+        How many there are, at least 1.
+    stream : TextIO, optional
         Where to show it; stderr if not given.
+
+    Yields
+    ------
+    callable
+        Function to call with the number that are done.
     """
     # here, not above: a command that shows no progress starts without them
     from rich.console import Console
@@ -64,6 +80,13 @@ def progress_bar(
     shown = -1
 
     def line(done: int) -> None:
+        """Print a line at every tenth of the whole.
+
+        Parameters
+        ----------
+        done : int
+            How many are done.
+        """
         nonlocal shown
         if done * 10 // total > shown:
             shown = done * 10 // total
@@ -75,6 +98,13 @@ def progress_bar(
 
 def check_output(out: Path, *inputs: Path) -> None:
     """Find out that an output can be written before the work begins; what stands there stays.
+
+    Parameters
+    ----------
+    out : Path
+        File to write or to replace.
+    *inputs : Path
+        Files that are read.
 
     Raises
     ------
@@ -101,11 +131,11 @@ def report_error(program: str, error: BaseException, kept: Path | None = None) -
 
     Parameters
     ----------
-    program
+    program : str
         Its name; the message begins with it.
-    error
+    error : BaseException
         What went wrong.
-    kept
+    kept : Path, optional
         An output that was not written; where a file stands there, the message says that it is as
         before.
     """

@@ -24,11 +24,20 @@ class LinkError(RuntimeError):
 class RefusedError(RuntimeError):
     """The board has refused a request.
 
+    Parameters
+    ----------
+    kind : Type
+        What was asked for.
+    outcome : Outcome
+        Why it was refused.
+    last_sequence : int
+        Last sequence number the board has acted upon.
+
     Attributes
     ----------
-    outcome
+    outcome : Outcome
         Why.
-    last_sequence
+    last_sequence : int
         Last sequence number it has acted upon.
     """
 
@@ -52,10 +61,22 @@ class Stream(Protocol):
     """A stream of bytes as a link needs it."""
 
     def write(self, data: bytes, /) -> object:
-        """Send all of it."""
+        """Send all of it.
+
+        Parameters
+        ----------
+        data : bytes
+            Bytes on the line, delimiters included.
+        """
 
     def read(self) -> bytes:
-        """What has come, at once; waits a little if nothing has."""
+        """What has come, at once; waits a little if nothing has.
+
+        Returns
+        -------
+        bytes
+            Empty where nothing has come.
+        """
 
 
 class SerialStream:
@@ -92,14 +113,41 @@ class SerialStream:
         self._serial.reset_input_buffer()
 
     def write(self, data: bytes, /) -> object:
-        """Send all of it."""
+        """Send all of it.
+
+        Parameters
+        ----------
+        data : bytes
+            Bytes on the line, delimiters included.
+
+        Returns
+        -------
+        object
+            What pyserial returns.
+
+        Raises
+        ------
+        LinkError
+            If the line fails.
+        """
         try:
             return self._serial.write(data)
         except self._failures as error:
             raise LinkError(f"{self.port}: {error}") from None
 
     def read(self) -> bytes:
-        """What has come, at once; waits up to 50 ms if nothing has."""
+        """What has come, at once; waits up to 50 ms if nothing has.
+
+        Returns
+        -------
+        bytes
+            Empty where nothing has come.
+
+        Raises
+        ------
+        LinkError
+            If the line fails.
+        """
         try:
             return self._serial.read(max(1, self._serial.in_waiting))
         except self._failures as error:
@@ -115,12 +163,14 @@ class Link:
 
     Parameters
     ----------
-    stream
+    stream : Stream
         The line.
-    timeout
+    timeout : float
         Seconds to wait for a reply.
-    attempts
+    attempts : int
         How often a request that does no harm twice is sent.
+    clock : callable
+        Time in seconds, without jumps.
 
     Attributes
     ----------
@@ -143,19 +193,30 @@ class Link:
         self.strays = 0
 
     def request(self, kind: Type, payload: bytes = b"", *, once: bool = False) -> bytes:
-        """Send a request and return its reply's payload.
+        """Send a request and return its reply's payload (docs/protocol.md).
 
         Parameters
         ----------
-        once
+        kind : Type
+            What is asked for.
+        payload : bytes
+            As the type needs it, at most MAX_PAYLOAD bytes.
+        once : bool
             Do not repeat it: a step that was acted upon must not be taken twice.
+
+        Returns
+        -------
+        bytes
+            As long as ``protocol.REPLY_SIZE`` says.
 
         Raises
         ------
         LinkError
-            If no reply comes.
+            If no reply comes, or the line fails.
         RefusedError
             If the board refuses it.
+        ProtocolError
+            If the payload is too long.
         """
         resynchronised = False
         attempt = 0

@@ -63,13 +63,35 @@ class LockStep:
 
     @property
     def rate(self) -> float:
-        """Steps a second."""
+        """Steps a second.
+
+        Returns
+        -------
+        float
+            1/s; 0 where no time has passed.
+        """
         return self.steps / self.seconds if self.seconds else 0.0
 
 
 @contextmanager
 def gates_enabled(board: Board) -> Iterator[None]:
-    """Clear faults, enable the gate guard, and disable it again whatever happens."""
+    """Clear faults, enable the gate guard, and disable it again whatever happens.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has been loaded.
+
+    Yields
+    ------
+    None
+        While the gates may switch.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer.
+    """
     board.write("system.control", enable=0, own_positions=0)
     faults = board.read("system.faults")
     board.write("system.faults", **faults)
@@ -90,14 +112,38 @@ def run_mpdcc(
 ) -> tuple[LockStep, MpdccTrace, Decisions]:
     """MPDCC at rated current from the steady state.
 
+    Parameters
+    ----------
+    board : Board
+        Board of an MPDCC core that has been loaded with `drive`.
+    drive : Drive
+        Machine and inverter of the plant; also what the model compares with.
+    speed : float
+        Stator frequency, per unit.
+    steps : int
+        Control steps.
+    variant : str
+        "fast" or "paper": which model decides on the same states.
+    progress : callable, optional
+        Called with the number of steps made.
+
     Returns
     -------
-    run
+    run : LockStep
         Summary.
-    seen
-        What the board saw, a trace that can be replayed.
-    decisions
+    seen : MpdccTrace
+        What the board saw, a trace that can be replayed, per unit.
+    decisions : Decisions
         What it decided, with `exhausted`.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer, or the core gives no decision.
+    RefusedError
+        If the board refuses a step.
+    ValueError
+        If there is no steady state at this speed.
     """
     profile = constant_profile(drive, OperatingPoint(speed), steps)
     state, applied = initial_conditions(profile)
@@ -150,7 +196,39 @@ def run_mptc(
     steps: int,
     progress: Callable[[int], None] | None = None,
 ) -> LockStep:
-    """MPTC or MPFC at a constant operating point; the decision acts one step later."""
+    """MPTC or MPFC at a constant operating point; the decision acts one step later.
+
+    Parameters
+    ----------
+    board : Board
+        Board of an MPTC core that has been loaded with `drive`.
+    drive : MptcDrive
+        Machine and inverter of the plant; also what the model compares with.
+    rpm : float
+        Mechanical speed, 1/min.
+    load : float
+        Load torque and torque reference, N*m.
+    psi_ref : float
+        Stator flux reference, Wb.
+    steps : int
+        Control steps.
+    progress : callable, optional
+        Called with the number of steps made.
+
+    Returns
+    -------
+    LockStep
+        Summary.
+
+    Raises
+    ------
+    LinkError
+        If the board does not answer, or the core gives no decision.
+    RefusedError
+        If the board refuses a step.
+    ValueError
+        If the torque is beyond breakdown at this flux.
+    """
     scenario = mptc_closed_loop.constant(drive, rpm, load, psi_ref, steps)
     plant = plant_parameters(drive)
     parameters = mptc_bit_true.parameters(drive)

@@ -101,7 +101,18 @@ STEP_WORDS = {Controller.MPDCC: 13, Controller.MPTC: 8}
 
 
 def step_size(controller: Controller) -> int:
-    """Payload bytes of a STEP request."""
+    """Payload bytes of a STEP request.
+
+    Parameters
+    ----------
+    controller : Controller
+        Build option of the top.
+
+    Returns
+    -------
+    int
+        28 for MPDCC, 18 for MPTC.
+    """
     return 2 * STEP_WORDS[controller] + 2
 
 
@@ -146,19 +157,57 @@ class Frame:
     payload: bytes = b""
 
     def body(self) -> bytes:
-        """The frame with its CRC, not stuffed."""
+        """The frame with its CRC, not stuffed.
+
+        Returns
+        -------
+        bytes
+            Type, length, sequence number, payload, CRC-32; OVERHEAD to MAX_FRAME bytes.
+
+        Raises
+        ------
+        ProtocolError
+            If the payload is longer than MAX_PAYLOAD.
+        """
         if len(self.payload) > MAX_PAYLOAD:
             raise ProtocolError(f"payload of {len(self.payload)} bytes; at most {MAX_PAYLOAD} fit")
         head = struct.pack("<BBI", self.kind, len(self.payload), self.sequence)
         return head + self.payload + struct.pack("<I", zlib.crc32(head + self.payload))
 
     def wire(self) -> bytes:
-        """The bytes on the line, delimiters included."""
+        """The bytes on the line, delimiters included.
+
+        Returns
+        -------
+        bytes
+            Two more than the stuffed frame has.
+
+        Raises
+        ------
+        ProtocolError
+            If the payload is longer than MAX_PAYLOAD.
+        """
         return bytes([DELIMITER]) + stuff(self.body()) + bytes([DELIMITER])
 
 
 def stuff(data: bytes) -> bytes:
-    """COBS: the same bytes without a zero among them (blocks below 254 bytes only)."""
+    """COBS: the same bytes without a zero among them (blocks below 254 bytes only).
+
+    Parameters
+    ----------
+    data : bytes
+        At most 253.
+
+    Returns
+    -------
+    bytes
+        One more than `data` has.
+
+    Raises
+    ------
+    ProtocolError
+        If there are more bytes than one block takes.
+    """
     if len(data) > 253:
         raise ProtocolError(f"{len(data)} bytes are more than one COBS block")
     out = bytearray()
@@ -168,7 +217,23 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(data: bytes) -> bytes:
-    """Undo ``stuff``; raises ``ProtocolError`` where the blocks do not add up."""
+    """Undo ``stuff``.
+
+    Parameters
+    ----------
+    data : bytes
+        Between two delimiters.
+
+    Returns
+    -------
+    bytes
+        What was stuffed.
+
+    Raises
+    ------
+    ProtocolError
+        Where the blocks do not add up.
+    """
     out = bytearray()
     at = 0
     while at < len(data):
@@ -186,11 +251,16 @@ def unstuff(data: bytes) -> bytes:
 def judge(stuffed: bytes) -> tuple[Outcome, Frame | None]:
     """What a receiver makes of the bytes between two delimiters, as the RTL does.
 
+    Parameters
+    ----------
+    stuffed : bytes
+        Without the delimiters.
+
     Returns
     -------
-    outcome
+    outcome : Outcome
         ``ACCEPTED`` or the first reason that applies, of those that need the bytes alone.
-    frame
+    frame : Frame or None
         The frame if it is accepted.
     """
     # The receiver counts what it has unstuffed, so a frame is too long before it is broken.
@@ -218,7 +288,18 @@ def judge(stuffed: bytes) -> tuple[Outcome, Frame | None]:
 
 
 def is_newer(sequence: int, last: int) -> bool:
-    """Whether a sequence number lies ahead of the last one: by 1 to 2**31 - 1, modulo 2**32."""
+    """Whether a sequence number lies ahead of the last one: by 1 to 2**31 - 1, modulo 2**32.
+
+    Parameters
+    ----------
+    sequence, last : int
+        0 to 2**32 - 1.
+
+    Returns
+    -------
+    bool
+        False for the same number.
+    """
     return 0 < (sequence - last) % 2**32 < 2**31
 
 
@@ -229,7 +310,18 @@ class Splitter:
         self._pending = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The stuffed bytes of every frame that ended; empty ones are idle time."""
+        """The stuffed bytes of every frame that ended; empty ones are idle time.
+
+        Parameters
+        ----------
+        data : bytes
+            As they come from the line; frames may begin and end anywhere in them.
+
+        Returns
+        -------
+        list of bytes
+            In order; what has not ended is kept for the next call.
+        """
         found = []
         for byte in data:
             if byte != DELIMITER:
@@ -279,14 +371,43 @@ class Identity:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Identity:
-        """Read a payload."""
+        """Read a payload.
+
+        Parameters
+        ----------
+        payload : bytes
+            16 of them.
+
+        Returns
+        -------
+        Identity
+            Its fields.
+
+        Raises
+        ------
+        ValueError
+            If there is no such controller.
+        struct.error
+            If there are not 16 bytes.
+        """
         version, controller, explorers, options, last, clock, limit = struct.unpack(
             cls.FORMAT, payload
         )
         return cls(version, Controller(controller), explorers, options, last, clock, limit)
 
     def pack(self) -> bytes:
-        """The payload."""
+        """The payload.
+
+        Returns
+        -------
+        bytes
+            16, little-endian.
+
+        Raises
+        ------
+        struct.error
+            If a field does not fit.
+        """
         return struct.pack(
             self.FORMAT, self.version, self.controller, self.explorers, self.options,
             self.last_sequence, self.clock, self.limit,
@@ -324,33 +445,106 @@ class Decision:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Decision:
-        """Read a payload."""
+        """Read a payload.
+
+        Parameters
+        ----------
+        payload : bytes
+            12 of them.
+
+        Returns
+        -------
+        Decision
+            Its fields.
+
+        Raises
+        ------
+        struct.error
+            If there are not 12 bytes.
+        """
         return cls(*struct.unpack(cls.FORMAT, payload))
 
     def pack(self) -> bytes:
-        """The payload."""
+        """The payload.
+
+        Returns
+        -------
+        bytes
+            12, little-endian.
+
+        Raises
+        ------
+        struct.error
+            If a field does not fit.
+        """
         return struct.pack(
             self.FORMAT, self.position, self.flags, self.length, self.cycles, self.faults,
             self.gates,
         )  # fmt: skip
 
     def has(self, flag: Flag) -> bool:
-        """Whether a flag is set."""
+        """Whether a flag is set.
+
+        Parameters
+        ----------
+        flag : Flag
+            Bit of `flags`.
+
+        Returns
+        -------
+        bool
+            True where it is 1.
+        """
         return bool(self.flags >> flag & 1)
 
     @property
     def positions(self) -> tuple[int, int, int]:
-        """MPDCC's switch positions of the three phases."""
+        """MPDCC's switch positions of the three phases.
+
+        Returns
+        -------
+        s_a, s_b, s_c : int
+            0..7.
+        """
         return self.position & 7, self.position >> 3 & 7, self.position >> 6 & 7
 
 
 def step_payload(words: list[int], position: int) -> bytes:
-    """Payload of a STEP request: the core's measurement ports in port order, then s(k-1) or u."""
+    """Payload of a STEP request.
+
+    Parameters
+    ----------
+    words : list of int
+        The core's measurement ports in port order; the lower 16 bits of each are sent.
+    position : int
+        MPDCC: s(k-1), packed; MPTC: u. 16 bits, unsigned.
+
+    Returns
+    -------
+    bytes
+        Two for each word and two for the position, little-endian.
+
+    Raises
+    ------
+    struct.error
+        If the position does not fit.
+    """
     return struct.pack(f"<{len(words)}H", *(w & 0xFFFF for w in words)) + struct.pack(
         "<H", position
     )
 
 
 def packed_positions(s: tuple[int, int, int] | list[int]) -> int:
-    """Switch positions of three phases in a word."""
+    """Switch positions of three phases in a word.
+
+    Parameters
+    ----------
+    s : tuple or list of int
+        Positions of phases a, b, c, 0..7.
+
+    Returns
+    -------
+    int
+        s_a + 8*s_b + 64*s_c.
+    """
     return int(s[0]) + 8 * int(s[1]) + 64 * int(s[2])

@@ -42,11 +42,28 @@ class LinkModel:
 
     @property
     def controls(self) -> bool:
-        """Whether this link's steps count."""
+        """Whether this link's steps count.
+
+        Returns
+        -------
+        bool
+            Bit 1 of the identity's options.
+        """
         return bool(self.identity.options & 2)
 
     def verdict(self, frame: Frame) -> Outcome:
-        """What becomes of a frame that its receiver has passed."""
+        """What becomes of a frame that its receiver has passed.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame with a right CRC.
+
+        Returns
+        -------
+        Outcome
+            ``ACCEPTED`` or the first reason that applies.
+        """
         kind, size = frame.kind, len(frame.payload)
         step_size = p.step_size(self.identity.controller)
         sizes = {**p.REQUEST_SIZE, Type.STEP: step_size}
@@ -67,7 +84,18 @@ class LinkModel:
         return Outcome.ACCEPTED
 
     def reply(self, frame: Frame) -> Frame:
-        """Serve a frame that its receiver has passed."""
+        """Serve a frame that its receiver has passed.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame with a right CRC.
+
+        Returns
+        -------
+        Frame
+            The reply, or REFUSED with the reason.
+        """
         outcome = self.verdict(frame)
         if outcome is not Outcome.ACCEPTED:
             payload = struct.pack("<BBI", outcome, frame.kind, self.last)
@@ -102,7 +130,18 @@ class LinkModel:
         return Frame(kind | p.REPLY, frame.sequence, payload)
 
     def receive(self, stuffed: bytes) -> Frame | None:
-        """Serve the bytes between two delimiters; None where there is no answer."""
+        """Serve the bytes between two delimiters.
+
+        Parameters
+        ----------
+        stuffed : bytes
+            Without the delimiters.
+
+        Returns
+        -------
+        Frame or None
+            None where there is no answer, because the frame is broken.
+        """
         outcome, frame = p.judge(stuffed)
         if frame is None:
             self.counters[outcome] += 1

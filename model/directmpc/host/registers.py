@@ -87,6 +87,11 @@ class RegisterValues:
     def writes(self) -> list[tuple[str, int, int]]:
         """Name, address and 32-bit word of every write; the commit is the last.
 
+        Returns
+        -------
+        list of (str, int, int)
+            In address order but for the commit; byte addresses, words unsigned.
+
         Raises
         ------
         ValueError
@@ -109,12 +114,17 @@ def packed(
 
     Parameters
     ----------
-    register
+    register : str
         Its name, for messages.
-    fields
-        As in the map: lowest bit, bits, signed.
-    given
+    fields : mapping
+        Field to (lowest bit, bits, signed), as in the map.
+    given : mapping of str to int
         Values by field.
+
+    Returns
+    -------
+    int
+        32 bits, unsigned.
 
     Raises
     ------
@@ -137,7 +147,23 @@ def packed(
 
 
 def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]:
-    """Register map of a controller: name -> (address, fields)."""
+    """Register map of a controller: name -> (address, fields).
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    dict
+        Register to (byte address, {field: (lowest bit, bits, signed)}).
+
+    Raises
+    ------
+    KeyError
+        If there is no such controller.
+    """
     from directmpc.host.register_map import MAPS  # generated: register_files runs without it
 
     return MAPS[controller]
@@ -203,6 +229,20 @@ def guard_words(
 ) -> dict[str, int]:
     """Registers of the gate guard; appends to ``saturated``.
 
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Control period, dc-link voltage and, for MPTC, full scales.
+    settings : GuardSettings
+        What the guard is set to, in its units.
+    saturated : list of str
+        Sentences are appended for values that do not fit and become safer ones.
+
+    Returns
+    -------
+    dict of str to int
+        Register of the guard to counts: clocks, or LSB of the measurement.
+
     Raises
     ------
     ValueError
@@ -250,6 +290,11 @@ def values(
     variant : str
         "fast" or "paper", for MPDCC.
 
+    Returns
+    -------
+    RegisterValues
+        Gate guard and parameters of the core and its observer.
+
     Raises
     ------
     ValueError
@@ -282,7 +327,23 @@ def values(
 
 
 def format_csv(found: RegisterValues) -> str:
-    """Lay out the writes as CSV: register, address, word, value."""
+    """Lay out the writes as CSV: register, address, word, value.
+
+    Parameters
+    ----------
+    found : RegisterValues
+        Of ``values``.
+
+    Returns
+    -------
+    str
+        A header and a line per write, without an end of line behind the last.
+
+    Raises
+    ------
+    ValueError
+        If a value does not fit its register.
+    """
     lines = ["register,address,word,value"]
     for name, address, word in found.writes():
         lines.append(f"{name},0x{address:03X},0x{word:08X},{found.words.get(name, word)}")
@@ -290,7 +351,25 @@ def format_csv(found: RegisterValues) -> str:
 
 
 def format_c(found: RegisterValues, source: str) -> str:
-    """Lay out the writes as a C array."""
+    """Lay out the writes as a C array.
+
+    Parameters
+    ----------
+    found : RegisterValues
+        Of ``values``.
+    source : str
+        Name of the drive file, for the comment.
+
+    Returns
+    -------
+    str
+        C99, without an end of line behind the last.
+
+    Raises
+    ------
+    ValueError
+        If a value does not fit its register.
+    """
     lines = [
         f"/* Registers of {source}: write them in this order, the last commits them. */",
         *(f"/* saturated: {problem} */" for problem in found.saturated),
@@ -307,7 +386,23 @@ def format_c(found: RegisterValues, source: str) -> str:
 
 
 def format_table(found: RegisterValues) -> str:
-    """Lay out the writes as text."""
+    """Lay out the writes as text.
+
+    Parameters
+    ----------
+    found : RegisterValues
+        Of ``values``.
+
+    Returns
+    -------
+    str
+        A line per write: name, address, word, value.
+
+    Raises
+    ------
+    ValueError
+        If a value does not fit its register.
+    """
     return "\n".join(
         f"{name:42} 0x{address:03X}  0x{word:08X} {found.words.get(name, word):>9}"
         for name, address, word in found.writes()
@@ -322,7 +417,18 @@ def _positive(text: str) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the register values of a drive file; 2 when it cannot be used."""
+    """Print the register values of a drive file; 2 when it cannot be used.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 2 where the drive file or a setting cannot be used.
+    """
     parser = argparse.ArgumentParser(
         prog="registers", description="Register values of a system for a drive file."
     )

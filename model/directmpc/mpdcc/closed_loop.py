@@ -55,6 +55,16 @@ class OperatingPoint:
     def steady_state(self, machine: InductionMachine) -> SteadyState:
         """Steady state of a machine at this point.
 
+        Parameters
+        ----------
+        machine : InductionMachine
+            Per unit.
+
+        Returns
+        -------
+        SteadyState
+            Per unit.
+
         Raises
         ------
         ValueError
@@ -103,7 +113,29 @@ class Profile:
 def constant_profile(
     drive: Drive, point: OperatingPoint, steps: int, phase: float = 0.0
 ) -> Profile:
-    """Hold one operating point; the reference starts at angle `phase` (rad)."""
+    """Hold one operating point.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine tells speeds and currents; its v_dc is constant.
+    point : OperatingPoint
+        Per unit.
+    steps : int
+        Length of the profile, control steps.
+    phase : float
+        Angle of the reference at the start, rad.
+
+    Returns
+    -------
+    Profile
+        `steps` steps.
+
+    Raises
+    ------
+    ValueError
+        If there is no such steady state.
+    """
     return ramp_profile(drive, point, point, steps, 0, 0, phase)
 
 
@@ -120,17 +152,27 @@ def ramp_profile(
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Its machine tells speeds and currents of the points; its v_dc is constant.
-    start, stop
-        Operating points before `begin` and from `end` on; in between both speeds and the current
-        (in the frame of the rotor flux) change linearly. ``end <= begin`` makes a step at `begin`.
-    steps
-        Length of the profile.
-    begin, end
+    start, stop : OperatingPoint
+        Before `begin` and from `end` on; in between both speeds and the current (in the frame of
+        the rotor flux) change linearly. ``end <= begin`` makes a step at `begin`.
+    steps : int
+        Length of the profile, control steps.
+    begin, end : int
         Steps at which the change begins and ends.
-    phase
+    phase : float
         Angle of the reference at the start, rad.
+
+    Returns
+    -------
+    Profile
+        `steps` steps.
+
+    Raises
+    ------
+    ValueError
+        If a point has no steady state.
     """
     first, last = start.steady_state(drive.machine), stop.steady_state(drive.machine)
     k = np.arange(steps)
@@ -213,7 +255,13 @@ class ClosedLoopResult:
         return len(self.decisions)
 
     def trace(self) -> MpdccTrace:
-        """Return what the controller saw, ready for `trace.write_trace`."""
+        """Return what the controller saw, ready for `trace.write_trace`.
+
+        Returns
+        -------
+        MpdccTrace
+            n rows, per unit.
+        """
         return self.seen
 
     def shadow_count(
@@ -223,11 +271,16 @@ class ClosedLoopResult:
 
         Parameters
         ----------
-        reference
+        reference : IdealParameters, optional
             Ideal parameters to judge near ties with; none are counted without.
-        tolerance
-            A near tie is a search whose two cheapest candidates differ by at most this share of
-            the cheaper one's cost.
+        tolerance : float
+            A near tie is a search whose two cheapest candidates differ by at most this share of the
+            cheaper one's cost.
+
+        Returns
+        -------
+        ShadowCount
+            Of all recorded steps.
 
         Raises
         ------

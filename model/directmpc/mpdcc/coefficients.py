@@ -53,7 +53,7 @@ INDEX: dict[str, int] = {name: place for place, name in enumerate((*COEFFICIENTS
 class Registers:
     """Run-time parameters of ``mpdcc_core`` as integers.
 
-    Parameters
+    Attributes
     ----------
     coefficients : dict of int
         One signed 16-bit value per name of ``common_terms.COEFFICIENTS``.
@@ -94,24 +94,58 @@ class Registers:
     correction: float
 
     def ports(self) -> dict[str, int]:
-        """Every parameter port of the core: name -> integer, in port order."""
+        """Every parameter port of the core: name -> integer, in port order.
+
+        Returns
+        -------
+        dict of str to int
+            Coefficients are signed, with ``c_`` before their name; all others unsigned.
+        """
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
             **{name: int(getattr(self, name)) for name in OPTIONS},
         }
 
     def array(self) -> NDArray[np.int64]:
-        """``ports`` as an array, for compiled code."""
+        """``ports`` as an array, for compiled code.
+
+        Returns
+        -------
+        ndarray of int64
+            Places of the names are in ``INDEX``.
+        """
         return np.array(list(self.ports().values()), dtype=np.int64)
 
 
 def second_level(values: NDArray[np.int64]) -> bool:
-    """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in."""
+    """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in.
+
+    Parameters
+    ----------
+    values : ndarray of int64, shape (p,) or (n, p)
+        ``Registers.array()``, or n rows of it.
+
+    Returns
+    -------
+    bool
+        True where a row sets ``two_switchings`` or ``compensate``.
+    """
     return _any(values, "two_switchings", "compensate")
 
 
 def weighted_deadlock(values: NDArray[np.int64]) -> bool:
-    """Whether such values need WEIGHTED_DEADLOCK built in."""
+    """Whether register values need WEIGHTED_DEADLOCK built in.
+
+    Parameters
+    ----------
+    values : ndarray of int64, shape (p,) or (n, p)
+        ``Registers.array()``, or n rows of it.
+
+    Returns
+    -------
+    bool
+        True where a row sets ``deadlock_rule``.
+    """
     return _any(values, "deadlock_rule")
 
 
@@ -260,7 +294,25 @@ class Unrounded:
 
 
 def unrounded(drive: Drive, variant: str) -> Unrounded:
-    """Register values of a drive in full precision; arguments and errors as ``registers``."""
+    """Register values of a drive in full precision (Paper A, eqs. 2, 9 and 14).
+
+    Parameters
+    ----------
+    drive : Drive
+        Validated drive file.
+    variant : str
+        "paper" or "fast": which explorers the core has.
+
+    Returns
+    -------
+    Unrounded
+        Coefficients in LSB of their ports, bounds in trajectory units.
+
+    Raises
+    ------
+    ValueError
+        Where a value cannot be represented; the message names the drive file's key.
+    """
     prediction, length, correction = _prediction(drive, variant)
     real = _per_unit(drive, prediction)
     bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
@@ -287,6 +339,13 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
 
 def refuse_unserved(drive: Drive, variant: str) -> None:
     """Refuse a drive that asks for what the explorers of a variant cannot do.
+
+    Parameters
+    ----------
+    drive : Drive
+        Validated drive file.
+    variant : str
+        "paper" or "fast".
 
     Raises
     ------
@@ -322,6 +381,7 @@ def registers(drive: Drive, variant: str) -> Registers:
     Returns
     -------
     Registers
+        Words as the ports take them.
 
     Raises
     ------
@@ -351,7 +411,18 @@ def registers(drive: Drive, variant: str) -> Registers:
 
 
 def format_csv(values: Registers) -> str:
-    """Lay out the registers as CSV: port, value, and the word to write in hexadecimal."""
+    """Lay out the registers as CSV: port, value, and the word to write in hexadecimal.
+
+    Parameters
+    ----------
+    values : Registers
+        Of ``registers``.
+
+    Returns
+    -------
+    str
+        A header and a line per port, without an end of line behind the last.
+    """
     lines = ["port,value,hex"]
     for port, value in values.ports().items():
         digits = 4 if port.startswith(("c_", "bound")) else 2
@@ -360,7 +431,18 @@ def format_csv(values: Registers) -> str:
 
 
 def format_table(values: Registers) -> str:
-    """Lay out the registers as text."""
+    """Lay out the registers as text.
+
+    Parameters
+    ----------
+    values : Registers
+        Of ``registers``.
+
+    Returns
+    -------
+    str
+        A line per port, then the trajectory unit and the extrapolation.
+    """
     rows = [line.split(",") for line in format_csv(values).splitlines()]
     lines = [f"{port:20} {value:>8} {word:>6}" for port, value, word in rows]
     lines += [
@@ -372,7 +454,18 @@ def format_table(values: Registers) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the register values of a drive file; 2 when it cannot be used."""
+    """Print the register values of a drive file; 2 when it cannot be used.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 2 where the drive file cannot be used.
+    """
     parser = argparse.ArgumentParser(
         prog="coefficients", description="Parameter ports of mpdcc_core for a drive file."
     )

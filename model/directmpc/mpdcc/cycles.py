@@ -92,21 +92,39 @@ def search(explorers: int, root: int, nodes: Sequence[Counts], *, cut: bool = Fa
 
     Parameters
     ----------
-    explorers
+    explorers : int
         1 to 8.
-    root
-        Candidates that follow s(k-1).
-    nodes
+    root : int
+        Candidates that follow s(k-1), 27 to 64.
+    nodes : sequence of (int, int, int)
         For each node looked at, in turn, the next positions of phases a, b, c.
-    cut
+    cut : bool
         Whether the budget ended it.
+
+    Returns
+    -------
+    int
+        Clocks from ``start`` to ``valid``.
     """
     array = np.array(nodes, dtype=np.int64).reshape(-1, 3)
     return int(_schedule(explorers, root, array, cut))
 
 
 def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
-    """Most cycles over all s(k-1), and the position that takes them."""
+    """Most cycles over all s(k-1), and the position that takes them.
+
+    Parameters
+    ----------
+    explorers : int
+        1 to 8.
+
+    Returns
+    -------
+    most : int
+        Clocks from ``start`` to ``valid``, without a budget.
+    where : ndarray of int64, shape (3,)
+        The first s(k-1) of this number, 0..7.
+    """
     most, where = 0, np.zeros(3, np.int64)
     for s in itertools.product(range(anpc.POSITIONS), repeat=3):
         found = search(explorers, len(anpc.candidates(s)), nodes_below(s))
@@ -125,10 +143,15 @@ def bound(explorers: int, budget: int) -> int:
 
     Parameters
     ----------
-    explorers
+    explorers : int
         1 to 8.
-    budget
+    budget : int
         Candidates of the second level, 0: no limit.
+
+    Returns
+    -------
+    int
+        Clocks from ``start`` to ``valid``.
     """
     if budget == 0:
         return worst(explorers)[0]
@@ -150,7 +173,23 @@ def bound(explorers: int, budget: int) -> int:
 
 
 def nodes_below(s: tuple[int, ...]) -> list[Counts]:
-    """All nodes that can follow s(k-1), by effort, the latest first: the order of the queue."""
+    """All nodes that can follow s(k-1), by effort, the latest first: the order of the queue.
+
+    Parameters
+    ----------
+    s : tuple of int
+        s(k-1) of phases a, b, c, 0..7.
+
+    Returns
+    -------
+    list of (int, int, int)
+        For each node the numbers of positions that may follow in phases a, b, c.
+
+    Raises
+    ------
+    ValueError
+        If there are not three positions, or one is outside 0..7.
+    """
     weight = anpc.TRANSITION_WEIGHT[0]
     found = [
         (sum(int(weight[p, q]) for p, q in zip(s, candidate, strict=True)), candidate)

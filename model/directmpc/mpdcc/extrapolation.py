@@ -75,13 +75,13 @@ def fit_correction(
 
     Parameters
     ----------
-    machine
+    machine : InductionMachine
         Machine, per unit.
-    ts
+    ts : float
         Sampling interval, per unit.
-    length
+    length : int
         L, steps.
-    speeds
+    speeds : sequence of float
         Rotor speeds to fit over, per unit; not all zero.
 
     Returns
@@ -114,6 +114,16 @@ def typical_span(drive: Drive) -> int:
     One level on one phase is a space vector of (2/3) (v_dc/4). Most candidates live about that
     long, so it is there that the prediction has to be right: a length that fits whole trajectories
     through the bounds, several times longer, mistakes the many candidates that end early.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine, sampling interval, v_dc, current bound and horizon count.
+
+    Returns
+    -------
+    int
+        Steps, 1 to the horizon.
     """
     m = drive.machine
     slope = m.xr / m.d * drive.ts_pu * drive.inverter.vdc / 6
@@ -155,17 +165,22 @@ def compare_lengths(
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Drive whose machine, sampling interval, bounds and horizon count.
-    lengths
+    lengths : sequence of int
         Lengths to compare, steps.
-    speeds
-        Stator frequencies to average over, per unit.
+    speeds : sequence of float
+        Stator frequencies to average over, per unit; not all zero.
 
     Returns
     -------
     list of Extrapolation
         In the order of `lengths`.
+
+    Raises
+    ------
+    ValueError
+        If a length is below 1 or all speeds are zero.
     """
     span = typical_span(drive)
     result = []
@@ -185,17 +200,35 @@ def choose_extrapolation(drive: Drive) -> tuple[int, float]:
     steps 1 to `typical_span` and over the speeds `SPEEDS`, at rated current and flux; the shorter
     length on a tie.
 
+    Parameters
+    ----------
+    drive : Drive
+        Its machine, sampling interval, v_dc, current bound and horizon count.
+
     Returns
     -------
-    length, p
-        L in steps, a power of two, and the correction fitted for it.
+    length : int
+        L in steps, a power of two.
+    p : float
+        The correction fitted for it (Paper A, eqs. 4, 9b and 14).
     """
     best = min(compare_lengths(drive), key=lambda e: (e.rms_error, e.correction.length))
     return best.correction.length, best.correction.p
 
 
 def format_table(drive: Drive) -> str:
-    """Lay out the comparison of all lengths, the chosen one marked, as text."""
+    """Lay out the comparison of all lengths, the chosen one marked, as text.
+
+    Parameters
+    ----------
+    drive : Drive
+        As in `choose_extrapolation`.
+
+    Returns
+    -------
+    str
+        p, its error and the error of the prediction (both per unit) for each of `LENGTHS`.
+    """
     m = drive.machine
     chosen, _ = choose_extrapolation(drive)
     lines = [
@@ -217,7 +250,18 @@ def format_table(drive: Drive) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table for a drive file; returns the process exit status."""
+    """Print the table for a drive file; returns the process exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 2 where the drive file cannot be used.
+    """
     parser = argparse.ArgumentParser(prog="fit", description=__doc__.splitlines()[0])
     parser.add_argument("drive", help="drive file (TOML) of an MPDCC drive")
     given = parser.parse_args(arguments)

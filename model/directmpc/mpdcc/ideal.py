@@ -60,7 +60,18 @@ class IdealParameters(NamedTuple):
 
 
 def ideal_parameters(drive: Drive) -> IdealParameters:
-    """Collect the parameters of the ideal controller from a drive."""
+    """Collect the parameters of the ideal controller from a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Validated drive.
+
+    Returns
+    -------
+    IdealParameters
+        Per unit; `bounds` of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
+    """
     m = drive.machine
     return IdealParameters(
         ts=drive.ts_pu,
@@ -89,7 +100,18 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
 
 @njit
 def phases(vector):
-    """K^-1 of eq. (1) on a complex space vector."""
+    """K^-1 of eq. (1) on a complex space vector.
+
+    Parameters
+    ----------
+    vector : complex
+        alpha + j*beta, any unit.
+
+    Returns
+    -------
+    a, b, c : float
+        Phases in the same unit; their sum is zero.
+    """
     half = -0.5 * vector.real
     root = SQRT3_2 * vector.imag
     return vector.real, half + root, half - root
@@ -102,6 +124,7 @@ def inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
     Parameters
     ----------
     p : IdealParameters
+        From `ideal_parameters`.
     vdc, v_n, v_a, v_b, v_c : float
         Voltages of dc link, neutral point and phase capacitors, per unit.
     i_a, i_b, i_c : float
@@ -189,12 +212,18 @@ def _extend(
 
 @njit
 def prepare(p, x_m, iref, omega_s, omega_r, steps):
-    """What all candidates share.
+    """What all candidates share (Paper A, section V-A, without its approximations).
 
     Parameters
     ----------
-    p, x_m, iref, omega_s, omega_r
-        As in `decide`.
+    p : IdealParameters
+        From `ideal_parameters`.
+    x_m : ndarray of float64, shape (4,)
+        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference at k, per unit.
+    omega_s, omega_r : float
+        Stator and rotor angular speed, per unit.
     steps : int
         Length of the reference.
 
@@ -438,7 +467,22 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Tell how clear a decision is; arguments as `decide`.
+    """Tell how clear a decision is (Paper A, eqs. 10 to 12; in a deadlock 15 and 16).
+
+    Parameters
+    ----------
+    parameters : IdealParameters
+        From `ideal_parameters`.
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Machine and inverter state at k, per unit, as in `decide`.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference at k, per unit.
+    omega_s, omega_r : float
+        Stator and rotor angular speed, per unit.
+    s_prev : ndarray of int64, shape (3,)
+        Positions s(k-1), 0..7.
 
     Returns
     -------
@@ -473,6 +517,7 @@ def advance(p, x, s, omega_r, vdc):
     Parameters
     ----------
     p : IdealParameters
+        From `ideal_parameters`.
     x : (8,) float
         i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c at k, per unit;
         replaced by those at k + 1.
@@ -497,7 +542,20 @@ def advance(p, x, s, omega_r, vdc):
 
 
 def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
-    """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it."""
+    """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it.
+
+    Parameters
+    ----------
+    parameters : IdealParameters
+        From `ideal_parameters`.
+    trace : MpdccTrace
+        n rows at k, per unit; not changed.
+
+    Returns
+    -------
+    MpdccTrace
+        n rows at k + 1: states, and references turned with omega_s; the rest as before.
+    """
     state = np.hstack([trace.x_m, trace.x_inv])
     iref = trace.iref.copy()
     for k in range(len(trace)):
@@ -512,10 +570,10 @@ def run(drive: Drive, trace: MpdccTrace) -> Decisions:
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Drive to control; its switching horizon says whether SE or SESE.
-    trace
-        n rows, independent of one another.
+    trace : MpdccTrace
+        n rows, independent of one another, per unit.
 
     Returns
     -------

@@ -143,7 +143,7 @@ def candidates(s_abc: Sequence[int]) -> list[tuple[int, int, int]]:
 
     Parameters
     ----------
-    s_abc
+    s_abc : sequence of int
         Present positions of phases a, b, c, each 0..7.
 
     Returns
@@ -175,20 +175,43 @@ def phase_voltages(
         Positions of phases a, b, c, 0..7.
     v_dc, v_n : float
         Voltages of dc link and neutral point, per unit.
-    v_ph : (3,)
+    v_ph : ndarray of float64, shape (3,)
         Voltages of the phase capacitors, per unit.
 
     Returns
     -------
-    (3,)
+    ndarray of float64, shape (3,)
         Per unit.
+
+    Raises
+    ------
+    IndexError
+        If a position is above 7.
     """
     s = np.asarray(s_abc, dtype=np.int64)
     return HALF_DC[s] * (v_dc / 2) + NEUTRAL[s] * v_n + CAPACITOR[s] * np.asarray(v_ph)
 
 
 def inverter_matrix(s_abc: Sequence[int], xdc: float, xph: float) -> NDArray[np.float64]:
-    """Form B_inv(s) of Paper A, eq. (2): shape (4, 3), d[v_n, v_ph_abc]/dt per i_abc, per unit."""
+    """Form B_inv(s) of Paper A, eq. (2), per unit.
+
+    Parameters
+    ----------
+    s_abc : sequence of int
+        Positions of phases a, b, c, 0..7.
+    xdc, xph : float
+        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
+
+    Returns
+    -------
+    ndarray of float64, shape (4, 3)
+        d[v_n, v_ph_a, v_ph_b, v_ph_c]/dt per phase current i_abc.
+
+    Raises
+    ------
+    IndexError
+        If a position is above 7.
+    """
     s = np.asarray(s_abc, dtype=np.int64)
     matrix = np.zeros((4, 3))
     matrix[0] = -NEUTRAL_CURRENT[s] / (2 * xdc)

@@ -68,10 +68,15 @@ def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
 
     Parameters
     ----------
-    positions : (n + 1, 3)
-        Positions before the first step and during each of n steps.
-    ts
+    positions : ndarray of int64, shape (n + 1, 3)
+        Positions before the first step and during each of n steps, 0..7.
+    ts : float
         Sampling interval in seconds.
+
+    Returns
+    -------
+    SwitchingFrequency
+        Hz.
 
     Raises
     ------
@@ -96,9 +101,19 @@ def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
 
 
 def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray:
-    """Largest excess over the bound per output, shape (7,), per unit; 0 where there is none.
+    """Largest excess over the bound per output, per unit; 0 where there is none (Paper A, eq. 8).
 
-    Outputs at every recorded step are compared with the reference of that step.
+    Parameters
+    ----------
+    result : ClosedLoopResult
+        n recorded steps.
+    bounds : ndarray of float64, shape (7,)
+        Half widths of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
+
+    Returns
+    -------
+    ndarray of float64, shape (7,)
+        In the order of `bounds`, per unit.
     """
     n = len(result)
     reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
@@ -111,6 +126,18 @@ def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray
 
 def summarise(drive: Drive, result: ClosedLoopResult) -> Summary:
     """Collect the figures of merit of a run at constant omega_s.
+
+    Parameters
+    ----------
+    drive : Drive
+        Control period and bounds.
+    result : ClosedLoopResult
+        n recorded steps at one stator frequency.
+
+    Returns
+    -------
+    Summary
+        Distortion as a ratio, frequencies in Hz, violations per unit.
 
     Raises
     ------

@@ -110,7 +110,18 @@ def coefficients(drive: Drive, crossover: float = CROSSOVER) -> tuple[dict[str, 
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in port order, for compiled code."""
+    """Coefficients in port order, for compiled code.
+
+    Parameters
+    ----------
+    words : dict of int
+        Of ``coefficients``.
+
+    Returns
+    -------
+    ndarray of int64, shape (11,)
+        Signed 18-bit words in the order of ``COEFFICIENTS``.
+    """
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
@@ -166,8 +177,9 @@ def step_words(coefficient, state, m, s):
     Returns
     -------
     psir_alpha, psir_beta : int
-        Rotor flux at k as the core's ports take it.
+        Rotor flux at k as the core's ports take it, LSB of ``formats.FLUX``.
     saturated : int
+        1 where a word, or the state before, did not hold its value.
     """
     c = _words(coefficient)
     guard = GUARD

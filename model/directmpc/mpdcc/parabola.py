@@ -75,7 +75,7 @@ def _fit(omega: NDArray[np.float64], values: ComplexArray, powers: tuple[int, ..
 
 
 def fit_parabola(machine: InductionMachine, ts: float) -> Parabola:
-    """Fit the parabola's coefficients to the exact machine.
+    """Fit the parabola's coefficients to the exact machine (instead of Paper A, eq. 14).
 
     Parameters
     ----------
@@ -87,11 +87,24 @@ def fit_parabola(machine: InductionMachine, ts: float) -> Parabola:
     Returns
     -------
     Parabola
+        Per unit of current error, per step and per square step.
     """
     m = machine
     omega = np.linspace(-SPEED_RANGE, SPEED_RANGE, 53)
 
     def exact(steps: int) -> list[ComplexArray]:
+        """Factors of i_s, psi_r, i* and v in the current error some steps on, at each speed.
+
+        Parameters
+        ----------
+        steps : int
+            Steps ahead.
+
+        Returns
+        -------
+        list of ndarray of complex128, shape (53,)
+            One array per factor, per unit.
+        """
         rows = [discretise(m.tau_s, m.tau_r, m.xm, m.xr, m.d, w, steps * ts) for w in omega]
         a11, a12, b1 = (np.array([row[k] for row in rows]) for k in (0, 1, 4))
         return [1 - a11, -a12, np.exp(1j * omega * steps * ts) - 1, b1]

@@ -61,7 +61,22 @@ class PlantData(NamedTuple):
 
 
 def plant_data(machine: InductionMachine, xdc: float, xph: float, ts: float) -> PlantData:
-    """Build the plant's data from its own parameters, per unit (ts too)."""
+    """Build the plant's data from its own parameters (Paper A, eqs. 1, 2 and 4).
+
+    Parameters
+    ----------
+    machine : InductionMachine
+        Machine of the plant, per unit.
+    xdc, xph : float
+        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
+    ts : float
+        Control period, per unit.
+
+    Returns
+    -------
+    PlantData
+        With an empty cache of discretised steps.
+    """
     standstill = machine.system_matrix(0.0)
     return PlantData(
         ts=float(ts),
@@ -153,9 +168,9 @@ def plant_step(data, state, s_abc, omega_r, vdc):
     ----------
     data : PlantData
         From `plant_data`; its cache is filled as positions come up.
-    state : (8,) float
-        Changed in place.
-    s_abc : (3,) int
+    state : ndarray of float64, shape (8,)
+        As in `Plant`, per unit; changed in place.
+    s_abc : ndarray of int64, shape (3,)
         Positions applied, 0..7.
     omega_r, vdc : float
         Rotor speed and dc-link voltage, constant over the step, per unit.
@@ -222,17 +237,46 @@ class Plant:
 
     @property
     def currents(self) -> FloatArray:
-        """Phase currents i_abc, shape (3,), per unit."""
+        """Phase currents i_abc, shape (3,), per unit.
+
+        Returns
+        -------
+        ndarray of float64, shape (3,)
+            i_a, i_b, i_c, per unit.
+        """
         return CLARKE_INVERSE @ self.state[:2]
 
     def system(self, s_abc: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Continuous-time A (8, 8) and b (8,) on v_dc at the present speed."""
+        """Continuous-time plant at the present speed (Paper A, eqs. 2 and 4).
+
+        Parameters
+        ----------
+        s_abc : sequence of int
+            Positions applied, 0..7.
+
+        Returns
+        -------
+        a : ndarray of float64, shape (8, 8)
+            x' = A x + b v_dc in the order of `state`, per unit.
+        b : ndarray of float64, shape (8,)
+            Factor of v_dc.
+        """
         matrix = np.empty((STATES, STATES + 1))
         _continuous(self._data, np.asarray(s_abc, np.int64), self.omega_r, matrix)
         return matrix[:, :STATES].copy(), matrix[:, STATES].copy()
 
     def step(self, s_abc: Sequence[int]) -> FloatArray:
         """Apply positions for one T_s and return the new state.
+
+        Parameters
+        ----------
+        s_abc : sequence of int
+            Positions of phases a, b, c, 0..7, applied for T_s.
+
+        Returns
+        -------
+        ndarray of float64, shape (8,)
+            `state`, per unit: the array itself, which the next step changes.
 
         Raises
         ------
@@ -247,6 +291,21 @@ class Plant:
 
 
 def stator_voltage(s_abc: Sequence[int], state: FloatArray, vdc: float) -> complex:
-    """Stator voltage vector of a position at a state, per unit."""
+    """Stator voltage vector of a position at a state (Paper A, eqs. 1 and 2).
+
+    Parameters
+    ----------
+    s_abc : sequence of int
+        Positions of phases a, b, c, 0..7.
+    state : ndarray of float64, shape (8,)
+        As in `Plant`, per unit.
+    vdc : float
+        dc-link voltage, per unit.
+
+    Returns
+    -------
+    complex
+        alpha + j*beta, per unit.
+    """
     alpha, beta = CLARKE @ anpc.phase_voltages(s_abc, vdc, state[4], state[5:])
     return complex(alpha, beta)

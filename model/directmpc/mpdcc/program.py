@@ -169,7 +169,7 @@ STEPS: tuple[str, ...] = (
 class Step:
     """One product of the program.
 
-    Parameters
+    Attributes
     ----------
     a : str
         Operand A: one of SIGNALS or PRODUCTS.
@@ -359,7 +359,18 @@ PROGRAM_LENGTHS = {
 
 
 def result_width(name: str) -> int:
-    """Width in bits of a result (saturating)."""
+    """Width in bits of a result (saturating).
+
+    Parameters
+    ----------
+    name : str
+        One of PRODUCTS or TERMS.
+
+    Returns
+    -------
+    int
+        Bits, sign included.
+    """
     if name == "weight_start" or name in PRODUCTS:
         return f.OPERAND_WIDTH
     if name.removesuffix("_alpha").removesuffix("_beta") in ("phase", "midpoint"):
@@ -387,6 +398,16 @@ def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
     """Largest magnitude each result of a program can have before it is saturated.
 
     Every operand and coefficient is taken at the extreme of its word, whatever a drive allows.
+
+    Parameters
+    ----------
+    program : tuple of tuple of Step
+        One tuple per block, as in ``PROGRAMS``.
+
+    Returns
+    -------
+    dict of str to int
+        Result to its sum in the accumulator, ``formats.RESULT_SHIFT`` bits below its LSB.
     """
     largest: dict[str, int] = {}
     for clock in range(max(len(block) for block in program)):
@@ -405,7 +426,20 @@ def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
 
 
 def saturates(variant: str, name: str) -> bool:
-    """Whether a result can exceed its word at all: only then is there logic to saturate it."""
+    """Whether a result can exceed its word at all: only then is there logic to saturate it.
+
+    Parameters
+    ----------
+    variant : str
+        "paper" or "fast".
+    name : str
+        One of PRODUCTS or TERMS.
+
+    Returns
+    -------
+    bool
+        False as well where no step of the variant computes it.
+    """
     sums = largest_sums(PROGRAMS[variant])
     if variant == "fast" and name in SUCCESSOR_SATURATES:
         return True
@@ -413,14 +447,43 @@ def saturates(variant: str, name: str) -> bool:
 
 
 def base_alignment(program: tuple[tuple[Step | None, ...], ...], result: str) -> int:
-    """Smallest alignment among the products of a result: it costs no logic, only wiring."""
+    """Smallest alignment among the products of a result: it costs no logic, only wiring.
+
+    Parameters
+    ----------
+    program : tuple of tuple of (Step or None)
+        One tuple per block, as in ``PROGRAMS`` or ``SUCCESSOR``.
+    result : str
+        One of its results.
+
+    Returns
+    -------
+    int
+        Index into ``formats.ALIGNMENT``.
+
+    Raises
+    ------
+    ValueError
+        If no step has this result.
+    """
     return min(
         step.alignment for block in program for step in block if step and step.result == result
     )
 
 
 def check_program(variant: str) -> None:
-    """Raise ValueError where a step reads a product before it exists or a sum is interrupted."""
+    """Check that no step reads a product before it exists and no sum is interrupted.
+
+    Parameters
+    ----------
+    variant : str
+        "paper" or "fast".
+
+    Raises
+    ------
+    ValueError
+        Naming the operand, the sum or the term that is wrong, and its clock.
+    """
     program = PROGRAMS[variant]
     ready: dict[str, int] = {}
     for block in program:
@@ -450,7 +513,13 @@ def check_program(variant: str) -> None:
 
 
 def check_successor() -> None:
-    """Raise ValueError where the successor's program reads a product before it exists."""
+    """Check that the successor's program reads no product before it exists.
+
+    Raises
+    ------
+    ValueError
+        Naming the operand and its clock, or where the blocks differ in length.
+    """
     ready = {
         step.result: clock + RESULT_LATENCY
         for block in SUCCESSOR

@@ -89,7 +89,23 @@ class MpdccTrace:
         return len(self.omega_s)
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MpdccTrace:
-        """Pick rows as numpy indexing does."""
+        """Pick rows as numpy indexing does.
+
+        Parameters
+        ----------
+        selection : slice or ndarray
+            What numpy takes as an index of n rows.
+
+        Returns
+        -------
+        MpdccTrace
+            The rows picked, in the order of the selection.
+
+        Raises
+        ------
+        IndexError
+            If the selection names a row that there is not.
+        """
         return MpdccTrace(
             self.x_m[selection],
             self.x_inv[selection],
@@ -136,15 +152,15 @@ def read_trace(path: PathLike, drive: Drive) -> MpdccTrace:
 
     Parameters
     ----------
-    path
+    path : str or path
         CSV file with the columns of `docs/specification.md` in any order; v_dc is optional.
-    drive
+    drive : Drive
         Supplies v_dc where the file has no such column.
 
     Returns
     -------
     MpdccTrace
-        Every row of the file, in order.
+        Every row of the file, in order, per unit.
 
     Raises
     ------
@@ -171,6 +187,13 @@ def read_trace(path: PathLike, drive: Drive) -> MpdccTrace:
 def write_trace(path: PathLike, trace: MpdccTrace) -> None:
     """Write an MPDCC trace, v_dc included, so that reading gives the same numbers bit by bit.
 
+    Parameters
+    ----------
+    path : str or path
+        File to write or to replace.
+    trace : MpdccTrace
+        n rows, per unit.
+
     Raises
     ------
     TraceError
@@ -190,6 +213,16 @@ def write_trace(path: PathLike, trace: MpdccTrace) -> None:
 
 def read_decisions(path: PathLike) -> Decisions:
     """Read the decisions of an MPDCC controller.
+
+    Parameters
+    ----------
+    path : str or path
+        CSV file with the columns of `docs/specification.md` in any order.
+
+    Returns
+    -------
+    Decisions
+        Every row of the file, in order.
 
     Raises
     ------
@@ -213,6 +246,13 @@ def write_decisions(path: PathLike, decisions: Decisions) -> None:
     """Write the decisions of an MPDCC controller.
 
     The column `cycles` stays empty if there are none, `exhausted` is left out.
+
+    Parameters
+    ----------
+    path : str or path
+        File to write or to replace.
+    decisions : Decisions
+        n rows.
 
     Raises
     ------

@@ -61,9 +61,9 @@ def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decis
 
     Parameters
     ----------
-    rows : (n, 9)
+    rows : ndarray of int64, shape (n, 9)
         In the order of `FIELDS`.
-    clipped : (n,)
+    clipped : ndarray of bool or int64, shape (n,)
         True or 1 in rows whose inputs saturated when they were encoded.
 
     Returns
@@ -83,7 +83,23 @@ def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decis
 
 
 def count_differences(left: Decisions, right: Decisions) -> int:
-    """Rows in which two sets of decisions differ in a field that both have, but for cycles."""
+    """Rows in which two sets of decisions differ in a field that both have, but for cycles.
+
+    Parameters
+    ----------
+    left, right : Decisions
+        n rows each.
+
+    Returns
+    -------
+    int
+        0 to n.
+
+    Raises
+    ------
+    ValueError
+        If they differ in their number of rows.
+    """
     rows = [
         np.column_stack([d.s, d.held, d.deadlock, d.length, d.saturated]) for d in (left, right)
     ]

@@ -51,18 +51,36 @@ _ZERO_FROM = ZERO_FROM
 
 @njit
 def to_word(total):
-    """Round a sum of products to a word and saturate; the word, and 1 where it saturated."""
+    """Round a sum of products to a word and saturate; the word, and 1 where it saturated.
+
+    Parameters
+    ----------
+    total : int
+        Sum with 2*FRACTION fractional bits.
+
+    Returns
+    -------
+    word : int
+        FRACTION fractional bits, WORD_WIDTH bits.
+    saturated : int
+        1 where the sum did not fit, else 0.
+    """
     return rounded(total, _FRACTION, f.WORD_WIDTH)
 
 
 @njit
 def magnitude(x, y):
-    """Length of a vector times the gain of the micro-rotations.
+    """Length of a vector times the gain of the micro-rotations (|psi_s| of Paper B, eq. 11).
 
     Parameters
     ----------
     x, y : int
         Components, MAGNITUDE_FRACTION fractional bits.
+
+    Returns
+    -------
+    int
+        MAGNITUDE_FRACTION fractional bits; too small by MAGNITUDE_SHARE at most.
     """
     if x < 0:
         x = ~x
@@ -76,7 +94,7 @@ def magnitude(x, y):
 
 @njit
 def flux_difference(x, y, reference):
-    """| K*psi_ref - K*|psi| | as a multiplier operand, and 1 where it saturated.
+    """| K*psi_ref - K*|psi| | as a multiplier operand (second term of Paper B, eq. 11).
 
     Parameters
     ----------
@@ -84,6 +102,13 @@ def flux_difference(x, y, reference):
         psi_s, MAGNITUDE_FRACTION fractional bits.
     reference : int
         psi_ref, a word, times half of the magnitude's gain.
+
+    Returns
+    -------
+    difference : int
+        DIFFERENCE_FRACTION fractional bits, WORD_WIDTH bits.
+    saturated : int
+        1 where it did not fit, else 0.
     """
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
     if difference < 0:
@@ -93,7 +118,18 @@ def flux_difference(x, y, reference):
 
 @njit
 def one_plus_half(coefficient):
-    """1 + x/2 of a negative x as a word: shifted, the sign turned over."""
+    """1 + x/2 of a negative x as a word: shifted, the sign turned over.
+
+    Parameters
+    ----------
+    coefficient : int
+        x, a word.
+
+    Returns
+    -------
+    int
+        A word; -1 + x/2 of an x that is not negative.
+    """
     half = coefficient >> 1
     return half + _HIGH + 1 if coefficient < 0 else half - _HIGH - 1
 
@@ -105,6 +141,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     Parameters
     ----------
     c : coefficients.Words
+        Of ``coefficients.words``.
     i_a, i_b, psi_a, psi_b : int
         Current and flux, words.
     q : int
@@ -135,7 +172,18 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
 
 @njit
 def square_root(radicand):
-    """Integer square root, _ROOT_WIDTH bits, digit by digit; the largest root where it is 1."""
+    """Integer square root, digit by digit (the root in Paper B, eq. 21).
+
+    Parameters
+    ----------
+    radicand : int
+        Not negative, 2*ROOT_WIDTH fractional bits.
+
+    Returns
+    -------
+    int
+        ROOT_WIDTH bits; the largest root where the radicand is 1 or more.
+    """
     root = 0
     for bit in range(_ROOT_WIDTH - 1, -1, -1):
         trial = root | (1 << bit)
@@ -146,7 +194,9 @@ def square_root(radicand):
 
 @njit
 def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
-    """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref), with N = gain*|w|^2.
+    """What MPFC compares (Paper B, eqs. 18 to 21): N*|step|/4 and N*(base - psi_s,ref).
+
+    N is the gain of the magnitude times |w|^2.
 
     Parameters
     ----------
@@ -225,8 +275,10 @@ def decide_words(register, m, u):
 
     Returns
     -------
-    tuple of int
-        u, saturated, clamped.
+    u : int
+        Vector to apply, 0 to 7.
+    saturated, clamped : int
+        1 where a word did not hold its value; where the arcsine's argument was clamped.
     """
     c = words(register)
     i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
@@ -322,7 +374,27 @@ def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
 def parameters(
     drive: MptcDrive, values: Registers | None = None
 ) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Registers and formats of a drive, as `decide` takes them."""
+    """Registers and formats of a drive, as `decide` takes them.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales, and the registers unless ``values`` is given.
+    values : Registers, optional
+        Registers to use instead of the drive's.
+
+    Returns
+    -------
+    register : ndarray of int64, shape (13,)
+        ``Registers.array()``.
+    scales, lows, highs : ndarray of float64, shape (8,)
+        Of the measurement ports, see ``fixed_point.limits``.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a value of the drive cannot be represented.
+    """
     scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
     return (values or registers(drive)).array(), scales, lows, highs
 
@@ -418,6 +490,11 @@ def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> 
     MptcDecisions
         ``cycles`` is None: the model has no clock.  ``saturated`` is set as well where the
         arcsine's argument of MPFC was clamped: a decisions file has no other flag for it.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a value of the drive cannot be represented.
     """
     array = (values or registers(drive)).array()
     measurements, clipped = encode(drive, trace)

@@ -93,12 +93,24 @@ class Run:
 
     @property
     def mismatch(self) -> float:
-        """Share of decisions that differ from the ideal controller's."""
+        """Share of decisions that differ from the ideal controller's.
+
+        Returns
+        -------
+        float
+            0 to 1.
+        """
         return float(np.mean(self.u != self.shadow))
 
     @property
     def worst_margin(self) -> float:
-        """Largest lead of the best vector in a step decided differently from ideal."""
+        """Largest lead of the best vector in a step decided differently from ideal.
+
+        Returns
+        -------
+        float
+            N*m (Wb for MPFC); 0 where no decision differs.
+        """
         differs = self.u != self.shadow
         return float(self.margin[differs].max()) if differs.any() else 0.0
 
@@ -165,6 +177,7 @@ def simulate(
     Returns
     -------
     Run
+        One row per entry of the scenario.
     """
     n = len(scenario.torque_ref)
     reference = ideal.ideal_parameters(drive)
@@ -202,12 +215,50 @@ def simulate(
 
 
 def as_trace(seen: FloatArray, u: IntArray) -> MptcTrace:
-    """Columns is, psis (alpha, beta each), omega_r, torque_ref, psi_ref as a trace."""
+    """Columns is, psis (alpha, beta each), omega_r, torque_ref, psi_ref as a trace.
+
+    Parameters
+    ----------
+    seen : ndarray of float64, shape (n, 7)
+        is (A) and psis (Wb), alpha and beta each, omega_r (rad/s, electrical), torque_ref (N*m),
+        psi_ref (Wb).
+    u : ndarray of int64, shape (n,)
+        Vector that is being applied.
+
+    Returns
+    -------
+    MptcTrace
+        n rows that share the memory of `seen`.
+    """
     return MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], u)
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
-    """A constant operating point with imposed speed, begun in its fundamental steady state."""
+    """A constant operating point with imposed speed, begun in its fundamental steady state.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine.
+    rpm : float
+        Mechanical speed, 1/min.
+    load : float
+        Load torque and torque reference, N*m.
+    psi_ref : float
+        Stator flux reference, Wb.
+    steps : int
+        Control steps.
+
+    Returns
+    -------
+    Scenario
+        `steps` entries, without a speed reference.
+
+    Raises
+    ------
+    ValueError
+        If the torque is beyond breakdown at this flux.
+    """
     current, flux = steady_state(drive, 0.0, load, psi_ref)
     return Scenario(
         torque_ref=np.full(steps, float(load)),
@@ -223,6 +274,20 @@ def turned(scenario: Scenario, turn: complex, omega_r: float) -> Scenario:
     """The same scenario, begun at another angle and electrical speed (rad/s).
 
     `turn` is the factor of length 1 that current and flux are multiplied with.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Not changed.
+    turn : complex
+        Factor of length 1 that current and flux are multiplied with.
+    omega_r : float
+        Electrical speed at the first step, rad/s.
+
+    Returns
+    -------
+    Scenario
+        With the same references and loads.
     """
     return replace(
         scenario, current=scenario.current * turn, flux=scenario.flux * turn, omega_r=omega_r
@@ -241,15 +306,15 @@ def drive_controller(
 
     Parameters
     ----------
-    drive
+    drive : MptcDrive
         dc-link voltage, and what the ideal controller beside it knows.
-    controller
+    controller : Controller
         Asked once per step, with an `MptcState`; its decision acts one step later.
-    scenario
+    scenario : Scenario
         References, load and first state; without a speed reference.
-    plant
+    plant : PlantParameters, optional
         The drive's own with imposed speed if not given.
-    progress
+    progress : callable, optional
         Called with the number of decisions made.
 
     Returns
@@ -261,6 +326,8 @@ def drive_controller(
     ------
     StateError
         If an answer is no decision.
+    ValueError
+        If the scenario has a speed reference.
     """
     if scenario.speed_ref is not None:
         raise ValueError("scenario: has a speed reference; simulate serves those")

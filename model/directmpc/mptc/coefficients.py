@@ -69,7 +69,18 @@ class Words(NamedTuple):
 
 @njit
 def words(register):
-    """``Words`` out of ``Registers.array()``."""
+    """``Words`` out of ``Registers.array()``.
+
+    Parameters
+    ----------
+    register : ndarray of int64, shape (13,)
+        ``Registers.array()``.
+
+    Returns
+    -------
+    Words
+        The same integers by name.
+    """
     return Words(
         register[0], register[1], register[2], register[3], register[4], register[5], register[6],
         register[7], register[8], register[9], register[10], register[11], register[12],
@@ -117,14 +128,26 @@ class Registers:
     rotor_unit: float
 
     def ports(self) -> dict[str, int]:
-        """Every parameter port of the core: name -> integer, in port order."""
+        """Every parameter port of the core: name -> integer, in port order.
+
+        Returns
+        -------
+        dict of str to int
+            Signed 18-bit words with ``c_`` before their name, then `flux_control`.
+        """
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
             "flux_control": self.flux_control,
         }
 
     def array(self) -> NDArray[np.int64]:
-        """``ports`` as an array, for compiled code."""
+        """``ports`` as an array, for compiled code.
+
+        Returns
+        -------
+        ndarray of int64, shape (13,)
+            In port order.
+        """
         return np.array(list(self.ports().values()), dtype=np.int64)
 
 
@@ -152,6 +175,7 @@ def registers(drive: MptcDrive) -> Registers:
     Returns
     -------
     Registers
+        Words as the ports take them.
 
     Raises
     ------

@@ -57,6 +57,7 @@ def parameters(
     Parameters
     ----------
     drive : MptcDrive
+        Machine, full scales and control period.
     limit : float, optional
         Current limit of the pre-excitation, A; without it there is none.
     flux : float
@@ -65,6 +66,11 @@ def parameters(
         Registers of the core instead of the drive's.
     gain : float
         b of eq. 9, 1/s.
+
+    Returns
+    -------
+    found : Parameters
+        Words as the ports take them.
 
     Raises
     ------
@@ -80,7 +86,13 @@ def parameters(
 
 
 def initial() -> IntArray:
-    """State after a reset: no flux, u_0 applied."""
+    """State after a reset: no flux, u_0 applied.
+
+    Returns
+    -------
+    ndarray of int64, shape (8,)
+        All zero.
+    """
     return np.zeros(STATE_WORDS, dtype=np.int64)
 
 
@@ -92,6 +104,7 @@ def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -
     Parameters
     ----------
     drive : MptcDrive
+        Full scales.
     p : Parameters
         Of the same drive.
     current, flux : complex
@@ -99,7 +112,7 @@ def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -
 
     Returns
     -------
-    (8,)
+    ndarray of int64, shape (8,)
         As ``step_words`` takes it.
     """
     words, _ = bit_true.encode_row(
@@ -121,6 +134,7 @@ def step_words(p, state, m):
     Parameters
     ----------
     p : Parameters
+        Of `parameters`.
     state : ndarray of int64, shape (8,)
         Replaced by the next.
     m : ndarray of int64, shape (6,)
@@ -128,8 +142,10 @@ def step_words(p, state, m):
 
     Returns
     -------
-    u, saturated, clamped, exciting : int
-        The estimated flux for k+1 stands in the state.
+    u : int
+        Vector to apply from k+1 on, 0 to 7.
+    saturated, clamped, exciting : int
+        Flags. The estimated flux for k+1 stands in the state.
     """
     seen = np.empty(8, dtype=np.int64)
     seen[0:2] = m[0:2]
@@ -167,7 +183,22 @@ class Controller(NamedTuple):
 
 
 def controller(drive: MptcDrive, words: Parameters, state: IntArray | None = None) -> Controller:
-    """A controller for one loop, in its state after a reset if none is given."""
+    """A controller for one loop, in its state after a reset if none is given.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Formats of the measurements.
+    words : Parameters
+        Of `parameters`.
+    state : ndarray of int64, shape (8,), optional
+        First state, copied; that after a reset if not given.
+
+    Returns
+    -------
+    Controller
+        With a state of its own.
+    """
     return Controller(
         words, *bit_true.parameters(drive)[1:], initial() if state is None else state.copy()
     )
@@ -182,15 +213,22 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     p : Controller
         Its state is moved on: call once a period.
     i : complex
-        Stator current, A.
-    psi, u
-        Not looked at: the flux is the observer's, the applied vector the last decision.
-    omega_r, vdc, torque_ref, psi_ref : float
-        rad/s (electrical), V, N*m, Wb.
+        Stator current at k, A.
+    psi : complex
+        Not looked at: the flux is the observer's.
+    omega_r : float
+        Electrical speed at k, rad/s.
+    u : int
+        Not looked at: the applied vector is the last decision.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
 
     Returns
     -------
-    u, saturated, clamped : int
+    u : int
+        Vector to apply from k+1 on, 0 to 7.
+    saturated, clamped : int
+        Flags; `saturated` covers the inputs.
     """
     seen, clipped = bit_true.encode_row(
         p.scales, p.lows, p.highs, i, 0j, omega_r, vdc, torque_ref, psi_ref
@@ -215,14 +253,15 @@ def run_words(p: Parameters, measurements: IntArray, state: IntArray | None = No
     Parameters
     ----------
     p : Parameters
-    measurements : (n, 6)
+        Of `parameters`.
+    measurements : ndarray of int64, shape (n, 6)
         As in `step_words`.
-    state : (8,), optional
+    state : ndarray of int64, shape (8,), optional
         First state, that after a reset if not given.
 
     Returns
     -------
-    (n, 6)
+    ndarray of int64, shape (n, 6)
         u, saturated, clamped, exciting, and the flux they were decided on, as the ports have it.
     """
     out = np.empty((len(measurements), 6), dtype=np.int64)
@@ -231,6 +270,19 @@ def run_words(p: Parameters, measurements: IntArray, state: IntArray | None = No
 
 
 def encode(drive: MptcDrive, trace: MptcTrace) -> IntArray:
-    """Measurements of ``mptc_drive`` (n, 6) in a recorded loop."""
+    """Measurements of ``mptc_drive`` in a recorded loop.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales and dc-link voltage.
+    trace : MptcTrace
+        n rows, SI.
+
+    Returns
+    -------
+    ndarray of int64, shape (n, 6)
+        As in `step_words`; values beyond a word are at its end.
+    """
     measurements, _ = bit_true.encode(drive, trace)
     return measurements[:, [0, 1, 4, 5, 6, 7]]

@@ -93,7 +93,18 @@ MEASUREMENTS: tuple[str, ...] = (
 
 
 def measurement_formats(drive: MptcDrive) -> dict[str, Format]:
-    """Formats of the measurement ports for a drive, SI; name to format in port order."""
+    """Formats of the measurement ports for a drive, SI; name to format in port order.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales and dc-link voltage.
+
+    Returns
+    -------
+    dict of str to Format
+        LSB per A, Wb, rad/s, V and N*m; psi_ref with half of the magnitude's gain.
+    """
     c = drive.control
     high = 2 ** (MEASUREMENT_WIDTH - 1) - 1
     current = Format(MEASUREMENT_WIDTH, True, high / c.current_max)

@@ -44,7 +44,18 @@ class IdealParameters(NamedTuple):
 
 
 def ideal_parameters(drive: MptcDrive) -> IdealParameters:
-    """Collect the parameters of the ideal controller from a drive."""
+    """Collect the parameters of the ideal controller from a drive.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Validated drive.
+
+    Returns
+    -------
+    IdealParameters
+        SI.
+    """
     m, c = drive.machine, drive.control
     return IdealParameters(
         ts=c.ts,
@@ -68,6 +79,7 @@ def heun(p, i, psi, omega_r, u):
     Parameters
     ----------
     p : IdealParameters
+        From `ideal_parameters`.
     i, psi : complex
         Stator current (A) and stator flux linkage (Wb) at k.
     omega_r : float
@@ -93,6 +105,7 @@ def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
     Parameters
     ----------
     p : IdealParameters
+        From `ideal_parameters`.
     i, psi : complex
         Stator current (A) and stator flux linkage (Wb) at k+1.
     omega_r : float
@@ -125,11 +138,12 @@ def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
 
 @njit
 def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """Cost of u_0 (or u_7) to u_6.
+    """Cost of u_0 (or u_7) to u_6 (Paper B, eqs. 11, 13 to 15; MPFC: eqs. 17 to 21).
 
     Parameters
     ----------
     p : IdealParameters
+        From `ideal_parameters`.
     i, psi : complex
         Stator current (A) and stator flux linkage (Wb) at k.
     omega_r : float
@@ -169,7 +183,20 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 
 @njit
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """One decision; arguments as `costs`.
+    """One decision (Paper B, eqs. 4, 5, 11 and 13 to 15; MPFC: eqs. 17 to 21).
+
+    Parameters
+    ----------
+    p : IdealParameters
+        From `ideal_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : int
+        Number of the vector that is being applied, 0 to 7.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
 
     Returns
     -------
@@ -193,7 +220,26 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 
 @njit
 def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """By how much the second best vector costs more than the best; arguments as `costs`."""
+    """By how much the second best vector costs more than the best (Paper B, eq. 11; MPFC: eq. 17).
+
+    Parameters
+    ----------
+    p : IdealParameters
+        From `ideal_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : int
+        Number of the vector that is being applied, 0 to 7.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
+
+    Returns
+    -------
+    float
+        N*m for MPTC, Wb for MPFC; u_0 and u_7 count as one vector.
+    """
     cost, _ = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
     cost.sort()
     return cost[1] - cost[0]
@@ -208,7 +254,18 @@ def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
 
 
 def as_complex(vectors: FloatArray) -> np.ndarray:
-    """Columns alpha and beta as complex numbers."""
+    """Columns alpha and beta as complex numbers.
+
+    Parameters
+    ----------
+    vectors : ndarray of float64, shape (n, 2)
+        Components alpha and beta, any unit.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n,)
+        alpha + j*beta, same unit.
+    """
     return vectors[:, 0] + 1j * vectors[:, 1]
 
 

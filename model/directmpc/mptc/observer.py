@@ -96,6 +96,11 @@ def coefficients(
     values : Registers, optional
         The core's registers instead of the drive's own.
 
+    Returns
+    -------
+    dict of str to int
+        In port order.
+
     Raises
     ------
     ValueError
@@ -119,13 +124,37 @@ def coefficients(
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in port order, for compiled code."""
+    """Coefficients in port order, for compiled code.
+
+    Parameters
+    ----------
+    words : dict of int
+        Of ``coefficients``.
+
+    Returns
+    -------
+    ndarray of int64, shape (11,)
+        Signed 18-bit words in the order of ``COEFFICIENTS``.
+    """
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
 @njit
 def to_state(total):
-    """Round a sum of products to a state and saturate; the state, and 1 where it saturated."""
+    """Round a sum of products to a state and saturate; the state, and 1 where it saturated.
+
+    Parameters
+    ----------
+    total : int
+        Sum with 2*FRACTION fractional bits.
+
+    Returns
+    -------
+    state : int
+        GUARD bits below a word's LSB, STATE_WIDTH bits.
+    saturated : int
+        1 where the sum did not fit, else 0.
+    """
     return rounded(total, _STATE_SHIFT, STATE_WIDTH)
 
 
@@ -149,6 +178,7 @@ def step_words(coefficient, state, m, u):
     psis_alpha, psis_beta : int
         Stator flux at k+1 as the core's ports take it.
     saturated : int
+        1 where a word did not hold its value.
     """
     c = _words(coefficient)
     q, s0 = to_word((m[2] << _SHIFT) * c.speed)
@@ -190,7 +220,7 @@ class IdealState(NamedTuple):
 
 @njit
 def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
-    """One step in float64.
+    """One step in float64 (Paper B, eqs. 8 and 9), by Heun's method (eq. 5).
 
     Parameters
     ----------

@@ -46,7 +46,24 @@ def plant_parameters(
     rr: float = 1.0,
     friction: float = 0.0,
 ) -> PlantParameters:
-    """Plant of a drive; `rs` and `rr` multiply the machine's resistances."""
+    """Plant of a drive.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine, dc-link voltage and control period.
+    inertia : float
+        Of the shaft, kg*m^2; infinite: the speed is imposed.
+    rs, rr : float
+        What the machine's stator and rotor resistance are multiplied with.
+    friction : float
+        N*m*s, on the mechanical speed.
+
+    Returns
+    -------
+    PlantParameters
+        SI.
+    """
     m = drive.machine
     return PlantParameters(
         ts=drive.control.ts,
@@ -88,7 +105,26 @@ def _flow(a11, a12, a21, a22, h):
 
 @njit
 def advance(p, i, psi, omega_r, u, duration):
-    """Stator current and stator flux after `duration` s under vector u at constant speed."""
+    """Electrical state after a time under one vector at constant speed (Paper B, eq. 4), exactly.
+
+    Parameters
+    ----------
+    p : PlantParameters
+        From `plant_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) before.
+    omega_r : float
+        Electrical speed, rad/s.
+    u : int
+        Number of the voltage vector, 0 to 7.
+    duration : float
+        s.
+
+    Returns
+    -------
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) after.
+    """
     from_current, from_flux, from_voltage = current_row(p, omega_r)
     e, g = _flow(from_current, from_flux, complex(-p.rs, 0.0), 0j, duration)
     v = p.unit[u] * p.vdc
@@ -101,7 +137,28 @@ def advance(p, i, psi, omega_r, u, duration):
 
 @njit
 def step(p, i, psi, omega_r, u, load):
-    """One control period: current, flux and electrical speed at its end."""
+    """One control period (Paper B, eqs. 2 and 4; the shaft by the trapezoidal torque).
+
+    Parameters
+    ----------
+    p : PlantParameters
+        From `plant_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed at k, rad/s.
+    u : int
+        Number of the voltage vector, 0 to 7.
+    load : float
+        Load torque, N*m.
+
+    Returns
+    -------
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k+1.
+    omega_r : float
+        Electrical speed at k+1, rad/s.
+    """
     i1, psi1 = advance(p, i, psi, omega_r, u, p.ts)
     mean = 0.5 * (torque(p, i, psi) + torque(p, i1, psi1))
     mechanical = omega_r / p.pole_pairs
@@ -117,12 +174,18 @@ def steady_state(
     Parameters
     ----------
     drive : MptcDrive
+        Its machine counts.
     omega_r : float
         Electrical speed, rad/s; it does not matter for the state itself, only the slip does.
     load : float
         Torque, N*m.
     psi_ref : float
         Stator flux magnitude, Wb.
+
+    Returns
+    -------
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb), the flux real.
 
     Raises
     ------
@@ -140,7 +203,21 @@ def steady_state(
 
 
 def slip(drive: MptcDrive, load: float, psi_ref: float) -> float:
-    """Slip frequency (rad/s, electrical) that makes a torque (N*m) at a stator flux (Wb).
+    """Slip frequency that makes a torque at a stator flux (Paper B, eqs. 2 and 4, in steady state).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Its machine counts.
+    load : float
+        Torque, N*m.
+    psi_ref : float
+        Stator flux magnitude, Wb.
+
+    Returns
+    -------
+    float
+        rad/s, electrical; of the sign of `load`.
 
     Raises
     ------

@@ -11,7 +11,21 @@ _HIGH = 2 ** (f.MEASUREMENT_WIDTH - 1) - 1
 
 
 def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
-    """Ports `limit` and `level` for a current limit (A) and the flux that ends it (Wb).
+    """Ports `limit` and `level` of the pre-excitation (Paper B, section 6.1).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales.
+    limit : float
+        Current limit, A.
+    flux : float
+        Stator flux that ends it, Wb.
+
+    Returns
+    -------
+    limit, level : int
+        LSB of the current's and the flux's measurement ports.
 
     Raises
     ------
@@ -29,11 +43,11 @@ def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
 
 @njit
 def decide_words(m, limit, level, done):
-    """One decision of ``mptc_preexcitation``.
+    """One decision of ``mptc_preexcitation`` (Paper B, section 6.1).
 
     Parameters
     ----------
-    m : ndarray of int64
+    m : ndarray of int64, shape (4,)
         is_alpha, is_beta, psis_alpha, psis_beta as the ports take them.
     limit, level : int
         Of ``levels``.
@@ -42,7 +56,10 @@ def decide_words(m, limit, level, done):
 
     Returns
     -------
-    u, limited, finished : int
+    u : int
+        `VECTOR`, or 0 above the current limit.
+    limited, finished : int
+        1 above the current limit; 1 once the flux has been reached.
     """
     limited = int(m[0] * m[0] + m[1] * m[1] > limit * limit)
     reached = int(m[2] * m[2] + m[3] * m[3] >= level * level)

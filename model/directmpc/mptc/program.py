@@ -224,7 +224,18 @@ MPFC: tuple[Step, ...] = (
 
 
 def last_clock(first_term: int) -> int:
-    """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector."""
+    """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector.
+
+    Parameters
+    ----------
+    first_term : int
+        Clock in which the first torque term is formed.
+
+    Returns
+    -------
+    int
+        Clock.
+    """
     return first_term + 1 + (VECTORS - 1) + SUM_LATENCY + 1
 
 
@@ -233,20 +244,54 @@ MPFC_LAST = last_clock(MPFC_FIRST_TERM)
 
 
 def base(name: str) -> str:
-    """Operand without ``half_`` or ``lead_``."""
+    """Operand without ``half_`` or ``lead_``.
+
+    Parameters
+    ----------
+    name : str
+        Operand as a step names it.
+
+    Returns
+    -------
+    str
+        One of OPERANDS, or unknown.
+    """
     return name.removeprefix("half_").removeprefix("lead_")
 
 
 def address(clock: int, flux_control: bool) -> int:
-    """Program address of a clock."""
+    """Program address of a clock.
+
+    Parameters
+    ----------
+    clock : int
+        Clock after the one that accepts ``start``.
+    flux_control : bool
+        MPFC rather than MPTC.
+
+    Returns
+    -------
+    int
+        0 to 127.
+    """
     return clock + FORK_OFFSET if flux_control and clock >= FORK else clock
 
 
 def check(steps: tuple[Step, ...]) -> None:
-    """Raise ValueError where a method's program contradicts itself.
+    """Check that a method's program does not contradict itself.
 
     Every operand must have been written in time and not be overwritten before, a block does one
     thing at a time, and a sum is not interrupted.
+
+    Parameters
+    ----------
+    steps : tuple of Step
+        Those of both methods and of one of them.
+
+    Raises
+    ------
+    ValueError
+        Naming the operand or the block, and the clock.
     """
     written: dict[str, list[int]] = {}
     occupied: set[tuple[int, int]] = set()

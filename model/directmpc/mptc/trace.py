@@ -68,7 +68,23 @@ class MptcTrace:
         return len(self.u)
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MptcTrace:
-        """Pick rows as numpy indexing does."""
+        """Pick rows as numpy indexing does.
+
+        Parameters
+        ----------
+        selection : slice or ndarray
+            What numpy takes as an index of n rows.
+
+        Returns
+        -------
+        MptcTrace
+            The rows picked, in the order of the selection.
+
+        Raises
+        ------
+        IndexError
+            If the selection names a row that there is not.
+        """
         return MptcTrace(
             self.i_s[selection],
             self.psi_s[selection],
@@ -104,6 +120,16 @@ class MptcDecisions:
 def read_trace(path: PathLike) -> MptcTrace:
     """Read an MPTC trace; the columns of `docs/specification.md` in any order.
 
+    Parameters
+    ----------
+    path : str or path
+        CSV file.
+
+    Returns
+    -------
+    MptcTrace
+        Every row of the file, in order, SI.
+
     Raises
     ------
     TraceError
@@ -123,6 +149,13 @@ def read_trace(path: PathLike) -> MptcTrace:
 def write_trace(path: PathLike, trace: MptcTrace) -> None:
     """Write an MPTC trace so that reading gives the same numbers bit by bit.
 
+    Parameters
+    ----------
+    path : str or path
+        File to write or to replace.
+    trace : MptcTrace
+        n rows, SI.
+
     Raises
     ------
     TraceError
@@ -139,7 +172,23 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
 
 
 def read_decisions(path: PathLike) -> MptcDecisions:
-    """Read the decisions of an MPTC controller; raises `TraceError` as `read_decisions`."""
+    """Read the decisions of an MPTC controller.
+
+    Parameters
+    ----------
+    path : str or path
+        CSV file with the columns of `docs/specification.md` in any order.
+
+    Returns
+    -------
+    MptcDecisions
+        Every row of the file, in order.
+
+    Raises
+    ------
+    TraceError
+        As `read_trace`; also if `cycles` is empty in some rows and not in others.
+    """
     table = read_table(path, _DECISION_COLUMNS)
     return MptcDecisions(
         u=integers(table, "u"),
@@ -150,6 +199,13 @@ def read_decisions(path: PathLike) -> MptcDecisions:
 
 def write_decisions(path: PathLike, decisions: MptcDecisions) -> None:
     """Write the decisions of an MPTC controller; `cycles` stays empty if there are none.
+
+    Parameters
+    ----------
+    path : str or path
+        File to write or to replace.
+    decisions : MptcDecisions
+        n rows.
 
     Raises
     ------

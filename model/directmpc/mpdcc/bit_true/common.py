@@ -138,7 +138,18 @@ class Node(NamedTuple):
 
 @njit
 def options(register):
-    """``Options`` out of ``Registers.array()``."""
+    """``Options`` out of ``Registers.array()``.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+
+    Returns
+    -------
+    Options
+        Bounds repeated for the three phases, in trajectory units.
+    """
     bound = np.empty(7, dtype=np.int64)
     bound[0:3] = register[_BOUND_CURRENT]
     bound[3] = register[_BOUND_NEUTRAL]
@@ -157,6 +168,8 @@ def options(register):
 @njit
 def common_terms(program, measurement, register):
     """Errors, slopes and the terms of the candidates: run a program of ``mpdcc.program``.
+
+    Paper A, section V-A: eqs. 2, 9 and 14 in fixed point.
 
     Parameters
     ----------
@@ -201,14 +214,40 @@ def common_terms(program, measurement, register):
 
 @njit
 def phases(alpha, beta):
-    """Inverse Clarke transformation (Paper A, eq. 1); beta already carries sqrt(3)/2."""
+    """Inverse Clarke transformation (Paper A, eq. 1); beta already carries sqrt(3)/2.
+
+    Parameters
+    ----------
+    alpha, beta : int
+        Components of a vector in LSB of any one format; beta times sqrt(3)/2.
+
+    Returns
+    -------
+    a, b, c : int
+        Phases in the same LSB; their sum is zero but for the bit that alpha/2 drops.
+    """
     half = alpha >> 1
     return alpha, beta - half, -half - beta
 
 
 @njit
 def node(program, measurement, register):
-    """The node of a measurement: arguments as ``common_terms``, result a ``Node``."""
+    """The node of a measurement (Paper A, section V-A).
+
+    Parameters
+    ----------
+    program : ndarray of int64, shape (n, 5)
+        ``PAPER_PROGRAM`` or ``FAST_PROGRAM``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    register : ndarray of int64
+        ``Registers.array()``.
+
+    Returns
+    -------
+    Node
+        Errors, slopes and voltage terms that all candidates share.
+    """
     results, saturated = common_terms(program, measurement, register)
     return node_of(results[N_PRODUCTS:], saturated)
 
@@ -227,6 +266,7 @@ def node_of(t, saturated):
     Returns
     -------
     Node
+        Its arrays are new ones.
     """
     error = np.empty(7, dtype=np.int64)
     error[0], error[1], error[2] = phases(t[0], t[1])
@@ -254,8 +294,8 @@ def slopes(s, slope, forced, phase, midpoint, out):
     ----------
     s : ndarray of int64, shape (3,)
         Positions of phases a, b, c, 0..7.
-    slope, forced, phase, midpoint
-        Of the ``Node``.
+    slope, forced, phase, midpoint : ndarray of int64
+        Of the ``Node``: trajectory units per step, `forced` with two extra fractional bits.
     out : ndarray of int64, shape (7,)
         Filled: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units per step.
     """
@@ -425,16 +465,16 @@ def run_rows(rows: Any, register: NDArray[np.int64], trace: MpdccTrace) -> Decis
     Parameters
     ----------
     rows : compiled function
-        Arguments (register, measurements, s_prev, out).
+        Arguments (register, measurements, s_prev, out), see ``paper.run_words``.
     register : ndarray of int64
         ``Registers.array()``.
     trace : MpdccTrace
-        n independent rows.
+        n independent rows, per unit.
 
     Returns
     -------
     Decisions
-        ``cycles`` is None: the model has no clock.
+        n rows. ``cycles`` is None: the model has no clock. ``saturated`` covers the inputs.
     """
     measurements, clipped = encode(trace)
     out = np.empty((len(measurements), 7), dtype=np.int64)

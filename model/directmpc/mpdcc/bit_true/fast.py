@@ -87,9 +87,10 @@ def turn_threshold(error, curvature, bound):
 
 @njit
 def first_exit(error, slope, curvature, bound, threshold):
-    """Largest l of 0..63 up to which the parabola stays in the band; |error| <= bound.
+    """Largest l of 0..63 up to which a parabola stays in the band (Paper A, eqs. 8, 22 to 24).
 
-    One bit of l per stage of the explorer's pipeline.
+    The paper's line is a parabola here; |error| <= bound. One bit of l per stage of the explorer's
+    pipeline.
 
     Parameters
     ----------
@@ -97,6 +98,11 @@ def first_exit(error, slope, curvature, bound, threshold):
         Of a current, trajectory units (per step, per square step).
     threshold : int
         ``turn_threshold`` of the same.
+
+    Returns
+    -------
+    int
+        Steps.
     """
     upwards = curvature >= 0
     exceeds = slope < -threshold if upwards else slope > threshold
@@ -153,6 +159,7 @@ def successor(register, reference, t, start_slope, s, steps):
     start_slope : ndarray of int64, shape (2,)
         Slopes of its current errors a and b under s, see `has_successors`.
     s : ndarray of int64, shape (3,)
+        Positions of phases a, b, c, 0..7, that lead to it.
     steps : int
         1..63.
 
@@ -251,7 +258,20 @@ def _root(register, measurement):
 
 @njit
 def node(measurement, register):
-    """The ``Node`` of a measurement, see ``node_of``; arguments as ``common.common_terms``."""
+    """The node of a measurement with the fast variant's program, see ``node_of``.
+
+    Parameters
+    ----------
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    register : ndarray of int64
+        ``Registers.array()``.
+
+    Returns
+    -------
+    Node
+        As of ``node_of``.
+    """
     return _root(register, measurement)[2]
 
 
@@ -261,6 +281,18 @@ def share_of(s, shares):
 
     The shares add up to zero, so that two phases make the complement of the third's and all three
     nothing at all.
+
+    Parameters
+    ----------
+    s : ndarray of int64, shape (3,)
+        Positions of phases a, b, c, 0..7.
+    shares : ndarray of int64, shape (3,)
+        ``Node.midpoint`` or ``Node.weight_slope``.
+
+    Returns
+    -------
+    int
+        LSB of the shares, per step. Complements are one's complements, one LSB off.
     """
     hanging = 0
     total = 0
@@ -279,9 +311,16 @@ def share_of(s, shares):
 
 @njit
 def slopes(s, slope, forced, phase, midpoint, out):
-    """``common.slopes`` with the opposite of phase c: a, b, a + b, v_n, v_ph_a..c.
+    """``common.slopes`` with the opposite of phase c (Paper A, eqs. 17 and 18).
 
-    Arguments as ``common.slopes``.
+    Parameters
+    ----------
+    s : ndarray of int64, shape (3,)
+        Positions of phases a, b, c, 0..7.
+    slope, forced, phase, midpoint : ndarray of int64
+        Of the ``Node`` of ``node_of``.
+    out : ndarray of int64, shape (7,)
+        Filled: i_a, i_b, i_a + i_b, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units per step.
     """
     common.slopes(s, slope, forced, phase, midpoint, out)
     out[2] = out[0] + out[1]
@@ -290,13 +329,19 @@ def slopes(s, slope, forced, phase, midpoint, out):
 
 @njit
 def first_errors(error, curvature):
-    """Errors at k+1 but for the slope: the currents' a, b, and exactly their sum.
+    """Errors at k+1 but for the slope: the currents' a, b, and exactly their sum (Paper A, eq. 17).
 
     Parameters
     ----------
     error : ndarray of int64, shape (7,)
+        Errors at k of the ``Node``, trajectory units.
     curvature : ndarray of int64, shape (3,)
-        Of the ``Node``.
+        Of the ``Node``, trajectory units per square step.
+
+    Returns
+    -------
+    ndarray of int64, shape (7,)
+        Trajectory units; a new array.
     """
     first = error.copy()
     first[0] += curvature[0]
@@ -318,6 +363,18 @@ def has_successors(t, start):
     """Whether a node's errors and the slopes of its currents fit the words of a successor's base.
 
     All do whose candidates stay inside their bounds; the state of k + 1 is not predicted otherwise.
+
+    Parameters
+    ----------
+    t : ndarray of int64, shape (22,)
+        In the order of ``program.TERMS``.
+    start : ndarray of int64, shape (2,)
+        Slopes of the current errors a and b, trajectory units per step.
+
+    Returns
+    -------
+    bool
+        True where the six errors and both slopes fit ``formats.BASE_WIDTH`` bits.
     """
     for j in range(6):
         if saturate(t[j], f.BASE_WIDTH)[1]:
@@ -347,7 +404,7 @@ def _still(s, error, moving):
 
 @njit
 def length_inside(rule, error, first, slope, curvature, bound, threshold, horizon):
-    """L* of one candidate: how long every trajectory stays inside its bound.
+    """L* of one candidate: how long every trajectory stays inside its bound (Paper A, eqs. 8, 22).
 
     Parameters
     ----------
@@ -358,11 +415,13 @@ def length_inside(rule, error, first, slope, curvature, bound, threshold, horizo
     first : ndarray of int64, shape (7,)
         ``first_errors`` of the node.
     slope : ndarray of int64, shape (7,)
-        Under the candidate, per step.
-    curvature, threshold : ndarray of int64, shape (3,)
-        Of the currents, per square step, and ``turn_threshold`` of each.
+        Under the candidate, trajectory units per step.
+    curvature : ndarray of int64, shape (3,)
+        Of the currents, trajectory units per square step.
     bound : ndarray of int64, shape (7,)
-        Half widths.
+        Half widths, trajectory units.
+    threshold : ndarray of int64, shape (3,)
+        ``turn_threshold`` of each current.
     horizon : int
         N, steps.
 
@@ -420,13 +479,15 @@ def deadlock_rank(first, slope, bound, weighted):
 def least_excess(
     rule, error, first, slope, curvature, bound, effort, record, none_yet
 ):  # fmt: skip
-    """Whether a candidate is the best so far in a deadlock; on equal ranks the earliest is.
+    """Whether a candidate is the best so far in a deadlock (Paper A, eqs. 15 and 16).
+
+    On equal ranks the earliest is.
 
     Parameters
     ----------
     rule : int
         1 for the weighted rule, see ``deadlock_rank``.
-    error, first, slope, curvature, bound
+    error, first, slope, curvature, bound : ndarray of int64
         As in ``length_inside``.
     effort : int
         Weighted switching transitions of the candidate; without effect.
@@ -434,6 +495,11 @@ def least_excess(
         The rank of the best so far in entry 0.
     none_yet : bool
         Whether this is the first candidate.
+
+    Returns
+    -------
+    bool
+        True where it is; `record` is updated then.
     """
     rank = deadlock_rank(first, slope, bound, rule)
     if none_yet or rank < record[0]:
@@ -454,6 +520,11 @@ def no_surcharge(rule, error, slope, length):
         As in ``length_inside``.
     length : int
         L* of the candidate, steps.
+
+    Returns
+    -------
+    int
+        0, in 1/COST_UNIT.
     """
     return 0
 
@@ -550,9 +621,16 @@ def search(
 
     Returns
     -------
-    tuple of int
-        As ``paper.decide_words``, then whether the budget ended the search and how many rows of
-        `order` are filled.
+    s_a, s_b, s_c : int
+        Positions to apply, 0..7.
+    held, deadlock : int
+        Flags, 0 or 1.
+    length : int
+        L* of the choice (L1 for SESE), steps; 0 when held or deadlocked.
+    saturated, exhausted : int
+        Flags: a word did not hold its value; the budget ended the search.
+    looked_at : int
+        Rows of `order` that are filled.
     """
     o = options(register)
     results, t, root = _root(register, measurement)
@@ -682,8 +760,14 @@ def search_words(register, measurement, s_prev, order):
 
     Parameters
     ----------
-    register, measurement, s_prev, order
-        As in ``search``.
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), 0..7.
+    order : ndarray of int64, shape (64, 5)
+        Filled with s1, L1 and effort of every node that was looked at, in turn.
 
     Returns
     -------
@@ -699,14 +783,50 @@ def search_words(register, measurement, s_prev, order):
 
 @njit
 def decide_words(register, measurement, s_prev):
-    """One decision of the fast variant; arguments and results as ``paper.decide_words``."""
+    """One decision of the fast variant (Paper A, Algorithm 1; SESE where the registers ask for it).
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), 0..7.
+
+    Returns
+    -------
+    tuple of int
+        s_a, s_b, s_c, held, deadlock, length, saturated, as ``paper.decide_words``.
+    """
     order = np.empty((CANDIDATES, 5), dtype=np.int64)
     return search_words(register, measurement, s_prev, order)[:7]
 
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers; arguments and results as ``paper.decide``."""
+    """``decide_words`` on real numbers: the signature of ``ideal.decide``.
+
+    Parameters
+    ----------
+    parameters : ndarray of int64
+        ``Registers.array()``.
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Machine and inverter state, per unit.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference, per unit.
+    omega_s, omega_r : float
+        Speeds, per unit.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), 0..7.
+
+    Returns
+    -------
+    tuple of int
+        s_a, s_b, s_c, held, deadlock, length, saturated (inputs included).
+    """
     measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(parameters, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped
@@ -732,7 +852,27 @@ def run_words(register, measurements, s_prev, out):
 
 
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
-    """Decisions of the fast variant for every row of a trace; arguments as ``paper.run``."""
+    """Decisions of the fast variant for every row of a trace.
+
+    Parameters
+    ----------
+    drive : Drive
+        Supplies the registers unless ``values`` is given.
+    trace : MpdccTrace
+        n independent rows, per unit.
+    values : Registers, optional
+        Registers to use instead of the drive's.
+
+    Returns
+    -------
+    Decisions
+        n rows; ``cycles`` is None.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a coefficient of the drive cannot be represented.
+    """
     return run_rows(run_words, (values or registers(drive, "fast")).array(), trace)
 
 
@@ -740,7 +880,19 @@ def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Dec
 def predicts(register, measurement, s_prev):
     """Whether a step that is to be decided for k + 1 is: whether that state can be predicted.
 
-    Arguments as ``decide_words``.
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), 0..7.
+
+    Returns
+    -------
+    bool
+        False where the core decides for k instead and reports saturation.
     """
     _, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)

@@ -121,6 +121,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     omega_s, omega_r : float
         Speeds, per unit.
     s_prev : ndarray of int64, shape (3,)
+        s(k-1), 0..7.
 
     Returns
     -------
@@ -166,5 +167,12 @@ def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Dec
     Returns
     -------
     Decisions
+        n rows; ``cycles`` is None.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a coefficient of the drive cannot be represented, or where the
+        drive asks for what this variant does not serve.
     """
     return run_rows(run_words, (values or registers(drive, "paper")).array(), trace)
