@@ -14,16 +14,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from directmpc.controllers import IdealController, ModelController, decide
-    from directmpc.drive_file import (
-        Drive,
-        DriveError,
-        DriveFileError,
-        MptcDrive,
-        load_drive,
-        shipped_drives,
-    )
-    from directmpc.simulation import SimulationResult, simulate
+    from directmpc.api.controllers import IdealController, ModelController, decide
+    from directmpc.api.drive_file import load_drive, shipped_drives
+    from directmpc.api.simulation import SimulationResult, simulate
+    from directmpc.drive_tables import DriveError, DriveFileError
+    from directmpc.mpdcc.drive import Drive
+    from directmpc.mptc.drive import MptcDrive
     from directmpc.states import (
         Controller,
         MpdccDecision,
@@ -36,11 +32,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "controllers": ("IdealController", "ModelController", "decide"),
-    "drive_file": (
-        *("Drive", "DriveError", "DriveFileError", "MptcDrive", "load_drive", "shipped_drives"),
-    ),
-    "simulation": ("SimulationResult", "simulate"),
+    "api.controllers": ("IdealController", "ModelController", "decide"),
+    "api.drive_file": ("load_drive", "shipped_drives"),
+    "api.simulation": ("SimulationResult", "simulate"),
+    "drive_tables": ("DriveError", "DriveFileError"),
+    "mpdcc.drive": ("Drive",),
+    "mptc.drive": ("MptcDrive",),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
     ),

@@ -1,6 +1,20 @@
 """Paper A's linear extrapolation: its correction factor p and its length L, chosen for a drive."""
 
-from directmpc.mpdcc import extrapolation
-from scripts.shared.command import Program
+from __future__ import annotations
 
-COMMAND = Program(extrapolation.main)
+import argparse
+
+from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.mpdcc.extrapolation import format_table
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("drive", help="drive file (TOML) of an MPDCC drive")
+
+
+def _run(given: argparse.Namespace) -> None:
+    print(format_table(load_mpdcc_drive(given.drive)))
+
+
+COMMAND = Command("extrapolation", __doc__.splitlines()[0], _arguments, _run)

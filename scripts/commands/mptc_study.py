@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from directmpc.drive_file import load_mptc_drive
+from directmpc.api.drive_file import load_mptc_drive
 from scripts.shared.command import Command
 from scripts.studies import mptc
 

@@ -18,13 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, MptcDrive, load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host.console import check_output, progress_bar
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
 from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import mptc_replay
 from scripts.hdl.mpdcc_simulation import EXPLORERS, simulate_rows
 from scripts.hdl.simulator import terminable

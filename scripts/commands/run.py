@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from directmpc.drive_file import load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.host.console import check_output
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS

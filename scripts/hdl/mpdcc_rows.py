@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
 from directmpc.mpdcc.coefficients import registers, second_level, weighted_deadlock
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl import states

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import Plant
 from scripts.hdl import simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, cycles, observer
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.hdl.simulator import SimulationError

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.mptc_simulation import Job

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import MpdccTrace
 

@@ -307,7 +307,7 @@ def accuracy(point: Point) -> dict[str, Any]:
     """Share of decisions that differ from the ideal controller's, on the same states."""
     import numpy as np
 
-    from directmpc.drive_file import load_mpdcc_drive
+    from directmpc.api.drive_file import load_mpdcc_drive
     from directmpc.mpdcc import closed_loop, ideal
     from directmpc.mpdcc import formats as f
     from directmpc.mpdcc.closed_loop import OperatingPoint

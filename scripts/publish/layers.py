@@ -19,7 +19,7 @@ from scripts.shared.tools import ROOT
 PICTURE = ROOT / "docs" / "layers.svg"
 PACKAGES = ("tb", "scripts", "directmpc")
 #: Rooms of the library, from above; what lies in none is shared by both controllers.
-LIBRARY = ("host", "mptc", "mpdcc")
+LIBRARY = ("host", "api", "mptc", "mpdcc")
 TITLES = {
     "tb": "tests, benches and their helpers",
     "scripts": "tools",
@@ -31,7 +31,8 @@ TITLES = {
     "generate": "files generated from the model",
     "hdl": "VHDL: sources, conversion, simulators",
     "shared": "files, tables, figures, cache",
-    "host": "link to a board",
+    "host": "a board: registers, link, gate guard",
+    "api": "the public names: drive files, controllers, closed loops",
     "mptc": "MPTC: models and plant",
     "mpdcc": "MPDCC: models and plant",
     "": "shared by both controllers",
@@ -57,11 +58,24 @@ class Room:
     modules: tuple[str, ...]
 
 
-def rooms_of_scripts(path: Path = ROOT / ".importlinter") -> list[str]:
-    """The rooms of `scripts/` from above, as the rules name them."""
-    rules = configparser.ConfigParser()
-    rules.read(path, encoding="utf-8")
-    return rules["importlinter:contract:rooms"]["layers"].split()
+def rules(name: str, path: Path = ROOT / ".importlinter") -> list[str]:
+    """Names of the layers that a rule orders.
+
+    Parameters
+    ----------
+    name
+        Of the rule: "rooms" for those of `scripts/`, "library" for those of `model/directmpc/`.
+    path
+        File of the rules.
+
+    Returns
+    -------
+    list of str
+        From above; those of one layer in the file's order.
+    """
+    found = configparser.ConfigParser()
+    found.read(path, encoding="utf-8")
+    return found[f"importlinter:contract:{name}"]["layers"].replace("|", " ").split()
 
 
 def _room_of(module: str, rooms: dict[str, tuple[str, ...]]) -> tuple[str, str]:
@@ -81,7 +95,7 @@ def read() -> tuple[list[Room], dict[tuple[int, int], int]]:
         (index of the importing room, index of the imported one) -> imports.
     """
     graph = grimp.build_graph(*PACKAGES, cache_dir=None)
-    names = {"tb": (), "scripts": tuple(rooms_of_scripts()), "directmpc": LIBRARY}
+    names = {"tb": (), "scripts": tuple(rules("rooms")), "directmpc": LIBRARY}
     order = [("tb", ""), *(("scripts", name) for name in names["scripts"])]
     order += [*(("directmpc", name) for name in LIBRARY), ("directmpc", "")]
     members: dict[tuple[str, str], list[str]] = {key: [] for key in order}

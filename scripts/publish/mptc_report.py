@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.trace import IntArray

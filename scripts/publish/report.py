@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows

@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.bit_true.common import encode_row, search_length
 from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import IntArray
 
 MAX, SUM, SQUARES, BLEND = 0, 1, 2, 3

@@ -22,14 +22,15 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import cycles as sese_cycles
@@ -28,6 +28,7 @@ from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import discretise
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools

@@ -32,8 +32,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
@@ -41,6 +41,7 @@ from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from scripts.shared import tools
 from scripts.shared.tools import ROOT

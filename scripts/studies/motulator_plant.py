@@ -19,10 +19,10 @@ with matplotlib.rc_context():  # motulator sets a style for every plot there is
     from motulator.drive import model
     from motulator.drive.utils import InductionMachineInvGammaPars, InductionMachinePars
 
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import Run, Scenario, as_trace
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.trace import FloatArray, IntArray
 from scripts.hdl import mptc_drive_loop

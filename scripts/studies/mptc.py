@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.distortion import thd
-from directmpc.drive_file import MptcDrive, load_mptc_drive
 from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run, Scenario
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.trace import FloatArray

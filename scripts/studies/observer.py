@@ -16,13 +16,14 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import plant_data, plant_step
 from scripts.shared import tables, tools
 from scripts.shared.figures import pyplot, save_png

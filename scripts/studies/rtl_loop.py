@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from directmpc.drive_file import Drive
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import ideal, metrics
 from directmpc.mpdcc.closed_loop import (
@@ -24,6 +23,7 @@ from directmpc.mpdcc.closed_loop import (
     constant_profile,
     initial_conditions,
 )
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_drive, load_mpdcc_drive
+from directmpc.api.drive_file import load_drive, load_mpdcc_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal, trace
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import mpdcc_simulation

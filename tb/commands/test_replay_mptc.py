@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.mptc import closed_loop
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import MptcDecisions, MptcTrace, read_decisions, write_trace
 from scripts.hdl.clocks import clocks_of
 from tb.helpers.commands import assert_one_paragraph, command, started

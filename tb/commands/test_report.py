@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_mpdcc_drive
-from directmpc.mpdcc import coefficients
+from directmpc.api.drive_file import load_mpdcc_drive
+from scripts.commands import coefficients
 from scripts.publish import report
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
@@ -107,14 +107,14 @@ def test_the_observers_page_shows_what_was_measured() -> None:
 
 def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
-    assert coefficients.main([drive, "--csv"]) == 0
+    assert coefficients.COMMAND.main([drive, "--csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "port,value,hex"
     assert len(lines) == 1 + 42
     for line in lines[1:]:
         port, value, word = line.split(",")
         assert int(value) % 16 ** len(word) == int(word, 16), port
-    assert coefficients.main([drive]) == 0
+    assert coefficients.COMMAND.main([drive]) == 0
     assert "horizon" in capsys.readouterr().out
-    assert coefficients.main(["none.toml"]) == 2
+    assert coefficients.COMMAND.main(["none.toml"]) == 2
     assert capsys.readouterr().err.count("\n") == 1

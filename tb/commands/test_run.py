@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.commands import run

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.drive_file import MptcDrive, load_mptc_drive
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.trace import IntArray
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "model"))
+from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.mpdcc.drive import Drive
 
-from directmpc.drive_file import Drive, load_mpdcc_drive  # noqa: E402
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats as f
@@ -26,6 +25,7 @@ from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import PROGRAMS, TERMS, result_width
 from scripts.generate import core_shells
 from scripts.generate import mpdcc_package as vhdl_package

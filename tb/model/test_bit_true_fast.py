@@ -19,12 +19,12 @@ import time
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.parabola import fit_parabola
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import states

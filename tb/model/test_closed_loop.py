@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.plant import Plant
 

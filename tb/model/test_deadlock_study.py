@@ -14,12 +14,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import closed_loop, inverter
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import states
 from scripts.shared.tables import MarkerError

@@ -9,17 +9,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from directmpc.drive_file import (
-    Drive,
-    DriveError,
-    DriveFileError,
-    MptcDrive,
-    load_drive,
-    load_mpdcc_drive,
-    load_mptc_drive,
-    shipped_drives,
-)
+from directmpc.api.drive_file import load_drive, load_mpdcc_drive, load_mptc_drive, shipped_drives
+from directmpc.drive_tables import DriveError, DriveFileError
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import InductionMachine
+from directmpc.mptc.drive import MptcDrive
 
 DELAY = "delay_compensation"
 RULE = "control.deadlock_rule"

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import extrapolation as fit
+from directmpc.mpdcc.drive import Drive
+from scripts.commands import extrapolation
 
 
 def test_short_steps_give_the_analytic_correction(drive: Drive, verified_drive: Drive) -> None:
@@ -51,9 +52,9 @@ def test_nothing_to_fit(drive: Drive, length: int, speeds: list[float]) -> None:
 
 
 def test_command(drives_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert fit.main([str(drives_folder / "anpc5l_6kv.toml")]) == 0
+    assert extrapolation.COMMAND.main([str(drives_folder / "anpc5l_6kv.toml")]) == 0
     assert "<- chosen" in capsys.readouterr().out
-    assert fit.main([str(tmp_path / "none.toml")]) == 2
+    assert extrapolation.COMMAND.main([str(tmp_path / "none.toml")]) == 2
     assert "none.toml" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
-        fit.main([])
+        extrapolation.COMMAND.main([])

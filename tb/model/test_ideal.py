@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import ideal
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 
 NEXT = [[0, 1, 2], [0, 1, 3], [0, 2, 3, 4], [1, 2, 3, 5], [2, 4, 5, 6], [3, 4, 5, 7], [4, 6, 7],

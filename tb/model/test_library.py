@@ -31,8 +31,8 @@ from directmpc import (
     decide,
     load_drive,
     simulate,
-    simulation,
 )
+from directmpc.api import simulation
 from scripts.commands import replay
 
 NAMES = ("anpc5l_6kv", "motulator_2kw2")

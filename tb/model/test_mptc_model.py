@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, closed_loop, ideal, observer
 from directmpc.mptc import formats as f
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS, STATES, UNIT, ZERO_FROM
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.trace import (

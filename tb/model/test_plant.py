@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.plant import Plant, stator_voltage
 

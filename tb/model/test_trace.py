@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import (
     Decisions,
     MpdccTrace,

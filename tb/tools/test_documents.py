@@ -25,8 +25,10 @@ import numpy as np
 import pytest
 
 import directmpc
-from directmpc import drive_file
+from directmpc.api import drive_file
+from directmpc.mpdcc import drive as mpdcc_drive
 from directmpc.mpdcc import inverter, trace
+from directmpc.mptc import drive as mptc_drive
 from directmpc.mptc import trace as mptc_trace
 from scripts.hdl import sources
 from scripts.hdl.clocks import clocks_of, worst_clocks
@@ -87,7 +89,7 @@ def limits(field: Any) -> tuple[float, float] | None:
 
 
 @pytest.mark.parametrize(
-    ("name", "model"), [("mpdcc", drive_file.Drive), ("mptc", drive_file.MptcDrive)]
+    ("name", "model"), [("mpdcc", mpdcc_drive.Drive), ("mptc", mptc_drive.MptcDrive)]
 )
 def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
     written = {ticked(row[0])[0]: row for row in rows(between(SPECIFICATION, f"keys of {name}"))}
@@ -102,7 +104,7 @@ def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
             assert ticked(allowed) == ["true", "false"], key
         else:
             shown = tuple(float(number) for number in _NUMBER.findall(allowed))
-            expected = limits(field) or (drive_file.TS_PU_MIN, drive_file.TS_PU_MAX)
+            expected = limits(field) or (mpdcc_drive.TS_PU_MIN, mpdcc_drive.TS_PU_MAX)
             assert shown == expected, key
         if field.is_required():
             assert default == "required", key

@@ -22,18 +22,24 @@ WRONG = (
     ("scripts/commands/run.py", "tb.helpers", "the tools know no tests"),
     ("scripts/hdl/sources.py", "scripts.measure.synth", "The rooms of scripts"),
     ("scripts/studies/mptc.py", "scripts.publish.report", "The rooms of scripts"),
-    ("directmpc/mpdcc/ideal.py", "directmpc.host.board", "a host knows the controllers"),
-    ("directmpc/mptc/ideal.py", "directmpc.mpdcc.machine", "a host knows the controllers"),
+    ("directmpc/mpdcc/ideal.py", "directmpc.host.board", "The rooms of the library"),
+    ("directmpc/mptc/ideal.py", "directmpc.mpdcc.machine", "The rooms of the library"),
+    ("directmpc/mpdcc/drive.py", "directmpc.api.drive_file", "The rooms of the library"),
+    ("directmpc/drive_tables.py", "directmpc.mpdcc.machine", "The rooms of the library"),
+    ("directmpc/api/drive_file.py", "directmpc.host.board", "The rooms of the library"),
 )
 
 
 def build(folder: Path) -> None:
     """Empty packages of the project's names."""
-    rooms = layers.rooms_of_scripts()
+    rooms = layers.rules("rooms")
     packages = [*(f"scripts/{room}" for room in rooms), "scripts", "directmpc", "tb", "tb/helpers"]
-    packages += [f"directmpc/{room}" for room in ("host", "mpdcc", "mptc")]
+    library = layers.rules("library")
+    packages += [f"directmpc/{room}" for room in layers.LIBRARY]
     modules = ["scripts/shared/tools.py", "scripts/measure/synth.py", "scripts/publish/report.py"]
-    modules += ["directmpc/drive_file.py", "directmpc/mpdcc/machine.py", "directmpc/host/board.py"]
+    modules += ["directmpc/mpdcc/machine.py", "directmpc/api/drive_file.py"]
+    modules += ["directmpc/host/board.py"]
+    modules += [f"directmpc/{name}.py" for name in library if name not in layers.LIBRARY]
     for name in (*(f"{package}/__init__.py" for package in packages), *modules):
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +94,7 @@ def test_the_picture_shows_every_room(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     text = out.read_text(encoding="utf-8")
-    for room in layers.rooms_of_scripts():
+    for room in layers.rules("rooms"):
         assert f"scripts/{room}/" in text
     for room in layers.LIBRARY:
         assert f"model/directmpc/{room}/" in text

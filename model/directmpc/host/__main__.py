@@ -22,14 +22,16 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from directmpc.drive_file import Drive, MptcDrive, load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.console import OneParagraphParser, check_output, progress_bar, report_error
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import Outcome
 from directmpc.host.registers import GuardSettings, RegisterValues, values
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import write_decisions
+from directmpc.mptc.drive import MptcDrive
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""

@@ -14,17 +14,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, MptcDrive
 from directmpc.host.board import Board
 from directmpc.host.link import LinkError
 from directmpc.host.protocol import Flag, packed_positions
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import Plant
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import FIELDS, VARIANTS, count_differences, decisions_of
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import closed_loop as mptc_closed_loop
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.plant import step as mptc_step
 

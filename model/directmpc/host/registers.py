@@ -19,11 +19,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from directmpc.drive_file import Drive, MptcDrive, load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.mpdcc import coefficients, formats
+from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
+from directmpc.mptc.drive import MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6

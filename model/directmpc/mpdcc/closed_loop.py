@@ -10,16 +10,16 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState
 from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
@@ -568,7 +568,7 @@ def drive_controller(
     state, positions = initial_conditions(profile)
     # the plant's machine and inverter, the controller's control period
     other = plant_drive or drive
-    real = drive.model_copy(update={"machine": other.machine, "inverter": other.inverter})
+    real = drive.changed(machine=asdict(other.machine), inverter=other.inverter.model_dump())
     plant = Plant(real, float(profile.omega_r[0]), float(profile.vdc[0]), state)
     states = np.empty((total + 1, STATES))
     applied = np.empty((total + 1, 3), np.int64)

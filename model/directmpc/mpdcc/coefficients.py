@@ -1,7 +1,7 @@
 """From a drive to register values: what a host computes and writes once per drive.
 
 Nothing here depends on the state, the speeds or the dc-link voltage; those products are formed in
-fabric every step.  ``python -m directmpc.mpdcc.coefficients drive.toml`` prints them.
+fabric every step.
 
 The trajectory unit ``1/U`` is chosen per drive as fine as its coefficients and
 bounds allow, see ``formats``.
@@ -9,18 +9,14 @@ bounds allow, see ``formats``.
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
-import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, load_mpdcc_drive
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.parabola import FAR, fit_parabola
 from directmpc.mpdcc.program import COEFFICIENTS
@@ -451,42 +447,3 @@ def format_table(values: Registers) -> str:
         f"steps with p = {values.correction:.5f}",
     ]
     return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the register values of a drive file; 2 when it cannot be used.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 2 where the drive file cannot be used.
-    """
-    parser = argparse.ArgumentParser(
-        prog="coefficients", description="Parameter ports of mpdcc_core for a drive file."
-    )
-    parser.add_argument("drive", help="drive file (TOML)")
-    parser.add_argument("--csv", action="store_true", help="comma-separated, for a program to read")
-    parser.add_argument(
-        "--variant", choices=sorted(f.BOUND_HIGH), default="fast", help="explorers of the core"
-    )
-    given = parser.parse_args(arguments)
-    try:
-        values = registers(load_mpdcc_drive(given.drive), given.variant)
-        print(format_csv(values) if given.csv else format_table(values), flush=True)
-    except BrokenPipeError:  # a reader such as head has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except ValueError as error:
-        text = str(error)
-        shown = text if text.startswith(given.drive) else f"{given.drive}: {text}"
-        print(f"coefficients: {shown}", file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,22 +5,17 @@ Paper A predicts the stator current L steps on with one Euler step of length L T
 A_0 (eq. 14b), and interpolates in between (eq. 20). A second-order expansion of the machine gives
 p = X_m/(2D) in the limit of small L; the paper's 0.21096 belongs to a machine it does not state and
 matches no realistic leakage this way, so p is fitted here to the drive at hand.
-
-``python -m directmpc.mpdcc.extrapolation drive.toml`` prints the table behind
-the choice of L.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive, DriveFileError, load_mpdcc_drive
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import InductionMachine, discretise
 
 LENGTHS = (1, 2, 4, 8, 16, 32, 64)
@@ -247,31 +242,3 @@ def format_table(drive: Drive) -> str:
             f"   {entry.rms_error:14.5f}   {entry.max_error:14.5f}{mark}"
         )
     return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table for a drive file; returns the process exit status.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 2 where the drive file cannot be used.
-    """
-    parser = argparse.ArgumentParser(prog="fit", description=__doc__.splitlines()[0])
-    parser.add_argument("drive", help="drive file (TOML) of an MPDCC drive")
-    given = parser.parse_args(arguments)
-    try:
-        print(format_table(load_mpdcc_drive(given.drive)))
-    except DriveFileError as error:
-        print(f"fit: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import FloatArray, discretise
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 

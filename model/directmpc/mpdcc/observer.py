@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.fixed_point import rounded
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import CURRENT, FLUX, LINK_VOLTAGE, SPEED
 from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mpdcc.trace import IntArray

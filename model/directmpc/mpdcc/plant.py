@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE, CLARKE_INVERSE, FloatArray, InductionMachine
 
 STATES = 8

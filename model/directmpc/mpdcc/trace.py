@@ -20,7 +20,7 @@ from directmpc.csv_table import (
     read_table,
     write_table,
 )
-from directmpc.drive_file import Drive
+from directmpc.mpdcc.drive import Drive
 
 __all__ = [
     "Decisions",

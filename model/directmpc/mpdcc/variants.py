@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc.bit_true import fast, paper
 from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
 #: Columns of a decision as a core gives it.

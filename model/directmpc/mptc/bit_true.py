@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from directmpc import fixed_point
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded, saturate
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import Registers, registers, words
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import ZERO_FROM
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 

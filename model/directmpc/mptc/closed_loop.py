@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace

@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
+from directmpc.mptc.drive import MptcDrive
 
 #: Coefficient ports in port order; all 18 bits signed.
 COEFFICIENTS: tuple[str, ...] = (

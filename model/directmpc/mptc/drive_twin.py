@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import bit_true, observer, preexcitation
 from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import Registers, registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 
 #: Words of a state: the observer's four, the estimate as the ports have it, u applied, magnetised.

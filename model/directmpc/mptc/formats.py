@@ -34,8 +34,8 @@ from __future__ import annotations
 
 import math
 
-from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import Format
+from directmpc.mptc.drive import MptcDrive
 
 WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
 FRACTION = 17  # fractional bits of a word

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import UNIT, ZERO_FROM
 from directmpc.mptc.machine import derivative, inverse_determinant, torque
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace

@@ -24,11 +24,11 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.fixed_point import rounded
 from directmpc.mptc import formats as f
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, to_word
 from directmpc.mptc.coefficients import Registers, registers
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import derivative, inverse_determinant
 from directmpc.mptc.trace import IntArray
 

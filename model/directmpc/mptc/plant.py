@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.machine import current_row, torque
 

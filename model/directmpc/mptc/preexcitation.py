@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from directmpc.compiled import njit
-from directmpc.drive_file import MptcDrive
 from directmpc.mptc import formats as f
+from directmpc.mptc.drive import MptcDrive
 
 VECTOR = 1  # the fixed non-zero vector; zero voltage is u_0, one commutation away
 _HIGH = 2 ** (f.MEASUREMENT_WIDTH - 1) - 1

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import VARIANTS
 
 SEEDS = 10  # starts per point of the fidelity figures

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from directmpc.drive_file import Drive, load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.mpdcc.drive import Drive
 from scripts.hdl import mpdcc_simulation, sources
 from scripts.shared import cache
 from scripts.shared.tools import ROOT

@@ -33,11 +33,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.parabola import FAR, NEAR, fit_parabola

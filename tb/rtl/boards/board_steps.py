@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.drive_file import Drive, load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
 from directmpc.host.link import RefusedError
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
@@ -16,6 +16,7 @@ from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS
 from scripts.commands import replay

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import lockstep
 from directmpc.host import protocol as p

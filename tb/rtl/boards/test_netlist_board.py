@@ -29,17 +29,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.drive_file import Drive, MptcDrive, load_drive
-from directmpc.gate_guard import FAULTS as FAULT_NAMES
-from directmpc.gate_guard import anpc_gates, two_level_gates
+from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep
 from directmpc.host import protocol as p
 from directmpc.host.board import Board
+from directmpc.host.gate_guard import FAULTS as FAULT_NAMES
+from directmpc.host.gate_guard import anpc_gates, two_level_gates
 from directmpc.host.link import Link, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
+from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS
 from scripts.hdl.clocks import worst_cycles

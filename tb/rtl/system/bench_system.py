@@ -9,8 +9,8 @@ import cocotb
 import numpy as np
 from cocotb.triggers import FallingEdge, RisingEdge
 
-from directmpc.gate_guard import anpc_gates, two_level_gates
 from directmpc.host import registers
+from directmpc.host.gate_guard import anpc_gates, two_level_gates
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast

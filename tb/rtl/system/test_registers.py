@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.drive_file import load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import formats

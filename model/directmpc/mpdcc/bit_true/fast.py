@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.fixed_point import rounded, saturate
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter
@@ -44,6 +43,7 @@ from directmpc.mpdcc.bit_true.common import (
     search_length,
 )
 from directmpc.mpdcc.coefficients import INDEX, Registers, registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import PRODUCTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.drive_file import Drive
 from directmpc.mpdcc import inverter
 from directmpc.mpdcc.bit_true.common import (
     PAPER_PROGRAM,
@@ -26,6 +25,7 @@ from directmpc.mpdcc.bit_true.common import (
     slopes,
 )
 from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 
 

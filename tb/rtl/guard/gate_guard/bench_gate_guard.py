@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import cocotb
 
-from directmpc.gate_guard import FAULTS, GateGuard, Inputs
+from directmpc.host.gate_guard import FAULTS, GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
 from tb.rtl.guard.gate_guard.stimulus import life
 

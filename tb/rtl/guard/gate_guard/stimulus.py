@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import replace
 
-from directmpc.gate_guard import GateGuard, Inputs
+from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.mpdcc import inverter as anpc
 from tb.helpers.scoreboard import word
 

@@ -12,7 +12,7 @@ import itertools
 
 import pytest
 
-from directmpc.gate_guard import anpc_gates, commutation, output_levels
+from directmpc.host.gate_guard import anpc_gates, commutation, output_levels
 from directmpc.mpdcc import inverter as anpc
 
 EDGES = [(s, t) for s in range(8) for t in anpc.NEXT_POSITIONS[s] if s != t]

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.controllers import ENGINES, check_drive, check_engine, make_controller
+from directmpc.api.controllers import ENGINES, check_drive, check_engine, make_controller
 from directmpc.distortion import thd
-from directmpc.drive_file import Drive, MptcDrive
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import plant_parameters, slip
 from directmpc.states import Controller
 

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.drive_file import Drive, MptcDrive
 from directmpc.mpdcc import ideal as mpdcc_ideal
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import ideal as mptc_ideal
+from directmpc.mptc.drive import MptcDrive
 from directmpc.states import Decision, MpdccDecision, MpdccState, MptcDecision, MptcState, State
 
 ENGINES = ("ideal", "model")

@@ -1,0 +1,1 @@
+"""What both kinds of drive are used through: drive files, controllers, closed loops."""

@@ -1,0 +1,244 @@
+"""What the drive files of both controllers have in common: tables of keys that check themselves.
+
+A table is a frozen pydantic model. The annotation of a key holds its range and the words of an
+error. What depends on several keys is checked by the table itself, so `changed` and `with_control`
+refuse what a file may not hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
+
+
+class DriveError(ValueError):
+    """A drive cannot be as it is asked to be; the message names the key and what is allowed."""
+
+
+class DriveFileError(DriveError):
+    """A drive file cannot be used; the message names file, key and what is allowed."""
+
+
+def refused(key: str, message: str) -> PydanticCustomError:
+    """Make the error of a check over several keys.
+
+    Parameters
+    ----------
+    key
+        The key that the error names, from the table of the check on: ``"control.ts"``.
+    message
+        What is wrong and what is allowed.
+
+    Returns
+    -------
+    PydanticCustomError
+        A validator of a table raises it.
+    """
+    return PydanticCustomError("across_keys", "{key}: {message}", {"key": key, "message": message})
+
+
+def number(low: float, high: float, unit: str) -> Any:
+    """Annotate a finite number with its closed range and, in words, what is allowed.
+
+    Parameters
+    ----------
+    low, high
+        Least and largest value, in `unit`.
+    unit
+        Name of the unit; empty for a plain number.
+
+    Returns
+    -------
+    Any
+        The annotation of a key.
+    """
+    words = f"a number from {low:g} to {high:g} {unit}".rstrip()
+    return Annotated[
+        float, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
+    ]
+
+
+def integer(low: int, high: int) -> Any:
+    """Annotate an integer with its closed range and, in words, what is allowed.
+
+    Parameters
+    ----------
+    low, high
+        Least and largest value.
+
+    Returns
+    -------
+    Any
+        The annotation of a key.
+    """
+    words = f"an integer from {low} to {high}"
+    return Annotated[int, Field(strict=True, ge=low, le=high, description=words)]
+
+
+class Section(BaseModel):
+    """A table of a drive file: frozen, without room for unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class AnyDrive(Section):
+    """What the drives of all controllers can do."""
+
+    def changed(self, **tables: Mapping[str, Any]) -> Self:
+        """Make the same drive with other values, checked as a drive file is.
+
+        Parameters
+        ----------
+        **tables
+            Name of a table of the drive file (`machine`, `inverter`, `control`, ...) to the keys
+            to change: ``drive.changed(machine={"rs": 0.006}, control={"horizon": 20})``.
+
+        Returns
+        -------
+        Drive or MptcDrive
+            A new drive; this one stays as it is.
+
+        Raises
+        ------
+        DriveError
+            If a table or key is unknown or a value is not allowed; names key and allowed range.
+        """
+        data: dict[str, Any] = {}
+        for name in keys_of(type(self)):
+            value = getattr(self, name)
+            data[name] = {k: getattr(value, k) for k in keys_of(type(value))} or value
+        for name, keys in tables.items():
+            if not isinstance(keys, Mapping):
+                raise DriveError(f"{name}: got {described(keys)}; a table of keys is needed")
+            plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in keys.items()}
+            old = data.get(name, {})
+            data[name] = {**old, **plain} if isinstance(old, dict) else plain
+        return validated(type(self), data)
+
+    def with_control(self, **keys: Any) -> Self:
+        """Make the same drive with other keys of its table `control`.
+
+        Parameters
+        ----------
+        **keys
+            Keys of the table, in the drive file's units: ``drive.with_control(horizon=20)``.
+
+        Returns
+        -------
+        Drive or MptcDrive
+            A new drive; this one stays as it is.
+
+        Raises
+        ------
+        DriveError
+            As `changed`.
+        """
+        return self.changed(control=keys)
+
+
+DriveModel = TypeVar("DriveModel", bound=AnyDrive)
+
+
+def described(value: Any) -> str:
+    """Show a value as a TOML user knows it.
+
+    Parameters
+    ----------
+    value
+        What a TOML reader returned.
+
+    Returns
+    -------
+    str
+        40 characters at most.
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, str):
+        text = f'"{value}"'
+    else:
+        try:
+            text = repr(value)
+        except ValueError:  # an integer too long for Python to print
+            return "an overlong integer"
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def keys_of(table: Any) -> dict[str, FieldInfo]:
+    """Keys of a table.
+
+    Parameters
+    ----------
+    table
+        The class of a table, or anything else.
+
+    Returns
+    -------
+    dict of FieldInfo
+        Pydantic's description of each key, by name; empty if `table` is no table.
+    """
+    return getattr(table, "__pydantic_fields__", {})
+
+
+def _allowed(table: type, key: str) -> str:
+    """What a key of a table may be, in words."""
+    field = keys_of(table)[key]
+    if field.description:
+        return field.description
+    annotation = field.annotation
+    if get_origin(annotation) is Literal:
+        return " or ".join(f'"{choice}"' for choice in get_args(annotation))
+    return f"a table [{key}] with the keys {', '.join(keys_of(annotation))}"
+
+
+def _explain(model: type[BaseModel], error: Any) -> str:
+    """Turn one pydantic error into "key: what is wrong, what is allowed"."""
+    location = [str(part) for part in error["loc"]]
+    if error["type"] == "across_keys":
+        return ".".join([*location, error["msg"]])
+    dotted = ".".join(location)
+    table: Any = model
+    for part in location[:-1]:
+        table = keys_of(table)[part].annotation
+    name = f"[{'.'.join(location[:-1])}]" if location[:-1] else "the file's top level"
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{dotted}: unknown key; {name} may hold {', '.join(keys_of(table))}"
+    allowed = _allowed(table, location[-1])
+    if error["type"] == "missing":
+        return f"{dotted}: missing; it must be {allowed}"
+    return f"{dotted}: got {described(error['input'])}; it must be {allowed}"
+
+
+def validated(model: type[DriveModel], data: Any) -> DriveModel:
+    """Validate the tables of a drive.
+
+    Parameters
+    ----------
+    model
+        Class of the drive.
+    data
+        Tables as a TOML reader returns them.
+
+    Returns
+    -------
+    Drive or MptcDrive
+        The drive, as `model` is.
+
+    Raises
+    ------
+    DriveError
+        If a key is unknown, missing, of the wrong type or out of range; names key and allowed
+        range.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problems = "; ".join(_explain(model, e) for e in error.errors(include_url=False))
+        raise DriveError(problems) from None

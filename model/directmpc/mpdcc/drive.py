@@ -1,0 +1,105 @@
+"""The drive of an MPDCC controller: keys, ranges and defaults of its file.
+
+Keys and units: docs/specification.md, section 4.1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.dataclasses import dataclass
+
+from directmpc.drive_tables import AnyDrive, Section, integer, number, refused
+from directmpc.mpdcc.machine import InductionMachine
+
+TS_PU_MIN = 0.006
+TS_PU_MAX = 0.063
+_SAMPLING_INTERVAL = f"a number of seconds, {TS_PU_MIN} to {TS_PU_MAX} pu of the base frequency"
+
+
+class Base(Section):
+    """Base values: voltage (V, peak phase) and current (A, peak) for display, frequency (Hz)."""
+
+    voltage: number(1.0, 1e6, "V")
+    current: number(0.01, 1e6, "A")
+    frequency: number(1.0, 1000.0, "Hz")
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Machine(InductionMachine):
+    """Machine parameters, per unit (Paper A, Table I), with the equations of their machine."""
+
+    rs: number(0.001, 0.05, "pu")
+    rr: number(0.001, 0.05, "pu")
+    xls: number(0.03, 0.3, "pu")
+    xlr: number(0.03, 0.3, "pu")
+    xm: number(1.0, 5.0, "pu")
+
+
+class Inverter(Section):
+    """Five-level ANPC inverter, per unit; xdc is one half of the dc-link."""
+
+    topology: Literal["anpc5l"]
+    vdc: number(1.5, 2.5, "pu")
+    xdc: number(0.5, 10.0, "pu")
+    xph: number(0.5, 10.0, "pu")
+
+
+class Control(Section):
+    """Settings of the MPDCC controller: ts in s, bounds as half widths in pu.
+
+    `budget` limits the second level of SESE to so many candidates (0: no limit), in the cores and
+    their model; `delay_compensation` decides for k + 1 from the state predicted under s(k-1).
+    `deadlock_rule` says what is chosen where no candidate stays inside its bounds: "largest" takes
+    the least of the largest excesses, "weighted" weighs v_n's and adds a share of the currents'.
+    """
+
+    ts: Annotated[
+        float, Field(strict=True, gt=0.0, allow_inf_nan=False, description=_SAMPLING_INTERVAL)
+    ]
+    bound_current: number(0.02, 0.5, "pu")
+    bound_vn: number(0.02, 0.5, "pu")
+    bound_vph: number(0.02, 0.5, "pu")
+    lambda_n: number(0.0, 100.0, "")
+    horizon: integer(1, 63)
+    switching_horizon: Literal["SE", "SESE"] = "SE"
+    budget: integer(0, 4095) = 0
+    delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
+    deadlock_rule: Literal["largest", "weighted"] = "largest"
+
+
+class Drive(AnyDrive):
+    """An MPDCC drive as its file describes it, per unit."""
+
+    controller: Literal["mpdcc"]
+    base: Base
+    machine: Machine
+    inverter: Inverter
+    control: Control
+
+    @model_validator(mode="after")
+    def _check_sampling(self) -> Self:
+        if not TS_PU_MIN <= self.ts_pu <= TS_PU_MAX:
+            unit = 2 * math.pi * self.base.frequency
+            raise refused(
+                "control.ts",
+                f"got {self.control.ts:g} s; it must be a number from {TS_PU_MIN / unit:.4g} to "
+                f"{TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) with base.frequency = "
+                f"{self.base.frequency:g} Hz",
+            )
+        return self
+
+    @property
+    def ts_pu(self) -> float:
+        """Sampling interval in units of 1/(2 pi f_base)."""
+        return 2 * math.pi * self.base.frequency * self.control.ts
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Half widths y_bnd on [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], shape (7,)."""
+        c = self.control
+        return np.array([c.bound_current] * 3 + [c.bound_vn] + [c.bound_vph] * 3)

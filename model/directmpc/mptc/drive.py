@@ -1,0 +1,70 @@
+"""The drive of an MPTC or MPFC controller: keys, ranges and defaults of its file.
+
+Keys and units: docs/specification.md, section 4.1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from directmpc.drive_tables import AnyDrive, Section, integer, number, refused
+
+LEAKAGE_MIN = 1e-9
+"""Least 1 - lm**2/(ls*lr): below it the rounding of the file's numbers is the leakage."""
+
+
+class MptcMachine(Section):
+    """Machine parameters of an MPTC drive, SI (Paper B).
+
+    Any machine with ls*lr > lm**2 is one, whatever its turns ratio: the T circuit with both
+    inductances above lm, the inverse-gamma circuit with lr = lm, the gamma circuit with ls = lm.
+    """
+
+    rs: number(1e-6, 1e3, "ohm")
+    rr: number(1e-6, 1e3, "ohm")
+    lm: number(1e-6, 1e3, "H")
+    ls: number(1e-6, 1e3, "H")
+    lr: number(1e-6, 1e3, "H")
+    pole_pairs: integer(1, 64)
+
+    @model_validator(mode="after")
+    def _check_leakage(self) -> Self:
+        if 1.0 - self.lm * self.lm / (self.ls * self.lr) < LEAKAGE_MIN:
+            raise refused(
+                "lm",
+                f"got {self.lm!r}; it must be below {math.sqrt(self.ls * self.lr):.7g} H, the "
+                f"square root of ls*lr, with ls = {self.ls:g} H and lr = {self.lr:g} H (a leakage "
+                f"factor 1 - lm**2/(ls*lr) of {LEAKAGE_MIN:g} at least)",
+            )
+        return self
+
+
+class MptcInverter(Section):
+    """Two-level inverter, SI."""
+
+    topology: Literal["two_level"]
+    vdc: number(1.0, 1e5, "V")
+
+
+class MptcControl(Section):
+    """Settings and full scales of the MPTC controller, SI."""
+
+    ts: number(1e-6, 1e-2, "s")
+    k_psi: number(0.0, 1e6, "N*m/Wb")
+    psi_max: number(1e-4, 1e4, "Wb")
+    current_max: number(1e-3, 1e6, "A")
+    torque_max: number(1e-4, 1e8, "N*m")
+    speed_max: number(1.0, 1e5, "rad/s (electrical)")
+    method: Literal["MPTC", "MPFC"] = "MPTC"
+
+
+class MptcDrive(AnyDrive):
+    """An MPTC drive as its file describes it, SI."""
+
+    controller: Literal["mptc"]
+    machine: MptcMachine
+    inverter: MptcInverter
+    control: MptcControl
