@@ -64,6 +64,7 @@ class Format:
         Returns
         -------
         integers : ndarray of int64, same shape
+            LSB, from `low` to `high`.
         saturated : ndarray of bool, same shape
             True where the value lay outside the word.
         """
@@ -155,6 +156,7 @@ def encode_row(real, scales, lows, highs):
     Returns
     -------
     words : ndarray of int64, shape (n,)
+        LSB of each signal's word.
     clipped : int
         1 where a value lay outside its word.
     """

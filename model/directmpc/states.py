@@ -68,7 +68,25 @@ def _three(name: str, value: Any, needed: str) -> tuple[Any, Any, Any]:
 
 
 def three_positions(name: str, value: Any) -> tuple[int, int, int]:
-    """Positions of the three phases, 0 to 7; raises `StateError` if they are none."""
+    """Check the positions of the three phases.
+
+    Parameters
+    ----------
+    name : str
+        What the value is called in an error.
+    value : any
+        What a caller gave.
+
+    Returns
+    -------
+    s_a, s_b, s_c : int
+        0..7.
+
+    Raises
+    ------
+    StateError
+        If there are not three integers from 0 to 7.
+    """
     a, b, c = _three(name, value, "three switch positions, 0 to 7,")
     return _position(f"{name}[0]", a), _position(f"{name}[1]", b), _position(f"{name}[2]", c)
 
@@ -134,7 +152,23 @@ class MpdccState:
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> Self:
-        """Make a state from a row of a trace: names of the trace file's columns to values."""
+        """Make a state from a row of a trace.
+
+        Parameters
+        ----------
+        row : mapping of str to number or str
+            Columns of the trace file to values, per unit; `v_dc` may be missing.
+
+        Returns
+        -------
+        MpdccState
+            Per unit.
+
+        Raises
+        ------
+        StateError
+            If a column is missing or a value is impossible.
+        """
         return cls(
             current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
             flux=(_column(row, "psir_alpha"), _column(row, "psir_beta")),  # type: ignore[arg-type]
@@ -191,7 +225,23 @@ class MptcState:
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> Self:
-        """Make a state from a row of a trace: names of the trace file's columns to values."""
+        """Make a state from a row of a trace.
+
+        Parameters
+        ----------
+        row : mapping of str to number or str
+            Columns of the trace file to values, SI.
+
+        Returns
+        -------
+        MptcState
+            SI.
+
+        Raises
+        ------
+        StateError
+            If a column is missing or a value is impossible.
+        """
         return cls(
             current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
             flux=(_column(row, "psis_alpha"), _column(row, "psis_beta")),  # type: ignore[arg-type]
@@ -273,7 +323,25 @@ class Controller(Protocol):
 
 
 def mpdcc_decision(answer: Any, step: int) -> MpdccDecision:
-    """What an MPDCC controller answered as a checked `MpdccDecision`; raises `StateError`."""
+    """Check what an MPDCC controller answered.
+
+    Parameters
+    ----------
+    answer : MpdccDecision or sequence of 3 ints
+        The decision, or its positions alone.
+    step : int
+        Number of the step, for the message.
+
+    Returns
+    -------
+    MpdccDecision
+        The answer itself, or one with no flag set.
+
+    Raises
+    ------
+    StateError
+        If it has not three positions from 0 to 7.
+    """
     name = f"step {step}: decision"
     if isinstance(answer, MpdccDecision):
         three_positions(name, answer.apply)
@@ -282,7 +350,25 @@ def mpdcc_decision(answer: Any, step: int) -> MpdccDecision:
 
 
 def mptc_decision(answer: Any, step: int) -> MptcDecision:
-    """What an MPTC controller answered as a checked `MptcDecision`; raises `StateError`."""
+    """Check what an MPTC controller answered.
+
+    Parameters
+    ----------
+    answer : MptcDecision or int
+        The decision, or the number of its vector alone.
+    step : int
+        Number of the step, for the message.
+
+    Returns
+    -------
+    MptcDecision
+        The answer itself, or one with no flag set.
+
+    Raises
+    ------
+    StateError
+        If the vector's number is not from 0 to 7.
+    """
     name = f"step {step}: decision"
     if isinstance(answer, MptcDecision):
         _position(name, answer.apply)

@@ -20,13 +20,37 @@ ENGINES = ("ideal", "model")
 
 
 def check_drive(drive: Any) -> None:
-    """Raise `TypeError` with a sentence unless it is a drive."""
+    """Refuse what is no drive.
+
+    Parameters
+    ----------
+    drive : any
+        What a caller gave as a drive.
+
+    Raises
+    ------
+    TypeError
+        If it is none; the message says what it is and what makes one.
+    """
     if not isinstance(drive, Drive | MptcDrive):
         raise TypeError(f"drive: got a {type(drive).__name__}; load_drive makes what is needed")
 
 
 def check_engine(engine: Any, variant: Any) -> None:
-    """Raise `ValueError` with a sentence unless there are such an engine and variant."""
+    """Refuse an engine or a variant that there is not.
+
+    Parameters
+    ----------
+    engine : any
+        What a caller gave; one of `ENGINES`.
+    variant : any
+        What a caller gave; "fast" or "paper".
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name; the message says which there are.
+    """
     for name, value, known in (("engine", engine, ENGINES), ("variant", variant, VARIANTS)):
         if not isinstance(value, str) or value not in known:
             allowed = " or ".join(f'"{one}"' for one in known)
@@ -35,6 +59,18 @@ def check_engine(engine: Any, variant: Any) -> None:
 
 def state_of(drive: Drive | MptcDrive, state: State | Mapping[str, Any]) -> State:
     """Check that a state is one of the drive's kind; a row of a trace becomes one.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the state is of.
+    state : MpdccState, MptcState or mapping
+        Per unit or SI, as the drive's kind is; or the names of the trace file's columns to values.
+
+    Returns
+    -------
+    MpdccState or MptcState
+        The state itself, or one made of the row.
 
     Raises
     ------
@@ -59,8 +95,13 @@ class IdealController:
 
     Parameters
     ----------
-    drive
+    drive : Drive or MptcDrive
         What it is set up for; of either kind.
+
+    Raises
+    ------
+    TypeError
+        If it is no drive.
     """
 
     def __init__(self, drive: Drive | MptcDrive) -> None:
@@ -69,7 +110,25 @@ class IdealController:
         self._decide, self._parameters = _compiled(drive, "ideal", DEFAULT_VARIANT)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
-        """Decide on one step; raises `TypeError` or `StateError` if the state is none."""
+        """Decide on one step.
+
+        Parameters
+        ----------
+        state : MpdccState, MptcState or mapping
+            As of `decide` in this module: of the drive's kind.
+
+        Returns
+        -------
+        MpdccDecision or MptcDecision
+            What to apply next, and flags; never saturated.
+
+        Raises
+        ------
+        TypeError
+            If the state is not of the drive's kind.
+        StateError
+            If a value of the state is impossible; a ValueError.
+        """
         known = state_of(self.drive, state)
         if isinstance(self.drive, Drive) and self.drive.control.delay_compensation:
             known = _one_step_on(self.drive, self._parameters, known)
@@ -100,7 +159,25 @@ class ModelController:
         self._decide, self._parameters = _compiled(drive, "model", variant)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
-        """Decide on one step; raises `TypeError` or `StateError` if the state is none."""
+        """Decide on one step.
+
+        Parameters
+        ----------
+        state : MpdccState, MptcState or mapping
+            As of `decide` in this module: of the drive's kind.
+
+        Returns
+        -------
+        MpdccDecision or MptcDecision
+            What to apply next, and flags; `saturated` covers the inputs.
+
+        Raises
+        ------
+        TypeError
+            If the state is not of the drive's kind.
+        StateError
+            If a value of the state is impossible; a ValueError.
+        """
         known = state_of(self.drive, state)
         return _decision(self.drive, self._decide, self._parameters, known)
 
@@ -134,7 +211,20 @@ def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: Sta
 
 
 def mpdcc_row(drive: Drive | MptcDrive, state: MpdccState) -> MpdccTrace:
-    """A state as a trace of one row."""
+    """A state as a trace of one row.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Gives v_dc where the state has none.
+    state : MpdccState
+        Per unit.
+
+    Returns
+    -------
+    MpdccTrace
+        One row, per unit.
+    """
     vdc = drive.inverter.vdc if state.vdc is None else state.vdc
     return MpdccTrace(
         x_m=np.array([[state.current.real, state.current.imag, state.flux.real, state.flux.imag]]),
@@ -167,7 +257,29 @@ def _one_step_on(drive: Drive, parameters: Any, state: State) -> MpdccState:
 def make_controller(
     drive: Drive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
 ) -> IdealController | ModelController:
-    """Make the controller of an engine; raises as `ModelController`."""
+    """Make the controller of an engine.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What it is set up for; of either kind.
+    engine : str
+        "ideal" or "model".
+    variant : str
+        "fast" or "paper", for the model of MPDCC.
+
+    Returns
+    -------
+    IdealController or ModelController
+        Its `decide` takes one state at a time.
+
+    Raises
+    ------
+    TypeError
+        If `drive` is no drive.
+    ValueError
+        If there is no such engine or variant, or the model cannot represent the drive.
+    """
     check_drive(drive)
     check_engine(engine, variant)
     return IdealController(drive) if engine == "ideal" else ModelController(drive, variant)

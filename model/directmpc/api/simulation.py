@@ -85,12 +85,23 @@ class SimulationResult:
 
     @property
     def phase_currents(self) -> FloatArray:
-        """Currents of the phases a, b, c, shape (n, 3)."""
+        """Currents of the phases a, b, c (inverse Clarke transformation; Paper A, eq. 1).
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            In the unit of `current`.
+        """
         turns = np.exp(-2j * np.pi / 3 * np.arange(3))
         return np.real(self.current[:, None] * turns)
 
     def thd(self) -> float:
         """Total harmonic distortion of the phase currents, a ratio, rms of the three phases.
+
+        Returns
+        -------
+        float
+            A ratio: 0.05 is 5 %.
 
         Raises
         ------
@@ -105,6 +116,11 @@ class SimulationResult:
         """Columns by name, each of shape (n,): time, the trace's, torque, then the decision's.
 
         The decision's columns begin with `next_`. ``pandas.DataFrame(result.table())`` takes it.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+            In the units of the drive file, `time` in s.
         """
         t, d = self.trace, self.decisions
         columns: dict[str, NDArray[Any]] = {"time": self.time}
@@ -129,6 +145,11 @@ class SimulationResult:
 
     def write_trace(self, path: str | os.PathLike[str]) -> None:
         """Write what the controller saw as a trace file that `make replay` takes.
+
+        Parameters
+        ----------
+        path : str or path
+            File to write or to replace.
 
         Raises
         ------

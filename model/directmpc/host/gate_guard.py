@@ -31,18 +31,53 @@ TIME_HIGH = 2**12 - 1
 
 
 def anpc_gates(position: int) -> frozenset[int]:
-    """Gates S1..S8 that are on in a position of the five-level leg."""
+    """Gates S1..S8 that are on in a position of the five-level leg.
+
+    Parameters
+    ----------
+    position : int
+        0..7.
+
+    Returns
+    -------
+    frozenset of int
+        Four of 1..8.
+    """
     g, a, b = position >> 2, position >> 1 & 1, position & 1
     return frozenset({1, 3} if g else {2, 4}) | {5 if a else 8, 6 if b else 7}
 
 
 def two_level_gates(position: int) -> frozenset[int]:
-    """Gate that is on: 1 the upper, 2 the lower."""
+    """Gate that is on: 1 the upper, 2 the lower.
+
+    Parameters
+    ----------
+    position : int
+        1 connects the phase to the positive rail; only bit 0 counts.
+
+    Returns
+    -------
+    frozenset of int
+        One of 1, 2.
+    """
     return frozenset({1} if position & 1 else {2})
 
 
 def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
-    """Single-gate actions from one position to the next; -n is gate n off."""
+    """Single-gate actions from one position to the next (order: docs/gate-guard.md).
+
+    Parameters
+    ----------
+    five_level : bool
+        A leg of the ANPC inverter; a two-level one otherwise.
+    origin, goal : int
+        Positions, 0..7 (two-level: 0, 1).
+
+    Returns
+    -------
+    list of int
+        n: gate n on, -n: gate n off, in their order.
+    """
     if five_level and (origin ^ goal) & 4:
         return list(RISING) if goal & 4 else [-action for action in reversed(RISING)]
     gates = anpc_gates if five_level else two_level_gates
@@ -93,6 +128,16 @@ def output_levels(gates: Iterable[int]) -> tuple[int, int] | None:
 
     Ideal switches: current out of the output takes the path of highest potential that conducts,
     current into it the one of lowest.  Levels in quarters of the dc-link from the midpoint.
+
+    Parameters
+    ----------
+    gates : iterable of int
+        Gates that are on, 1..8.
+
+    Returns
+    -------
+    i_above, i_below : int
+        Level for i > 0 and for i < 0, quarters of the dc-link.
     """
     edges = _edges(gates)
     out = _highest(edges, "M")
@@ -104,7 +149,25 @@ def output_levels(gates: Iterable[int]) -> tuple[int, int] | None:
 
 @dataclass
 class Leg:
-    """One leg: a goal, the actions that are planned, what is on."""
+    """One leg: a goal, the actions that are planned, what is on.
+
+    Attributes
+    ----------
+    five_level : bool
+        A leg of the ANPC inverter; a two-level one otherwise.
+    goal, settled : int
+        Position decided last, and the one that the last move begun leads to.
+    on : set of int
+        Gates that are on.
+    alive : bool
+        Whether the leg has a position, or is about to have one.
+    starts_at : int or None
+        Clock in which the gates of the first position go on.
+    plan : list of (int, int)
+        Clock and action of what is still to do, see `commutation`.
+    ready_at : int
+        Clock from which on the next move may begin.
+    """
 
     five_level: bool
     goal: int = 0
@@ -120,18 +183,50 @@ class Leg:
         self.on, self.alive, self.starts_at, self.plan = set(), False, None, []
 
     def legal(self, wanted: int) -> bool:
-        """Whether a position follows the goal, or the leg is off."""
+        """Whether a position follows the goal, or the leg is off.
+
+        Parameters
+        ----------
+        wanted : int
+            Position, 0..7 (two-level: 0, 1).
+
+        Returns
+        -------
+        bool
+            Always true of a two-level leg.
+        """
         if not self.alive or not self.five_level:
             return True
         return wanted in anpc.NEXT_POSITIONS[self.goal]
 
     def blocked(self, wanted: int) -> bool:
-        """Whether a position moves a leg whose last move has not begun."""
+        """Whether a position moves a leg whose last move has not begun.
+
+        Parameters
+        ----------
+        wanted : int
+            Position, 0..7 (two-level: 0, 1).
+
+        Returns
+        -------
+        bool
+            False for the present goal.
+        """
         unsettled = self.goal != self.settled or self.starts_at is not None
         return self.alive and unsettled and wanted != self.goal
 
     def clock(self, now: int, dead: int, rest: int) -> None:
-        """One edge."""
+        """One rising edge.
+
+        Parameters
+        ----------
+        now : int
+            Number of the edge; one more each time.
+        dead : int
+            Dead time, clocks, at least 1.
+        rest : int
+            Clocks from the end of a move to the next.
+        """
         gates = anpc_gates if self.five_level else two_level_gates
         if self.starts_at == now:
             self.on = set(gates(self.goal))
@@ -151,7 +246,18 @@ class Leg:
                 self.on.remove(-action)
 
     def resting(self, now: int) -> bool:
-        """Whether nothing is under way after edge ``now``."""
+        """Whether nothing is under way after edge ``now``.
+
+        Parameters
+        ----------
+        now : int
+            Number of the edge.
+
+        Returns
+        -------
+        bool
+            True of a leg that is off.
+        """
         if not self.alive:
             return True
         unsettled = self.goal != self.settled or self.starts_at is not None
@@ -160,7 +266,29 @@ class Leg:
 
 @dataclass
 class Inputs:
-    """Inputs of one clock, as the ports of ``gate_guard``."""
+    """Inputs of one clock, as the ports of ``gate_guard``.
+
+    Attributes
+    ----------
+    rst, enable, external_trip, measured, start, decided : int
+        0 or 1.
+    clear : int
+        Faults to clear, one bit each in the order of `FAULTS`.
+    is_alpha, is_beta : int
+        Stator current, LSB of the current's port, signed.
+    v_dc : int
+        dc-link voltage, LSB of its port, unsigned.
+    position_a, position_b, position_c : int
+        Decided positions, 0..7 (two-level: 0, 1).
+    dead_time, minimum_on, minimum_off : int
+        Clocks, 12 bits, unsigned.
+    decision_limit, watchdog : int
+        Clocks, 16 bits, unsigned.
+    current_limit : int
+        LSB of the current's port, unsigned.
+    link_high, link_low : int
+        LSB of the port of v_dc, unsigned.
+    """
 
     rst: int = 0
     enable: int = 0
@@ -186,7 +314,18 @@ class Inputs:
 
 
 def trips(i: Inputs) -> set[str]:
-    """Trips of one clock."""
+    """Trips of one clock.
+
+    Parameters
+    ----------
+    i : Inputs
+        Of this clock; measurements count where `measured` is 1.
+
+    Returns
+    -------
+    set of str
+        Of external_trip, over_current, link_high and link_low.
+    """
     found = {"external_trip"} if i.external_trip else set()
     if i.measured:
         # phases times 128, with 111/64 for the root of three
@@ -229,7 +368,13 @@ class GateGuard:
         self.fed: tuple[int, int] = (0, 0)
 
     def clock(self, i: Inputs) -> None:
-        """One rising edge."""
+        """One rising edge.
+
+        Parameters
+        ----------
+        i : Inputs
+            Values before the edge.
+        """
         self.now += 1
         now, goals = self.now, (i.position_a, i.position_b, i.position_c)
         wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
@@ -296,21 +441,45 @@ class GateGuard:
 
     @property
     def gates(self) -> int:
-        """Gates as the port has them."""
+        """Gates as the port has them.
+
+        Returns
+        -------
+        int
+            8 bits a leg (two-level: 2), phase a lowest; bit n - 1 of a leg is gate n.
+        """
         size = 8 if self.five_level else 2
         return sum(1 << (x * size + gate - 1) for x, leg in enumerate(self.legs) for gate in leg.on)
 
     @property
     def running(self) -> bool:
-        """Whether gates follow decisions."""
+        """Whether gates follow decisions.
+
+        Returns
+        -------
+        bool
+            True from the edge on that takes the first decision.
+        """
         return self.state == "active"
 
     @property
     def resting(self) -> bool:
-        """Whether no leg moves or is about to."""
+        """Whether no leg moves or is about to.
+
+        Returns
+        -------
+        bool
+            True as well of a guard that is off.
+        """
         return all(leg.resting(self.now) for leg in self.legs)
 
     @property
     def fault_bits(self) -> int:
-        """Faults as the port has them."""
+        """Faults as the port has them.
+
+        Returns
+        -------
+        int
+            One bit each in the order of `FAULTS`.
+        """
         return sum(1 << n for n, name in enumerate(FAULTS) if name in self.faults)

@@ -95,11 +95,23 @@ class Drive(AnyDrive):
 
     @property
     def ts_pu(self) -> float:
-        """Sampling interval in units of 1/(2 pi f_base)."""
+        """Sampling interval in units of 1/(2 pi f_base).
+
+        Returns
+        -------
+        float
+            Per unit: radians of the base frequency.
+        """
         return 2 * math.pi * self.base.frequency * self.control.ts
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """Half widths y_bnd on [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], shape (7,)."""
+        """Half widths y_bnd on [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], shape (7,).
+
+        Returns
+        -------
+        ndarray of float64, shape (7,)
+            Per unit.
+        """
         c = self.control
         return np.array([c.bound_current] * 3 + [c.bound_vn] + [c.bound_vph] * 3)

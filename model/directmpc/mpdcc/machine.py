@@ -81,31 +81,72 @@ class InductionMachine:
 
     @property
     def xs(self) -> float:
-        """Stator self reactance."""
+        """Stator self reactance.
+
+        Returns
+        -------
+        float
+            xls + xm, per unit.
+        """
         return self.xls + self.xm
 
     @property
     def xr(self) -> float:
-        """Rotor self reactance."""
+        """Rotor self reactance.
+
+        Returns
+        -------
+        float
+            xlr + xm, per unit.
+        """
         return self.xlr + self.xm
 
     @property
     def d(self) -> float:
-        """Determinant X_s X_r - X_m^2, summed from positive terms so nothing cancels."""
+        """Determinant X_s X_r - X_m^2, summed from positive terms so nothing cancels.
+
+        Returns
+        -------
+        float
+            Per unit squared.
+        """
         return self.xls * self.xlr + self.xm * (self.xls + self.xlr)
 
     @property
     def tau_s(self) -> float:
-        """Transient stator time constant."""
+        """Transient stator time constant (Paper A, eq. 4).
+
+        Returns
+        -------
+        float
+            Per unit: radians of the base frequency.
+        """
         return self.xr * self.d / (self.rs * self.xr**2 + self.rr * self.xm**2)
 
     @property
     def tau_r(self) -> float:
-        """Rotor time constant."""
+        """Rotor time constant (Paper A, eq. 4).
+
+        Returns
+        -------
+        float
+            Per unit: radians of the base frequency.
+        """
         return self.xr / self.rr
 
     def system_matrix(self, omega_r: float) -> FloatArray:
-        """Continuous-time A, shape (4, 4), on [i_alpha, i_beta, psi_alpha, psi_beta]."""
+        """Continuous-time A (Paper A, eq. 4 without its correction term, over T_s).
+
+        Parameters
+        ----------
+        omega_r : float
+            Rotor speed (electrical), per unit.
+
+        Returns
+        -------
+        ndarray of float64, shape (4, 4)
+            On [i_alpha, i_beta, psi_alpha, psi_beta], per unit.
+        """
         k = self.xm / self.d
         ts, tr = self.tau_s, self.tau_r
         return np.array(
@@ -118,21 +159,31 @@ class InductionMachine:
         )
 
     def input_matrix(self) -> FloatArray:
-        """Continuous-time B, shape (4, 3), on v_abc (Paper A, eq. 5, over T_s)."""
-        return np.vstack([self.xr / self.d * CLARKE, np.zeros((2, 3))])
-
-    def exact(self, omega_r: float, h: float) -> tuple[FloatArray, FloatArray]:
-        """Discretise exactly over h with v_abc held.
-
-        Parameters
-        ----------
-        omega_r, h
-            Rotor speed and time step, per unit.
+        """Continuous-time B (Paper A, eq. 5, over T_s).
 
         Returns
         -------
-        A_d, B_d
-            Shapes (4, 4) and (4, 3): x(k+1) = A_d x(k) + B_d v_abc.
+        ndarray of float64, shape (4, 3)
+            On v_abc, per unit.
+        """
+        return np.vstack([self.xr / self.d * CLARKE, np.zeros((2, 3))])
+
+    def exact(self, omega_r: float, h: float) -> tuple[FloatArray, FloatArray]:
+        """Discretise exactly over h with v_abc held (in place of Paper A, eqs. 4 and 5).
+
+        Parameters
+        ----------
+        omega_r : float
+            Rotor speed (electrical), per unit.
+        h : float
+            Time step, per unit.
+
+        Returns
+        -------
+        a_d : ndarray of float64, shape (4, 4)
+            x(k+1) = A_d x(k) + B_d v_abc.
+        b_d : ndarray of float64, shape (4, 3)
+            The same.
         """
         augmented = np.zeros((7, 7))
         augmented[:4, :4] = self.system_matrix(omega_r)
@@ -162,13 +213,13 @@ class InductionMachine:
 
         Parameters
         ----------
-        omega_s
+        omega_s : float
             Stator frequency, per unit, signed.
-        current, torque
-            Exactly one: peak stator current, or torque (signed).
-        flux, voltage
-            Exactly one: rotor flux linkage, or peak stator phase voltage.
-        generating
+        current, torque : float, optional
+            Exactly one: peak stator current, or torque (signed), per unit.
+        flux, voltage : float, optional
+            Exactly one: rotor flux linkage, or peak stator phase voltage, per unit.
+        generating : bool
             With `current`: whether the machine brakes rather than drives. Ignored with `torque`.
 
         Returns
@@ -252,9 +303,9 @@ def discretise(tau_s, tau_r, xm, xr, d, omega_r, h):
 
     Parameters
     ----------
-    tau_s, tau_r, xm, xr, d
+    tau_s, tau_r, xm, xr, d : float
         Machine, per unit, as the properties of `InductionMachine`.
-    omega_r, h
+    omega_r, h : float
         Rotor speed and time step, per unit.
 
     Returns

@@ -154,6 +154,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     w_alpha, w_beta, psi_alpha, psi_beta : int
         Words.
     saturated : int
+        1 where a word did not hold its value.
     """
     w_a, s0 = to_word(i_a * c.current + psi_a * c.flux)
     w_b, s1 = to_word(i_b * c.current + psi_b * c.flux)
@@ -218,6 +219,7 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     length, alpha, beta : int
         Torque terms' format; beta times -sqrt(3)/2.
     saturated, clamped : int
+        1 where a word did not hold its value; where the arcsine's argument was clamped.
     """
     q2, s0 = to_word(q * ~(q >> 1))
     square, s1 = to_word(reference * reference)

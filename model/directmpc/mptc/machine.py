@@ -18,13 +18,41 @@ from directmpc.compiled import njit
 
 @njit
 def inverse_determinant(p):
-    """lambda = 1/(L_s*L_r - L_m^2), 1/H^2."""
+    """lambda = 1/(L_s*L_r - L_m^2) (Paper B, eq. 4).
+
+    Parameters
+    ----------
+    p : record
+        Machine with the fields ``lm``, ``ls``, ``lr`` in H.
+
+    Returns
+    -------
+    float
+        1/H^2.
+    """
     return 1.0 / (p.ls * p.lr - p.lm * p.lm)
 
 
 @njit
 def current_row(p, omega_r):
-    """Factors of i, psi and u in di/dt at an electrical speed in rad/s (Paper B, eq. 4)."""
+    """Factors of i, psi and u in di/dt (Paper B, eq. 4).
+
+    Parameters
+    ----------
+    p : record
+        Machine, see above.
+    omega_r : float
+        Electrical speed, rad/s.
+
+    Returns
+    -------
+    from_current : complex
+        1/s.
+    from_flux : complex
+        1/(H*s).
+    from_voltage : float
+        1/H.
+    """
     lam = inverse_determinant(p)
     return (
         complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r),
@@ -59,5 +87,20 @@ def derivative(p, i, psi, omega_r, u):
 
 @njit
 def torque(p, i, psi):
-    """Electromagnetic torque 1.5 * N_p * psi_s x i_s, N*m (Paper B, eq. 2)."""
+    """Electromagnetic torque 1.5 * N_p * psi_s x i_s (Paper B, eq. 2).
+
+    Parameters
+    ----------
+    p : record
+        Machine with the field ``pole_pairs``.
+    i : complex
+        Stator current, A.
+    psi : complex
+        Stator flux linkage, Wb.
+
+    Returns
+    -------
+    float
+        N*m; positive torque drives forwards.
+    """
     return 1.5 * p.pole_pairs * (psi.real * i.imag - psi.imag * i.real)
