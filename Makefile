@@ -64,7 +64,7 @@ test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); about 
 test-all: $(READY) ## every test
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
-lint: $(READY) ## VHDL and Python style, layers, analysis as VHDL-93 and VHDL-2008, generated files
+lint: $(READY) ## VHDL and Python style, docstrings, layers, analysis as VHDL-93 and VHDL-2008, fresh files
 	@'$(PY)' -m scripts lint
 
 format: $(READY) ## rewrite VHDL and Python in house style

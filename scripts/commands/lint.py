@@ -1,4 +1,4 @@
-"""`make lint`: style, clean analysis in both VHDL versions, documented ports, fresh files.
+"""`make lint`: style, docstrings, clean analysis in both VHDL versions, ports, fresh files.
 
 Every check runs, so that one pass shows all there is to mend; the exit code is 1 if any of them
 failed. `--fix` (`make format`) rewrites what the style checkers can rewrite by themselves.
@@ -108,6 +108,13 @@ def python_style() -> list[str]:
 def python_format() -> list[str]:
     """Ruff's formatting."""
     return _run([*tools.tool("ruff"), "format", "--check", "--quiet", *_python_directories()])
+
+
+def python_docstrings() -> list[str]:
+    """Numpydoc over the library: what stands in `pyproject.toml` about its docstrings."""
+    files = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "model").rglob("*.py"))]
+    command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *files]
+    return [line for line in _run(command) if line]
 
 
 def _on_path() -> dict[str, str]:
@@ -223,6 +230,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "VHDL style (vsg)": vhdl_style,
     "Python style (ruff check)": python_style,
     "Python format (ruff format)": python_format,
+    "docstrings of the library (numpydoc)": python_docstrings,
     "layers (import-linter)": layers,
     "picture of the layers": picture,
     "VHDL-93 analysis (ghdl)": lambda: analysis("93"),
