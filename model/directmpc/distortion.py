@@ -25,9 +25,9 @@ def thd(currents: FloatArray, omega_s: float, ts: float) -> FloatArray:
     ----------
     currents : (n,) or (n, m)
         Samples, one column per signal.
-    omega_s
+    omega_s : float
         Fundamental frequency, per unit, not zero.
-    ts
+    ts : float
         Sampling interval, per unit.
 
     Returns

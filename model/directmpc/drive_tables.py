@@ -29,9 +29,9 @@ def refused(key: str, message: str) -> PydanticCustomError:
 
     Parameters
     ----------
-    key
+    key : str
         The key that the error names, from the table of the check on: ``"control.ts"``.
-    message
+    message : str
         What is wrong and what is allowed.
 
     Returns
@@ -47,9 +47,9 @@ def number(low: float, high: float, unit: str) -> Any:
 
     Parameters
     ----------
-    low, high
+    low, high : float
         Least and largest value, in `unit`.
-    unit
+    unit : str
         Name of the unit; empty for a plain number.
 
     Returns
@@ -68,7 +68,7 @@ def integer(low: int, high: int) -> Any:
 
     Parameters
     ----------
-    low, high
+    low, high : int
         Least and largest value.
 
     Returns
@@ -94,7 +94,7 @@ class AnyDrive(Section):
 
         Parameters
         ----------
-        **tables
+        **tables : mapping
             Name of a table of the drive file (`machine`, `inverter`, `control`, ...) to the keys
             to change: ``drive.changed(machine={"rs": 0.006}, control={"horizon": 20})``.
 
@@ -125,7 +125,7 @@ class AnyDrive(Section):
 
         Parameters
         ----------
-        **keys
+        **keys : any
             Keys of the table, in the drive file's units: ``drive.with_control(horizon=20)``.
 
         Returns
@@ -149,7 +149,7 @@ def described(value: Any) -> str:
 
     Parameters
     ----------
-    value
+    value : any
         What a TOML reader returned.
 
     Returns
@@ -176,7 +176,7 @@ def keys_of(table: Any) -> dict[str, FieldInfo]:
 
     Parameters
     ----------
-    table
+    table : any
         The class of a table, or anything else.
 
     Returns
@@ -221,9 +221,9 @@ def validated(model: type[DriveModel], data: Any) -> DriveModel:
 
     Parameters
     ----------
-    model
+    model : class
         Class of the drive.
-    data
+    data : any
         Tables as a TOML reader returns them.
 
     Returns

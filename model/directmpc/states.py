@@ -309,8 +309,8 @@ class Controller(Protocol):
 
         Parameters
         ----------
-        state
-            `MpdccState` or `MptcState`, as the drive's kind is. It is called once per control step,
+        state : MpdccState or MptcState
+            As the drive's kind is. It is called once per control step,
             in order, so a controller may keep a state of its own.
 
         Returns

@@ -99,6 +99,7 @@ FAULTS = {
     ),
     "a parameter that is not there": ("    count : int", "    number : int", "PR02 Unknown"),
     "another order": ("torque(flux, current)", "torque(current, flux)", "PR03 Wrong parameters"),
+    "a parameter without type": ("    count : int", "    count", "PR04 Parameter"),
     "a parameter without description": ("        How many.\n", "", "PR07 Parameter"),
     "no returns": (
         "\n        Returns\n        -------\n        int\n            Twice the pole pairs.\n",

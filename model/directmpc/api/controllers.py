@@ -140,9 +140,9 @@ class ModelController:
 
     Parameters
     ----------
-    drive
+    drive : Drive or MptcDrive
         What it is set up for; of either kind.
-    variant
+    variant : str
         "fast" or "paper"; MPDCC alone has variants.
 
     Raises
@@ -295,14 +295,14 @@ def decide(
 
     Parameters
     ----------
-    drive
+    drive : Drive or MptcDrive
         From `load_drive`, of either kind.
-    state
-        `MpdccState` (per unit) or `MptcState` (SI), as the drive's kind is; or a row of its trace,
+    state : MpdccState, MptcState or mapping
+        A state (per unit or SI), as the drive's kind is; or a row of its trace,
         the names of the trace file's columns to values.
-    engine
+    engine : str
         "ideal": float64, nothing approximated. "model": the bit-true model of the core.
-    variant
+    variant : str
         "fast" or "paper", for the model of MPDCC.
 
     Returns

@@ -64,7 +64,7 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
 
     Parameters
     ----------
-    path
+    path : str or path
         TOML file as docs/specification.md, section 4.1, describes it, or the name of one of
         `shipped_drives` (``"anpc5l_6kv"``). A file of that name in the current folder comes first.
 
@@ -97,7 +97,7 @@ def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
 
     Parameters
     ----------
-    path
+    path : str or path
         As of `load_drive`.
 
     Returns
@@ -121,7 +121,7 @@ def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
 
     Parameters
     ----------
-    path
+    path : str or path
         As of `load_drive`.
 
     Returns

@@ -182,29 +182,29 @@ def simulate(
 
     Parameters
     ----------
-    drive
+    drive : Drive or MptcDrive
         What the controller is set up for, of either kind. It gives the units: per unit for MPDCC,
         SI for MPTC.
-    controller
+    controller : str or Controller
         "ideal", "model" (bit-true), or an object with the method `decide` of `Controller`.
-    steps
+    steps : int
         Control steps to record.
-    speed
+    speed : float, optional
         Stator angular frequency (electrical), pu or rad/s, signed. MPDCC: 1 pu if not given; MPTC:
         0.6 of the drive's `speed_max`. The rotor turns at this speed less the slip of the load.
-    torque
+    torque : float, optional
         Load torque, pu or N*m. If not given, MPDCC: that of 1 pu of current; MPTC: a quarter of
         `torque_max`.
-    flux
+    flux : float, optional
         MPDCC: rotor flux linkage, pu; that of 1 pu of voltage and current at rated speed if not
         given. MPTC: stator flux linkage, Wb; half of `psi_max` if not given.
-    settle
+    settle : int
         Steps that are run before, not recorded.
-    angle
+    angle : float
         Angle of the stator current at the start, rad.
-    plant
+    plant : Drive or MptcDrive, optional
         Drive whose machine and inverter the plant has, if they are others than the controller's.
-    variant
+    variant : str
         "fast" or "paper", for "model" of MPDCC.
 
     Returns

@@ -30,7 +30,7 @@ class Board:
 
     Parameters
     ----------
-    link
+    link : Link
         How it is reached.
 
     Raises

@@ -84,9 +84,9 @@ class SerialStream:
 
     Parameters
     ----------
-    port
+    port : str
         Device, or any URL that pyserial takes.
-    baud
+    baud : int
         Bit rate, 1/s.
 
     Raises

@@ -373,11 +373,11 @@ def initial_conditions(
 
     Parameters
     ----------
-    profile
+    profile : Profile
         Its first step counts.
-    rng
+    rng : numpy.random.Generator, optional
         Source of the disturbance; without it there is none.
-    disturbance
+    disturbance : float
         Standard deviation of what is added to the currents and capacitor voltages, per unit.
 
     Returns
@@ -428,28 +428,28 @@ def simulate(
 
     Parameters
     ----------
-    drive
+    drive : Drive
         What the controller is set up for; also what references and speeds are computed from.
-    decide, parameters
+    decide, parameters : compiled function and record
         Compiled controller with the arguments and results of `ideal.decide`, and its first one.
-    point
+    point : OperatingPoint or Profile
         Constant operating point, or a profile of at least ``settle + steps`` steps.
-    steps
+    steps : int
         Control steps to record.
-    settle
+    settle : int
         Steps to run before those, not recorded.
-    seed
+    seed : int
         Of the angle at the start (operating points only) and the disturbance.
-    disturbance
+    disturbance : float
         Standard deviation of what is added to the steady state's currents and capacitor voltages
         at the start, per unit.
-    plant_drive
+    plant_drive : Drive, optional
         Machine and inverter of the plant if they differ from the controller's; ts is the drive's.
-    shadow, shadow_parameters
+    shadow, shadow_parameters : compiled function and record, optional
         Second controller that decides on the same inputs without effect.
-    delay
+    delay : bool
         Whether a decision takes effect one step after the state it is based on.
-    compensate
+    compensate : bool
         With `delay`: whether the controller is shown the state its model predicts for the step in
         which the decision takes effect, rather than the measured one.
 
@@ -539,19 +539,19 @@ def drive_controller(
 
     Parameters
     ----------
-    drive
+    drive : Drive
         What references and speeds are computed from.
-    controller
+    controller : Controller
         Asked once per step, with an `MpdccState`.
-    profile
+    profile : Profile
         At least ``settle + steps`` steps.
-    steps, settle
+    steps, settle : int
         Control steps to record, and to run before those.
-    plant_drive
+    plant_drive : Drive, optional
         Machine and inverter of the plant if they are not the drive's; ts is the drive's.
-    delay
+    delay : bool
         Whether a decision takes effect one step after the state it is based on.
-    progress
+    progress : callable, optional
         Called with the number of decisions made.
 
     Returns

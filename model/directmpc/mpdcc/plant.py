@@ -196,14 +196,14 @@ class Plant:
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Whose machine and inverter to copy; the drive itself is not kept.
-    omega_r
+    omega_r : float
         Rotor speed, per unit; may be changed between steps.
-    vdc
+    vdc : float, optional
         dc-link voltage, per unit; the drive's if not given.
-    state
-        (8,) state to start from; all zero but v_ph = v_dc/4 if not given.
+    state : ndarray of float64, shape (8,), optional
+        State to start from; all zero but v_ph = v_dc/4 if not given.
 
     Attributes
     ----------
