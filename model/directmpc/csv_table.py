@@ -306,6 +306,24 @@ def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[s
         temporary.unlink(missing_ok=True)
 
 
+def cycle_fields(cycles: IntArray | None, rows: int) -> list[str]:
+    """Fields of the column `cycles`, as `read_cycles` reads them.
+
+    Parameters
+    ----------
+    cycles : ndarray of int64, shape (rows,), or None
+        Clock cycles of each decision; None: every field is empty.
+    rows : int
+        Rows of the table.
+
+    Returns
+    -------
+    list of str
+        One field for each row.
+    """
+    return [""] * rows if cycles is None else [str(int(count)) for count in cycles]
+
+
 def read_cycles(path: PathLike, table: dict[str, list[str]]) -> IntArray | None:
     """Column `cycles`, None if it is empty throughout.
 

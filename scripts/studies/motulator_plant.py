@@ -21,7 +21,7 @@ with matplotlib.rc_context():  # motulator sets a style for every plot there is
 
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc import drive_twin as joined
-from directmpc.mptc.closed_loop import Run, Scenario, as_trace
+from directmpc.mptc.closed_loop import Run, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.trace import FloatArray, IntArray
@@ -168,16 +168,8 @@ def simulate(
     simulation = model.Simulation(plant(drive, scenario, inertia), controller)
     steps = len(scenario.torque_ref)
     simulation.simulate(t_stop=(steps - 0.5) * drive.control.ts)
-    return Run(
-        ts=drive.control.ts,
-        trace=as_trace(controller.seen, controller.seen_u),
-        u=controller.out[:, 0],
-        saturated=controller.out[:, 1],
-        clamped=controller.out[:, 2],
-        torque=controller.result[:, 0],
-        flux=controller.result[:, 1],
-        shadow=controller.out[:, 3],
-        margin=controller.result[:, 2],
+    return Run.recorded(
+        drive.control.ts, controller.seen, controller.seen_u, controller.out, controller.result
     )
 
 

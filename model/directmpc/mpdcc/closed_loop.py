@@ -397,17 +397,6 @@ def initial_conditions(
     return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
 
 
-def _decisions(out: IntArray) -> Decisions:
-    return Decisions(
-        s=out[:, :3].copy(),
-        held=out[:, 3].copy(),
-        deadlock=out[:, 4].copy(),
-        length=out[:, 5].copy(),
-        cycles=None,
-        saturated=out[:, 6].copy(),
-    )
-
-
 def simulate(
     drive: Drive,
     decide: Any,
@@ -518,8 +507,8 @@ def simulate(
             omega_r=omega_r[keep],
             s_prev=seen_s[keep],
         ),
-        decisions=_decisions(out[keep]),
-        shadow=_decisions(shadow_out[keep]) if shadow is not None else None,
+        decisions=Decisions.of_words(out[keep]),
+        shadow=Decisions.of_words(shadow_out[keep]) if shadow is not None else None,
         profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
     )
 
@@ -622,7 +611,7 @@ def drive_controller(
             omega_r=profile.omega_r[keep],
             s_prev=before[keep],
         ),
-        decisions=_decisions(out[keep]),
+        decisions=Decisions.of_words(out[keep]),
         shadow=None,
         profile=Profile(
             profile.start, profile.omega_s[keep], profile.omega_r[keep], profile.vdc[keep], iref

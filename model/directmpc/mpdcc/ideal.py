@@ -503,11 +503,9 @@ def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 @njit
 def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
     for k in range(len(vdc)):
-        row = decide(
+        out[k, :] = decide(
             parameters, x_m[k], x_inv[k], vdc[k], iref[k], omega_s[k], omega_r[k], s_prev[k]
         )
-        out[k, 0], out[k, 1], out[k, 2] = row[0], row[1], row[2]
-        out[k, 3], out[k, 4], out[k, 5] = row[3], row[4], row[5]
 
 
 @njit
@@ -580,19 +578,11 @@ def run(drive: Drive, trace: MpdccTrace) -> Decisions:
     Decisions
         n rows; no cycles, never saturated.
     """
-    n = len(trace)
-    out = np.zeros((n, 6), np.int64)
+    out = np.empty((len(trace), 7), np.int64)
     if drive.control.delay_compensation:
         trace = one_step_on(ideal_parameters(drive), trace)
     _run(
         ideal_parameters(drive), trace.x_m, trace.x_inv, trace.vdc, trace.iref,
         trace.omega_s, trace.omega_r, trace.s_prev, out,
     )  # fmt: skip
-    return Decisions(
-        s=out[:, :3].copy(),
-        held=out[:, 3].copy(),
-        deadlock=out[:, 4].copy(),
-        length=out[:, 5].copy(),
-        cycles=None,
-        saturated=np.zeros(n, np.int64),
-    )
+    return Decisions.of_words(out)

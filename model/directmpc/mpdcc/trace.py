@@ -14,6 +14,7 @@ from directmpc.csv_table import (
     IntArray,
     PathLike,
     TraceError,
+    cycle_fields,
     floats,
     integers,
     read_cycles,
@@ -146,6 +147,29 @@ class Decisions:
     def __len__(self) -> int:
         return len(self.held)
 
+    @classmethod
+    def of_words(cls, words: IntArray) -> Decisions:
+        """Decisions of a compiled controller, which has no clock.
+
+        Parameters
+        ----------
+        words : ndarray of int64, shape (n, 7)
+            What `ideal.decide` returns, a row for each step; copied.
+
+        Returns
+        -------
+        Decisions
+            n rows; `cycles` and `exhausted` are None.
+        """
+        return cls(
+            s=words[:, :3].copy(),
+            held=words[:, 3].copy(),
+            deadlock=words[:, 4].copy(),
+            length=words[:, 5].copy(),
+            cycles=None,
+            saturated=words[:, 6].copy(),
+        )
+
 
 def read_trace(path: PathLike, drive: Drive) -> MpdccTrace:
     """Read an MPDCC trace.
@@ -259,8 +283,7 @@ def write_decisions(path: PathLike, decisions: Decisions) -> None:
     TraceError
         If the file cannot be written; nothing is left behind then.
     """
-    n = len(decisions)
-    cycles = [""] * n if decisions.cycles is None else [str(int(c)) for c in decisions.cycles]
+    cycles = cycle_fields(decisions.cycles, len(decisions))
     flags = [decisions.saturated]
     if decisions.exhausted is not None:
         flags.append(decisions.exhausted)

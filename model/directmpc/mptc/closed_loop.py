@@ -91,6 +91,43 @@ class Run:
     shadow: IntArray
     margin: FloatArray
 
+    @classmethod
+    def recorded(
+        cls, ts: float, seen: FloatArray, seen_u: IntArray, out: IntArray, result: FloatArray
+    ) -> Run:
+        """Make a run of the arrays that a loop has filled.
+
+        Parameters
+        ----------
+        ts : float
+            Control period, s.
+        seen : ndarray of float64, shape (n, 7)
+            What the controller saw: current (A) and flux (Wb), alpha and beta each, omega_r (rad/s,
+            electrical), torque_ref (N*m), psi_ref (Wb).
+        seen_u : ndarray of int64, shape (n,)
+            Vector that is being applied.
+        out : ndarray of int64, shape (n, 4)
+            u, saturated and clamped of the controller, u of the ideal one.
+        result : ndarray of float64, shape (n, 3)
+            Torque (N*m), flux magnitude (Wb), margin (N*m; Wb for MPFC).
+
+        Returns
+        -------
+        Run
+            n steps that share the memory of the arrays.
+        """
+        return cls(
+            ts=ts,
+            trace=MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], seen_u),
+            u=out[:, 0],
+            saturated=out[:, 1],
+            clamped=out[:, 2],
+            torque=result[:, 0],
+            flux=result[:, 1],
+            shadow=out[:, 3],
+            margin=result[:, 2],
+        )
+
     @property
     def mismatch(self) -> float:
         """Share of decisions that differ from the ideal controller's.
@@ -201,36 +238,7 @@ def simulate(
         complex(scenario.current), complex(scenario.flux), float(scenario.omega_r), seen, seen_u,
         out, result,
     )  # fmt: skip
-    return Run(
-        ts=drive.control.ts,
-        trace=as_trace(seen, seen_u),
-        u=out[:, 0],
-        saturated=out[:, 1],
-        clamped=out[:, 2],
-        torque=result[:, 0],
-        flux=result[:, 1],
-        shadow=out[:, 3],
-        margin=result[:, 2],
-    )
-
-
-def as_trace(seen: FloatArray, u: IntArray) -> MptcTrace:
-    """Columns is, psis (alpha, beta each), omega_r, torque_ref, psi_ref as a trace.
-
-    Parameters
-    ----------
-    seen : ndarray of float64, shape (n, 7)
-        is (A) and psis (Wb), alpha and beta each, omega_r (rad/s, electrical), torque_ref (N*m),
-        psi_ref (Wb).
-    u : ndarray of int64, shape (n,)
-        Vector that is being applied.
-
-    Returns
-    -------
-    MptcTrace
-        n rows that share the memory of `seen`.
-    """
-    return MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], u)
+    return Run.recorded(drive.control.ts, seen, seen_u, out, result)
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
@@ -355,14 +363,4 @@ def drive_controller(
         applied = int(decision.apply)
         if progress is not None:
             progress(k + 1)
-    return Run(
-        ts=drive.control.ts,
-        trace=as_trace(seen, seen_u),
-        u=out[:, 0],
-        saturated=out[:, 1],
-        clamped=out[:, 2],
-        torque=result[:, 0],
-        flux=result[:, 1],
-        shadow=out[:, 3],
-        margin=result[:, 2],
-    )
+    return Run.recorded(drive.control.ts, seen, seen_u, out, result)

@@ -14,6 +14,7 @@ from directmpc.csv_table import (
     IntArray,
     PathLike,
     TraceError,
+    cycle_fields,
     floats,
     integers,
     read_cycles,
@@ -212,8 +213,7 @@ def write_decisions(path: PathLike, decisions: MptcDecisions) -> None:
     TraceError
         If the file cannot be written; nothing is left behind then.
     """
-    n = len(decisions)
-    cycles = [""] * n if decisions.cycles is None else [str(int(c)) for c in decisions.cycles]
+    cycles = cycle_fields(decisions.cycles, len(decisions))
     rows = (
         [str(int(u)), cycle, str(int(saturated))]
         for u, cycle, saturated in zip(decisions.u, cycles, decisions.saturated, strict=True)

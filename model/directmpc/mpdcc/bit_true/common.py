@@ -479,11 +479,5 @@ def run_rows(rows: Any, register: NDArray[np.int64], trace: MpdccTrace) -> Decis
     measurements, clipped = encode(trace)
     out = np.empty((len(measurements), 7), dtype=np.int64)
     rows(register, measurements, trace.s_prev.astype(np.int64), out)
-    return Decisions(
-        s=out[:, 0:3],
-        held=out[:, 3],
-        deadlock=out[:, 4],
-        length=out[:, 5],
-        cycles=None,
-        saturated=out[:, 6] | clipped,
-    )
+    out[:, 6] |= clipped
+    return Decisions.of_words(out)
