@@ -7,27 +7,28 @@ with the bit-true model's on the states that the plant went through.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.controllers import ModelController, mpdcc_row, state_of
 from directmpc.host.board import Board
 from directmpc.host.link import LinkError
+from directmpc.host.protocol import Decision as Answer
 from directmpc.host.protocol import Flag, packed_positions
+from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc.bit_true import common
-from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.plant import Plant
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from directmpc.mpdcc.variants import FIELDS, VARIANTS, count_differences, decisions_of
+from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import bit_true as mptc_bit_true
-from directmpc.mptc import closed_loop as mptc_closed_loop
+from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.plant import plant_parameters
-from directmpc.mptc.plant import step as mptc_step
+from directmpc.states import Decision, MpdccDecision, MpdccState, MptcDecision, State
 
 IntArray = NDArray[np.int64]
 
@@ -103,6 +104,133 @@ def gates_enabled(board: Board) -> Iterator[None]:
         board.write("system.control", enable=0, own_positions=0)
 
 
+class BoardController:
+    """A board as a controller (`directmpc.Controller`), every decision compared with the model's.
+
+    A decision is one request and one reply.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has been loaded with `drive`.
+    drive : Drive or MptcDrive
+        What the model beside it decides for.
+    variant : str
+        "fast" or "paper": which model of MPDCC it is.
+
+    Attributes
+    ----------
+    answers : list of protocol.Decision
+        What the board replied so far.
+    differing : int
+        Decisions so far that differ from the bit-true model's on the same state.
+
+    Raises
+    ------
+    ValueError
+        If there is no such variant, or the model cannot represent the drive.
+    """
+
+    def __init__(
+        self, board: Board, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT
+    ) -> None:
+        self.board, self.drive = board, drive
+        self.answers: list[Answer] = []
+        self.differing = 0
+        self._model = ModelController(drive, variant)
+        self._formats = mptc_bit_true.parameters(drive)[1:] if isinstance(drive, MptcDrive) else ()
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Let the board decide on one step.
+
+        Parameters
+        ----------
+        state : MpdccState, MptcState or mapping
+            As the drive's kind is, per unit or SI; or a row of its trace by column names.
+
+        Returns
+        -------
+        MpdccDecision or MptcDecision
+            `saturated` also says whether a measurement lay outside its word.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer, or the core gives no decision.
+        RefusedError
+            If the board refuses the step.
+        TypeError, StateError
+            If the state is none.
+        """
+        known = state_of(self.drive, state)
+        words, clipped, position = self._encoded(known)
+        answer = self.board.step([int(word) for word in words], position)
+        if answer.has(Flag.NO_ANSWER):
+            raise LinkError(f"step {len(self.answers)}: the core gave no decision")
+        self.answers.append(answer)
+        saturated = answer.has(Flag.SATURATED) or bool(clipped)
+        decision: Decision
+        if isinstance(known, MpdccState):
+            held, deadlock = answer.has(Flag.HELD), answer.has(Flag.DEADLOCK)
+            decision = MpdccDecision(answer.positions, held, deadlock, answer.length, saturated)
+        else:
+            decision = MptcDecision(answer.position & 7, saturated, answer.has(Flag.CLAMPED))
+        self.differing += decision != self._model.decide(known)
+        return decision
+
+    def _encoded(self, state: State) -> tuple[IntArray, int, int]:
+        """Words of a state, whether one was clipped, and the position that is applied."""
+        if isinstance(state, MpdccState):
+            row = mpdcc_row(self.drive, state)
+            words, clipped = common.encode_row(
+                row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0], row.omega_r[0]
+            )
+            return words, clipped, packed_positions(state.applied)
+        words, clipped = mptc_bit_true.encode_row(
+            *self._formats, state.current, state.flux, state.omega_r, self.drive.inverter.vdc,
+            state.torque_ref, state.psi_ref,
+        )  # fmt: skip
+        return words, clipped, state.applied
+
+    def column(self, value: Callable[[Answer], int]) -> IntArray:
+        """One value of every reply.
+
+        Parameters
+        ----------
+        value : callable
+            Takes a reply and returns the value.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            One row per decision.
+        """
+        return np.array([value(answer) for answer in self.answers], dtype=np.int64)
+
+    def summary(self, seconds: float) -> LockStep:
+        """What a run around this controller gave.
+
+        Parameters
+        ----------
+        seconds : float
+            Time it took.
+
+        Returns
+        -------
+        LockStep
+            Of all decisions so far.
+        """
+        return LockStep(
+            steps=len(self.answers),
+            differing=self.differing,
+            seconds=seconds,
+            cycles=self.column(lambda answer: answer.cycles),
+            gates=self.column(lambda answer: answer.gates),
+            running=self.column(lambda answer: answer.has(Flag.ENABLED)),
+            faults=self.answers[-1].faults if self.answers else 0,
+        )
+
+
 def run_mpdcc(
     board: Board,
     drive: Drive,
@@ -143,49 +271,18 @@ def run_mpdcc(
         If the board does not answer, or the core gives no decision.
     RefusedError
         If the board refuses a step.
+    StateError
+        If the board decides for a transition that the inverter does not have.
     ValueError
         If there is no steady state at this speed.
     """
-    profile = constant_profile(drive, OperatingPoint(speed), steps)
-    state, applied = initial_conditions(profile)
-    plant = Plant(drive, float(profile.omega_r[0]), float(profile.vdc[0]), state)
-    iref = np.column_stack([profile.iref.real, profile.iref.imag])
-    out = np.empty((steps, len(FIELDS)), dtype=np.int64)
-    more = np.empty((steps, 2), dtype=np.int64)
-    states = np.empty((steps, len(plant.state)))
-    positions = np.empty((steps, 3), dtype=np.int64)
-    clipped = np.zeros(steps, dtype=np.int64)
-    applied = np.asarray(applied, dtype=np.int64)
-    faults = 0
+    profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(speed), steps)
+    controller = BoardController(board, drive, variant)
     began = time.perf_counter()
-    for k in range(steps):
-        states[k], positions[k] = plant.state, applied
-        words, clipped[k] = common.encode_row(
-            plant.state[:4], plant.state[4:], profile.vdc[k], iref[k], profile.omega_s[k],
-            profile.omega_r[k],
-        )  # fmt: skip
-        answer = board.step([int(w) for w in words], packed_positions(applied))
-        if answer.has(Flag.NO_ANSWER):
-            raise LinkError(f"step {k}: the core gave no decision")
-        out[k] = (
-            *answer.positions, answer.has(Flag.HELD), answer.has(Flag.DEADLOCK), answer.length,
-            answer.cycles, answer.has(Flag.SATURATED), answer.has(Flag.EXHAUSTED),
-        )  # fmt: skip
-        more[k] = answer.gates, answer.has(Flag.ENABLED)
-        faults = answer.faults
-        applied = out[k, 0:3].copy()
-        plant.omega_r, plant.vdc = float(profile.omega_r[k]), float(profile.vdc[k])
-        plant.step(applied)
-        if progress is not None:
-            progress(k + 1)
-    seconds = time.perf_counter() - began
-    seen = MpdccTrace(
-        states[:, :4], states[:, 4:], profile.vdc, iref, profile.omega_s, profile.omega_r, positions
-    )
-    decisions = replace(decisions_of(out, clipped), exhausted=out[:, FIELDS.index("exhausted")])
-    differing = count_differences(decisions, VARIANTS[variant].run(drive, seen))
-    run = LockStep(steps, differing, seconds, out[:, 6], more[:, 0], more[:, 1], faults)
-    return run, seen, decisions
+    run = mpdcc_loop.drive_controller(drive, controller, profile, steps, progress=progress)
+    done = controller.summary(time.perf_counter() - began)
+    exhausted = controller.column(lambda answer: answer.has(Flag.EXHAUSTED))
+    return done, run.seen, replace(run.decisions, cycles=done.cycles, exhausted=exhausted)
 
 
 def run_mptc(
@@ -230,36 +327,8 @@ def run_mptc(
     ValueError
         If the torque is beyond breakdown at this flux.
     """
-    scenario = mptc_closed_loop.constant(drive, rpm, load, psi_ref, steps)
-    plant = plant_parameters(drive)
-    parameters = mptc_bit_true.parameters(drive)
-    current, flux, omega_r = complex(scenario.current), complex(scenario.flux), scenario.omega_r
-    applied, differing, faults = 0, 0, 0
-    more = np.empty((steps, 3), dtype=np.int64)
-    vdc = drive.inverter.vdc
+    scenario = mptc_loop.constant(drive, rpm, load, psi_ref, steps)
+    controller = BoardController(board, drive)
     began = time.perf_counter()
-    for k in range(steps):
-        torque_ref, reference = float(scenario.torque_ref[k]), float(scenario.psi_ref[k])
-        words, clipped = mptc_bit_true.encode_row(
-            *parameters[1:], current, flux, omega_r, vdc, torque_ref, reference,
-        )  # fmt: skip
-        answer = board.step([int(w) for w in words], applied)
-        if answer.has(Flag.NO_ANSWER):
-            raise LinkError(f"step {k}: the core gave no decision")
-        got = (
-            answer.position & 7,
-            int(answer.has(Flag.SATURATED) or clipped),
-            int(answer.has(Flag.CLAMPED)),
-        )
-        want = mptc_bit_true.decide(
-            parameters, current, flux, omega_r, applied, vdc, torque_ref, reference
-        )
-        differing += got != tuple(int(v) for v in want)
-        more[k] = answer.cycles, answer.gates, answer.has(Flag.ENABLED)
-        faults = answer.faults
-        current, flux, omega_r = mptc_step(plant, current, flux, omega_r, applied, scenario.load[k])
-        applied = got[0]
-        if progress is not None:
-            progress(k + 1)
-    seconds = time.perf_counter() - began
-    return LockStep(steps, differing, seconds, more[:, 0], more[:, 1], more[:, 2], faults)
+    mptc_loop.drive_controller(drive, controller, scenario, progress=progress)
+    return controller.summary(time.perf_counter() - began)
