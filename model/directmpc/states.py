@@ -99,6 +99,11 @@ def _column(row: Mapping[str, Any], name: str) -> Any:
     return _number(f"column {name}", value, "the file's unit") if isinstance(value, str) else value
 
 
+def _columns(row: Mapping[str, Any], name: str, stem: str, unit: str) -> complex:
+    """A space vector from the columns `stem`_alpha and `stem`_beta, or a sentence."""
+    return _vector(name, (_column(row, f"{stem}_alpha"), _column(row, f"{stem}_beta")), unit)
+
+
 @dataclass(frozen=True)
 class MpdccState:
     """What an MPDCC controller sees at step k, per unit.
@@ -170,14 +175,14 @@ class MpdccState:
             If a column is missing or a value is impossible.
         """
         return cls(
-            current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
-            flux=(_column(row, "psir_alpha"), _column(row, "psir_beta")),  # type: ignore[arg-type]
+            current=_columns(row, "current", "is", "pu"),
+            flux=_columns(row, "flux", "psir", "pu"),
             v_n=_column(row, "v_n"),
-            v_ph=tuple(_column(row, f"v_ph_{phase}") for phase in "abc"),  # type: ignore[arg-type]
-            current_ref=(_column(row, "iref_alpha"), _column(row, "iref_beta")),  # type: ignore[arg-type]
+            v_ph=(_column(row, "v_ph_a"), _column(row, "v_ph_b"), _column(row, "v_ph_c")),
+            current_ref=_columns(row, "current_ref", "iref", "pu"),
             omega_s=_column(row, "omega_s"),
             omega_r=_column(row, "omega_r"),
-            applied=tuple(_column(row, f"s_{phase}") for phase in "abc"),  # type: ignore[arg-type]
+            applied=(_column(row, "s_a"), _column(row, "s_b"), _column(row, "s_c")),
             vdc=row.get("v_dc"),
         )
 
@@ -243,8 +248,8 @@ class MptcState:
             If a column is missing or a value is impossible.
         """
         return cls(
-            current=(_column(row, "is_alpha"), _column(row, "is_beta")),  # type: ignore[arg-type]
-            flux=(_column(row, "psis_alpha"), _column(row, "psis_beta")),  # type: ignore[arg-type]
+            current=_columns(row, "current", "is", "A"),
+            flux=_columns(row, "flux", "psis", "Wb"),
             omega_r=_column(row, "omega_r"),
             torque_ref=_column(row, "torque_ref"),
             psi_ref=_column(row, "psi_ref"),

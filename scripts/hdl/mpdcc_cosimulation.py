@@ -118,7 +118,11 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
 
 
 async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
-    """Let the RTL's decisions drive the plant."""
+    """Let the RTL's decisions drive the plant.
+
+    A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
+    await.
+    """
     loop = job.loop
     assert loop is not None
     plant = loop.plant()

@@ -99,7 +99,11 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
 
 
 async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
-    """Let the RTL's decisions drive the plant, behind a speed controller where one is asked for."""
+    """Let the RTL's decisions drive the plant, behind a speed controller where one is asked for.
+
+    A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
+    await.
+    """
     loop = job.loop
     assert loop is not None
     steps = job.steps

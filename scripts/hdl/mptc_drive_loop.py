@@ -16,6 +16,7 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.drive import MptcDrive
+from directmpc.states import MptcDecision, MptcState
 from scripts.hdl import conversion as netlist
 from scripts.hdl import netlist_check
 from scripts.hdl.simulator import SimulationError
@@ -25,6 +26,8 @@ ENTITY = "mptc_drive"
 GENERICS = {"FLUX_CONTROL": True}
 #: What has to stand still between decisions.
 HELD = ("restart", "limit", "level")
+#: Ports of the measurements.
+MEASURED = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
 
 
 def held_inputs(words: joined.Parameters) -> dict[str, int]:
@@ -47,40 +50,81 @@ def ports() -> netlist_check.Ports:
     return netlist_check.Ports(found.inputs, found.outputs, held)
 
 
-@contextmanager
-def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[Any]:
-    """Yield the RTL, fresh from a reset, as a function with the signature of ``ideal.decide``.
+class RtlController:
+    """``mptc_drive`` as a controller (`directmpc.Controller`), checked in every period.
 
     Parameters
     ----------
     drive : MptcDrive
-        Supplies the formats.
+        Supplies the formats and the dc-link voltage.
     words : joined.Parameters
-
-    Raises
-    ------
-    SimulationError
-        From the function, where the RTL differs from its twin in anything.
+        Parameter ports of the RTL.
+    rtl
+        Simulator of its netlist, after a reset.
     """
-    formats = bit_true.parameters(drive)[1:]
-    state = joined.initial()
-    fixed = held_inputs(words)
-    clocks = cycles.DRIVE["MPFC" if words.core[-1] else "MPTC"]
-    names = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
+
+    def __init__(self, drive: MptcDrive, words: joined.Parameters, rtl: Any) -> None:
+        self._formats = bit_true.parameters(drive)[1:]
+        self._vdc = drive.inverter.vdc
+        self._words, self._rtl = words, rtl
+        self._twin = joined.initial()
+        self._held = held_inputs(words)
+        self._clocks = cycles.DRIVE["MPFC" if words.core[-1] else "MPTC"]
+
+    def decide(self, state: MptcState) -> MptcDecision:
+        """Run one period of the RTL.
+
+        Parameters
+        ----------
+        state : MptcState
+            Its flux and its vector are not looked at: the RTL has an observer and the last
+            decision.
+
+        Returns
+        -------
+        MptcDecision
+            `saturated` also says whether a measurement lay outside its word.
+
+        Raises
+        ------
+        SimulationError
+            If the RTL differs from its twin in anything.
+        """
+        seen, clipped = bit_true.encode_row(
+            *self._formats, state.current, 0j, state.omega_r, self._vdc, state.torque_ref,
+            state.psi_ref,
+        )  # fmt: skip
+        m = seen[[0, 1, 4, 5, 6, 7]]
+        inputs = {name: int(value) for name, value in zip(MEASURED, m, strict=True)}
+        out, taken = self._rtl.step(self._held | inputs)
+        wanted = joined.step_words(self._words, self._twin, m)
+        found = tuple(out[n] for n in ("u_next", "saturated", "clamped", "exciting"))
+        flux = (out["psis_alpha"], out["psis_beta"])
+        estimate = tuple(int(v) & 0xFFFF for v in self._twin[4:6])
+        if (found, flux, taken) != (wanted, estimate, self._clocks):
+            raise SimulationError(f"{ENTITY}: {found}, {flux}, {taken} clocks, not {wanted}")
+        saturated = bool(out["saturated"] | clipped)
+        return MptcDecision(int(out["u_next"]), saturated, bool(out["clamped"]))
+
+
+@contextmanager
+def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[RtlController]:
+    """Yield the RTL, fresh from a reset, as a controller.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Supplies the formats and the dc-link voltage.
+    words : joined.Parameters
+        Parameter ports of the RTL.
+
+    Yields
+    ------
+    RtlController
+        Until the simulator ends with the context.
+    """
     with netlist_check.simulator(ENTITY, GENERICS, ports=ports()) as rtl:
-
-        def decide(_: Any, i: complex, psi: complex, omega_r: float, u: int, *rest: float) -> Any:
-            seen, clipped = bit_true.encode_row(*formats, i, 0j, omega_r, *rest)
-            m = seen[[0, 1, 4, 5, 6, 7]]
-            out, taken = rtl.step(fixed | {n: int(v) for n, v in zip(names, m, strict=True)})
-            wanted = joined.step_words(words, state, m)
-            found = tuple(out[n] for n in ("u_next", "saturated", "clamped", "exciting"))
-            flux = (out["psis_alpha"], out["psis_beta"])
-            if (found, flux, taken) != (wanted, tuple(int(v) & 0xFFFF for v in state[4:6]), clocks):
-                raise SimulationError(f"{ENTITY}: {found}, {flux}, {taken} clocks, not {wanted}")
-            return out["u_next"], out["saturated"] | clipped, out["clamped"]
-
-        yield decide
+        yield RtlController(drive, words, rtl)
 
 
 def tour(

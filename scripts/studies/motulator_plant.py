@@ -3,8 +3,10 @@
 motulator integrates its own Gamma-model machine, stiff shaft and converter with scipy's RK45 and
 calls the controller once per control period; its computational delay of one period is the
 delay of docs/specification.md, section 3.2.  The controller is the bit-true model, the ideal
-controller, or any function with their signature.  Imported by tests and reports only: the models
-themselves do not need motulator.
+controller, or any object with the method `decide` of `directmpc.Controller`.  Imported by tests and
+reports only: the models themselves do not need motulator.
+
+motulator runs the loop and calls back, so that the library's loops cannot serve here.
 """
 
 from __future__ import annotations
@@ -19,12 +21,14 @@ with matplotlib.rc_context():  # motulator sets a style for every plot there is
     from motulator.drive import model
     from motulator.drive.utils import InductionMachineInvGammaPars, InductionMachinePars
 
-from directmpc.mptc import bit_true, ideal
+from directmpc.api.controllers import make_controller
 from directmpc.mptc import drive_twin as joined
+from directmpc.mptc import ideal
 from directmpc.mptc.closed_loop import Run, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.trace import FloatArray, IntArray
+from directmpc.states import Controller, MptcState, mptc_decision
 from scripts.hdl import mptc_drive_loop
 
 
@@ -80,13 +84,13 @@ def plant(
     return model.Drive(model.VoltageSourceConverter(u_dc=drive.inverter.vdc), machine, mechanics)
 
 
-class _Controller:
+class _Periods:
     """What motulator calls once per control period."""
 
-    def __init__(self, drive: MptcDrive, scenario: Scenario, decide: Any, parameters: Any) -> None:
+    def __init__(self, drive: MptcDrive, scenario: Scenario, controller: Controller) -> None:
         n = len(scenario.torque_ref)
         self.drive, self.scenario = drive, scenario
-        self.decide, self.parameters = decide, parameters
+        self.controller = controller
         self.reference = ideal.ideal_parameters(drive)
         self.k, self.applied, self.integral = 0, 0, 0.0
         self.seen: FloatArray = np.empty((n, 7))
@@ -100,7 +104,6 @@ class _Controller:
         k, s = min(self.k, len(self.seen) - 1), self.scenario
         current, flux = complex(mdl.machine.i_ss), complex(mdl.machine.state.psi_ss)
         mechanical = float(np.real(mdl.mechanics.out.w_M))
-        vdc = float(mdl.converter.u_dc)
         wanted, ts = float(s.torque_ref[k]), self.drive.control.ts
         if s.speed_ref is not None:
             gain, rate, limit = s.gains
@@ -110,21 +113,26 @@ class _Controller:
             wanted += min(max(gain * error + self.integral, -limit), limit)
         omega_r = mechanical * self.drive.machine.pole_pairs
         psi_ref = float(s.psi_ref[k])
+        state = MptcState(current, flux, omega_r, wanted, psi_ref, self.applied)
+        decision = mptc_decision(self.controller.decide(state), self.k)
+        vdc = float(mdl.converter.u_dc)
         inputs = (current, flux, omega_r, self.applied, vdc, wanted, psi_ref)
-        u, saturated, clamped = self.decide(self.parameters, *inputs)
         self.seen[k] = (
             current.real, current.imag, flux.real, flux.imag, omega_r, wanted, psi_ref,
         )  # fmt: skip
         self.seen_u[k] = self.applied
-        self.out[k] = (u, saturated, clamped, ideal.decide(self.reference, *inputs)[0])
+        self.out[k] = (
+            decision.apply, decision.saturated, decision.clamped,
+            ideal.decide(self.reference, *inputs)[0],
+        )  # fmt: skip
         self.result[k] = (
             1.5 * self.drive.machine.pole_pairs * (flux.conjugate() * current).imag,
             abs(flux),
             ideal.margin(self.reference, *inputs),
         )
-        self.applied = int(u)
+        self.applied = int(decision.apply)
         self.k += 1
-        return ts, STATES[u].tolist()
+        return ts, STATES[self.applied].tolist()
 
     def post_process(self) -> None:
         """Nothing to do: the run is recorded step by step."""
@@ -133,11 +141,9 @@ class _Controller:
 def simulate(
     drive: MptcDrive,
     scenario: Scenario,
+    controller: str | Controller = "model",
     *,
-    engine: str = "model",
     inertia: float = math.inf,
-    decide: Any = None,
-    parameters: Any = None,
 ) -> Run:
     """Run a closed loop around motulator's plant.
 
@@ -147,30 +153,31 @@ def simulate(
         What the controller knows and the plant is.
     scenario : Scenario
         References, load and first state.
-    engine : str
-        "model" for the bit-true twin, "ideal" for float64.
+    controller
+        "model" for the bit-true twin, "ideal" for float64, or an object with the method `decide` of
+        `directmpc.Controller`. It is asked once per control period, with an `MptcState`.
     inertia : float
         kg*m^2; infinite: the speed is imposed.
-    decide, parameters
-        A controller instead of the engine's, with the signature of ``ideal.decide``.
 
     Returns
     -------
     Run
         As our own plant's, `closed_loop.simulate`.
+
+    Raises
+    ------
+    StateError
+        If an answer is no decision.
+    ValueError
+        If there is no such engine.
     """
-    if decide is None:
-        if engine == "ideal":
-            decide, parameters = ideal.decide, ideal.ideal_parameters(drive)
-        else:
-            decide, parameters = bit_true.decide, bit_true.parameters(drive)
-    controller = _Controller(drive, scenario, decide, parameters)
-    simulation = model.Simulation(plant(drive, scenario, inertia), controller)
+    if isinstance(controller, str):
+        controller = make_controller(drive, controller)
+    periods = _Periods(drive, scenario, controller)
+    simulation = model.Simulation(plant(drive, scenario, inertia), periods)
     steps = len(scenario.torque_ref)
     simulation.simulate(t_stop=(steps - 0.5) * drive.control.ts)
-    return Run.recorded(
-        drive.control.ts, controller.seen, controller.seen_u, controller.out, controller.result
-    )
+    return Run.recorded(drive.control.ts, periods.seen, periods.seen_u, periods.out, periods.result)
 
 
 def run_rtl(drive: MptcDrive, words: joined.Parameters, scenario: Scenario, inertia: float) -> Run:
@@ -179,10 +186,23 @@ def run_rtl(drive: MptcDrive, words: joined.Parameters, scenario: Scenario, iner
     Parameters
     ----------
     drive : MptcDrive
+        What controller and plant are.
     words : joined.Parameters
+        Parameter ports of the RTL.
     scenario : Scenario
+        References, load and first state.
     inertia : float
-        kg*m^2.
+        kg*m^2; infinite: the speed is imposed.
+
+    Returns
+    -------
+    Run
+        As `simulate`.
+
+    Raises
+    ------
+    SimulationError
+        If the RTL differs from its twin in anything.
     """
-    with mptc_drive_loop.controller(drive, words) as decide:
-        return simulate(drive, scenario, inertia=inertia, decide=decide)
+    with mptc_drive_loop.controller(drive, words) as rtl:
+        return simulate(drive, scenario, rtl, inertia=inertia)

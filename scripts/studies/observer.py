@@ -75,7 +75,11 @@ class Error:
 
 @njit
 def _loop(plant, register, c, state, x, s, iref, omega_s, omega_r, measured, vdc, estimate, flux):
-    """Controller on the estimate, step by step; estimates and true fluxes are kept."""
+    """Run the controller on the estimate, step by step; keep estimates and true fluxes.
+
+    The loop is compiled for speed: the study has runs of many rotor time constants in all. It
+    takes no `Controller`, since a compiled function cannot call an object's method.
+    """
     order = np.array([0, 1, 4, 5, 6, 7, 8, 12])
     reference = np.empty(2)
     for k in range(len(iref)):

@@ -318,7 +318,10 @@ def _loop(
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
     shadow_out,
 ):  # fmt: skip
-    """Run the loop; compiled for the controllers passed, and therefore not cached on disk."""
+    """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
+
+    It is compiled for the controllers passed, and therefore not cached on disk.
+    """
     x = np.empty(8)
     reference = np.empty(2)
     decided = applied.copy()

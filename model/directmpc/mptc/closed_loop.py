@@ -157,7 +157,10 @@ def _loop(
     decide, parameters, reference, plant, vdc, torque_ref, psi_ref, load, speed_ref, use_speed,
     gains, i, psi, omega_r, seen, seen_u, out, result,
 ):  # fmt: skip
-    """Run the loop; compiled for the controller passed, and therefore not cached on disk."""
+    """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
+
+    It is compiled for the controller passed, and therefore not cached on disk.
+    """
     applied = 0
     integral = 0.0
     for k in range(len(torque_ref)):

@@ -24,6 +24,7 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.plant import plant_parameters
+from directmpc.states import MptcState
 from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.simulator import SimulationError
@@ -64,13 +65,11 @@ def test_an_rtl_that_is_not_its_twin_ends_the_loop() -> None:
     drive = core.shipped("motulator_2kw2")
     words = joined.parameters(drive, limit=8.0, flux=PSI)
     weight = words.core.copy()
-    with rtl_loop.controller(drive, words._replace(core=weight)) as decide:
+    with rtl_loop.controller(drive, words._replace(core=weight)) as rtl:
         weight[4] += 4  # the twin's alone, after the RTL was told: another voltage drop
-        decisions = (
-            decide(None, complex(5.0, 0.01 * k), 0j, 100.0, 0, 540.0, 3.0, PSI) for k in range(2000)
-        )
+        states = (MptcState(complex(5.0, 0.01 * k), 0j, 100.0, 3.0, PSI) for k in range(2000))
         with pytest.raises(SimulationError, match="mptc_drive"):
-            list(decisions)
+            list(map(rtl.decide, states))
 
 
 @pytest.mark.parametrize("method", core.METHODS)
@@ -81,8 +80,8 @@ def test_torque_step_rises_in_less_than_a_millisecond(method: str) -> None:
     begin = 1300
     wanted = np.where(np.arange(1400) < begin, 0.0, 1.2 * RATED)
     scenario = replace(steady, torque_ref=wanted, current=0j, flux=0j)
-    with rtl_loop.controller(drive, joined.parameters(drive)) as decide:
-        found = motulator_plant.simulate(drive, scenario, decide=decide)
+    with rtl_loop.controller(drive, joined.parameters(drive)) as rtl:
+        found = motulator_plant.simulate(drive, scenario, rtl)
     torque = found.torque[begin:]
     rise = [int(np.argmax(torque >= share * 1.2 * RATED)) for share in (0.1, 0.9)]
     assert np.abs(found.torque[begin - 100 : begin]).mean() < 1.5
