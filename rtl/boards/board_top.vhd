@@ -93,6 +93,10 @@ architecture rtl of board_top is
 
 begin
 
+  assert DIVIDE /= 3
+    report "board_top: DIVIDE is 3, but has to be 1, 2 or 4"
+    severity failure;
+
   g_direct : if DIVIDE = 1 generate
     core_clock <= clock;
   end generate g_direct;

@@ -35,86 +35,91 @@ library work;
 
 entity mpdcc_core is
   generic (
-    EXPLORERS : positive range 1 to 8 := 2; -- number of explorers
-    FOLDED : boolean := false; -- true: the paper's explorer, false: the fast one
-    SECOND_LEVEL : boolean := false; -- true: SESE and delay compensation, fast explorer alone
-    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule, fast explorer alone
+    EXPLORERS         : positive range 1 to 8 := 2;     -- number of explorers
+    FOLDED            : boolean               := false; -- true: the paper's explorer, false: the fast one
+    SECOND_LEVEL      : boolean               := false; -- true: SESE and delay compensation, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean               := false  -- true: the weighted deadlock rule, fast explorer alone
   );
   port (
-    clk                         : in    std_logic;                                              -- rising edge
-    rst : in    std_logic; -- synchronous, active high
+    clk   : in    std_logic; -- rising edge
+    rst   : in    std_logic; -- synchronous, active high
     start : in    std_logic; -- '1' for one clock: decide; ignored while busy
     -- measurements, sampled with start
-    is_alpha : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0); -- stator current, signed, 1/16000 pu
-    is_beta                     : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- signed, 1/16000 pu
-    psir_alpha : in    std_logic_vector(FLUX_WIDTH - 1 downto 0); -- rotor flux, signed, 1/9000 pu
-    psir_beta                   : in    std_logic_vector(FLUX_WIDTH - 1 downto 0);              -- signed, 1/9000 pu
-    v_n : in    std_logic_vector(NEUTRAL_VOLTAGE_WIDTH - 1 downto 0); -- neutral point potential, signed, 1/64012.5 pu
-    v_ph_a : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- capacitor, unsigned, 1/32006.25 pu
-    v_ph_b : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- unsigned, 1/32006.25 pu
-    v_ph_c : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- unsigned, 1/32006.25 pu
-    v_dc : in    std_logic_vector(LINK_VOLTAGE_WIDTH - 1 downto 0); -- dc-link voltage, unsigned, 1/16003.125 pu
-    iref_alpha : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0); -- current reference, signed, 1/16000 pu
-    iref_beta                   : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- signed, 1/16000 pu
-    omega_s : in    std_logic_vector(SPEED_WIDTH - 1 downto 0); -- stator frequency, signed, 1/16000 pu
-    omega_r : in    std_logic_vector(SPEED_WIDTH - 1 downto 0); -- rotor speed, signed, 1/16000 pu
+    is_alpha   : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- stator current, signed, 1/16000 pu
+    is_beta    : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- signed, 1/16000 pu
+    psir_alpha : in    std_logic_vector(FLUX_WIDTH - 1 downto 0);              -- rotor flux, signed, 1/9000 pu
+    psir_beta  : in    std_logic_vector(FLUX_WIDTH - 1 downto 0);              -- signed, 1/9000 pu
+    v_n        : in    std_logic_vector(NEUTRAL_VOLTAGE_WIDTH - 1 downto 0);   -- neutral point, signed, 1/64012.5 pu
+    v_ph_a     : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- capacitor, unsigned, 1/32006.25 pu
+    v_ph_b     : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- unsigned, 1/32006.25 pu
+    v_ph_c     : in    std_logic_vector(CAPACITOR_VOLTAGE_WIDTH - 1 downto 0); -- unsigned, 1/32006.25 pu
+    v_dc       : in    std_logic_vector(LINK_VOLTAGE_WIDTH - 1 downto 0);      -- dc-link, unsigned, 1/16003.125 pu
+    iref_alpha : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- current reference, signed, 1/16000 pu
+    iref_beta  : in    std_logic_vector(CURRENT_WIDTH - 1 downto 0);           -- signed, 1/16000 pu
+    omega_s    : in    std_logic_vector(SPEED_WIDTH - 1 downto 0);             -- stator frequency, signed, 1/16000 pu
+    omega_r    : in    std_logic_vector(SPEED_WIDTH - 1 downto 0);             -- rotor speed, signed, 1/16000 pu
+    -- where the switches are, sampled with start
     s_prev_a : in    std_logic_vector(2 downto 0); -- switch position s(k-1) of phase a, 0 to 7
     s_prev_b : in    std_logic_vector(2 downto 0); -- switch position s(k-1) of phase b, 0 to 7
     s_prev_c : in    std_logic_vector(2 downto 0); -- switch position s(k-1) of phase c, 0 to 7
     -- parameters from a drive file, stable from start to valid; coefficients signed, scaled
-    c_error_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- (iref - is) to trajectory units
-    c_error_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- the same times sqrt(3)/2
-    c_error_neutral : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -v_n to trajectory units
-    c_error_phase : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- (v_dc/4 - v_ph) to trajectory units
-    c_stator_alpha              : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h/tau_s
-    c_stator_beta               : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h/tau_s * sqrt(3)/2
-    c_rotor_alpha               : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- -h*Xm/(D*tau_r)
-    c_rotor_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xm/(D*tau_r) * sqrt(3)/2
-    c_reference_alpha           : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- -h
-    c_reference_beta            : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h * sqrt(3)/2
-    c_emf_alpha                 : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- -h*Xm/D
-    c_emf_beta                  : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h*Xm/D * sqrt(3)/2
-    c_correction_alpha          : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- -p*L*h**2
-    c_correction_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -p*L*h**2 * sqrt(3)/2
-    c_forced_voltage : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h*Xr/(3*D), for v_dc/2 and v_ph
-    c_forced_neutral            : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h*Xr/(3*D), for v_n
-    c_phase_alpha               : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h/X_ph
-    c_phase_beta                : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h/X_ph * sqrt(3)/2
-    c_midpoint_alpha            : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- h/(2*X_dc)
-    c_midpoint_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/(2*X_dc) * sqrt(3)/2
-    c_weight                    : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0);       -- sqrt(lambda_n)
-    c_weight_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc)
-    c_weight_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(3*lambda_n)*h/(4*X_dc)
-    c_curvature_emf_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: omega_r*psi_r; fast
-    c_curvature_emf_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: the same, beta; fast
-    c_curvature_flux_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: omega_r**2*psi_r; fast
-    c_curvature_flux_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: the same, beta; fast
-    c_curvature_reference_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: omega_s**2*iref; fast
-    c_curvature_reference_beta : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- c: the same, beta; fast
-    c_change_phase : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/X_ph * 16; SESE, prediction only
-    c_change_midpoint : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/(2*X_dc) * 16; likewise
-    c_change_weight : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc); likewise
-    c_error_forced : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xr/(3*D); likewise
-    bound_current : in    std_logic_vector(BOUND_WIDTH - 1 downto 0); -- unsigned, trajectory units
-    bound_neutral : in    std_logic_vector(BOUND_WIDTH - 1 downto 0); -- unsigned, trajectory units
-    bound_phase : in    std_logic_vector(BOUND_WIDTH - 1 downto 0); -- unsigned, trajectory units
-    horizon : in    std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- N, unsigned, steps, 1 to 63
-    weight_scale : in    std_logic_vector(1 downto 0); -- fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20
-    two_switchings : in    std_logic; -- switching horizon: '1': SESE, SECOND_LEVEL only, '0': SE
-    budget : in    std_logic_vector(BUDGET_WIDTH - 1 downto 0); -- candidates of SESE's second level, 0: no limit
-    compensate : in    std_logic; -- '1': decide for k+1 from the state predicted under s(k-1); likewise
-    deadlock_rule : in    std_logic; -- '1': weighted, WEIGHTED_DEADLOCK only, '0': largest excess
+    c_error_alpha      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- (iref - is) to trajectory units
+    c_error_beta       : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- the same times sqrt(3)/2
+    c_error_neutral    : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -v_n to trajectory units
+    c_error_phase      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- (v_dc/4 - v_ph) to trajectory units
+    c_stator_alpha     : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/tau_s
+    c_stator_beta      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/tau_s * sqrt(3)/2
+    c_rotor_alpha      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xm/(D*tau_r)
+    c_rotor_beta       : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xm/(D*tau_r) * sqrt(3)/2
+    c_reference_alpha  : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h
+    c_reference_beta   : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h * sqrt(3)/2
+    c_emf_alpha        : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xm/D
+    c_emf_beta         : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h*Xm/D * sqrt(3)/2
+    c_correction_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -p*L*h**2
+    c_correction_beta  : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -p*L*h**2 * sqrt(3)/2
+    c_forced_voltage   : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h*Xr/(3*D), for v_dc/2 and v_ph
+    c_forced_neutral   : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h*Xr/(3*D), for v_n
+    c_phase_alpha      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/X_ph
+    c_phase_beta       : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/X_ph * sqrt(3)/2
+    c_midpoint_alpha   : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/(2*X_dc)
+    c_midpoint_beta    : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/(2*X_dc) * sqrt(3)/2
+    c_weight           : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- sqrt(lambda_n)
+    c_weight_alpha     : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc)
+    c_weight_beta      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(3*lambda_n)*h/(4*X_dc)
+    -- likewise, factors of the curvature; fast variant alone
+    c_curvature_emf_alpha       : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- of omega_r*psi_r
+    c_curvature_emf_beta        : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- the same, beta
+    c_curvature_flux_alpha      : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- of omega_r**2*psi_r
+    c_curvature_flux_beta       : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- the same, beta
+    c_curvature_reference_alpha : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- of omega_s**2*iref
+    c_curvature_reference_beta  : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- the same, beta
+    -- likewise, for SESE and the prediction alone
+    c_change_phase    : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/X_ph * 16
+    c_change_midpoint : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- h/(2*X_dc) * 16
+    c_change_weight   : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -sqrt(lambda_n)*h/(2*X_dc)
+    c_error_forced    : in    std_logic_vector(COEFFICIENT_WIDTH - 1 downto 0); -- -h*Xr/(3*D)
+    -- bounds, stable from start to valid
+    bound_current : in    std_logic_vector(BOUND_WIDTH - 1 downto 0);  -- unsigned, trajectory units
+    bound_neutral : in    std_logic_vector(BOUND_WIDTH - 1 downto 0);  -- unsigned, trajectory units
+    bound_phase   : in    std_logic_vector(BOUND_WIDTH - 1 downto 0);  -- unsigned, trajectory units
+    horizon       : in    std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- N, unsigned, steps, 1 to 63
+    weight_scale  : in    std_logic_vector(1 downto 0);                -- weight on v_n: 14, 16, 18, 20 fraction bits
+    -- of SECOND_LEVEL and WEIGHTED_DEADLOCK, stable from start to valid
+    two_switchings : in    std_logic;                                   -- '1': SESE, SECOND_LEVEL only; '0': SE
+    budget         : in    std_logic_vector(BUDGET_WIDTH - 1 downto 0); -- candidates of the second level, 0: no limit
+    compensate     : in    std_logic;                                   -- '1': decide for k+1, SECOND_LEVEL only
+    deadlock_rule  : in    std_logic;                                   -- '1': weighted, WEIGHTED_DEADLOCK only
     -- decision, stable until the next valid
-    valid : out   std_logic; -- '1' for one clock: decision is new
-    busy : out   std_logic; -- '1': a decision is under way
-    s_a : out   std_logic_vector(2 downto 0); -- switch position s(k) of phase a, 0 to 7
-    s_b : out   std_logic_vector(2 downto 0); -- switch position s(k) of phase b, 0 to 7
-    s_c : out   std_logic_vector(2 downto 0); -- switch position s(k) of phase c, 0 to 7
-    held                        : out   std_logic;                                              -- '1': s(k-1) was kept
-    deadlock : out   std_logic; -- '1': no candidate stays inside its bounds
-    length : out   std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- L* of the choice, steps; 0 when held or deadlocked
-    saturated : out   std_logic; -- '1': a value did not fit its word
-    exhausted : out   std_logic -- '1': the budget ended the search, the decision is the best so far
+    valid     : out   std_logic;                                   -- '1' for one clock: decision is new
+    busy      : out   std_logic;                                   -- '1': a decision is under way
+    s_a       : out   std_logic_vector(2 downto 0);                -- switch position s(k) of phase a, 0 to 7
+    s_b       : out   std_logic_vector(2 downto 0);                -- switch position s(k) of phase b, 0 to 7
+    s_c       : out   std_logic_vector(2 downto 0);                -- switch position s(k) of phase c, 0 to 7
+    held      : out   std_logic;                                   -- '1': s(k-1) was kept
+    deadlock  : out   std_logic;                                   -- '1': no candidate stays inside its bounds
+    length    : out   std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- L* of the choice, steps; else 0
+    saturated : out   std_logic;                                   -- '1': a value did not fit its word
+    exhausted : out   std_logic                                    -- '1': the budget ended the search
   );
 end entity mpdcc_core;
 
@@ -147,39 +152,41 @@ begin
   previous(1) <= unsigned(s_prev_b);
   previous(2) <= unsigned(s_prev_c);
 
-  coefficients(FACTOR_ERROR_ALPHA)               <= c_error_alpha;
-  coefficients(FACTOR_ERROR_BETA)                <= c_error_beta;
-  coefficients(FACTOR_ERROR_NEUTRAL)             <= c_error_neutral;
-  coefficients(FACTOR_ERROR_PHASE)               <= c_error_phase;
-  coefficients(FACTOR_STATOR_ALPHA)              <= c_stator_alpha;
-  coefficients(FACTOR_STATOR_BETA)               <= c_stator_beta;
-  coefficients(FACTOR_ROTOR_ALPHA)               <= c_rotor_alpha;
-  coefficients(FACTOR_ROTOR_BETA)                <= c_rotor_beta;
-  coefficients(FACTOR_REFERENCE_ALPHA)           <= c_reference_alpha;
-  coefficients(FACTOR_REFERENCE_BETA)            <= c_reference_beta;
-  coefficients(FACTOR_EMF_ALPHA)                 <= c_emf_alpha;
-  coefficients(FACTOR_EMF_BETA)                  <= c_emf_beta;
-  coefficients(FACTOR_CORRECTION_ALPHA)          <= c_correction_alpha;
-  coefficients(FACTOR_CORRECTION_BETA)           <= c_correction_beta;
-  coefficients(FACTOR_FORCED_VOLTAGE)            <= c_forced_voltage;
-  coefficients(FACTOR_FORCED_NEUTRAL)            <= c_forced_neutral;
-  coefficients(FACTOR_PHASE_ALPHA)               <= c_phase_alpha;
-  coefficients(FACTOR_PHASE_BETA)                <= c_phase_beta;
-  coefficients(FACTOR_MIDPOINT_ALPHA)            <= c_midpoint_alpha;
-  coefficients(FACTOR_MIDPOINT_BETA)             <= c_midpoint_beta;
-  coefficients(FACTOR_WEIGHT)                    <= c_weight;
-  coefficients(FACTOR_WEIGHT_ALPHA)              <= c_weight_alpha;
-  coefficients(FACTOR_WEIGHT_BETA)               <= c_weight_beta;
+  coefficients(FACTOR_ERROR_ALPHA)      <= c_error_alpha;
+  coefficients(FACTOR_ERROR_BETA)       <= c_error_beta;
+  coefficients(FACTOR_ERROR_NEUTRAL)    <= c_error_neutral;
+  coefficients(FACTOR_ERROR_PHASE)      <= c_error_phase;
+  coefficients(FACTOR_STATOR_ALPHA)     <= c_stator_alpha;
+  coefficients(FACTOR_STATOR_BETA)      <= c_stator_beta;
+  coefficients(FACTOR_ROTOR_ALPHA)      <= c_rotor_alpha;
+  coefficients(FACTOR_ROTOR_BETA)       <= c_rotor_beta;
+  coefficients(FACTOR_REFERENCE_ALPHA)  <= c_reference_alpha;
+  coefficients(FACTOR_REFERENCE_BETA)   <= c_reference_beta;
+  coefficients(FACTOR_EMF_ALPHA)        <= c_emf_alpha;
+  coefficients(FACTOR_EMF_BETA)         <= c_emf_beta;
+  coefficients(FACTOR_CORRECTION_ALPHA) <= c_correction_alpha;
+  coefficients(FACTOR_CORRECTION_BETA)  <= c_correction_beta;
+  coefficients(FACTOR_FORCED_VOLTAGE)   <= c_forced_voltage;
+  coefficients(FACTOR_FORCED_NEUTRAL)   <= c_forced_neutral;
+  coefficients(FACTOR_PHASE_ALPHA)      <= c_phase_alpha;
+  coefficients(FACTOR_PHASE_BETA)       <= c_phase_beta;
+  coefficients(FACTOR_MIDPOINT_ALPHA)   <= c_midpoint_alpha;
+  coefficients(FACTOR_MIDPOINT_BETA)    <= c_midpoint_beta;
+  coefficients(FACTOR_WEIGHT)           <= c_weight;
+  coefficients(FACTOR_WEIGHT_ALPHA)     <= c_weight_alpha;
+  coefficients(FACTOR_WEIGHT_BETA)      <= c_weight_beta;
+
   coefficients(FACTOR_CURVATURE_EMF_ALPHA)       <= c_curvature_emf_alpha;
   coefficients(FACTOR_CURVATURE_EMF_BETA)        <= c_curvature_emf_beta;
   coefficients(FACTOR_CURVATURE_FLUX_ALPHA)      <= c_curvature_flux_alpha;
   coefficients(FACTOR_CURVATURE_FLUX_BETA)       <= c_curvature_flux_beta;
   coefficients(FACTOR_CURVATURE_REFERENCE_ALPHA) <= c_curvature_reference_alpha;
   coefficients(FACTOR_CURVATURE_REFERENCE_BETA)  <= c_curvature_reference_beta;
-  coefficients(FACTOR_CHANGE_PHASE)              <= c_change_phase;
-  coefficients(FACTOR_CHANGE_MIDPOINT)           <= c_change_midpoint;
-  coefficients(FACTOR_CHANGE_WEIGHT)             <= c_change_weight;
-  coefficients(FACTOR_ERROR_FORCED)              <= c_error_forced;
+
+  coefficients(FACTOR_CHANGE_PHASE)    <= c_change_phase;
+  coefficients(FACTOR_CHANGE_MIDPOINT) <= c_change_midpoint;
+  coefficients(FACTOR_CHANGE_WEIGHT)   <= c_change_weight;
+  coefficients(FACTOR_ERROR_FORCED)    <= c_error_forced;
 
   limits.bound_current <= unsigned(bound_current);
   limits.bound_neutral <= unsigned(bound_neutral);

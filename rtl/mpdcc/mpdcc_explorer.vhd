@@ -49,6 +49,10 @@ architecture rtl of mpdcc_explorer is
 
 begin
 
+  assert not (FOLDED and (SECOND_LEVEL or WEIGHTED_DEADLOCK))
+    report "mpdcc_explorer: SECOND_LEVEL and WEIGHTED_DEADLOCK need the fast variant, FOLDED = false"
+    severity failure;
+
   g_paper : if FOLDED generate
 
     i_explorer : entity work.explorer_paper

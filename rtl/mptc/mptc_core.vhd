@@ -43,19 +43,19 @@ entity mptc_core is
     FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
   );
   port (
-    clk             : in    std_logic;                                 -- rising edge
-    rst             : in    std_logic;                                 -- synchronous, active high
-    start           : in    std_logic;                                 -- '1' for one clock: decide; ignored while busy
+    clk   : in    std_logic; -- rising edge
+    rst   : in    std_logic; -- synchronous, active high
+    start : in    std_logic; -- '1' for one clock: decide; ignored while busy
     -- measurements and references, sampled with start
-    is_alpha        : in    std_logic_vector(15 downto 0);             -- stator current, signed, current_max/32767
-    is_beta         : in    std_logic_vector(15 downto 0);             -- signed, current_max/32767
-    psis_alpha      : in    std_logic_vector(15 downto 0);             -- stator flux linkage, signed, psi_max/32767
-    psis_beta       : in    std_logic_vector(15 downto 0);             -- signed, psi_max/32767
-    omega_r         : in    std_logic_vector(15 downto 0);             -- electrical speed, signed, speed_max/32767
-    v_dc            : in    std_logic_vector(15 downto 0);             -- dc-link voltage, unsigned, vdc/32768
-    torque_ref      : in    std_logic_vector(15 downto 0);             -- torque reference, signed, torque_max/32767
-    psi_ref         : in    std_logic_vector(14 downto 0);             -- flux reference, unsigned, psi_max/26979
-    u               : in    std_logic_vector(2 downto 0);              -- number of the vector being applied, 0 to 7
+    is_alpha   : in    std_logic_vector(15 downto 0); -- stator current, signed, current_max/32767
+    is_beta    : in    std_logic_vector(15 downto 0); -- signed, current_max/32767
+    psis_alpha : in    std_logic_vector(15 downto 0); -- stator flux linkage, signed, psi_max/32767
+    psis_beta  : in    std_logic_vector(15 downto 0); -- signed, psi_max/32767
+    omega_r    : in    std_logic_vector(15 downto 0); -- electrical speed, signed, speed_max/32767
+    v_dc       : in    std_logic_vector(15 downto 0); -- dc-link voltage, unsigned, vdc/32768
+    torque_ref : in    std_logic_vector(15 downto 0); -- torque reference, signed, torque_max/32767
+    psi_ref    : in    std_logic_vector(14 downto 0); -- flux reference, unsigned, psi_max/26979
+    u          : in    std_logic_vector(2 downto 0);  -- number of the vector being applied, 0 to 7
     -- parameters from a drive file, stable from start to valid; coefficients signed, 17 fractional bits
     c_current       : in    std_logic_vector(WORD_WIDTH - 1 downto 0); -- I/W: current in w
     c_flux          : in    std_logic_vector(WORD_WIDTH - 1 downto 0); -- -lambda*L_r*P/W: flux in w
@@ -71,12 +71,12 @@ entity mptc_core is
     c_weight        : in    std_logic_vector(WORD_WIDTH - 1 downto 0); -- k_psi, not negative
     method_mpfc     : in    std_logic;                                 -- '1': MPFC, '0': MPTC; sampled with start
     -- decision, stable until the next valid
-    valid           : out   std_logic;                                 -- '1' for one clock: decision is new
-    busy            : out   std_logic;                                 -- '1': a decision is under way
-    u_next          : out   std_logic_vector(2 downto 0);              -- number of the vector to apply next, 0 to 7
-    switches        : out   std_logic_vector(2 downto 0);              -- its switch states a, b, c; '1': positive rail
-    saturated       : out   std_logic;                                 -- '1': a value did not fit its word
-    clamped         : out   std_logic                                  -- '1': MPFC cannot reach torque_ref
+    valid     : out   std_logic;                    -- '1' for one clock: decision is new
+    busy      : out   std_logic;                    -- '1': a decision is under way
+    u_next    : out   std_logic_vector(2 downto 0); -- number of the vector to apply next, 0 to 7
+    switches  : out   std_logic_vector(2 downto 0); -- its switch states a, b, c; '1': positive rail
+    saturated : out   std_logic;                    -- '1': a value did not fit its word
+    clamped   : out   std_logic                     -- '1': MPFC cannot reach torque_ref
   );
 end entity mptc_core;
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from directmpc.mpdcc import formats as f
 
-#: Length that a line stays below.
+#: Most characters of a line.
 _LINE = 120
 _RTL = Path(__file__).resolve().parents[2] / "rtl"
 
@@ -50,7 +50,8 @@ class Group:
     Attributes
     ----------
     comment : str
-        Line above the group; empty: none.
+        Line above the group, which begins new columns; empty: the group goes on with those of
+        the one before.
     ports : tuple of Port
     output : bool
         Whether they are outputs.
@@ -106,9 +107,9 @@ _CLOCK = (
 _MEASURED = {
     "is_alpha": "stator current, ",
     "psir_alpha": "rotor flux, ",
-    "v_n": "neutral point potential, ",
+    "v_n": "neutral point, ",
     "v_ph_a": "capacitor, ",
-    "v_dc": "dc-link voltage, ",
+    "v_dc": "dc-link, ",
     "iref_alpha": "current reference, ",
     "omega_s": "stator frequency, ",
     "omega_r": "rotor speed, ",
@@ -121,41 +122,48 @@ _WIDTHS = {
     "CAPACITOR_VOLTAGE": f.CAPACITOR_VOLTAGE,
     "LINK_VOLTAGE": f.LINK_VOLTAGE,
 }
-_COEFFICIENTS = (
-    ("error_alpha", "(iref - is) to trajectory units"),
-    ("error_beta", "the same times sqrt(3)/2"),
-    ("error_neutral", "-v_n to trajectory units"),
-    ("error_phase", "(v_dc/4 - v_ph) to trajectory units"),
-    ("stator_alpha", "h/tau_s"),
-    ("stator_beta", "h/tau_s * sqrt(3)/2"),
-    ("rotor_alpha", "-h*Xm/(D*tau_r)"),
-    ("rotor_beta", "-h*Xm/(D*tau_r) * sqrt(3)/2"),
-    ("reference_alpha", "-h"),
-    ("reference_beta", "h * sqrt(3)/2"),
-    ("emf_alpha", "-h*Xm/D"),
-    ("emf_beta", "h*Xm/D * sqrt(3)/2"),
-    ("correction_alpha", "-p*L*h**2"),
-    ("correction_beta", "-p*L*h**2 * sqrt(3)/2"),
-    ("forced_voltage", "h*Xr/(3*D), for v_dc/2 and v_ph"),
-    ("forced_neutral", "h*Xr/(3*D), for v_n"),
-    ("phase_alpha", "h/X_ph"),
-    ("phase_beta", "h/X_ph * sqrt(3)/2"),
-    ("midpoint_alpha", "h/(2*X_dc)"),
-    ("midpoint_beta", "h/(2*X_dc) * sqrt(3)/2"),
-    ("weight", "sqrt(lambda_n)"),
-    ("weight_alpha", "-sqrt(lambda_n)*h/(2*X_dc)"),
-    ("weight_beta", "-sqrt(3*lambda_n)*h/(4*X_dc)"),
-    ("curvature_emf_alpha", "c: omega_r*psi_r; fast"),
-    ("curvature_emf_beta", "c: the same, beta; fast"),
-    ("curvature_flux_alpha", "c: omega_r**2*psi_r; fast"),
-    ("curvature_flux_beta", "c: the same, beta; fast"),
-    ("curvature_reference_alpha", "c: omega_s**2*iref; fast"),
-    ("curvature_reference_beta", "c: the same, beta; fast"),
-    ("change_phase", "h/X_ph * 16; SESE, prediction only"),
-    ("change_midpoint", "h/(2*X_dc) * 16; likewise"),
-    ("change_weight", "-sqrt(lambda_n)*h/(2*X_dc); likewise"),
-    ("error_forced", "-h*Xr/(3*D); likewise"),
-)
+#: Coefficients of MPDCC in register order, below what each block of them has in common.
+_COEFFICIENTS = {
+    "parameters from a drive file, stable from start to valid; coefficients signed, scaled": (
+        ("error_alpha", "(iref - is) to trajectory units"),
+        ("error_beta", "the same times sqrt(3)/2"),
+        ("error_neutral", "-v_n to trajectory units"),
+        ("error_phase", "(v_dc/4 - v_ph) to trajectory units"),
+        ("stator_alpha", "h/tau_s"),
+        ("stator_beta", "h/tau_s * sqrt(3)/2"),
+        ("rotor_alpha", "-h*Xm/(D*tau_r)"),
+        ("rotor_beta", "-h*Xm/(D*tau_r) * sqrt(3)/2"),
+        ("reference_alpha", "-h"),
+        ("reference_beta", "h * sqrt(3)/2"),
+        ("emf_alpha", "-h*Xm/D"),
+        ("emf_beta", "h*Xm/D * sqrt(3)/2"),
+        ("correction_alpha", "-p*L*h**2"),
+        ("correction_beta", "-p*L*h**2 * sqrt(3)/2"),
+        ("forced_voltage", "h*Xr/(3*D), for v_dc/2 and v_ph"),
+        ("forced_neutral", "h*Xr/(3*D), for v_n"),
+        ("phase_alpha", "h/X_ph"),
+        ("phase_beta", "h/X_ph * sqrt(3)/2"),
+        ("midpoint_alpha", "h/(2*X_dc)"),
+        ("midpoint_beta", "h/(2*X_dc) * sqrt(3)/2"),
+        ("weight", "sqrt(lambda_n)"),
+        ("weight_alpha", "-sqrt(lambda_n)*h/(2*X_dc)"),
+        ("weight_beta", "-sqrt(3*lambda_n)*h/(4*X_dc)"),
+    ),
+    "likewise, factors of the curvature; fast variant alone": (
+        ("curvature_emf_alpha", "of omega_r*psi_r"),
+        ("curvature_emf_beta", "the same, beta"),
+        ("curvature_flux_alpha", "of omega_r**2*psi_r"),
+        ("curvature_flux_beta", "the same, beta"),
+        ("curvature_reference_alpha", "of omega_s**2*iref"),
+        ("curvature_reference_beta", "the same, beta"),
+    ),
+    "likewise, for SESE and the prediction alone": (
+        ("change_phase", "h/X_ph * 16"),
+        ("change_midpoint", "h/(2*X_dc) * 16"),
+        ("change_weight", "-sqrt(lambda_n)*h/(2*X_dc)"),
+        ("error_forced", "-h*Xr/(3*D)"),
+    ),
+}
 
 
 def _measurement(name: str, word: f.Format) -> Port:
@@ -228,19 +236,22 @@ Considered and rejected: docs/alternatives.md.""",
             kind="measurement_t",
         ),
         Group(
-            "",
+            "where the switches are, sampled with start",
             tuple(_position(f"s_prev_{x}", i, "k-1", "") for i, x in enumerate("abc")),
             record="previous",
             kind="positions_t",
         ),
-        Group(
-            "parameters from a drive file, stable from start to valid; coefficients signed, scaled",
-            tuple(_parameter(name, comment) for name, comment in _COEFFICIENTS),
-            record="coefficients",
-            kind="coefficients_t",
+        *(
+            Group(
+                text,
+                tuple(_parameter(name, comment) for name, comment in block),
+                record="coefficients",
+                kind="coefficients_t",
+            )
+            for text, block in _COEFFICIENTS.items()
         ),
         Group(
-            "",
+            "bounds, stable from start to valid",
             (
                 *(
                     Port(
@@ -257,7 +268,7 @@ Considered and rejected: docs/alternatives.md.""",
                 Port(
                     "weight_scale",
                     "1",
-                    "fractional bits of sqrt(lambda_n)*v_n: 14, 16, 18, 20",
+                    "weight on v_n: 14, 16, 18, 20 fraction bits",
                     convert="unsigned",
                 ),
             ),
@@ -265,21 +276,19 @@ Considered and rejected: docs/alternatives.md.""",
             kind="limits_t",
         ),
         Group(
-            "",
+            "of SECOND_LEVEL and WEIGHTED_DEADLOCK, stable from start to valid",
             (
-                Port(
-                    "two_switchings", "", "switching horizon: '1': SESE, SECOND_LEVEL only, '0': SE"
-                ),
+                Port("two_switchings", "", "'1': SESE, SECOND_LEVEL only; '0': SE"),
                 Port(
                     "budget",
                     "BUDGET_WIDTH - 1",
-                    "candidates of SESE's second level, 0: no limit",
+                    "candidates of the second level, 0: no limit",
                     convert="unsigned",
                 ),
                 Port(
                     "compensate",
                     "",
-                    "'1': decide for k+1 from the state predicted under s(k-1); likewise",
+                    "'1': decide for k+1, SECOND_LEVEL only",
                 ),
             ),
             record="options",
@@ -291,7 +300,7 @@ Considered and rejected: docs/alternatives.md.""",
                 Port(
                     "deadlock_rule",
                     "",
-                    "'1': weighted, WEIGHTED_DEADLOCK only, '0': largest excess",
+                    "'1': weighted, WEIGHTED_DEADLOCK only",
                 ),
             ),
             record="limits",
@@ -314,14 +323,14 @@ Considered and rejected: docs/alternatives.md.""",
                 Port(
                     "length",
                     "LENGTH_WIDTH - 1",
-                    "L* of the choice, steps; 0 when held or deadlocked",
+                    "L* of the choice, steps; else 0",
                     convert="unsigned",
                 ),
                 Port("saturated", "", "'1': a value did not fit its word"),
                 Port(
                     "exhausted",
                     "",
-                    "'1': the budget ended the search, the decision is the best so far",
+                    "'1': the budget ended the search",
                 ),
             ),
             output=True,
@@ -430,26 +439,52 @@ Considered and rejected: docs/alternatives.md.""",
 SHELLS: tuple[Shell, ...] = (MPDCC, MPTC)
 
 
+def _aligned(
+    rows: list[tuple[str, ...]], comments: list[str], between: tuple[str, ...]
+) -> list[str]:
+    """Lines of a block of declarations, their parts and comments in columns.
+
+    Raises
+    ------
+    ValueError
+        If a line is too long.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row, comment in zip(rows, comments, strict=True):
+        code = "".join(
+            f"{part:<{width}}{gap}"
+            for part, width, gap in zip(row, widths, (*between, ""), strict=True)
+        )
+        lines.append(f"    {code} -- {comment}")
+        if len(lines[-1]) > _LINE:
+            raise ValueError(f"{len(lines[-1])} characters, {_LINE} are allowed: {lines[-1]}")
+    return lines
+
+
+def _blocks(shell: Shell) -> list[list[tuple[Group, Port]]]:
+    """Ports below one comment, which stand in the same columns."""
+    blocks: list[list[tuple[Group, Port]]] = []
+    for group in shell.groups:
+        if group.comment or not blocks:
+            blocks.append([])
+        blocks[-1] += [(group, port) for port in group.ports]
+    return blocks
+
+
 def _declarations(shell: Shell) -> list[str]:
     """Lines of the port list."""
-    ports = [(group, port) for group in shell.groups for port in group.ports]
-    kinds = {
-        port.name: f"std_logic_vector({port.width} downto 0)" if port.width else "std_logic"
-        for _, port in ports
-    }
-    names = max(len(port.name) for _, port in ports)
-    wide = max(map(len, kinds.values())) + 1
     lines = []
-    for group in shell.groups:
-        if group.comment:
-            lines.append(f"    -- {group.comment}")
-        for port in group.ports:
-            end = "" if port is ports[-1][1] else ";"
+    final = shell.groups[-1].ports[-1]
+    for block in _blocks(shell):
+        if block[0][0].comment:
+            lines.append(f"    -- {block[0][0].comment}")
+        rows = []
+        for group, port in block:
+            kind = f"std_logic_vector({port.width} downto 0)" if port.width else "std_logic"
             mode = "out  " if group.output else "in   "
-            tight = f"    {port.name} : {mode} {kinds[port.name]}{end} -- {port.comment}"
-            code = f"    {port.name:<{names}} : {mode} {kinds[port.name] + end:<{wide}}"
-            line = f"{code} -- {port.comment}"
-            lines.append(line if len(line) < _LINE else tight)
+            rows.append((port.name, mode, kind + ("" if port is final else ";")))
+        lines += _aligned(rows, [port.comment for _, port in block], (" : ", " "))
     return lines
 
 
@@ -482,9 +517,11 @@ def text(shell: Shell) -> str:
         f"entity {shell.entity} is",
         "  generic (",
     ]
-    for name, kind, default, comment in shell.generics:
-        end = "" if name == shell.generics[-1][0] else ";"
-        lines.append(f"    {name} : {kind} := {default}{end} -- {comment}")
+    rows = [
+        (name, kind, default + ("" if name == shell.generics[-1][0] else ";"))
+        for name, kind, default, _ in shell.generics
+    ]
+    lines += _aligned(rows, [comment for *_, comment in shell.generics], (" : ", " := "))
     lines += ["  );", "  port (", *_declarations(shell), "  );", f"end entity {shell.entity};", ""]
     lines += [f"architecture rtl of {shell.entity} is", ""]
     records = [group for group in shell.groups if group.record]

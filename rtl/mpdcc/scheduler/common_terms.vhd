@@ -130,6 +130,10 @@ architecture rtl of common_terms is
 
 begin
 
+  assert not (FOLDED and SECOND_LEVEL)
+    report "common_terms: the paper's program has no successors, SECOND_LEVEL needs FOLDED = false"
+    severity failure;
+
   operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
   operands(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= base;
 

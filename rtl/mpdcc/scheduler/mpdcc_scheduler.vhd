@@ -227,6 +227,10 @@ architecture rtl of mpdcc_scheduler is
 
 begin
 
+  assert not (FOLDED and SECOND_LEVEL)
+    report "mpdcc_scheduler: SECOND_LEVEL needs the fast explorer, FOLDED = false"
+    severity failure;
+
   p_sample : process (clk) is
   begin
 
