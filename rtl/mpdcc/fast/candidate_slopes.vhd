@@ -21,6 +21,7 @@ library work;
   use work.directmpc_constants.all;
   use work.explorer_types.all;
   use work.mpdcc_timing.all;
+  use work.mpdcc_math.all;
   use work.mpdcc_types.all;
 
 entity candidate_slopes is

@@ -24,6 +24,7 @@ library ieee;
 library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 

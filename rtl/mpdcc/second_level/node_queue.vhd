@@ -24,6 +24,7 @@ library work;
   use work.anpc5l_leg.all;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_math.all;
   use work.mpdcc_types.all;
 
 entity node_queue is

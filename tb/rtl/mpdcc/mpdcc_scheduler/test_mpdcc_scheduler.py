@@ -56,7 +56,7 @@ def test_the_earliest_of_the_best_wins(explorers: int, variant: str) -> None:
 
 PAPER_FAULTS = [
     Fault(
-        "mpdcc_types",
+        "mpdcc_math",
         "(not b.feasible & b.rank & b.index & b.saturated)",
         "(not b.feasible & b.rank & a.index & a.saturated)",
         r"decision:",
