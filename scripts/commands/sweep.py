@@ -21,7 +21,7 @@ def _run(given: argparse.Namespace) -> int | None:
         point = sweep.Point(**json.loads(given.point))
         print(json.dumps({step: sweep.STEPS_OF_A_POINT[step](point) for step in given.only}))
     elif given.plot:
-        sweep.publish([sweep.typed(row) for row in sweep.read_csv()])
+        sweep.publish(sweep.stored_rows())
     else:
         sweep.measure_points(given.only, given.jobs)
     return 0

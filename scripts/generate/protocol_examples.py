@@ -13,9 +13,10 @@ from pathlib import Path
 
 from directmpc.host import protocol as p
 from directmpc.host.protocol import Controller, Decision, Frame, Identity, Outcome, Type
+from scripts.shared import tables, tools
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
-_MARKS = "<!-- {name}: begin (written by make generate) -->\n{body}<!-- {name}: end -->"
+_MARKS = ("<!-- {}: begin (written by make generate) -->", "<!-- {}: end -->")
 
 MEASUREMENTS = (
     15000,
@@ -77,7 +78,7 @@ def _hex(data: bytes) -> str:
 
 def examples() -> str:
     """The examples as Markdown."""
-    return "\n\n".join(f"{title}:\n\n{_hex(frame.wire())}" for title, frame in frames()) + "\n"
+    return "\n\n".join(f"{title}:\n\n{_hex(frame.wire())}" for title, frame in frames())
 
 
 def _docs(enum: type) -> dict[str, str]:
@@ -90,20 +91,24 @@ def _docs(enum: type) -> dict[str, str]:
 def outcomes() -> str:
     """The table of outcomes as Markdown."""
     docs = _docs(Outcome)
-    rows = [f"| {o.value} | `{o.name}` | {docs[o.name]} |" for o in Outcome]
-    return "\n".join(["| | name | meaning |", "| ---: | --- | --- |", *rows]) + "\n"
+    rows = [(o.value, f"`{o.name}`", docs[o.name]) for o in Outcome]
+    return tables.markdown(("value", "name", "meaning"), rows, "rl")
 
 
 def page(text: str) -> str:
-    """The page with everything between its marks written anew."""
+    """The page with everything between its marks written anew.
+
+    Raises
+    ------
+    MarkerError
+        If a mark is missing.
+    """
     for name, body in (("examples", examples()), ("outcomes", outcomes())):
-        pattern = re.compile(rf"<!-- {name}: begin .*?-->\n.*?<!-- {name}: end -->", re.S)
-        if len(pattern.findall(text)) != 1:
-            raise ValueError(f"{PAGE.name}: the marks of {name} are not there once")
-        text = pattern.sub(lambda _, n=name, b=body: _MARKS.format(name=n, body=b), text)
+        begin, end = (mark.format(name) for mark in _MARKS)
+        text = tables.between(text, body, begin, end)
     return text
 
 
 def write() -> None:
     """Write the page's examples."""
-    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    tools.write(PAGE, page(PAGE.read_text(encoding="utf-8")))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from directmpc.mpdcc import program as common_terms
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
+from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 
 SOURCE = ROOT / "registers" / "directmpc.rdl"
@@ -402,10 +403,6 @@ def _table(tops: dict[str, AddrmapNode]) -> str:
 _ACCESS = {"rw": "read, write", "r": "read", "w": "write"}
 
 
-def _cells(*cells: object) -> str:
-    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
-
-
 def _meaning(node: RegNode | FieldNode) -> str:
     return " ".join((node.get_property("desc") or "").split())
 
@@ -421,10 +418,7 @@ def _markdown(tops: dict[str, AddrmapNode]) -> str:
     for controller, top in tops.items():
         title = controller.upper()
         lines += [f"## {title}: registers", "", _meaning(top), ""]
-        lines += [
-            _cells("address", "register", "bits", "access", "reset", "meaning"),
-            "| --- " * 6 + "|",
-        ]
+        rows: list[Sequence[object]] = []
         several = []
         for node in _registers(top):
             name, fields = node.get_path().partition(".")[2], list(node.fields())
@@ -434,7 +428,7 @@ def _markdown(tops: dict[str, AddrmapNode]) -> str:
                 anchor = f"{title} {name}, {address}".lower().replace(" ", "-")
                 anchor = re.sub(r"[^\w-]", "", anchor)
                 text = f"{_meaning(node)} [Fields](#{anchor})."
-                lines.append(_cells(address, f"`{name}`", "", "", "", text))
+                rows.append((address, f"`{name}`", "", "", "", text))
                 continue
             (only,) = fields
             sign = "signed" if only.get_property("twos_complement") else ""
@@ -443,17 +437,19 @@ def _markdown(tops: dict[str, AddrmapNode]) -> str:
             whole = _meaning(node)
             same = whole.removesuffix(" [committed]") in ("", meaning)
             text = (whole or meaning) if same else f"{whole} {meaning}"
-            lines.append(_cells(address, f"`{name}`", bits, access, _reset(only), text))
-        lines.append("")
+            rows.append((address, f"`{name}`", bits, access, _reset(only), text))
+        head = ("address", "register", "bits", "access", "reset", "meaning")
+        lines += [tables.markdown(head, rows, "l"), ""]
         for node, name, address in several:
             lines += [f"### {title} {name}, {address}", "", _meaning(node), ""]
-            lines += [_cells("bits", "field", "access", "reset", "meaning"), "| --- " * 5 + "|"]
+            rows = []
             for field in node.fields():
                 bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
                 access = _ACCESS[field.get_property("sw").name]
                 name_ = f"`{field.inst_name}`"
-                lines.append(_cells(bits, name_, access, _reset(field), _meaning(field)))
-            lines.append("")
+                rows.append((bits, name_, access, _reset(field), _meaning(field)))
+            head = ("bits", "field", "access", "reset", "meaning")
+            lines += [tables.markdown(head, rows, "l"), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -484,8 +480,7 @@ def files() -> dict[Path, str]:
 def _write(path: Path, text: str) -> None:
     """Write a file, unless it is as it should be."""
     if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        tools.write(path, text)
 
 
 def write() -> None:

@@ -25,7 +25,7 @@ from rich.table import Table
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 FOLDER = BUILD / "bitstream"
@@ -327,40 +327,60 @@ KINDS = {
 }
 
 
+_MARKS = (
+    "<!-- bitstreams: begin (written by scripts/measure/bitstream.py --page) -->",
+    "<!-- bitstreams: end -->",
+)
+
+
 def page(text: str, results: list[dict[str, Any]]) -> str:
-    """The page on boards; rows of bitstreams that are not among the results stay as they are."""
-    mark = "<!-- bitstreams: {} -->"
-    start = mark.format("begin (written by scripts/measure/bitstream.py --page)")
-    before, found_start, rest = text.partition(start)
-    old, found_end, after = rest.partition(mark.format("end"))
-    if not (found_start and found_end):
-        raise ToolError("the marks of the table of bitstreams are missing")
+    """The page on boards; rows of bitstreams that are not among the results stay as they are.
+
+    Parameters
+    ----------
+    text
+        Of docs/boards.md.
+    results
+        What `build` returned, a bitstream each.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the table's marks are missing.
+    """
     kinds = list(KINDS)
-    head = [
-        "| bitstream | " + " | ".join(KINDS.values()) + " | clock, worst seed | SCK, worst seed | "
-        "seeds | bytes | sha256 | commit |",
-        "| --- |" + " ---: |" * (len(kinds) + 4) + " --- | --- |",
-    ]
-    rows = {}
+    rows: dict[str, list[object]] = {}
     for found in results:
         used = [found["used"].get(kind, (0, 0)) for kind in kinds]
         name = f"{found['board']}, {found['controller'].upper()}"
         if found["explorers"]:
             name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
-        cells = [f"{n} of {m}" if m else "0" for n, m in used]
         reproduced = ", twice" if found.get("reproduced") else ""
-        rows[name] = (
-            f"| {name} | {' | '.join(cells)} | {found['fmax_worst_mhz']} MHz of "
-            f"{found['clock_mhz']:g} | {found['sck_worst_mhz']} MHz of {SCK_MHZ} | "
-            f"{found['seeds']} | {found['bytes']} | `{found['sha256'][:16]}`{reproduced} | "
-            f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''} |"
-        )
-    for line in old.splitlines():
+        rows[name] = [
+            name,
+            *(f"{n} of {m}" if m else "0" for n, m in used),
+            f"{found['fmax_worst_mhz']} MHz of {found['clock_mhz']:g}",
+            f"{found['sck_worst_mhz']} MHz of {SCK_MHZ}",
+            found["seeds"],
+            found["bytes"],
+            f"`{found['sha256'][:16]}`{reproduced}",
+            f"`{found['commit'][:12]}`{', modified' if found['modified'] else ''}",
+        ]
+    for line in tables.inside(text, *_MARKS).splitlines():
         if line.startswith(tuple(f"| {board}, " for board in BOARDS)):
-            rows.setdefault(line.split(" | ")[0].removeprefix("| "), line)
-    tool_names = sorted({", ".join(f["tools"].values()) for f in results})
-    body = "\n".join([*head, *rows.values(), "", *tool_names]) + "\n"
-    return f"{before}{start}\n{body}{mark.format('end')}{after}"
+            cells = line.removeprefix("| ").removesuffix(" |").split(" | ")
+            rows.setdefault(cells[0], cells)
+    head = ["bitstream", *KINDS.values(), "clock, worst seed", "SCK, worst seed", "seeds", "bytes"]
+    head += ["sha256", "commit"]
+    align = "l" + "r" * (len(head) - 3) + "ll"
+    versions = sorted({", ".join(found["tools"].values()) for found in results})
+    body = "\n".join([tables.markdown(head, rows.values(), align), "", *versions])
+    return tables.between(text, body, *_MARKS)
 
 
 def write_page() -> None:

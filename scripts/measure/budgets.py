@@ -253,10 +253,16 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
 
 def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
     """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone."""
-    lines = [
-        "| configuration | clocks | LUT | FF | mult. | block RAM | slices unpacked (packed) |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    head = (
+        "configuration",
+        "clocks",
+        "LUT",
+        "FF",
+        "mult.",
+        "block RAM",
+        "slices unpacked (packed)",
+    )
+    rows = []
     public = [one for one in listed if one.entity in PUBLIC]
     for one in sorted(public, key=lambda c: PUBLIC.index(c.entity)):
         row = budgets.resources.get(one.name, {}).get("xc3s")
@@ -267,19 +273,18 @@ def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
         cells = [
             f"`{one.entity}` {generics}".strip(),
             _clocks_text(one, budgets.cycles),
-            *(str(row[figure]) for figure in figures("xc3s")),
+            *(row[figure] for figure in figures("xc3s")),
             f"{unpacked} ({packed})",
         ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return tables.markdown(head, rows, "llr")
 
 
 def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
     """Write the file and the page's table."""
     tools.write(BUDGETS, render(budgets))
     clocks.forget()
-    text = PAGE.read_text(encoding="utf-8")
-    tools.write(PAGE, tables.between(text, page_table(budgets, listed), BEGIN, END))
+    tables.rewrite(PAGE, {(BEGIN, END): page_table(budgets, listed)})
 
 
 # --- measuring ------------------------------------------------------------------------------------

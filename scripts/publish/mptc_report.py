@@ -34,7 +34,7 @@ from scripts.hdl.clocks import clocks_of
 from scripts.hdl.simulator import in_parallel, terminable
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import motulator_plant
@@ -373,10 +373,9 @@ def draw_tour(runs: dict[str, Run], path: Path) -> None:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+def _table(rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table; the first row is its head."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return [lines[0], "|" + " --- |" + " ---: |" * (len(rows[0]) - 1), *lines[1:]]
+    return tables.markdown(rows[0], rows[1:], "lr")
 
 
 _DESIGN_NAMES = {
@@ -388,7 +387,7 @@ _DESIGN_NAMES = {
 }
 
 
-def hardware_table(figures: dict[str, Any]) -> list[str]:
+def hardware_table(figures: dict[str, Any]) -> str:
     """Resources and clock frequency."""
     rows = [
         ["", "clocks", "LUT", "FF", "mult", "BRAM", "slices unpacked", "(packed)", "ECP5 LUT",
@@ -414,7 +413,7 @@ def hardware_table(figures: dict[str, Any]) -> list[str]:
     return _table(rows)
 
 
-def _weights_table(weights: dict[str, dict[str, float]]) -> list[str]:
+def _weights_table(weights: dict[str, dict[str, float]]) -> str:
     keys = list(weights)
     rows = [["1500 r/min, no load, 0.9 Wb", *(k if k == "MPFC" else f"k_psi {k}" for k in keys)]]
     for label, name, scale, digits in (
@@ -428,7 +427,7 @@ def _weights_table(weights: dict[str, dict[str, float]]) -> list[str]:
     return _table(rows)
 
 
-def paper_table(figures: dict[str, Any]) -> list[str]:
+def paper_table(figures: dict[str, Any]) -> str:
     """Ours beside the figures Paper B prints as numbers."""
     paper, low = figures["paper_b"], figures["paper_b"]["low_speed"]
     weights, starts = paper["weights"], paper["starts"]
@@ -457,7 +456,7 @@ def paper_table(figures: dict[str, Any]) -> list[str]:
     )  # fmt: skip
 
 
-def manual_tables(figures: dict[str, Any]) -> dict[str, list[str]]:
+def manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     """Every table of docs/mptc.md by its name."""
     paper, tools_ = figures["paper_b"], figures["tools"]
     steps = [["from 0 to 16.8 N m, 0.986 Wb", "0", "150", "500", "900", "1200", "1500 r/min"]]
@@ -528,11 +527,11 @@ def manual_tables(figures: dict[str, Any]) -> dict[str, list[str]]:
         )  # fmt: skip
     distortion = [["150 r/min, no load", "THD, %"]]
     distortion += [[key, f"{value:.2f}"] for key, value in paper["distortion_pct"].items()]
-    origin = [
+    origin = (
         f"Measured at commit `{figures['commit'][:12]}` by `{COMMAND}`. Tools: "
         + "; ".join(f"{name} {text}" for name, text in tools_.items())
         + f". xc3s is Yosys' estimate without a mapper; clock frequencies are those of {PART}."
-    ]
+    )
     return {
         "origin": origin,
         "hardware": hardware_table(figures),
@@ -548,53 +547,55 @@ def manual_tables(figures: dict[str, Any]) -> dict[str, list[str]]:
     }
 
 
-def page_lines(figures: dict[str, Any]) -> list[str]:
+def page_table(figures: dict[str, Any]) -> str:
     """What docs/figures.md says of the two-level drive."""
     area, clock = figures["xc3s"], figures["ecp5"]["fmax_worst_mhz"]
     both = figures["mpfc"]["xc3s"]
-    return [
-        *_table(
-            [
-                ["2.2 kW drive, 20 kHz", "MPTC", "with MPFC"],
-                ["clock cycles, always", f"{figures['cycles']}", f"{figures['mpfc']['cycles']}"],
-                ["ECP5 (-6), worst seed; a decision at that clock",
-                 f"{clock:.1f} MHz, {figures['cycles'] / clock:.2f} us",
-                 f"{figures['mpfc']['ecp5']['fmax_worst_mhz']:.1f} MHz, "
-                 f"{figures['mpfc']['cycles'] / figures['mpfc']['ecp5']['fmax_worst_mhz']:.2f} us"],
-                ["Spartan-3 slices, unpacked (estimate); multipliers",
-                 f"{area['slices_unpacked']}; {area['mult']}",
-                 f"{both['slices_unpacked']}; {both['mult']}"],
-                ["decisions that differ from the ideal controller",
-                 f"{figures['fidelity']['decision_mismatch_pct']:.2f} % of "
-                 f"{figures['fidelity']['steps']}",
-                 f"{figures['fidelity']['mpfc_decision_mismatch_pct']:.2f} % of "
-                 f"{figures['fidelity']['mpfc_steps']}"],
-                ["THD at 150 r/min without load; Paper B: 8.90 %",
-                 f"{figures['paper_b']['low_speed']['100']['thd_pct']:.2f} %",
-                 f"{figures['paper_b']['low_speed']['MPFC']['thd_pct']:.2f} %"],
-            ]
-        ),
-    ]  # fmt: skip
+    return _table(
+        [
+            ["2.2 kW drive, 20 kHz", "MPTC", "with MPFC"],
+            ["clock cycles, always", f"{figures['cycles']}", f"{figures['mpfc']['cycles']}"],
+            ["ECP5 (-6), worst seed; a decision at that clock",
+             f"{clock:.1f} MHz, {figures['cycles'] / clock:.2f} us",
+             f"{figures['mpfc']['ecp5']['fmax_worst_mhz']:.1f} MHz, "
+             f"{figures['mpfc']['cycles'] / figures['mpfc']['ecp5']['fmax_worst_mhz']:.2f} us"],
+            ["Spartan-3 slices, unpacked (estimate); multipliers",
+             f"{area['slices_unpacked']}; {area['mult']}",
+             f"{both['slices_unpacked']}; {both['mult']}"],
+            ["decisions that differ from the ideal controller",
+             f"{figures['fidelity']['decision_mismatch_pct']:.2f} % of "
+             f"{figures['fidelity']['steps']}",
+             f"{figures['fidelity']['mpfc_decision_mismatch_pct']:.2f} % of "
+             f"{figures['fidelity']['mpfc_steps']}"],
+            ["THD at 150 r/min without load; Paper B: 8.90 %",
+             f"{figures['paper_b']['low_speed']['100']['thd_pct']:.2f} %",
+             f"{figures['paper_b']['low_speed']['MPFC']['thd_pct']:.2f} %"],
+        ]
+    )  # fmt: skip
 
 
-def _between(text: str, name: str, lines: Sequence[str], where: Path) -> str:
-    """Replace what stands between a table's markers."""
-    begin, end = f"<!-- {name}: begin (written by make report) -->", f"<!-- {name}: end -->"
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise ReportError(f"{where.name}: the markers '{begin}' and '{end}' are missing")
-    return f"{before}{begin}\n" + "\n".join(lines) + f"\n{end}{after}"
+def _markers(name: str) -> tuple[str, str]:
+    return f"<!-- {name}: begin (written by make report) -->", f"<!-- {name}: end -->"
 
 
 def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUAL) -> None:
-    """Rewrite the tables of docs/figures.md and docs/mptc.md from metrics.json's ``mptc``."""
-    text = page.read_text(encoding="utf-8")
-    tools.write(page, _between(text, "mptc figures", page_lines(figures), page))
-    text = manual.read_text(encoding="utf-8")
-    for name, lines in manual_tables(figures).items():
-        text = _between(text, name, lines, manual)
-    tools.write(manual, text)
+    """Rewrite the tables of docs/figures.md and docs/mptc.md from metrics.json's ``mptc``.
+
+    Parameters
+    ----------
+    figures
+        That object.
+    page, manual
+        The two pages.
+
+    Raises
+    ------
+    MarkerError
+        If a page lacks the markers of a table.
+    """
+    tables.rewrite(page, {_markers("mptc figures"): page_table(figures)})
+    texts = {_markers(name): text for name, text in manual_tables(figures).items()}
+    tables.rewrite(manual, texts)
 
 
 # --- all of it ------------------------------------------------------------------------------------

@@ -406,20 +406,21 @@ def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
         "max(LUT, FF)/2. Cycles are the bound for any input; the longest decision that a corpus of",
         "rows with 64 candidates caused stands beside it.",
         "",
-        "| explorers | cycles, Paper A | cycles, ours | longest measured | slices, Paper A "
-        "| slices, ours (unpacked) | (packed) | block RAM, ours | multipliers, Paper A | ours |",
-        "| ---: " * 10 + "|",
     ]
+    titles = (
+        "explorers", "cycles, Paper A", "cycles, ours", "longest measured", "slices, Paper A",
+        "slices, ours (unpacked)", "(packed)", "block RAM, ours", "multipliers, Paper A", "ours",
+    )  # fmt: skip
+    rows = []
     for index, n in enumerate(EXPLORERS):
         area = figures["xc3s"][str(n)]
-        cells = [
+        rows.append([
             n, paper_a.CYCLES[n], figures["cycles_worst"][str(n)],
             figures["cycles_measured"][str(n)], paper_a.SLICES[index],
             area["slices_unpacked"], area["slices_packed"], area["bram"],
             paper_a.MULTIPLIERS[index], area["mult"],
-        ]  # fmt: skip
-        lines.append("| " + " | ".join(str(c) for c in cells) + " |")
-    lines += ["", *(f"- {line}" for line in head), ""]
+        ])  # fmt: skip
+    lines += [tables.markdown(titles, rows, "r"), "", *(f"- {line}" for line in head), ""]
     return "\n".join(lines)
 
 
@@ -486,14 +487,10 @@ def page_figures(document: dict[str, Any]) -> str:
     ]
     columns = [_column(document[DESIGNS[variant].key], variant) for variant in ("fast", "paper")]
     rows = [
-        ("", "Paper A", "fast variant", "paper variant"),
-        ("---", "---:", "---:", "---:"),
-        *(
-            (label, paper, *ours)
-            for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
-        ),
+        (label, paper, *ours)
+        for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
     ]
-    table = ["| " + " | ".join(row) + " |" for row in rows]
+    table = tables.markdown(("", "Paper A", "fast variant", "paper variant"), rows, "lr")
     commit = document["commit"]
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
     # decisions and pooled differences come from a command of their own, at its own time
@@ -502,7 +499,7 @@ def page_figures(document: dict[str, Any]) -> str:
         f"Two explorers; clock frequency and the last two rows measured at commit `{short}`, what "
         f"is compared with the ideal controller above them (`make fidelity`) at `{fitted}`:"
     )
-    return "\n".join([head, "", *table])
+    return f"{head}\n\n{table}"
 
 
 def readme_figures(document: dict[str, Any]) -> str:
@@ -514,8 +511,6 @@ def readme_figures(document: dict[str, Any]) -> str:
     clock, low = ecp5["fmax_worst_mhz"], document["mptc"]["paper_b"]["low_speed"]["100"]
     index = EXPLORERS.index(SHOWN)
     rows = [
-        ("", "paper", "here"),
-        ("---", "---:", "---:"),
         ("MPDCC, two explorers: clock cycles, worst case", f"{paper_a.CYCLES[SHOWN]}", f"{worst}"),
         ("the same as time", f"{paper_a.CYCLES[SHOWN] / 40:.1f} us (Spartan-3, 40 MHz)",
          f"{worst / clock:.2f} us (ECP5, placed, {clock:.1f} MHz)"),
@@ -527,14 +522,13 @@ def readme_figures(document: dict[str, Any]) -> str:
         ("MPTC: current THD at 150 r/min, no load", "8.90 % (measured)",
          f"{low['thd_pct']:.2f} % (simulated)"),
     ]  # fmt: skip
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    return tables.markdown(("", "paper", "here"), rows, "lr")
 
 
 def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = README) -> None:
     """Rewrite what stands between the markers of docs/figures.md and README.md."""
     for path, table in ((page, page_figures(document)), (readme, readme_figures(document))):
-        text = path.read_text(encoding="utf-8")
-        tools.write(path, tables.between(text, table, BEGIN, END))
+        tables.rewrite(path, {(BEGIN, END): table})
 
 
 def refresh_tables() -> None:

@@ -26,11 +26,23 @@ def pyplot() -> Any:
     return plt
 
 
-def save_png(figure: Any, path: Path) -> None:
-    """Save a matplotlib figure as a PNG with a palette, a third of the size of true colour.
+def save_png(figure: Any, path: Path, true_colour: bool = False) -> None:
+    """Save a matplotlib figure as a PNG, whole or not at all.
 
-    The file appears whole or not at all.
+    Parameters
+    ----------
+    figure
+        What is drawn.
+    path
+        The file.
+    true_colour
+        Whether every colour is kept. Otherwise the file has a palette of 128 colours and a third
+        of the size.
     """
+    if true_colour:
+        with tools.replacing(path) as temporary:
+            figure.savefig(temporary, format="png", dpi=110)
+        return
     from PIL import Image
 
     buffer = io.BytesIO()

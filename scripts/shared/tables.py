@@ -1,12 +1,14 @@
-"""Tables as CSV, and where tables stand in a page."""
+"""Tables as CSV and as Markdown, and where tables stand in a page."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from scripts.shared import tools
 from scripts.shared.tools import ToolError
 
 
@@ -14,19 +16,130 @@ class MarkerError(ToolError):
     """A page has no place for what is to be written into it."""
 
 
-def between(page: str, text: str, begin: str, end: str) -> str:
-    """A page with what stands between two markers replaced; the markers stay.
+def _parts(page: str, begin: str, end: str) -> tuple[str, str, str]:
+    """A page before, between and after two markers, without them."""
+    before, found_begin, rest = page.partition(begin)
+    inside, found_end, after = rest.partition(end)
+    if not found_begin or not found_end:
+        raise MarkerError(f"the markers '{begin}' and '{end}' are missing")
+    return before, inside, after
+
+
+def inside(page: str, begin: str, end: str) -> str:
+    """What stands between two markers of a page.
+
+    Parameters
+    ----------
+    page
+        Its text.
+    begin, end
+        The markers.
+
+    Returns
+    -------
+    str
+        The text between them, its line ends included.
 
     Raises
     ------
     MarkerError
         If the markers are missing.
     """
-    before, found_begin, rest = page.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not found_begin or not found_end:
-        raise MarkerError(f"the markers '{begin}' and '{end}' are missing")
+    return _parts(page, begin, end)[1]
+
+
+def between(page: str, text: str, begin: str, end: str) -> str:
+    """A page with what stands between two markers replaced; the markers stay.
+
+    Parameters
+    ----------
+    page
+        Its text.
+    text
+        What is to stand there, without a line end.
+    begin, end
+        The markers.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the markers are missing.
+    """
+    before, _, after = _parts(page, begin, end)
     return f"{before}{begin}\n{text}\n{end}{after}"
+
+
+def rewrite(path: Path, texts: Mapping[tuple[str, str], str]) -> None:
+    """Replace what stands between markers of a page on disk, all of it or nothing.
+
+    Parameters
+    ----------
+    path
+        The page.
+    texts
+        Begin and end marker -> what is to stand between them.
+
+    Raises
+    ------
+    MarkerError
+        If markers are missing; it names the page.
+    """
+    page = path.read_text(encoding="utf-8")
+    try:
+        for (begin, end), text in texts.items():
+            page = between(page, text, begin, end)
+    except MarkerError as error:
+        raise MarkerError(f"{path.name}: {error}") from None
+    tools.write(path, page)
+
+
+def markdown(
+    head: Sequence[object], rows: Iterable[Sequence[object]], align: str | None = None
+) -> str:
+    """A Markdown table, without a line end after its last row.
+
+    Parameters
+    ----------
+    head
+        Titles of the columns.
+    rows
+        As many cells each; a bar in a cell is escaped.
+    align
+        A letter for each column, ``l`` or ``r``; the last one holds for the columns that follow.
+        None leaves the alignment to who shows the table.
+
+    Returns
+    -------
+    str
+        The lines.
+
+    Raises
+    ------
+    ValueError
+        If a row has more or fewer cells than the head, or a letter is another.
+    """
+    if align is None:
+        rule = "|" + "---|" * len(head)
+    else:
+        if not align or set(align) - set("lr"):
+            raise ValueError(f"align is '{align}'; letters l and r are needed")
+        letters = align.ljust(len(head), align[-1])[: len(head)]
+        rule = "|" + "".join(" --- |" if letter == "l" else " ---: |" for letter in letters)
+    lines = [_row(head), rule]
+    for row in rows:
+        if len(row) != len(head):
+            raise ValueError(f"a row has {len(row)} cells, the table {len(head)} columns")
+        lines.append(_row(row))
+    return "\n".join(lines)
+
+
+def _row(cells: Sequence[object]) -> str:
+    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
 
 
 def csv_text(
@@ -47,6 +160,11 @@ def csv_text(
         Which, and in which order; those of the first row if None. What else a row has is left out.
     digits
         Decimals that floats are rounded to; none are if None.
+
+    Returns
+    -------
+    str
+        The file's text.
     """
     out = io.StringIO()
     out.writelines(f"# {line}\n" for line in head)
@@ -58,3 +176,9 @@ def csv_text(
             row = {k: round(v, digits) if isinstance(v, float) else v for k, v in row.items()}
         table.writerow(row)
     return out.getvalue()
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file as text; comments are left out."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))

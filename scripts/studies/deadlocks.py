@@ -14,7 +14,6 @@ decides anew on every step of one start of each point where the two stand side b
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -353,50 +352,52 @@ def _mean(rows: Sequence[dict[str, Any]], key: str) -> float:
     return float(np.mean(values)) if values else float("nan")
 
 
-def table_of_steps(steps: Sequence[dict[str, Any]]) -> list[str]:
+def table_of_steps(steps: Sequence[dict[str, Any]]) -> str:
     """What happens in deadlocks, as Markdown."""
-    lines = [
-        "| horizon, speed, bound | steps in deadlock | episodes: median / 90 % / longest "
-        "| begin with all inside | outside: i, v_n, v_ph | worst is: i, v_n, v_ph | tied "
-        "| current given up to ties | v_n correctable / with currents | all inward |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for r in steps:
-        lines.append(
-            f"| {r['horizon']}, {r['speed']:g}, {r['bound']:g} | {r['deadlock_steps']} "
-            f"| {r['episodes']}: {r['median_steps']:.0f} / {r['p90_steps']:.0f} / "
-            f"{r['longest_steps']:.0f} | {r['inside_at_start_pct']:.0f} % "
-            f"| {r['out_current_pct']:.0f}, {r['out_vn_pct']:.0f}, {r['out_vph_pct']:.0f} % "
-            f"| {r['worst_current_pct']:.0f}, {r['worst_vn_pct']:.0f}, {r['worst_vph_pct']:.0f} % "
-            f"| {r['tied_pct']:.0f} % | {r['given_up_pu']:.3f} pu "
-            f"| {r['vn_correctable_pct']:.0f} / {r['vn_and_current_pct']:.0f} % "
-            f"| {r['all_inward_pct']:.0f} % |"
+    head = (
+        "horizon, speed, bound", "steps in deadlock", "episodes: median / 90 % / longest",
+        "begin with all inside", "outside: i, v_n, v_ph", "worst is: i, v_n, v_ph", "tied",
+        "current given up to ties", "v_n correctable / with currents", "all inward",
+    )  # fmt: skip
+    rows = [
+        (
+            f"{r['horizon']}, {r['speed']:g}, {r['bound']:g}",
+            r["deadlock_steps"],
+            f"{r['episodes']}: {r['median_steps']:.0f} / {r['p90_steps']:.0f} / "
+            f"{r['longest_steps']:.0f}",
+            f"{r['inside_at_start_pct']:.0f} %",
+            f"{r['out_current_pct']:.0f}, {r['out_vn_pct']:.0f}, {r['out_vph_pct']:.0f} %",
+            f"{r['worst_current_pct']:.0f}, {r['worst_vn_pct']:.0f}, {r['worst_vph_pct']:.0f} %",
+            f"{r['tied_pct']:.0f} %",
+            f"{r['given_up_pu']:.3f} pu",
+            f"{r['vn_correctable_pct']:.0f} / {r['vn_and_current_pct']:.0f} %",
+            f"{r['all_inward_pct']:.0f} %",
         )
-    return lines
+        for r in steps
+    ]
+    return tables.markdown(head, rows)
 
 
-def table_of_positions(steps: Sequence[dict[str, Any]]) -> list[str]:
+def table_of_positions(steps: Sequence[dict[str, Any]]) -> str:
     """Which positions the legs have in deadlock and otherwise, at 0.1 pu bound, as Markdown."""
-    lines = [
-        "| horizon, speed | "
-        + " | ".join(f"{a}, {b}: in deadlock / else" for a, b in PAIRS)
-        + " |",
-        "|---|---|---|---|---|",
-    ]
-    for r in _pick(steps, bound=0.10):
-        cells = " | ".join(
-            f"{r[f'dead_{a}{b}_pct']:.0f} / {r[f'else_{a}{b}_pct']:.0f} %" for a, b in PAIRS
+    head = ("horizon, speed", *(f"{a}, {b}: in deadlock / else" for a, b in PAIRS))
+    rows = [
+        (
+            f"{r['horizon']}, {r['speed']:g}",
+            *(f"{r[f'dead_{a}{b}_pct']:.0f} / {r[f'else_{a}{b}_pct']:.0f} %" for a, b in PAIRS),
         )
-        lines.append(f"| {r['horizon']}, {r['speed']:g} | {cells} |")
-    return lines
-
-
-def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> list[str]:
-    """Every case, averaged over bounds, starts and the low or the high speeds, as Markdown."""
-    lines = [
-        "| rule | horizon | THD / bound | f_sw | deadlocks | beyond bounds at most: i, v_n, v_ph |",
-        "|---|---|---|---|---|---|",
+        for r in _pick(steps, bound=0.10)
     ]
+    return tables.markdown(head, rows)
+
+
+def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> str:
+    """Every case, averaged over bounds, starts and the low or the high speeds, as Markdown."""
+    head = (
+        "rule", "horizon", "THD / bound", "f_sw", "deadlocks",
+        "beyond bounds at most: i, v_n, v_ph",
+    )  # fmt: skip
+    shown = []
     for name in CASES:
         for horizon in HORIZONS:
             chosen = [
@@ -410,12 +411,17 @@ def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> list[str]:
             worst = [
                 max(r[k] for r in chosen) for k in ("excess_current", "excess_vn", "excess_vph")
             ]
-            lines.append(
-                f"| {name} | {horizon} | {ratio:.0f} %/pu | {_mean(chosen, 'fsw_hz'):.0f} Hz "
-                f"| {_mean(chosen, 'deadlock_pct'):.1f} % "
-                f"| {worst[0]:.3f}, {worst[1]:.3f}, {worst[2]:.3f} pu |"
+            shown.append(
+                (
+                    name,
+                    horizon,
+                    f"{ratio:.0f} %/pu",
+                    f"{_mean(chosen, 'fsw_hz'):.0f} Hz",
+                    f"{_mean(chosen, 'deadlock_pct'):.1f} %",
+                    f"{worst[0]:.3f}, {worst[1]:.3f}, {worst[2]:.3f} pu",
+                )
             )
-    return lines
+    return tables.markdown(head, shown)
 
 
 def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) -> tuple[int, int]:
@@ -451,13 +457,13 @@ def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) 
     return count, most
 
 
-def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
+def table_of_points(rows: Sequence[dict[str, Any]]) -> str:
     """Paper A's rule beside the recommended one, point by point, as Markdown."""
-    lines = [
-        "| horizon, speed, bound | rule | THD | f_sw | deadlocks "
-        "| beyond bounds at most: i, v_n, v_ph |",
-        "|---|---|---|---|---|---|",
-    ]
+    head = (
+        "horizon, speed, bound", "rule", "THD", "f_sw", "deadlocks",
+        "beyond bounds at most: i, v_n, v_ph",
+    )  # fmt: skip
+    shown = []
     for horizon in HORIZONS:
         for speed in SPEEDS:
             for bound in BOUNDS:
@@ -475,11 +481,9 @@ def table_of_points(rows: Sequence[dict[str, Any]]) -> list[str]:
                         f"{max(r[k] for r in chosen):.3f}"
                         for k in ("excess_current", "excess_vn", "excess_vph")
                     )
-                    lines.append(
-                        f"| {horizon}, {speed:g}, {bound:g} | {name} | {' | '.join(cells)} "
-                        f"| {worst} pu |"
-                    )
-    return lines
+                    place = f"{horizon}, {speed:g}, {bound:g}"
+                    shown.append((place, name, *cells, f"{worst} pu"))
+    return tables.markdown(head, shown)
 
 
 def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
@@ -562,12 +566,12 @@ def _at_one_bound(table: Sequence[str]) -> list[str]:
     """The first table at 0.1 pu bound alone, without the columns that are left out."""
     rows = [line.strip("| ").split(" | ") for line in table if not line.startswith("|---")]
     kept = [i for i, name in enumerate(rows[0]) if name not in LEFT_OUT]
-    lines = []
+    shown = []
     for row in rows:
         first, _, bound = row[0].rpartition(", ")
         if bound in ("bound", "0.1"):
-            lines.append(f"| {' | '.join([first, *(row[i] for i in kept[1:])])} |")
-    return [lines[0], "|" + "---|" * len(kept), *lines[1:]]
+            shown.append([first, *(row[i] for i in kept[1:])])
+    return tables.markdown(shown[0], shown[1:]).split("\n")
 
 
 def page(text: str, report: str) -> str:
@@ -614,21 +618,19 @@ def write_page(report: str) -> None:
 
 
 def _read(path: Path) -> list[dict[str, Any]]:
-    """Rows as ``_write`` wrote them, numbers as numbers."""
-    with path.open(newline="", encoding="ascii") as stream:
-        return [
-            {
-                k: v if k in ("case", "horizon") else int(v) if k == "start" else float(v)
-                for k, v in row.items()
-            }
-            for row in csv.DictReader(stream)
-        ]
+    """Rows of deadlocks.csv, numbers as numbers."""
+    return [
+        {
+            k: v if k in ("case", "horizon") else int(v) if k == "start" else float(v)
+            for k, v in row.items()
+        }
+        for row in tables.read_csv(path)
+    ]
 
 
-def intervals(base: Drive, starts: int, steps: int) -> list[str]:
+def intervals(base: Drive, starts: int, steps: int) -> str:
     """How many starts narrow the interval of SESE's saving in `docs/sese.md`, as Markdown."""
-    lines = ["| speed | starts | saving | spread of one start | starts for ± 3 % |"]
-    lines.append("|---|---|---|---|---|")
+    shown = []
     speeds = horizon_study.COMPARED
     settings = [
         Setting(horizon, bound, speed, start)
@@ -647,14 +649,20 @@ def intervals(base: Drive, starts: int, steps: int) -> list[str]:
         saved = [value for value in saved if np.isfinite(value)]
         mean, half = interval(saved)
         spread = float(np.std(saved, ddof=1))
-        lines.append(
-            f"| {speed:g} pu | {len(saved)} | {mean:.1f} ± {half:.1f} % | {spread:.1f} % "
-            f"| {starts_needed(spread, 3.0)} |"
+        shown.append(
+            (
+                f"{speed:g} pu",
+                len(saved),
+                f"{mean:.1f} ± {half:.1f} %",
+                f"{spread:.1f} %",
+                starts_needed(spread, 3.0),
+            )
         )
-    return lines
+    head = ("speed", "starts", "saving", "spread of one start", "starts for ± 3 %")
+    return tables.markdown(head, shown)
 
 
-def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
+def elsewhere(base: Drive, starts: int, steps: int) -> str:
     """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
     other = load_mpdcc_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
     places = (
@@ -668,10 +676,10 @@ def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
         ("3.3 kV, 0.3 pu", other, OperatingPoint(0.3)),
         ("3.3 kV, 1 pu", other, OperatingPoint(1.0)),
     )
-    lines = [
-        "| where | horizon | rule | THD | f_sw | deadlocks | beyond bounds: i, v_n, v_ph |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    head = (
+        "where", "horizon", "rule", "THD", "f_sw", "deadlocks", "beyond bounds: i, v_n, v_ph",
+    )  # fmt: skip
+    shown = []
     total, done = len(places) * len(HORIZONS) * 2, 0
     with progress_bar("elsewhere", total) as progress:
         for text, drive, point in places:
@@ -685,14 +693,20 @@ def elsewhere(base: Drive, starts: int, steps: int) -> list[str]:
                         f"{max(r[k] for r in rows):.3f}"
                         for k in ("excess_current", "excess_vn", "excess_vph")
                     )
-                    lines.append(
-                        f"| {text} | {horizon} | {name} | {_mean(rows, 'thd_pct'):.1f} % "
-                        f"| {_mean(rows, 'fsw_hz'):.0f} Hz | {_mean(rows, 'deadlock_pct'):.0f} % "
-                        f"| {worst} pu |"
+                    shown.append(
+                        (
+                            text,
+                            horizon,
+                            name,
+                            f"{_mean(rows, 'thd_pct'):.1f} %",
+                            f"{_mean(rows, 'fsw_hz'):.0f} Hz",
+                            f"{_mean(rows, 'deadlock_pct'):.0f} %",
+                            f"{worst} pu",
+                        )
                     )
                     done += 1
                     progress(done)
-    return lines
+    return tables.markdown(head, shown)
 
 
 def study(
@@ -762,25 +776,25 @@ def study(
     lines = [
         "What happens in the deadlocks of the rule 'largest excess':",
         "",
-        *table_of_steps(anatomies),
+        table_of_steps(anatomies),
         "",
         "Positions of the legs, 0.1 pu bound:",
         "",
-        *table_of_positions(anatomies),
+        table_of_positions(anatomies),
         "",
         "Mean of v_n in deadlocks at 0.2 and 0.3 pu, " + "; ".join(signed),
         "",
         f"Rules, 0.2 and 0.3 pu, bounds {', '.join(f'{b:g}' for b in BOUNDS)}, {starts} starts:",
         "",
-        *table_of_cases(rows, low=True),
+        table_of_cases(rows, low=True),
         "",
         "Rules, 0.6 and 1 pu:",
         "",
-        *table_of_cases(rows, low=False),
+        table_of_cases(rows, low=False),
         "",
         f"Point by point, {detailed} other starts, 95 % confidence intervals:",
         "",
-        *table_of_points(rows),
+        table_of_points(rows),
         "",
         f"RTL: {decided} decisions of {len(points) * len(BUILT_IN)} of these loops (start {FRESH}; "
         "both rules, SE and SESE, every bound and speed), decided by the netlist of `mpdcc_core` "
@@ -788,13 +802,13 @@ def study(
         "",
         f"Elsewhere, bound 0.1 pu, {starts} starts:",
         "",
-        *elsewhere(base, starts, steps),
+        elsewhere(base, starts, steps),
         "",
         "Switching frequency saved by SESE at equal distortion, rule 'largest excess':",
         "",
-        *intervals(base, detailed, steps),
+        intervals(base, detailed, steps),
     ]
-    (out / "deadlocks.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    tools.write(out / "deadlocks.md", "\n".join(lines) + "\n")
     if out == REPORTS:
         write_page("\n".join(lines))
     print("\n".join(lines))

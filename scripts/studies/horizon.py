@@ -265,12 +265,8 @@ def prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float
     return np.array(found)
 
 
-def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> list[str]:
-    lines = [
-        "| speed, bound | SE: THD, f_sw, deadlocks | SESE: THD, f_sw, deadlocks "
-        "| v_n beyond its bound, SE / SESE |",
-        "|---|---|---|---|",
-    ]
+def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> str:
+    shown = []
     for speed in speeds:
         for bound in sorted({r["bound"] for r in rows}):
             cells, worst = [], []
@@ -285,11 +281,12 @@ def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> list[str]
                 dead = np.mean([r["deadlock_pct"] for r in chosen])
                 cells.append(f"{thd:.1f} %, {fsw:.0f} ± {half:.0f} Hz, {dead:.0f} %")
                 worst.append(max(r["excess_vn"] for r in chosen))
-            lines.append(
-                f"| {speed:g}, {bound:g} | {cells[0]} | {cells[1]} "
-                f"| {worst[0]:.3f} / {worst[1]:.3f} |"
-            )
-    return lines
+            shown.append((f"{speed:g}, {bound:g}", *cells, f"{worst[0]:.3f} / {worst[1]:.3f}"))
+    head = (
+        "speed, bound", "SE: THD, f_sw, deadlocks", "SESE: THD, f_sw, deadlocks",
+        "v_n beyond its bound, SE / SESE",
+    )  # fmt: skip
+    return tables.markdown(head, shown)
 
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
@@ -397,7 +394,7 @@ def study(
     }
     everything = [reduction(rows, s, k) for s in COMPARED for k in range(starts)]
     lines = [
-        *_table(rows, SPEEDS),
+        _table(rows, SPEEDS),
         "",
         "Switching frequency saved by SESE at equal distortion:",
         "",
@@ -417,13 +414,7 @@ def study(
         "runs.",
     ]
 
-    lines += [
-        "",
-        "Budget, 0.1 pu bound, full speed:",
-        "",
-        "| candidates | clocks, n = 1 / 2 / 4, at most | THD | f_sw | deadlocks |",
-        "|---|---|---|---|---|",
-    ]
+    shown: list[Sequence[object]] = []
     budgets: list[tuple[int, float, float, float]] = []
     for budget in BUDGETS:
         found = [
@@ -435,18 +426,19 @@ def study(
         dead = np.mean([r["deadlock_pct"] for r in found])
         budgets.append((budget, float(thd), fsw, half))
         clocks = " / ".join(str(sese_cycles.bound(n, budget)) for n in (1, 2, 4))
-        lines.append(
-            f"| {budget or 'all'} | {clocks} | {thd:.2f} % | {fsw:.0f} ± {half:.0f} Hz "
-            f"| {dead:.1f} % |"
+        shown.append(
+            (
+                budget or "all",
+                clocks,
+                f"{thd:.2f} %",
+                f"{fsw:.0f} ± {half:.0f} Hz",
+                f"{dead:.1f} %",
+            )
         )
+    head = ("candidates", "clocks, n = 1 / 2 / 4, at most", "THD", "f_sw", "deadlocks")
+    lines += ["", "Budget, 0.1 pu bound, full speed:", "", tables.markdown(head, shown)]
 
-    lines += [
-        "",
-        "One step of delay, 0.1 pu bound, full speed:",
-        "",
-        "| | THD | f_sw | current beyond its bound |",
-        "|---|---|---|---|",
-    ]
+    shown = []
     for horizon in ("SE", "SESE"):
         for delay, compensate in ((False, False), (True, False), (True, True)):
             found = [
@@ -459,25 +451,38 @@ def study(
             ]
             name = "no delay" if not delay else "delay, compensated" if compensate else "delay"
             fsw, half = interval([r["fsw_hz"] for r in found])
-            lines.append(
-                f"| {horizon}, {name} | {np.mean([r['thd_pct'] for r in found]):.2f} % | "
-                f"{fsw:.0f} ± {half:.0f} Hz | {max(r['excess_current'] for r in found):.3f} pu |"
+            shown.append(
+                (
+                    f"{horizon}, {name}",
+                    f"{np.mean([r['thd_pct'] for r in found]):.2f} %",
+                    f"{fsw:.0f} ± {half:.0f} Hz",
+                    f"{max(r['excess_current'] for r in found):.3f} pu",
+                )
             )
+    head = ("horizon, delay", "THD", "f_sw", "current beyond its bound")
+    lines += ["", "One step of delay, 0.1 pu bound, full speed:", "", tables.markdown(head, shown)]
 
     errors = prediction_errors(base, 1.0, min(steps, 1500))
-    lines += [
-        "",
-        f"Error of the predicted state at k + L1, median / 99 %, {len(errors)} nodes, pu:",
-        "",
-        "| L1 | current, against ideal's prediction | current, against the plant | v_n | v_ph |",
-        "|---|---|---|---|---|",
-    ]
+    shown = []
     for low, high in ((1, 5), (6, 10), (11, 20), (21, 62)):
         part = errors[(errors[:, 0] >= low) & (errors[:, 0] <= high), 1:]
         if len(part):
             middle, tail = np.median(part, axis=0), np.quantile(part, 0.99, axis=0)
-            cells = " | ".join(f"{m:.5f} / {t:.5f}" for m, t in zip(middle, tail, strict=True))
-            lines.append(f"| {low} to {high} | {cells} |")
+            cells = (f"{m:.5f} / {t:.5f}" for m, t in zip(middle, tail, strict=True))
+            shown.append((f"{low} to {high}", *cells))
+    head = (
+        "L1",
+        "current, against ideal's prediction",
+        "current, against the plant",
+        "v_n",
+        "v_ph",
+    )
+    lines += [
+        "",
+        f"Error of the predicted state at k + L1, median / 99 %, {len(errors)} nodes, pu:",
+        "",
+        tables.markdown(head, shown),
+    ]
     checked = [s for s in settings if s.start == 0]
     checked += [Setting("SESE", 0.10, 1.0, 0, budget=budget) for budget in BUDGETS[1:]]
     checked += [Setting(h, 0.10, 1.0, 0, delay=True, compensate=True) for h in ("SE", "SESE")]
@@ -494,10 +499,9 @@ def study(
         f"{starts} starts of {steps:,} steps each, bit-true model, 95 % confidence "
         "intervals (Student's t); switchings per device, 24 logical devices.\n",
     )
-    (out / "sese.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    tools.write(out / "sese.md", "\n".join(lines) + "\n")
     if out == REPORTS:
-        page = PAGE.read_text(encoding="utf-8")
-        tools.write(PAGE, tables.between(page, "\n".join(lines), BEGIN, END))
+        tables.rewrite(PAGE, {(BEGIN, END): "\n".join(lines)})
     print("\n".join(lines))
 
     path = out / "metrics.json"
@@ -515,7 +519,7 @@ def study(
             "steps_rtl": count,
             "xc3s": _resources(),
         }
-        path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+        tools.write(path, json.dumps(numbers, indent=1) + "\n")
 
 
 def _resources() -> dict[str, dict[str, int]]:

@@ -43,7 +43,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
@@ -303,14 +303,15 @@ def compare(
 def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: int) -> str:
     """What `compare` found, as Markdown."""
     commit, dirty = tools.git_state()
-    lines = [
+    head = (
         f"{rows} states of {len(DRIVES)} drives at {len(SPEEDS)} speeds, commit "
-        f"`{commit[:12]}{'-dirty' if dirty else ''}`.",
-        "",
-        "| controller | changed | decisions that change | hold or not | deadlocks | near ties "
-        "| lengths | unlike the ideal controller |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+        f"`{commit[:12]}{'-dirty' if dirty else ''}`."
+    )
+    titles = (
+        "controller", "changed", "decisions that change", "hold or not", "deadlocks", "near ties",
+        "lengths", "unlike the ideal controller",
+    )  # fmt: skip
+    shown = []
     for index, one in enumerate(CONTROLLERS):
         cells = [one.name, one.changed]
         if index:
@@ -319,5 +320,5 @@ def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: in
             cells += [share, *(str(n) for n in (d.hold, d.deadlock, d.tie, d.length))]
         else:
             cells += [""] * 5
-        lines.append("| " + " | ".join([*cells, f"{mismatch[index]:.3f} %"]) + " |")
-    return "\n".join(lines)
+        shown.append([*cells, f"{mismatch[index]:.3f} %"])
+    return f"{head}\n\n{tables.markdown(titles, shown, 'llr')}"

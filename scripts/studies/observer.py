@@ -191,10 +191,7 @@ def table(drive: Drive) -> list[dict[str, object]]:
 
 
 def _markdown(rows: list[dict[str, object]]) -> str:
-    lines = [
-        "| plant differs in | " + " | ".join(f"{w:g}" for w in SPEEDS) + " |",
-        "| --- |" + " ---: |" * len(SPEEDS),
-    ]
+    table = []
     for name in MISMATCHES:
         chosen = [
             row
@@ -202,8 +199,8 @@ def _markdown(rows: list[dict[str, object]]) -> str:
             if row["mismatch"] == name and row["crossover_pu"] == rotor_flux_observer.CROSSOVER
         ]
         cells = [f"{row['magnitude_pct']:+.1f} %, {row['angle_deg']:+.1f}°" for row in chosen]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        table.append([name, *cells])
+    return tables.markdown(["plant differs in", *(f"{w:g}" for w in SPEEDS)], table, "lr")
 
 
 def _plot(rows: list[dict[str, object]], path: Path) -> None:
@@ -243,6 +240,4 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, ROOT / "reports" / "observer.png")
     page = ROOT / "docs" / "observer.md"
-    text = page.read_text(encoding="utf-8")
-    markers = ("<!-- table: begin -->", "<!-- table: end -->")
-    tools.write(page, tables.between(text, _markdown(rows), *markers))
+    tables.rewrite(page, {("<!-- table: begin -->", "<!-- table: end -->"): _markdown(rows)})

@@ -20,7 +20,7 @@ from directmpc.mptc import closed_loop
 from scripts.measure import budgets
 from scripts.publish import mptc_report as report
 from scripts.publish.reporting import ReportError
-from scripts.shared import tools
+from scripts.shared import tables, tools
 from scripts.studies import mptc as study
 from tb.helpers import mptc_rows as core
 
@@ -38,7 +38,7 @@ def test_texts_show_the_measured_figures(figures: dict, tmp_path: Path) -> None:
     for copy, source in zip(copies, (report.PAGE, report.MANUAL), strict=True):
         assert copy.read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
     copies[1].write_text("no markers", encoding="utf-8")
-    with pytest.raises(ReportError, match=r"mptc\.md: the markers"):
+    with pytest.raises(tables.MarkerError, match=r"mptc\.md: the markers"):
         report.write_texts(figures, *copies)
 
 

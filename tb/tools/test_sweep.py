@@ -85,7 +85,7 @@ def test_frontier() -> None:
 def test_points_are_distinct_and_published() -> None:
     assert len(set(POINTS)) == len(POINTS)
     assert {p.explorers for p in POINTS if p.variant == "fast"} >= set(range(1, 7))
-    rows = sweep.read_csv()
+    rows = tables.read_csv(sweep.CSV)
     published = {(r["dimension"], r["setting"], r["variant"], r["explorers"]) for r in rows}
     assert published == {(p.dimension, p.setting, p.variant, str(p.explorers)) for p in POINTS}
     for row in rows:
@@ -95,6 +95,6 @@ def test_points_are_distinct_and_published() -> None:
         assert bool(row["fmax_worst_mhz"]) == (int(row["seeds"]) > 0)
     assert any(row["on_frontier"] == "1" for row in rows)
     page = sweep.PAGE.read_text(encoding="utf-8")
-    shown = sweep.table([sweep.typed(row) for row in rows], sweep.measured_at())
+    shown = sweep.table(sweep.stored_rows(), sweep.measured_at())
     assert tables.between(page, shown, sweep.BEGIN, sweep.END) == page, "make sweep ARGS=--plot"
     assert sweep.PLOT.stat().st_size < 150_000

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scripts.shared import tables
 from scripts.shared.figures import pyplot, save_png
 from scripts.studies.fidelity import budget
 from scripts.studies.fidelity.points import Row
@@ -115,12 +116,6 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
     plt.close(figure)
 
 
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    lines = ["| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines)
-
-
 def decision_table(figures: dict[str, Any]) -> str:
     """Decisions on the same states, both variants."""
     fast, paper = figures["mpdcc"], figures["mpdcc_paper"]
@@ -141,7 +136,7 @@ def decision_table(figures: dict[str, Any]) -> str:
         "all_runs_mismatch_pct": "decisions that differ, all runs (%)",
     }
     rows = [(text, fast[key], paper[key]) for key, text in labels.items()]
-    return _markdown(("", "fast variant", "paper variant"), rows)
+    return tables.markdown(("", "fast variant", "paper variant"), rows, "lr")
 
 
 def loop_table(figures: dict[str, Any]) -> str:
@@ -181,7 +176,8 @@ def loop_table(figures: dict[str, Any]) -> str:
         ]
         speeds.append((f"{fast['speed_pu']:g}", *cells_of))
     head = ("speed (pu)", "fast: fsw (%)", "fast: THD (%)", "paper: fsw (%)", "paper: THD (%)")
-    return _markdown(("", "fast variant", "paper variant"), rows) + "\n\n" + _markdown(head, speeds)
+    whole = tables.markdown(("", "fast variant", "paper variant"), rows, "lr")
+    return f"{whole}\n\n{tables.markdown(head, speeds, 'lr')}"
 
 
 def budget_table(rows: Sequence[Row]) -> str:
@@ -199,7 +195,7 @@ def budget_table(rows: Sequence[Row]) -> str:
         (n, f"{alone[n]:.3f}", f"{without[n]:.3f} ({without[n] - built:+.3f})") for n in names
     ]
     lines += [(f"instead: {n}", f"{v:.3f}", "") for n, v in instead.items()]
-    return _markdown(("", "alone (%)", "all but this (%)"), lines)
+    return tables.markdown(("", "alone (%)", "all but this (%)"), lines, "lr")
 
 
 def straight_table(rows: Sequence[Row]) -> str:
@@ -232,39 +228,42 @@ def straight_table(rows: Sequence[Row]) -> str:
             )
         )
     head = ("controller", "switching frequency (%)", "THD (%)", "predicted length (steps)")
-    return _markdown(head, lines)
+    return tables.markdown(head, lines, "lr")
 
 
-def with_tables(
-    text: str, figures: dict[str, Any], found: dict[str, Any], explaining: Sequence[Row]
-) -> str:
-    """The document with every generated table replaced.
+def page_tables(
+    figures: dict[str, Any], found: dict[str, Any], explaining: Sequence[Row]
+) -> dict[tuple[str, str], str]:
+    """Every generated table of docs/accuracy.md by the markers around it.
 
-    Raises
-    ------
-    ValueError
-        If a pair of markers is missing.
+    Parameters
+    ----------
+    figures
+        What reports/fidelity.json holds.
+    found
+        Rows of every measurement by its name.
+    explaining
+        Rows of the closed loops at rated speed, one for each controller and start.
+
+    Returns
+    -------
+    dict
+        Begin and end marker -> table as Markdown.
     """
     exits = found["parabolas"]
-    tables = {
+    named = {
         "decisions": decision_table(figures),
         "loops": loop_table(figures),
         "budget": budget_table(found["budget"]),
         "straight line": straight_table(explaining),
-        "parabolas": _markdown(
-            ("random parabolas", str(exits["parabolas"])),
+        "parabolas": tables.markdown(
+            ("random parabolas", exits["parabolas"]),
             [
                 ("exit by threshold too late (%)", exits["too_long_pct"]),
                 ("exit by threshold too early (%)", exits["too_short_pct"]),
                 ("exit by a plain binary search wrong (%)", exits["plain_wrong_pct"]),
             ],
+            "lr",
         ),
     }
-    for name, table in tables.items():
-        begin, end = BEGIN.format(name), END.format(name)
-        before, found_begin, rest = text.partition(begin)
-        _, found_end, after = rest.partition(end)
-        if not found_begin or not found_end:
-            raise ValueError(f"docs/accuracy.md: the markers '{begin}' and '{end}' are missing")
-        text = f"{before}{begin}\n{table}\n{end}{after}"
-    return text
+    return {(BEGIN.format(name), END.format(name)): text for name, text in named.items()}

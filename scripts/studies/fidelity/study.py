@@ -126,10 +126,7 @@ def write(found: dict[str, Any]) -> None:
     plots.draw_words(found["budget"], REPORTS / "word_length.png")
     plots.draw_loops(found["loops"], REPORTS / "fidelity_loops.png")
     tools.write(REPORTS / "fidelity.json", json.dumps(figures, indent=1) + "\n")
-    tools.write(
-        DOCUMENT,
-        plots.with_tables(DOCUMENT.read_text(encoding="utf-8"), figures, found, explaining),
-    )
+    tables.rewrite(DOCUMENT, plots.page_tables(figures, found, explaining))
 
 
 def figures(variant: str) -> dict[str, float]:
