@@ -123,7 +123,7 @@ bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
 
 netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)
-	@'$(PY)' -m scripts bitstream --netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+	@'$(PY)' -m scripts netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
 layers: $(READY) ## draw the layers of the project, from its imports, into docs/layers.svg
 	@'$(PY)' -m scripts layers $(ARGS)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from scripts.hdl.clocks import BUDGETS, BudgetError
-from scripts.measure import budgets, synth
+from scripts.measure import budgets
 from scripts.publish import report
 from scripts.shared.command import Command
 
@@ -19,30 +18,16 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    listed = synth.configurations()
-    held = budgets.load() if BUDGETS.exists() else budgets.Budgets()
-    old = {name: dict(row) for name, row in held.resources.items()}
-    if not given.page:
-        chosen = [one for one in listed if not given.only or any(w in one.name for w in given.only)]
-        if not chosen:
-            raise BudgetError("no configuration has that in its name")
-        measured = budgets.measure_resources(chosen, given.jobs)
-        held.resources = {
-            one.name: row for one in listed if (row := measured.get(one.name) or old.get(one.name))
-        }
-        held.tools = budgets.versions()
-        if not given.no_cycles and (not given.only or any(w in "mpdcc_core" for w in given.only)):
-            for variant in ("fast", "paper"):
-                print(f"budgets: clocks of mpdcc_core, {variant}", file=sys.stderr)
-                held.cycles["mpdcc_core"][variant] |= budgets.measure_core(variant, given.jobs)
-    before = budgets.load() if BUDGETS.exists() else budgets.Budgets()
-    budgets.write(held, listed)
+    if given.page:
+        problems = budgets.write_page()
+    else:
+        stored = budgets.measure_anew(given.only, given.jobs, not given.no_cycles)
+        problems = stored.problems
+        for line in stored.moved:
+            print(line)
+            if line.startswith("clocks"):
+                print("  (state them in the entity's header too)")
     report.refresh_tables()
-    for line in budgets.changes(before, held):
-        print(line)
-        if line.startswith("clocks"):
-            print("  (state them in the entity's header too)")
-    problems = budgets.coverage(listed, held)
     for line in problems:
         print(f"budgets: {line}", file=sys.stderr)
     return 1 if problems else 0

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from scripts.hdl import conversion
-from scripts.shared import tools
+from scripts.shared import progress, tools
 from scripts.shared.command import Command
 
 
@@ -19,7 +19,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     generics = tools.parse_generics(given.g)
-    out, repairs = conversion.convert(given.top, generics, given.out, std=given.std)
+    with progress.busy(f"conversion of {given.top}"):
+        out, repairs = conversion.convert(given.top, generics, given.out, std=given.std)
     print(f"{out}: {repairs}")
     return 0
 

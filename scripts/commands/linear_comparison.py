@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rich.console import Console
-
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables
 from scripts.shared.command import Command
 from scripts.studies import linear_comparison as study
 
@@ -17,11 +15,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    with Console(stderr=True).status("closed loops, and six controllers on each"):
+    with progress.busy("closed loops, and six controllers on each"):
         text = study.table(*study.compare(study.traces(given.steps)))
     if given.write:
-        page = study.TABLE.read_text(encoding="utf-8")
-        tools.write(study.TABLE, tables.between(page, text, study.BEGIN, study.END))
+        tables.rewrite(study.TABLE, {(study.BEGIN, study.END): text})
     print(text)
     return 0
 

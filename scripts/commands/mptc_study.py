@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from directmpc.api.drive_file import load_mptc_drive
+from scripts.shared import progress
 from scripts.shared.command import Command
 from scripts.studies import mptc
 
@@ -22,7 +23,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    print(json.dumps(mptc.results(load_mptc_drive(given.drive)), indent=1))
+    drive = load_mptc_drive(given.drive)
+    with progress.busy("closed loops of MPTC and MPFC"):
+        found = mptc.results(drive)
+    print(json.dumps(found, indent=1))
     return 0
 
 

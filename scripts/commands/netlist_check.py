@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from scripts.hdl import netlist_check
-from scripts.shared import tools
+from scripts.shared import progress, tools
 from scripts.shared.command import Command
 
 
@@ -24,7 +24,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     generics = tools.parse_generics(given.g)
-    result = netlist_check.check_file(given.top, generics, given.vectors, given.ports, given.seed)
+    with progress.busy(f"{given.top} in Verilator"):
+        result = netlist_check.check_file(
+            given.top, generics, given.vectors, given.ports, given.seed
+        )
     for line in result.mismatches[:20]:
         print(line)
     print(

@@ -1,157 +1,25 @@
-"""`make replay`: run a recorded trace through the RTL or one of its models.
-
-Rows are independent of one another, so a long trace is split over two simulators. Which columns a
-trace and its decisions have, and who decides, follows from the drive file's `controller`: one entry
-of ``CONTROLLERS`` each.
-"""
+"""`make replay`: run a recorded trace through the RTL or one of its models."""
 
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from directmpc.api.drive_file import load_drive
-from directmpc.host.console import check_output, progress_bar
-from directmpc.mpdcc import ideal, trace
-from directmpc.mpdcc.bit_true import common
-from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
-from directmpc.mptc import trace as mptc_trace
-from directmpc.mptc.drive import MptcDrive
-from scripts.hdl import mptc_replay
-from scripts.hdl.mpdcc_simulation import EXPLORERS, simulate_rows
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from scripts.hdl import replay
+from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.simulator import terminable
-from scripts.shared.command import Command, InputError
-
-ENGINES = ("rtl", "model", "ideal")
-DEFAULT_EXPLORERS = 2
-
-
-IntArray = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a replay was asked for, apart from its drive."""
-
-    drive: Path
-    trace: Path
-    out: Path
-    engine: str
-    explorers: int
-    variant: str
-
-
-def decide_mpdcc(
-    drive: Drive,
-    rows: MpdccTrace,
-    engine: str,
-    explorers: int,
-    variant: str,
-    progress: Callable[[int], None] | None = None,
-) -> Decisions:
-    """Decisions of one engine on every row of a trace.
-
-    Parameters
-    ----------
-    drive
-        Drive the controller is set up for.
-    rows
-        What it sees.
-    engine
-        One of ``ENGINES``.
-    explorers, variant
-        Configuration of the core; the explorers count for the RTL alone.
-    progress
-        Called now and then with the number of decisions made; RTL only.
-
-    Raises
-    ------
-    ValueError
-        If the drive's registers cannot be represented, or the variant does not serve its settings.
-    SimulationError
-        If the simulation fails.
-    """
-    if engine == "ideal":
-        return ideal.run(drive, rows)
-    chosen = VARIANTS[variant]
-    # A number near the largest float leaves its range when scaled; it saturates all the same.
-    with np.errstate(over="ignore"):
-        if engine == "model":
-            return chosen.run(drive, rows)
-        measurements, clipped = common.encode(rows)
-    values = chosen.registers(drive).array()
-    answered = simulate_rows(measurements, rows.s_prev, values, explorers, variant, progress)
-    return decisions_of(answered, clipped)
-
-
-def replay_mpdcc(drive: Drive, request: Request) -> None:
-    """Read an MPDCC trace, decide, and write the decisions."""
-    rows = trace.read_trace(request.trace, drive)
-    with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
-        decisions = decide_mpdcc(
-            drive, rows, request.engine, request.explorers, request.variant, progress
-        )
-    trace.write_decisions(request.out, decisions)
-
-
-def replay_mptc(drive: MptcDrive, request: Request) -> None:
-    """Read an MPTC trace, decide with the drive's method, and write the decisions."""
-    rows = mptc_trace.read_trace(request.trace)
-    if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
-        print(
-            f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",
-            file=sys.stderr,
-        )
-    with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
-        decisions = mptc_replay.decide(drive, rows, request.engine, progress)
-    mptc_trace.write_decisions(request.out, decisions)
-
-
-@contextmanager
-def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int], None] | None]:
-    """Show how far the RTL is; what is wrong with the drive's values gets its file's name."""
-    try:
-        if request.engine == "rtl":
-            with progress_bar(text, total) as progress:
-                yield progress
-        else:
-            yield None
-    except ValueError as error:  # names the key, but does not know the file
-        raise InputError(f"{request.drive}: {error}") from error
-
-
-CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
-    "mpdcc": replay_mpdcc,
-    "mptc": replay_mptc,
-}
-"""Who replays a trace, by the drive file's key `controller`."""
-
-
-def replay(request: Request) -> None:
-    """Do what was asked for; raises the errors that the command reports."""
-    check_output(request.out, request.drive, request.trace)
-    drive = load_drive(request.drive)
-    CONTROLLERS[drive.controller](drive, request)
+from scripts.shared.command import Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, required=True, help="drive file (TOML)")
     parser.add_argument("--trace", type=Path, required=True, help="recorded trace (CSV)")
     parser.add_argument("--out", type=Path, required=True, help="decisions to write (CSV)")
-    parser.add_argument("--engine", choices=ENGINES, default="rtl")
+    parser.add_argument("--engine", choices=replay.ENGINES, default="rtl")
     parser.add_argument(
-        "--explorers", type=int, choices=EXPLORERS, default=DEFAULT_EXPLORERS, metavar="1..8",
-        help="mpdcc drives alone",
+        "--explorers", type=int, choices=EXPLORERS, metavar="1..8",
+        default=replay.DEFAULT_EXPLORERS, help="mpdcc drives alone",
     )  # fmt: skip
     parser.add_argument(
         "--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT, help="mpdcc drives alone"
@@ -160,7 +28,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     with terminable():
-        replay(Request(**vars(given)))
+        replay.replay(replay.Request(**vars(given)))
     return 0
 
 

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.shared import tools
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command
 from scripts.shared.tools import BUILD
 
 
@@ -25,28 +24,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    problems: list[str] = []
-    listed = synth.configurations()
-    if not given.only:
-        problems += synth.coverage(listed)
-    known = sources.entities()
-    wanted = given.families.split(",") if given.families else list(synth.FLOWS)
-    chosen = [
-        one
-        for one in listed
-        if one.entity.lower() in known
-        and (not given.only or any(w in one.name for w in given.only))
-    ]
-    if not chosen:
-        raise UsageError("no configuration of an existing entity has that in its name")
-    found = synth.measure_all(chosen, wanted, given.jobs, given.force)
-    console.print(synth.table(found.rows))
-    problems += found.problems
-    for one, families in found.rows:
-        for family, measured in families.items():
-            problems += budgets.compare(one.name, family, measured)
+    chosen, families = synth.chosen(given.only), synth.families(given.families)
+    found = synth.measure_all(chosen, families, given.jobs, given.force)
+    Console(width=None if sys.stdout.isatty() else 140).print(synth.table(found.rows))
     tools.write(given.out, json.dumps(synth.document(found.rows), indent=1) + "\n")
+    problems = [] if given.only else synth.coverage(synth.configurations())
+    problems += found.problems + budgets.compare_all(found.rows)
     for problem in problems:
         print(f"synth: {problem}", file=sys.stderr)
     return 1 if problems else 0

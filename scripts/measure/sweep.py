@@ -23,18 +23,16 @@ import shutil
 import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-from rich.console import Console
 
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.measure import budgets, pnr, synth
-from scripts.shared import paper_a, tables, tools
+from scripts.shared import paper_a, progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
@@ -599,8 +597,7 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
     ToolError
         If no point is meant or one fails.
     """
-    console = Console(stderr=True, highlight=False)
-    began = time.perf_counter()
+    say = progress.teller("sweep")
     chosen = [
         p
         for p in points()
@@ -617,14 +614,12 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
             row = measure_point(point)
         except ToolError as error:
             failed.append(f"{point.dimension} {point.setting} ({point.variant})")
-            console.print(f"sweep: {failed[-1]}: {error}", soft_wrap=True)
+            say(f"{failed[-1]}: {error}")
             return {}
-        console.print(
-            f"sweep, {time.perf_counter() - began:4.0f} s: {point.dimension} {point.setting}, "
-            f"{point.variant} {point.explorers}: {row['cycles_worst']} cycles, "
-            f"{row['slices_unpacked']} slices, {row['fmax_worst_mhz']} MHz, "
-            f"{row['mismatch_pct']} % differ",
-            soft_wrap=True,
+        say(
+            f"{point.dimension} {point.setting}, {point.variant} {point.explorers}: "
+            f"{row['cycles_worst']} cycles, {row['slices_unpacked']} slices, "
+            f"{row['fmax_worst_mhz']} MHz, {row['mismatch_pct']} % differ"
         )
         return row
 

@@ -23,18 +23,17 @@ import json
 import math
 import time
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from scripts.hdl import conversion as netlist
 from scripts.hdl import sources
-from scripts.shared import paper_a, tools
+from scripts.shared import paper_a, progress, tools
+from scripts.shared.command import UsageError
 from scripts.shared.tools import BUILD, Generics, ToolError
 
 CONFIGURATIONS = Path(__file__).with_name("configurations.toml")
@@ -323,33 +322,69 @@ def measure_all(
     results: dict[tuple[str, str], dict[str, Any]] = {}
     work = [(one, family) for one in chosen for family in one.families if family in families]
     # Conversions first, one each: the families of a configuration share its netlist.
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("synthesis", total=len(chosen) + len(work))
-        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+    with (
+        progress.counter("synthesis", len(chosen) + len(work)) as advance,
+        concurrent.futures.ThreadPoolExecutor(jobs) as pool,
+    ):
 
-            def convert(one: Configuration) -> None:
-                try:
-                    netlist.cached(one.entity, one.generics)
-                except (ToolError, sources.SourcesError) as error:
-                    problems.append(f"{one.name}: {error}")
-                progress.advance(bar)
+        def convert(one: Configuration) -> None:
+            try:
+                netlist.cached(one.entity, one.generics)
+            except (ToolError, sources.SourcesError) as error:
+                problems.append(f"{one.name}: {error}")
+            advance()
 
-            def synthesise(item: tuple[Configuration, str]) -> None:
-                one, family = item
-                try:
-                    results[one.name, family] = measure(one.entity, one.generics, family, force)
-                except ToolError as error:
-                    problems.append(f"{one.name} for {family}: {error}")
-                progress.advance(bar)
+        def synthesise(item: tuple[Configuration, str]) -> None:
+            one, family = item
+            try:
+                results[one.name, family] = measure(one.entity, one.generics, family, force)
+            except ToolError as error:
+                problems.append(f"{one.name} for {family}: {error}")
+            advance()
 
-            list(pool.map(convert, chosen))
-            failed = {problem.partition(":")[0] for problem in problems}
-            list(pool.map(synthesise, [item for item in work if item[0].name not in failed]))
+        list(pool.map(convert, chosen))
+        failed = {problem.partition(":")[0] for problem in problems}
+        list(pool.map(synthesise, [item for item in work if item[0].name not in failed]))
     rows = [
         (one, {f: results[one.name, f] for f in one.families if (one.name, f) in results})
         for one in chosen
     ]
     return Measured(rows, problems)
+
+
+def chosen(words: Sequence[str]) -> list[Configuration]:
+    """Configurations of entities in rtl/ with one of the words in their name; all without words.
+
+    Raises
+    ------
+    UsageError
+        If there is none.
+    """
+    known = sources.entities()
+    found = [
+        one
+        for one in configurations()
+        if one.entity.lower() in known and (not words or any(word in one.name for word in words))
+    ]
+    if not found:
+        raise UsageError("no configuration of an existing entity has that in its name")
+    return found
+
+
+def families(text: str | None) -> list[str]:
+    """Families of a text with commas; all without one.
+
+    Raises
+    ------
+    UsageError
+        If there is no family of a name.
+    """
+    wanted = text.split(",") if text else list(FLOWS)
+    if unknown := sorted(set(wanted) - set(FLOWS)):
+        raise UsageError(
+            f"argument --families: no family '{unknown[0]}'; there are: {', '.join(FLOWS)}"
+        )
+    return wanted
 
 
 def document(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> dict[str, Any]:

@@ -8,13 +8,11 @@ docs/figures.md are written from metrics.json, so that what is published is what
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.console import progress_bar
@@ -34,7 +32,7 @@ from scripts.hdl.clocks import clocks_of
 from scripts.hdl.simulator import in_parallel, terminable
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import motulator_plant
@@ -215,8 +213,8 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
         )
         return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
 
-    with progress_bar("recorded runs in GHDL", len(chosen)) as progress:
-        answered = in_parallel(len(chosen), simulate, progress)
+    with progress_bar("recorded runs in GHDL", len(chosen)) as show:
+        answered = in_parallel(len(chosen), simulate, show)
     told = np.column_stack([wanted[chosen], clocks[chosen]])
     differing = len(checked.mismatches) + int(
         np.any(answered[:, [0, 2, 3, 1]] != told, axis=1).sum()
@@ -734,12 +732,7 @@ def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = F
     resources_only
         Whether only the resources are measured, see `update_resources`.
     """
-    console = Console(stderr=True, highlight=False)
-    began = time.perf_counter()
-
-    def say(text: str) -> None:
-        console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
-
+    say = progress.teller("report")
     with terminable():
         if texts_only:
             document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))

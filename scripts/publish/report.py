@@ -10,7 +10,6 @@ from __future__ import annotations
 import concurrent.futures
 import json
 import shutil
-import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
@@ -34,7 +32,7 @@ from scripts.measure import budgets, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import cache, paper_a, tables, tools
+from scripts.shared import cache, paper_a, progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
@@ -647,12 +645,7 @@ def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: b
     tables_only
         Whether only tables are written, from reports/metrics.json.
     """
-    console = Console(stderr=True, highlight=False)
-    began = time.perf_counter()
-
-    def say(text: str) -> None:
-        console.print(f"report, {time.perf_counter() - began:4.0f} s: {text}", soft_wrap=True)
-
+    say = progress.teller("report")
     if tables_only:
         document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
         write_tables(document)

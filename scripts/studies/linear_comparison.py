@@ -115,58 +115,42 @@ class Controller:
 
 
 @njit
-def decide_zero_sum(register, measurement, s_prev):
-    """The paper's decision with straight lines, on the fast variant's node; as `decide_words`.
-
-    Lengths are quotients (`common.search_length`), as Algorithm 2 finds them.
-    """
-    options = common.options(register)
-    bound, horizon = options.bound, options.horizon
-    error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = (
-        bit_true_fast.node(measurement, register)
-    )
-    slope = np.empty(7, dtype=np.int64)
-    bit_true_fast.slopes(s_prev, natural, forced, phase, midpoint, slope)
-    if np.all(np.abs(error + slope) <= bound):
-        return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated)
-    feasible = False
-    best_cost = best_length = best_excess = 0
-    best_saturated = False
-    none_yet = True
-    s = np.empty(3, dtype=np.int64)
-    best = np.empty(3, dtype=np.int64)
-    for index in range(64):
-        choice = (index // 16, index // 4 % 4, index % 4)
-        skip = False
-        for x in range(3):
-            skip |= choice[x] >= anpc.NEXT_COUNT[s_prev[x]]
-            s[x] = anpc.NEXT_TABLE[s_prev[x], choice[x]]
-        if skip:
-            continue
-        bit_true_fast.slopes(s, natural, forced, phase, midpoint, slope)
-        length = horizon
-        for j in range(7):
-            if length > 0:
-                length = min(length, common.search_length(error[j], slope[j], bound[j], horizon))
+def _quotients(rule, error, first, slope, curvature, bound, threshold, horizon):
+    """L* of a candidate by quotients, as Algorithm 2 finds it; as `fast.length_inside`."""
+    length = horizon
+    for j in range(7):
         if length > 0:
-            effort = common.effort_of(s_prev, s, phase)
-            weights = bit_true_fast.share_of(s, weight_slope)
-            value, clipped = common.cost(
-                effort, length, weight_start, weights, options.weight_scale
-            )
-            if not feasible or value < best_cost:
-                feasible = True
-                best_cost, best_length, best_saturated = value, length, clipped
-                best[:] = s
-        elif not feasible:
-            excess = np.max(np.abs(error + slope) - bound)
-            if none_yet or excess < best_excess:
-                none_yet = False
-                best_excess = excess
-                best[:] = s
-    if feasible:
-        return best[0], best[1], best[2], 0, 0, best_length, int(saturated or best_saturated)
-    return best[0], best[1], best[2], 0, 1, 0, int(saturated)
+            length = min(length, common.search_length(error[j], slope[j], bound[j], horizon))
+    return length
+
+
+@njit
+def decide_zero_sum(register, measurement, s_prev):
+    """The paper's decision with straight lines, on the fast variant's node.
+
+    Lengths are quotients (`common.search_length`), as Algorithm 2 finds them; the rest is the
+    search of the fast variant under Paper A's deadlock rule.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()`` without curvature, see `straight`.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1).
+
+    Returns
+    -------
+    tuple of int
+        As ``paper.decide_words``.
+    """
+    order = np.empty((bit_true_fast.CANDIDATES, 5), dtype=np.int64)
+    record = np.zeros(8, dtype=np.int64)
+    return bit_true_fast.search(
+        _quotients, bit_true_fast.least_excess, bit_true_fast.no_surcharge, 0,
+        register, measurement, s_prev, order, record,
+    )[:7]  # fmt: skip
 
 
 @njit

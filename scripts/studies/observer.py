@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
@@ -25,7 +24,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import plant_data, plant_step
-from scripts.shared import tables, tools
+from scripts.shared import progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 
@@ -175,18 +174,20 @@ def table(drive: Drive) -> list[dict[str, object]]:
         for w in SPEEDS
         if name in THOROUGH or k == rotor_flux_observer.CROSSOVER
     ]
-    for name, crossover, speed in track(work, description="observer"):
-        found = error(*run(drive, speed, MISMATCHES[name], crossover))
-        rows.append(
-            {"mismatch": name, "crossover_pu": crossover, "omega_s_pu": speed}
-            | {
-                "magnitude_pct": round(found.magnitude, 3),
-                "angle_deg": round(found.angle, 3),
-                "vector_pct": round(found.vector, 3),
-                "worst_pct": round(found.worst, 3),
-                "flux_pu": round(found.flux, 4),
-            }
-        )
+    with progress.counter("observer in closed loop", len(work)) as advance:
+        for name, crossover, speed in work:
+            found = error(*run(drive, speed, MISMATCHES[name], crossover))
+            rows.append(
+                {"mismatch": name, "crossover_pu": crossover, "omega_s_pu": speed}
+                | {
+                    "magnitude_pct": round(found.magnitude, 3),
+                    "angle_deg": round(found.angle, 3),
+                    "vector_pct": round(found.vector, 3),
+                    "worst_pct": round(found.worst, 3),
+                    "flux_pu": round(found.flux, 4),
+                }
+            )
+            advance()
     return rows
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.commands import bitstream, pnr, synth
+from scripts.commands import bitstream, netlist, pnr, synth
 from scripts.shared import tools
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,6 +108,9 @@ def test_replay_says_what_is_wrong(project, change, message):
 def test_seeds_and_layouts_reach_the_programs(project):
     done = make(project, "bitstream", "BOARD=ulx3s-85f", "SEEDS=3")
     assert "<--seeds>\n<3>\n" in done.stdout
+    done = make(project, "-s", "netlist", "BOARD=arty-s7-50", "CONTROLLER=mptc")
+    expected = ["-m", "scripts", "netlist", "--board", "arty-s7-50", "--controller", "mptc"]
+    assert [line.strip("<>") for line in done.stdout.splitlines()] == expected
     done = make(project, "registers", "DRIVE=drive.toml", "ARGS=--clock 20e6")
     assert done.stdout.splitlines()[-3:] == ["<drive.toml>", "<--clock>", "<20e6>"]
 
@@ -118,6 +121,8 @@ def test_seeds_and_layouts_reach_the_programs(project):
         (pnr, ["--seeds", "0"]),
         (pnr, ["no such name"]),
         (synth, ["no such name"]),
+        (synth, ["--families", "none"]),
+        (netlist, ["--board", "none"]),
         (bitstream, ["--board", "ulx3s-85f", "--seeds", "0"]),
     ],
 )

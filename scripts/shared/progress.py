@@ -1,0 +1,69 @@
+"""What a tool shows on stderr while it works: how far it is, what it does, how long it has taken.
+
+On a terminal bars and spinners, which vanish; elsewhere plain lines. Whatever takes more than ten
+seconds says so by one of these.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from directmpc.host.console import progress_bar
+
+
+@contextmanager
+def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
+    """Yield a function that counts one more as done; threads may call it.
+
+    Parameters
+    ----------
+    text
+        What is under way.
+    total
+        How many there are; nothing is shown if there are none.
+    """
+    if total == 0:
+        yield lambda: None
+        return
+    done, lock = 0, threading.Lock()
+    with progress_bar(text, total) as show:
+
+        def advance() -> None:
+            nonlocal done
+            with lock:
+                done += 1
+                show(done)
+
+        yield advance
+
+
+@contextmanager
+def busy(text: str) -> Iterator[None]:
+    """Show that something is under way whose length is not known."""
+    from rich.console import Console  # here, not above: who shows nothing starts without it
+
+    console = Console(stderr=True, highlight=False)
+    if console.is_terminal:
+        with console.status(text):
+            yield
+        return
+    print(f"{text} ...", file=sys.stderr, flush=True)
+    yield
+
+
+def teller(name: str) -> Callable[[str], None]:
+    """A function that prints a line with the time since now; lines begin with the name."""
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    began = time.perf_counter()
+
+    def say(text: str) -> None:
+        passed = time.perf_counter() - began
+        console.print(f"{name}, {passed:4.0f} s: {text}", soft_wrap=True, markup=False)
+
+    return say
