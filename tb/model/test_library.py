@@ -26,6 +26,7 @@ from directmpc import (
     ModelController,
     MpdccDecision,
     MpdccState,
+    MptcDrive,
     MptcState,
     StateError,
     decide,
@@ -33,6 +34,10 @@ from directmpc import (
     simulate,
 )
 from directmpc.api import simulation
+from directmpc.host.lockstep import BoardController
+from directmpc.host.protocol import Decision as Answer
+from directmpc.host.protocol import Flag
+from directmpc.mptc import bit_true
 from scripts.commands import replay
 
 NAMES = ("anpc5l_6kv", "motulator_2kw2")
@@ -178,6 +183,34 @@ def test_own_controllers_close_the_loop() -> None:
     assert len(wary.seen) == 50
     for made in (IdealController(mpdcc), ModelController(mpdcc, "paper")):
         assert isinstance(made, Controller)
+
+
+class TwinBoard:
+    """A board whose core is the bit-true model of MPTC; it forgets one bit in one step."""
+
+    def __init__(self, drive: MptcDrive, wrong: int) -> None:
+        self.core, self.wrong, self.steps = bit_true.parameters(drive)[0], wrong, 0
+
+    def step(self, words: list[int], position: int) -> Answer:
+        """As `Board.step`."""
+        u, saturated, clamped = bit_true.decide_words(self.core, np.array(words), position)
+        u ^= self.steps == self.wrong
+        self.steps += 1
+        flags = saturated << Flag.SATURATED | clamped << Flag.CLAMPED
+        return Answer(int(u), int(flags), 0, 39, 0, 0)
+
+
+def test_a_board_closes_the_loop_and_is_compared() -> None:
+    drive = load_drive("motulator_2kw2")
+    own = simulate(drive, "model", steps=40).decisions.u.tolist()
+    board = BoardController(TwinBoard(drive, wrong=30), drive)
+    assert isinstance(board, Controller)
+    found = simulate(drive, board, steps=40).decisions.u.tolist()
+    assert found[:30] == own[:30]
+    assert found[30] == own[30] ^ 1
+    assert board.differing == 1, "the others are the model's on the states that came of it"
+    assert board.summary(2.0).rate == 20.0
+    assert board.summary(2.0).cycles.tolist() == [39] * 40
 
 
 class Answers:

@@ -3,8 +3,9 @@
 Sweep: the archive and the wheel; a fresh environment without the repository.
 Stimulus: the five lines of a first program for both kinds of drive, from another folder; the host's
 command.
-Checks: what the archive and the wheel hold; complete metadata; decisions as the repository's.
-Timing: below a minute.
+Checks: what the archive and the wheel hold; complete metadata; decisions as the repository's, as
+plain Python and compiled.
+Timing: below a minute, but for the compiled run.
 Does not prove: that the declared bounds of the requirements hold; those of this machine are used.
 """
 
@@ -19,6 +20,7 @@ import sysconfig
 import tarfile
 import venv
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,9 @@ for name in ("anpc5l_6kv", "induction_2kw2"):
     result.write_trace(f"{name}.csv")
     print(result.applied.tolist(), decide(drive, row).apply)
 """
+
+PLAIN = {"NUMBA_DISABLE_JIT": "1"}
+"""Environment of a run as plain Python: to compile all takes minutes."""
 
 
 def backend(folder: Path, call: str) -> Path:
@@ -88,34 +93,65 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
     assert found.get_all("Provides-Extra") == ["board"]
 
 
-def test_the_wheel_works_without_the_repository(wheel: Path, tmp_path: Path) -> None:
-    venv.create(tmp_path / "env", with_pip=False, symlinks=True)
-    python = tmp_path / "env" / "bin" / "python"
-    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps"]
-    subprocess.run([*install, "--no-index", "-q", str(wheel)], check=True)
-    (site,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
-    # the requirements, as installed here
-    site.joinpath("requirements.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    # as plain Python: to compile all would take minutes, and is no matter of the wheel
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    environment["NUMBA_DISABLE_JIT"] = "1"
+@dataclass(frozen=True)
+class Installed:
+    """An environment with the wheel in it.
 
-    def run(*command: str, **more: str) -> str:
+    Attributes
+    ----------
+    bin, site : Path
+        Its programs and its packages.
+    elsewhere : Path
+        A folder that is neither the environment's nor the repository's.
+    """
+
+    bin: Path
+    site: Path
+    elsewhere: Path
+
+    def run(self, *command: str, **more: str) -> str:
+        """What a command prints that is run elsewhere; `more` are variables of its environment."""
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | more
         done = subprocess.run(
-            command, cwd=elsewhere, env=environment | more, capture_output=True, text=True,
+            command, cwd=self.elsewhere, env=environment, capture_output=True, text=True,
             check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    lines = run(str(python), "-c", PROGRAM).splitlines()
-    assert Path(lines[0]).is_relative_to(site)
-    assert (elsewhere / "induction_2kw2.csv").is_file()
-    again = run(sys.executable, "-c", PROGRAM, PYTHONPATH=str(ROOT / "model")).splitlines()
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """The wheel in a fresh environment, with the requirements as installed here."""
+    folder = tmp_path_factory.mktemp("installed")
+    venv.create(folder / "env", with_pip=False, symlinks=True)
+    python = folder / "env" / "bin" / "python"
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps"]
+    subprocess.run([*install, "--no-index", "-q", str(wheel)], check=True)
+    (site,) = (folder / "env" / "lib").glob("python*/site-packages")
+    site.joinpath("requirements.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    (folder / "elsewhere").mkdir()
+    return Installed(python.parent, site, folder / "elsewhere")
+
+
+def test_the_wheel_works_without_the_repository(installed: Installed) -> None:
+    python = str(installed.bin / "python")
+    lines = installed.run(python, "-c", PROGRAM, **PLAIN).splitlines()
+    assert Path(lines[0]).is_relative_to(installed.site)
+    assert (installed.elsewhere / "induction_2kw2.csv").is_file()
+    here = {"PYTHONPATH": str(ROOT / "model")}
+    again = installed.run(sys.executable, "-c", PROGRAM, **PLAIN, **here).splitlines()
     assert Path(again[0]).is_relative_to(ROOT)
     assert len(lines) == 3
     assert lines[1:] == again[1:]
-    assert "monitor" in run(str(python), "-m", "directmpc.host", "--help")
-    assert "monitor" in run(str(tmp_path / "env" / "bin" / "directmpc-host"), "--help")
+    assert "monitor" in installed.run(python, "-m", "directmpc.host", "--help")
+    assert "monitor" in installed.run(str(installed.bin / "directmpc-host"), "--help")
+
+
+def test_the_wheel_compiles_and_decides_the_same(installed: Installed, tmp_path: Path) -> None:
+    python = str(installed.bin / "python")
+    plain = installed.run(python, "-c", PROGRAM, **PLAIN).splitlines()
+    # a cache of its own: all is compiled anew
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    assert installed.run(python, "-c", PROGRAM, **cache).splitlines() == plain
+    assert list(tmp_path.rglob("*.nbc")), "nothing was compiled"
