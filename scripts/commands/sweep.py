@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from scripts.measure import sweep
+from scripts.measure import sweep, sweep_points
 from scripts.shared.command import Command
 
 
@@ -18,8 +18,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     if given.point:  # one point, inside its tree
-        point = sweep.Point(**json.loads(given.point))
-        print(json.dumps({step: sweep.STEPS_OF_A_POINT[step](point) for step in given.only}))
+        point = sweep_points.Point(**json.loads(given.point))
+        print(json.dumps({step: sweep_points.STEPS_OF_A_POINT[step](point) for step in given.only}))
     elif given.plot:
         sweep.publish(sweep.stored_rows())
     else:

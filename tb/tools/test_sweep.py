@@ -14,17 +14,17 @@ import subprocess
 import pytest
 
 from scripts.hdl import sources
-from scripts.measure import sweep
-from scripts.measure.sweep import Edit, Point
+from scripts.measure import sweep, sweep_points
+from scripts.measure.sweep_points import Edit, Point
 from scripts.shared import tables, tools
 
-POINTS = sweep.points()
+POINTS = sweep_points.points()
 CHANGED = [point for point in POINTS if not point.is_default]
 
 
 @pytest.mark.parametrize("point", CHANGED, ids=lambda p: f"{p.dimension} {p.setting}")
 def test_the_constants_of_a_point_are_found(point: Point, tmp_path) -> None:
-    edit = sweep.edit_of(point)
+    edit = sweep_points.edit_of(point)
     # a word length changes in one place
     assert edit.pairs
     assert edit.file == "model/directmpc/mpdcc/formats.py"
@@ -46,7 +46,7 @@ def test_the_constants_of_a_point_are_found(point: Point, tmp_path) -> None:
     ids=lambda p: p.setting,
 )
 def test_a_point_is_a_design(point: Point, tmp_path) -> None:
-    tree = sweep.tree_of(point)
+    tree = sweep_points.tree_of(point)
     constants = (tree / "rtl" / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
     own = (tools.ROOT / "rtl" / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
     assert constants != own
@@ -63,7 +63,7 @@ def test_a_point_is_a_design(point: Point, tmp_path) -> None:
 
 def test_longer_words_are_refused() -> None:
     with pytest.raises(tools.ToolError, match="wider than a host's"):
-        sweep.edit_of(Point("trajectory word", "25 bits", trajectory=1))
+        sweep_points.edit_of(Point("trajectory word", "25 bits", trajectory=1))
 
 
 def test_a_text_that_is_gone_is_an_error(tmp_path) -> None:
