@@ -525,6 +525,7 @@ def drive_controller(
     settle: int = 0,
     plant_drive: Drive | None = None,
     delay: bool = False,
+    checked: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
@@ -543,6 +544,8 @@ def drive_controller(
         Machine and inverter of the plant if they are not the drive's; ts is the drive's.
     delay : bool
         Whether a decision takes effect one step after the state it is based on.
+    checked : bool
+        Whether a transition that the inverter does not have ends the run.
     progress : callable, optional
         Called with the number of decisions made.
 
@@ -554,7 +557,7 @@ def drive_controller(
     Raises
     ------
     StateError
-        If an answer is no decision, or not a transition that the inverter has.
+        If an answer is no decision, or with `checked` a transition that the inverter does not have.
     """
     total = settle + steps
     state, positions = initial_conditions(profile)
@@ -584,7 +587,7 @@ def drive_controller(
         )
         decision = mpdcc_decision(controller.decide(seen), k)
         for phase, old, new in zip("abc", before[k], decision.apply, strict=True):
-            if anpc.COMMUTATIONS_ANPC[old, new] == anpc.INADMISSIBLE:
+            if checked and anpc.COMMUTATIONS_ANPC[old, new] == anpc.INADMISSIBLE:
                 raise StateError(
                     f"step {k}: decision: phase {phase} may not go from position {old} to {new}; "
                     f"it may to {', '.join(map(str, anpc.NEXT_POSITIONS[old]))}"
