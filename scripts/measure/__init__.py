@@ -1,1 +1,1 @@
-"""Resources, clock frequency, budgets, the trade-off between them, and bitstreams."""
+"""Resources, clock frequency, budgets, the trade-off between them, bitstreams, style."""

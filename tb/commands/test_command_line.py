@@ -55,6 +55,13 @@ def test_an_unknown_command_is_an_error(capsys: pytest.CaptureFixture[str]) -> N
     assert "replay" in said
 
 
+def test_a_word_that_names_no_check_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        program.main(["lint", "nothing"])
+    said = capsys.readouterr().err
+    assert said.startswith("lint: no check is called 'nothing'; there are: VHDL style (vsg), ")
+
+
 @pytest.mark.parametrize(
     ("error", "failed", "code", "said"),
     [

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from scripts import __main__ as program
-from scripts.commands import lint
+from scripts.measure import checks
 from scripts.shared.tools import ROOT
 
 WHOLE = '''"""A module."""
@@ -128,7 +128,7 @@ def verdict(folder: Path, modules: dict[str, str]) -> int:
         (folder / "model" / "directmpc" / f"{name}.py").write_text(text, encoding="utf-8")
     shutil.copy(ROOT / "pyproject.toml", folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lint, "ROOT", folder)
+        patch.setattr(checks, "ROOT", folder)
         return program.main(["lint", "numpydoc"])
 
 
@@ -167,4 +167,4 @@ def test_faults_alone_are_named(shown: list[str]) -> None:
 
 
 def test_the_library_passes() -> None:
-    assert lint.python_docstrings() == []
+    assert checks.python_docstrings() == []

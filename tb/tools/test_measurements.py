@@ -12,10 +12,9 @@ import json
 
 import pytest
 
-from scripts.commands import lint
 from scripts.hdl import conversion as netlist
 from scripts.hdl.netlist_check import Ports
-from scripts.measure import pnr, synth
+from scripts.measure import checks, pnr, synth
 from scripts.shared import tools
 
 
@@ -230,10 +229,10 @@ architecture rtl of e is
 begin
 end architecture rtl;
 """
-    got = lint.undocumented(text, "e.vhd")
+    got = checks.undocumented(text, "e.vhd")
     assert [line.split(": ", 1)[1] for line in got] == [
         "e: FOLDED has no comment on its line",
         "e: a, b has no comment on its line",
     ]
     assert got[0].startswith("e.vhd:4:")
-    assert lint.undocumented("entity f is port (x : in bit); end entity;", "f") != []
+    assert checks.undocumented("entity f is port (x : in bit); end entity;", "f") != []

@@ -1,0 +1,303 @@
+"""The checks of `make lint`: style, docstrings, layers, VHDL analysis, ports, fresh files.
+
+A check is a function that returns the lines to show: what is to be mended, nothing if all is well.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scripts.hdl import sources
+from scripts.shared import tools
+from scripts.shared.tools import ROOT, ToolError
+
+CONFIGURATION = ROOT / ".vsg.yaml"
+PYTHON_DIRECTORIES = ("model", "scripts", "tb", "examples", "tools")
+# Directories `make generate` may write to.
+GENERATED_DIRECTORIES = (
+    "rtl",
+    "docs",
+    "model",
+    "tb",
+    "drives",
+    "examples",
+    "registers",
+    "constraints",
+)
+# Register blocks as PeakRDL writes them.
+GENERATED_VHDL = ROOT / "rtl" / "system" / "generated"
+
+_REGION = re.compile(r"\b(generic|port)\s*\(", re.I)
+_ENTITY_START = re.compile(r"^\s*entity\s+(\w+)\s+is\b", re.I)
+_ENTITY_END = re.compile(r"^\s*end\b", re.I)
+_DECLARATION = re.compile(
+    r"^\s*(?:signal\s+|constant\s+)?([a-z]\w*(?:\s*,\s*[a-z]\w*)*)\s*:(?!=)", re.I
+)
+
+
+def _run(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
+    """Output of a checker that failed, nothing if it passed."""
+    done = subprocess.run(
+        command, cwd=ROOT, text=True, capture_output=True, check=False, env=environment
+    )
+    if done.returncode == 0:
+        return []
+    return (done.stdout + done.stderr).strip().splitlines() or [f"status {done.returncode}"]
+
+
+def written_files() -> list[Path]:
+    """VHDL of the design but for what another project's generator wrote, whose style is its own."""
+    return [path for path in sources.rtl_files() if GENERATED_VHDL not in path.parents]
+
+
+def vhdl_files() -> list[tuple[list[Path], list[Path]]]:
+    """VSG's configurations with the files they are for: the design, and its test benches."""
+    benches = sorted(
+        path for folder in ("scripts", "tb") for path in (ROOT / folder).rglob("*.vhd")
+    )
+    on_top = [CONFIGURATION, ROOT / "tb" / ".vsg.yaml"]
+    pairs = [([CONFIGURATION], written_files()), (on_top, benches)]
+    return [(configuration, files) for configuration, files in pairs if files]
+
+
+def _vsg(configuration: list[Path], files: list[Path], *options: str) -> list[str]:
+    """VSG's findings; a warning counts as much as an error."""
+    command = [*tools.tool("vsg"), "-c", *map(str, configuration), "-ap", "-of", "syntastic"]
+    names = [str(path.relative_to(ROOT)) for path in files]
+    command += ["-p", os.environ.get("JOBS", "2"), *options, "-f", *names]
+    done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.strip()]
+    if done.returncode and not lines:
+        lines = done.stderr.strip().splitlines() or [f"vsg ended with {done.returncode}"]
+    return lines
+
+
+def vhdl_style() -> list[str]:
+    """VSG over all VHDL."""
+    return [line for pair in vhdl_files() for line in _vsg(*pair)]
+
+
+def _python_directories() -> list[str]:
+    return [name for name in PYTHON_DIRECTORIES if (ROOT / name).is_dir()]
+
+
+def python_style() -> list[str]:
+    """Ruff's rules."""
+    return _run(
+        [
+            *tools.tool("ruff"),
+            "check",
+            "--quiet",
+            "--output-format",
+            "concise",
+            *_python_directories(),
+        ]
+    )
+
+
+def python_format() -> list[str]:
+    """Ruff's formatting."""
+    return _run([*tools.tool("ruff"), "format", "--check", "--quiet", *_python_directories()])
+
+
+def python_docstrings() -> list[str]:
+    """Numpydoc over the library: what stands in `pyproject.toml` about its docstrings."""
+    files = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "model").rglob("*.py"))]
+    command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *files]
+    return [line for line in _run(command) if line]
+
+
+def _on_path() -> dict[str, str]:
+    """Environment in which this folder's packages are found, and no others of their names."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)])}
+
+
+def layers() -> list[str]:
+    """Import-linter over library, tools and tests: `.importlinter` holds the rules."""
+    command = [
+        *tools.tool("lint-imports"),
+        "--no-cache",
+        "--no-logo",
+        "--config",
+        str(ROOT / ".importlinter"),
+    ]
+    return _run(command, _on_path())
+
+
+def picture() -> list[str]:
+    """The picture of the layers is the one that `make layers` draws."""
+    return _run([sys.executable, "-m", "scripts", "layers", "--check"], _on_path())
+
+
+def analysis(std: str) -> list[str]:
+    """GHDL accepts all of `rtl/` without a word in one version of the language.
+
+    VHDL-93 is asked of the cores, not of what is below `rtl/system/`.
+    """
+    files = sources.rtl_files()
+    if std == "93":
+        files = [path for path in files if not sources.is_wrapper(path)]
+    try:
+        order = sources.order_all(files)
+    except sources.SourcesError as error:
+        return [str(error)]
+    if not order:
+        return []
+    with tempfile.TemporaryDirectory(prefix="lint-") as workdir:
+        command = [*tools.tool("ghdl"), "-a", f"--std={std}", f"--workdir={workdir}"]
+        command += [f"--work={sources.LIBRARY}"]
+        names = [str(path.relative_to(ROOT)) for path in order]
+        done = subprocess.run(
+            [*command, *names], cwd=ROOT, text=True, capture_output=True, check=False
+        )
+    lines = (done.stdout + done.stderr).strip().splitlines()
+    return lines or ([f"ghdl ended with {done.returncode}"] if done.returncode else [])
+
+
+def undocumented(text: str, name: str) -> list[str]:
+    """Ports and generics of the entities in a file without a comment at the end of their line."""
+    found: list[str] = []
+    entity: str | None = None
+    depth = 0
+    for number, line in enumerate(text.splitlines(), start=1):
+        code, dashes, comment = line.partition("--")
+        if entity is None:
+            match = _ENTITY_START.match(code)
+            if match is None:
+                continue
+            entity, depth = match.group(1), 0
+            code = code[match.end() :]
+        if depth == 0 and _ENTITY_END.match(code):
+            entity = None
+            continue
+        opened = _REGION.search(code) if depth == 0 else None
+        start = opened.end() if opened else 0
+        match = _DECLARATION.match(code[start:]) if depth == 1 or opened else None
+        if match and not (dashes and comment.strip()):
+            found.append(f"{name}:{number}: {entity}: {match.group(1)} has no comment on its line")
+        if depth or opened:
+            depth += code[start:].count("(") - code[start:].count(")") + (1 if opened else 0)
+    return found
+
+
+def documented_ports() -> list[str]:
+    """Every port and generic in `rtl/` says its unit, format or polarity in its own line."""
+    return [
+        line
+        for path in sources.rtl_files()
+        for line in undocumented(path.read_text(encoding="utf-8"), str(path.relative_to(ROOT)))
+    ]
+
+
+def _snapshot() -> dict[Path, bytes]:
+    return {
+        path: path.read_bytes()
+        for folder in GENERATED_DIRECTORIES
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and path.stat().st_size < 2**22
+    }
+
+
+def fresh_files() -> list[str]:
+    """Generating the generated files again changes none of them (compared without git)."""
+    before = _snapshot()
+    lines = _run([sys.executable, "-m", "scripts", "generate"], _on_path())
+    if lines:
+        return lines
+    # Only what the generator wrote matters: its files carry its name, others may be being edited.
+    after = _snapshot()
+    changed = [
+        path
+        for path, data in after.items()
+        if before.get(path) != data and b"enerated by" in data[:2000]
+    ]
+    return [
+        f"{path.relative_to(ROOT)} was out of date and has been generated anew" for path in changed
+    ]
+
+
+CHECKS: dict[str, Callable[[], list[str]]] = {
+    "VHDL style (vsg)": vhdl_style,
+    "Python style (ruff check)": python_style,
+    "Python format (ruff format)": python_format,
+    "docstrings of the library (numpydoc)": python_docstrings,
+    "layers (import-linter)": layers,
+    "picture of the layers": picture,
+    "VHDL-93 analysis (ghdl)": lambda: analysis("93"),
+    "VHDL-2008 analysis (ghdl)": lambda: analysis("08"),
+    "ports and generics documented": documented_ports,
+    "generated files up to date": fresh_files,
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one check found.
+
+    Attributes
+    ----------
+    name : str
+        Of the check.
+    lines : list of str
+        What is to be mended; none if the check passed.
+    seconds : float
+        How long it took.
+    """
+
+    name: str
+    lines: list[str]
+    seconds: float
+
+
+def named(words: Sequence[str]) -> list[str]:
+    """Names of the checks that have one of the words in them; of all checks without words."""
+    small = [word.lower() for word in words]
+    return [name for name in CHECKS if not small or any(word in name.lower() for word in small)]
+
+
+def findings(names: Sequence[str]) -> Iterator[Finding]:
+    """Run checks one after the other; a tool that is missing is a finding, too.
+
+    Parameters
+    ----------
+    names
+        Of `CHECKS`.
+
+    Yields
+    ------
+    Finding
+        Of each check, as soon as it has run.
+    """
+    for name in names:
+        began = time.perf_counter()
+        try:
+            lines = CHECKS[name]()
+        except ToolError as error:
+            lines = [str(error)]
+        yield Finding(name, lines, time.perf_counter() - began)
+
+
+def rewrite() -> tuple[list[str], bool]:
+    """Let VSG and ruff rewrite what they can.
+
+    Returns
+    -------
+    tuple of (list of str, bool)
+        What they say, and whether nothing is left to mend.
+    """
+    said = [line for pair in vhdl_files() for line in _vsg(*pair, "--fix")]
+    clean = not said
+    for words in (("check", "--fix"), ("format",)):
+        command = [*tools.tool("ruff"), *words, *_python_directories()]
+        done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
+        said += (done.stdout + done.stderr).strip().splitlines()
+        clean = clean and done.returncode == 0
+    return said, clean
