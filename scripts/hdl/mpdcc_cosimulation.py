@@ -17,7 +17,7 @@ from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_simulation import Job
-from scripts.hdl.simulator import CLOCK_NS, load_job
+from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _WIDTH = 16
 PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
@@ -90,19 +90,6 @@ class Bench:
         return unpack_response(
             self.dut.response.value.to_unsigned(), self.dut.cycles.value.to_unsigned()
         )
-
-
-class Progress:
-    """Tells the parent process how far the simulation is."""
-
-    def __init__(self, path: Path, every: int) -> None:
-        self.path = path
-        self.every = every
-
-    def __call__(self, done: int) -> None:
-        """Note that so many decisions are made."""
-        if done % self.every == 0:
-            self.path.write_text(str(done), encoding="ascii")
 
 
 async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:

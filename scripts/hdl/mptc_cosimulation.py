@@ -18,7 +18,7 @@ from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, WORD_WIDTH
 from directmpc.mptc.plant import step
 from scripts.hdl.mptc_simulation import FIELDS, Job
-from scripts.hdl.simulator import CLOCK_NS, load_job
+from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
 
@@ -70,19 +70,6 @@ class Bench:
         response = self.dut.response.value.to_unsigned()
         cycles = self.dut.cycles.value.to_unsigned()
         return (response & 7, cycles, response >> 6 & 1, response >> 7 & 1, response >> 3 & 7)
-
-
-class Progress:
-    """Tells the parent process how far the simulation is."""
-
-    def __init__(self, path: Path, every: int) -> None:
-        self.path = path
-        self.every = every
-
-    def __call__(self, done: int) -> None:
-        """Note the number of decisions made."""
-        if done % self.every == 0:
-            self.path.write_text(str(done), encoding="ascii")
 
 
 async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:

@@ -1,8 +1,8 @@
 """A simulator as a function call: GHDL and cocotb in processes of their own.
 
 A job is written to a folder of its own, a process builds and runs the bench that reads it, and the
-answers come back as arrays. What belongs to one core stands in `rtl_simulation` and
-`mptc.rtl_simulation`.
+answers come back as arrays. What belongs to one core stands in `mpdcc_simulation` and
+`mptc_simulation`.
 
 The process leads a group, in which GHDL is too, and watches a pipe from its parent: however the
 parent ends, the group ends with it. A signal to the parent's own group does not reach the simulator
@@ -71,6 +71,27 @@ class Job:
     def result_path(self) -> Path:
         """File with the answers."""
         return self.folder / "result.npz"
+
+
+class Progress:
+    """Tells the parent process, from within the simulator, how far a job is.
+
+    Parameters
+    ----------
+    path
+        The job's `progress_path`.
+    every
+        Decisions from one message to the next.
+    """
+
+    def __init__(self, path: Path, every: int) -> None:
+        self.path = path
+        self.every = every
+
+    def __call__(self, done: int) -> None:
+        """Note that so many decisions are made."""
+        if done % self.every == 0:
+            self.path.write_text(str(done), encoding="ascii")
 
 
 def load_job(path: Path) -> Any:
