@@ -1,7 +1,8 @@
 -- States that carry guard bits below the LSB of a word, and what Heun's method makes of them.
 --
 -- A step adds little to a state.  Guard bits keep what rounding to a word would lose.  A multiplier takes the
--- state without them.  All values are two's complement; nothing here overflows.
+-- state without them.  All values are two's complement.  Nothing here overflows where a sum has room for what
+-- begins it: see seed_of.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -17,13 +18,14 @@ package guarded_states is
   function half_of (value, origin : signed; guard : natural) return std_logic_vector;
 
   -- first summand of a sum of the given width: value, shift bits to the left, and half of its LSB, which rounds
-  -- the sum when those bits are cut off
+  -- the sum when those bits are cut off; width has to be value'length + shift or more
   function seed_of (value : signed; width, shift : positive) return std_logic_vector;
 
   -- first summand of a sum of the given width that is rounded by cutting off shift bits
   function half_lsb (width, shift : positive) return std_logic_vector;
 
-  -- word of a bus (downto 0) of words, word 0 rightmost, whose bit of choice is '1'; zero without such a bit
+  -- word of a bus (downto 0) of words, word 0 rightmost, whose bit of choice is '1'; at most one bit is, and
+  -- without one the word is zero
   function chosen_word (words, choice : std_logic_vector) return std_logic_vector;
 
 end package guarded_states;
