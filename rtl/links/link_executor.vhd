@@ -187,6 +187,11 @@ architecture rtl of link_executor is
 
 begin
 
+  assert (CONTROLLER = CONTROLLER_MPDCC and STEP_WORDS = STEP_WORDS_MPDCC)
+         or (CONTROLLER = CONTROLLER_MPTC and STEP_WORDS = STEP_WORDS_MPTC)
+    report "link_executor: STEP_WORDS has to be STEP_WORDS_MPDCC for MPDCC, STEP_WORDS_MPTC for MPTC"
+    severity failure;
+
   content <= content_0 when r.link = '0' else
              content_1;
   last    <= last_0 when r.link = '0' else

@@ -13,14 +13,14 @@ Does not prove: metastability; a simulator has none. spi_slave's header says wha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 
 from directmpc.host import protocol
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.ghdl import CheckError
+from scripts.hdl.ghdl import BenchError, BuildError, CheckError
 from scripts.hdl.sources import RTL
 from scripts.measure import budgets
 from tb.helpers.faults import altered
@@ -29,12 +29,19 @@ from tb.helpers.simulation import Outcome, run
 UART, SPI = 0, 1
 
 
-def bench(case: str, *, rtl: Path = RTL, limit: int = 125_000, **arguments: int) -> Outcome:
+def bench(
+    case: str,
+    *,
+    rtl: Path = RTL,
+    limit: int = 125_000,
+    generics: Mapping[str, int] | None = None,
+    **arguments: int,
+) -> Outcome:
     return run(
         "host_link",
         "tb.rtl.links.host_link.bench_host_link",
         units=["host_link"],
-        generics={"LIMIT": limit},
+        generics={"LIMIT": limit, **(generics or {})},
         arguments={"seed": 1, "frames": 60, "case": case, **arguments},
         rtl=rtl,
         timeout=240,
@@ -60,6 +67,20 @@ def test_no_decision_is_given_up_too_early() -> None:
     longest += clocks_of("mpdcc_core", "prediction", "sese")
     longest += clocks_of("rotor_flux_observer", "busy")
     assert longest < protocol.LONGEST_DECISION
+
+
+@pytest.mark.parametrize(
+    "generics",
+    [
+        {"CONTROLLER": 1, "STEP_WORDS": 8},
+        {"CONTROLLER": 2, "STEP_WORDS": 13},
+        {"CONTROLLER": 2, "STEP_WORDS": 9},
+    ],
+    ids=lambda generics: "-".join(map(str, generics.values())),
+)
+def test_words_of_the_other_controller_are_refused(generics: dict[str, int]) -> None:
+    with pytest.raises((BenchError, BuildError), match="link_executor: STEP_WORDS has to be"):
+        bench("frames", generics=generics, link=UART, controls=UART, frames=1)
 
 
 def over_uart(rtl: Path) -> object:
