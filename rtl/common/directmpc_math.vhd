@@ -38,6 +38,9 @@ package directmpc_math is
 
   function to_std_logic (value : boolean) return std_logic;
 
+  -- '1' for the lowest set bit only
+  function first_of (bits : std_logic_vector) return std_logic_vector;
+
   -- yes where condition holds, else no; for constants that depend on generics
   function choose (condition : boolean; yes, no : integer) return integer;
 
@@ -212,6 +215,24 @@ package body directmpc_math is
     end if;
 
   end function to_std_logic;
+
+  function first_of (bits : std_logic_vector) return std_logic_vector is
+
+    variable result : std_logic_vector(bits'range);
+    variable found  : std_logic;
+
+  begin
+
+    found := '0';
+
+    for i in bits'low to bits'high loop
+      result(i) := bits(i) and not found;
+      found     := found or bits(i);
+    end loop;
+
+    return result;
+
+  end function first_of;
 
   function choose (condition : boolean; yes, no : integer) return integer is
   begin

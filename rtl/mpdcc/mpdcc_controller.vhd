@@ -37,26 +37,9 @@ end entity mpdcc_controller;
 
 architecture rtl of mpdcc_controller is
 
-  signal factors         : std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
-  signal node            : node_t;
-  signal band            : band_t;
-  signal capacitor       : capacitor_t;
-  signal last            : std_logic;
-  signal best_valid      : std_logic;
-  signal best_cost       : cost_t;
-  signal candidate       : candidate_t;
-  signal candidate_valid : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal candidate_ready : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal probe_done      : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal probe_held      : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal result_valid    : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal result_ready    : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal results         : results_t(0 to EXPLORERS - 1);
-  signal explorer_busy   : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal evaluated       : evaluated_array_t(0 to EXPLORERS - 1);
-  signal leaf_valid      : std_logic_vector(EXPLORERS - 1 downto 0);
-  signal leaf            : leaves_t(0 to EXPLORERS - 1);
-  signal reached         : reached_t;
+  signal broadcast   : broadcast_t;
+  signal assignments : assignments_t(0 to EXPLORERS - 1);
+  signal answers     : answers_t(0 to EXPLORERS - 1);
 
 begin
 
@@ -68,10 +51,6 @@ begin
     report "mpdcc_controller: WEIGHTED_DEADLOCK needs the fast explorer, FOLDED = false"
     severity failure;
 
-  g_factors : for i in 0 to COEFFICIENT_COUNT - 1 generate
-    factors((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <= coefficients(i);
-  end generate g_factors;
-
   i_scheduler : entity work.mpdcc_scheduler
     generic map (
       EXPLORERS    => EXPLORERS,
@@ -79,38 +58,20 @@ begin
       SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
-      clk             => clk,
-      rst             => rst,
-      start           => start,
-      measurement     => measurement,
-      previous        => previous,
-      limits          => limits,
-      coefficients    => factors,
-      valid           => valid,
-      decision        => decision,
-      busy            => busy,
-      node            => node,
-      band            => band,
-      capacitor       => capacitor,
-      last            => last,
-      best_valid      => best_valid,
-      best_cost       => best_cost,
-      candidate_valid => candidate_valid,
-      candidate_ready => candidate_ready,
-      candidate       => candidate,
-      probe_done      => probe_done(0),
-      probe_held      => probe_held(0),
-      result_valid    => result_valid,
-      result_ready    => result_ready,
-      results         => results,
-      explorer_busy   => explorer_busy,
-      two_switchings  => options.two_switchings,
-      budget          => options.budget,
-      compensate      => options.compensate,
-      evaluated       => evaluated(0),
-      leaf_valid      => leaf_valid,
-      leaf            => leaf,
-      reached         => reached
+      clk          => clk,
+      rst          => rst,
+      start        => start,
+      measurement  => measurement,
+      previous     => previous,
+      coefficients => coefficients,
+      limits       => limits,
+      options      => options,
+      valid        => valid,
+      busy         => busy,
+      decision     => decision,
+      broadcast    => broadcast,
+      assignments  => assignments,
+      answers      => answers
     );
 
   g_explorers : for i in 0 to EXPLORERS - 1 generate
@@ -122,28 +83,12 @@ begin
         WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
       )
       port map (
-        clk             => clk,
-        rst             => rst,
-        limits          => limits,
-        node            => node,
-        band            => band,
-        capacitor       => capacitor,
-        last            => last,
-        best_valid      => best_valid,
-        best_cost       => best_cost,
-        candidate_valid => candidate_valid(i),
-        candidate_ready => candidate_ready(i),
-        candidate       => candidate,
-        probe_done      => probe_done(i),
-        probe_held      => probe_held(i),
-        result_valid    => result_valid(i),
-        result_ready    => result_ready(i),
-        result          => results(i),
-        busy            => explorer_busy(i),
-        leaf_valid      => leaf_valid(i),
-        leaf            => leaf(i),
-        reached         => reached,
-        evaluated       => evaluated(i)
+        clk        => clk,
+        rst        => rst,
+        limits     => limits,
+        broadcast  => broadcast,
+        assignment => assignments(i),
+        answer     => answers(i)
       );
 
   end generate g_explorers;

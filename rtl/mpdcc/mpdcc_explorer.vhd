@@ -20,28 +20,12 @@ entity mpdcc_explorer is
     WEIGHTED_DEADLOCK : boolean := false  -- true: fast variant with the weighted deadlock rule to choose
   );
   port (
-    clk             : in    std_logic;   -- rising edge
-    rst             : in    std_logic;   -- synchronous, active high
-    limits          : in    limits_t;    -- bounds and horizon, stable while busy
-    node            : in    node_t;      -- where trajectories start, stable while busy
-    band            : in    band_t;      -- fast variant: the band seen from there, stable while busy
-    capacitor       : in    capacitor_t; -- fast variant: table of the capacitors' lengths, row by row
-    last            : in    std_logic;   -- '1': no candidate of this node is left
-    best_valid      : in    std_logic;   -- '1': a candidate with length > 0 is known, J_dl is not needed any more
-    best_cost       : in    cost_t;      -- its cost, valid with best_valid
-    candidate_valid : in    std_logic;   -- '1': candidate is new
-    candidate_ready : out   std_logic;   -- '1': candidate is taken in this clock
-    candidate       : in    candidate_t; -- what to evaluate
-    probe_done      : out   std_logic;   -- '1' for one clock: answer to a probe
-    probe_held      : out   std_logic;   -- '1': step one stays inside every bound
-    result_valid    : out   std_logic;   -- '1': result is new
-    result_ready    : in    std_logic;   -- '1': result is taken in this clock
-    result          : out   result_t;    -- evaluation of a candidate
-    busy            : out   std_logic;   -- '1': tasks or results are under way
-    leaf_valid      : in    std_logic;   -- SECOND_LEVEL: '1': leaf is evaluated
-    leaf            : in    leaf_t;      -- SECOND_LEVEL: a candidate of the second level
-    reached         : in    reached_t;   -- SECOND_LEVEL: how its node was reached
-    evaluated       : out   evaluated_t  -- SECOND_LEVEL: every candidate, for the second level
+    clk        : in    std_logic;    -- rising edge
+    rst        : in    std_logic;    -- synchronous, active high
+    limits     : in    limits_t;     -- bounds and horizon, stable while busy
+    broadcast  : in    broadcast_t;  -- to every explorer
+    assignment : in    assignment_t; -- to this explorer
+    answer     : out   answer_t      -- of this explorer
   );
 end entity mpdcc_explorer;
 
@@ -60,21 +44,21 @@ begin
         clk             => clk,
         rst             => rst,
         limits          => limits,
-        node            => node,
-        best_valid      => best_valid,
-        best_cost       => best_cost,
-        candidate_valid => candidate_valid,
-        candidate_ready => candidate_ready,
-        candidate       => candidate,
-        probe_done      => probe_done,
-        probe_held      => probe_held,
-        result_valid    => result_valid,
-        result_ready    => result_ready,
-        result          => result,
-        busy            => busy
+        node            => broadcast.node,
+        best_valid      => broadcast.best_valid,
+        best_cost       => broadcast.best_cost,
+        candidate_valid => assignment.candidate_valid,
+        candidate_ready => answer.candidate_ready,
+        candidate       => broadcast.candidate,
+        probe_done      => answer.probe_done,
+        probe_held      => answer.probe_held,
+        result_valid    => answer.result_valid,
+        result_ready    => assignment.result_ready,
+        result          => answer.result,
+        busy            => answer.busy
       );
 
-    evaluated <= EVALUATED_INIT;
+    answer.evaluated <= EVALUATED_INIT;
 
   end generate g_paper;
 
@@ -89,23 +73,23 @@ begin
         clk             => clk,
         rst             => rst,
         limits          => limits,
-        node            => node,
-        band            => band,
-        capacitor       => capacitor,
-        last            => last,
-        candidate_valid => candidate_valid,
-        candidate_ready => candidate_ready,
-        candidate       => candidate,
-        probe_done      => probe_done,
-        probe_held      => probe_held,
-        result_valid    => result_valid,
-        result_ready    => result_ready,
-        result          => result,
-        busy            => busy,
-        leaf_valid      => leaf_valid,
-        leaf            => leaf,
-        reached         => reached,
-        evaluated       => evaluated
+        node            => broadcast.node,
+        band            => broadcast.band,
+        capacitor       => broadcast.capacitor,
+        last            => broadcast.last,
+        candidate_valid => assignment.candidate_valid,
+        candidate_ready => answer.candidate_ready,
+        candidate       => broadcast.candidate,
+        probe_done      => answer.probe_done,
+        probe_held      => answer.probe_held,
+        result_valid    => answer.result_valid,
+        result_ready    => assignment.result_ready,
+        result          => answer.result,
+        busy            => answer.busy,
+        leaf_valid      => assignment.leaf_valid,
+        leaf            => assignment.leaf,
+        reached         => broadcast.reached,
+        evaluated       => answer.evaluated
       );
 
   end generate g_fast;

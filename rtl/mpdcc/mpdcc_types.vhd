@@ -1,4 +1,5 @@
--- Records between scheduler and explorers. Arithmetic on them stands in mpdcc_math.
+-- Records between scheduler and explorers. Arithmetic on them stands in mpdcc_math, records of the second
+-- level alone in second_level_types.
 --
 -- A node is a state together with the switch position it is reached with; everything about it that
 -- does not depend on the candidate is computed once.  An explorer takes any node, not only the
@@ -94,6 +95,14 @@ package mpdcc_types is
     bank   : std_logic;       -- which of two tables; successors of the root take turns
   end record capacitor_t;
 
+  constant CAPACITOR_NONE : capacitor_t := (
+    write  => '0',
+    row    => (others => '0'),
+    length => (others => '0'),
+    excess => (others => '0'),
+    bank   => '0'
+  );
+
   type limits_t is record
     bound_current : bound_t;              -- trajectory units
     bound_neutral : bound_t;              -- trajectory units
@@ -102,6 +111,13 @@ package mpdcc_types is
     weight_scale  : unsigned(1 downto 0); -- index into WEIGHT_SHIFTS
     deadlock_rule : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
   end record limits_t;
+
+  -- what common_terms multiplies at the root, stable while it does
+
+  type root_operands_t is record
+    signals : std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0); -- operands A, signed, OPERAND_* order
+    speeds  : std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0);        -- omega_s, omega_r, signed, 1/16000 pu
+  end record root_operands_t;
 
   -- parameters, FACTOR_* order
 
@@ -139,15 +155,6 @@ package mpdcc_types is
     saturated : std_logic;   -- '1': a value did not fit its word
     exhausted : std_logic;   -- '1': the budget ended the search
   end record decision_t;
-
-  constant DECISION_INIT : decision_t := (
-    position  => (others => (others => '0')),
-    held      => '0',
-    deadlock  => '0',
-    length    => (others => '0'),
-    saturated => '0',
-    exhausted => '0'
-  );
 
   type candidate_t is record
     probe    : std_logic;                          -- '1': only ask whether step one stays inside
@@ -232,57 +239,42 @@ package mpdcc_types is
     saturated   => '0'
   );
 
-  -- where a decision is, for the second level
+  -- to every explorer
 
-  type level_phase_t is record
-    idle       : std_logic; -- '1': no decision is under way
-    probing    : std_logic; -- '1': the probe of the node of k is under way
-    predicting : std_logic; -- '1': the node is taken on to k+1
-    leaves     : std_logic; -- '1': nodes of the second level are searched
-  end record level_phase_t;
+  type broadcast_t is record
+    node       : node_t;      -- where trajectories start, stable while busy
+    band       : band_t;      -- fast variant: the band seen from there, stable while busy
+    capacitor  : capacitor_t; -- fast variant: table of the capacitors' lengths, row by row
+    last       : std_logic;   -- '1': no candidate of this node is left
+    best_valid : std_logic;   -- '1': a candidate with length > 0 is known, J_dl is not needed any more
+    best_cost  : cost_t;      -- its cost, valid with best_valid
+    candidate  : candidate_t; -- what to evaluate, valid with candidate_valid of one explorer
+    reached    : reached_t;   -- SECOND_LEVEL: how the node of the leaves was reached
+  end record broadcast_t;
 
-  type evaluated_array_t is array (natural range <>) of evaluated_t;
+  -- to one explorer
 
-  -- a node of the second level before its state is computed
+  type assignment_t is record
+    candidate_valid : std_logic; -- '1': candidate is new and is this explorer's
+    result_ready    : std_logic; -- '1': result is taken in this clock
+    leaf_valid      : std_logic; -- SECOND_LEVEL: '1': leaf is evaluated
+    leaf            : leaf_t;    -- SECOND_LEVEL: a candidate of the second level
+  end record assignment_t;
 
-  type entry_t is record
-    index    : unsigned(INDEX_WIDTH - 1 downto 0);  -- place of s1
-    position : positions_t;                         -- s1
-    effort   : unsigned(EFFORT_WIDTH - 1 downto 0); -- f_s
-    length   : length_t;                            -- L1
-    slope    : start_slopes_t;                      -- of the current errors at the root under s1
-  end record entry_t;
+  type assignments_t is array (natural range <>) of assignment_t;
 
-  constant ENTRY_INIT : entry_t := (
-    index    => (others => '0'),
-    position => (others => (others => '0')),
-    effort   => (others => '0'),
-    length   => (others => '0'),
-    slope    => (others => (others => '0'))
-  );
+  -- of one explorer
 
-  -- words of the common terms before they are turned into phases, RESULT_* order
+  type answer_t is record
+    candidate_ready : std_logic;   -- '1': candidate is taken in this clock
+    probe_done      : std_logic;   -- '1' for one clock: answer to a probe
+    probe_held      : std_logic;   -- '1': step one stays inside every bound
+    result_valid    : std_logic;   -- '1': result is new
+    result          : result_t;    -- evaluation of a candidate
+    busy            : std_logic;   -- '1': tasks or results are under way
+    evaluated       : evaluated_t; -- SECOND_LEVEL: every candidate, for the second level
+  end record answer_t;
 
-  subtype words_t is std_logic_vector(RESULT_COUNT * TERM_WIDTH - 1 downto 0);
-
-  -- L1, then with the signs of the slopes of v_ph_a, v_ph_b, v_ph_c and v_n, or 0
-
-  constant SIGNED_LENGTHS : natural := 5;
-
-  subtype signed_lengths_t is std_logic_vector(SIGNED_LENGTHS * (LENGTH_WIDTH + 1) - 1 downto 0);
-
-  subtype base_words_t is std_logic_vector(BASE_COUNT * OPERAND_WIDTH - 1 downto 0);
-
-  subtype term_t is signed(TERM_WIDTH - 1 downto 0);
-
-  type plane_t is array (0 to 1) of term_t;
-
-  constant RESULT_INIT : result_t := (
-    feasible  => '0',
-    saturated => '0',
-    index     => (others => '0'),
-    length    => (others => '0'),
-    rank      => (others => '0')
-  );
+  type answers_t is array (natural range <>) of answer_t;
 
 end package mpdcc_types;

@@ -51,6 +51,8 @@ package mpdcc_flat is
 
   function to_measurement (value : std_logic_vector) return measurement_t;
 
+  function to_coefficients (value : std_logic_vector) return coefficients_t;
+
 end package mpdcc_flat;
 
 package body mpdcc_flat is
@@ -363,5 +365,22 @@ package body mpdcc_flat is
     return result;
 
   end function to_measurement;
+
+  function to_coefficients (value : std_logic_vector) return coefficients_t is
+
+    variable bits   : std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
+    variable result : coefficients_t;
+
+  begin
+
+    bits := value;
+
+    for i in coefficients_t'range loop
+      result(i) := bits((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH);
+    end loop;
+
+    return result;
+
+  end function to_coefficients;
 
 end package body mpdcc_flat;

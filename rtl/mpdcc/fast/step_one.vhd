@@ -63,17 +63,11 @@ architecture rtl of step_one is
 
   subtype entry_t is std_logic_vector(LENGTH_WIDTH + TRAJECTORY_WIDTH - 1 downto 0);
 
-  type table_t is array (natural range 0 to 2 ** ROW_BITS - 1) of entry_t;
-
   type entries_t is array (0 to 2) of entry_t;
 
-  subtype length_word_t is std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  subtype row_t is std_logic_vector(ROW_BITS - 1 downto 0);
 
-  subtype excess_word_t is std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
-
-  type neutral_lengths_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of length_word_t;
-
-  type neutral_excesses_t is array (natural range 0 to 2 ** NEUTRAL_BITS - 1) of excess_word_t;
+  subtype neutral_row_t is std_logic_vector(NEUTRAL_BITS - 1 downto 0);
 
   subtype worst_t is signed(WORST_WIDTH - 1 downto 0);
 
@@ -106,10 +100,21 @@ architecture rtl of step_one is
 
   end function worse;
 
-  signal capacitors : table_t; -- rows of the phases; one block RAM for each that reads it
+  -- rows of the phases, one table for each that reads it
+  signal written    : entry_t;
+  signal row_number : unsigned(5 downto 0);
+  signal table_row  : row_t; -- row that comes
+
   -- rows of the neutral point: two memories, each small enough for Yosys to keep it in LUTs
-  signal neutral_lengths  : neutral_lengths_t;
-  signal neutral_excesses : neutral_excesses_t;
+  signal neutral_write   : std_logic;
+  signal neutral_place   : std_logic;
+  signal neutral_number  : unsigned(3 downto 0);
+  signal neutral_read    : neutral_row_t; -- row that the candidate reads
+  signal neutral_new     : std_logic_vector(3 downto 0); -- row that comes
+  signal neutral_row     : neutral_row_t; -- row at the read port
+  signal neutral_written : neutral_row_t; -- row at the write port
+  signal neutral_length  : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
+  signal neutral_excess  : std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
 
   signal entry_6          : entries_t; -- of the phases
   signal neutral_length_6 : length_t;
@@ -131,53 +136,107 @@ begin
     report "step_one: the weighted excess does not fit a rank"
     severity failure;
 
-  p_tables : process (clk) is
+  ---------------------------------------------------------------------------------------------
+  -- Rows of the phases
+  ---------------------------------------------------------------------------------------------
 
-    variable place       : std_logic;
-    variable row         : unsigned(5 downto 0);
-    variable table_row   : unsigned(ROW_BITS - 1 downto 0);
-    variable neutral_row : unsigned(NEUTRAL_BITS - 1 downto 0);
-    variable written_row : unsigned(NEUTRAL_BITS - 1 downto 0);
-    variable weighed     : worst_t;
+  written    <= std_logic_vector(capacitor.length) & std_logic_vector(capacitor.excess);
+  row_number <= capacitor.bank & capacitor.row;
+  table_row  <= std_logic_vector(row_number(ROW_BITS - 1 downto 0));
+
+  g_phases : for x in 0 to 2 generate
+
+    signal place  : std_logic; -- which table; what does not move is the root's, in the first one
+    signal number : unsigned(5 downto 0);
+    signal row    : row_t;
+
+  begin
+
+    place  <= connected.bank and (connected.kind(x)(1) or connected.kind(x)(0));
+    number <= place & to_unsigned(x, 3) & connected.kind(x);
+    row    <= std_logic_vector(number(ROW_BITS - 1 downto 0));
+
+    i_rows : entity work.ram
+      generic map (
+        ADDRESS_WIDTH => ROW_BITS,
+        WIDTH         => LENGTH_WIDTH + TRAJECTORY_WIDTH
+      )
+      port map (
+        clk           => clk,
+        write         => capacitor.write,
+        write_address => table_row,
+        write_word    => written,
+        read          => valid(SEARCH),
+        read_address  => row,
+        read_word     => entry_6(x)
+      );
+
+  end generate g_phases;
+
+  ---------------------------------------------------------------------------------------------
+  -- Rows of the neutral point
+  ---------------------------------------------------------------------------------------------
+
+  neutral_write  <= capacitor.write and capacitor.row(4);
+  neutral_place  <= connected.bank and to_std_logic(connected.pattern /= "000");
+  neutral_number <= neutral_place & unsigned(connected.pattern);
+  neutral_read   <= std_logic_vector(neutral_number(NEUTRAL_BITS - 1 downto 0));
+  neutral_new    <= capacitor.bank & std_logic_vector(capacitor.row(2 downto 0));
+
+  g_two_ports : if SECOND_LEVEL generate
+    neutral_row     <= neutral_read;
+    neutral_written <= neutral_new(NEUTRAL_BITS - 1 downto 0);
+  end generate g_two_ports;
+
+  -- without a second level nothing is read while rows are written: a single port takes half the LUTs
+  g_one_port : if not SECOND_LEVEL generate
+    neutral_row     <= neutral_new(NEUTRAL_BITS - 1 downto 0) when capacitor.write = '1' else
+                       neutral_read;
+    neutral_written <= neutral_row;
+  end generate g_one_port;
+
+  i_neutral_lengths : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => NEUTRAL_BITS,
+      WIDTH         => LENGTH_WIDTH,
+      LATENCY       => 0
+    )
+    port map (
+      clk           => clk,
+      write         => neutral_write,
+      write_address => neutral_written,
+      write_word    => written(written'high downto TRAJECTORY_WIDTH),
+      read          => '1',
+      read_address  => neutral_row,
+      read_word     => neutral_length
+    );
+
+  i_neutral_excesses : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => NEUTRAL_BITS,
+      WIDTH         => TRAJECTORY_WIDTH,
+      LATENCY       => 0
+    )
+    port map (
+      clk           => clk,
+      write         => neutral_write,
+      write_address => neutral_written,
+      write_word    => written(TRAJECTORY_WIDTH - 1 downto 0),
+      read          => '1',
+      read_address  => neutral_row,
+      read_word     => neutral_excess
+    );
+
+  p_neutral : process (clk) is
+
+    variable weighed : worst_t;
 
   begin
 
     if rising_edge(clk) then
-      place       := connected.bank and to_std_logic(connected.pattern /= "000");
-      neutral_row := resize(place & unsigned(connected.pattern), NEUTRAL_BITS);
-      written_row := resize(capacitor.bank & capacitor.row(2 downto 0), NEUTRAL_BITS);
-
-      -- without a second level nothing is read while rows are written: a single port takes half the LUTs
-      if (not SECOND_LEVEL) then
-        if (capacitor.write = '1') then
-          neutral_row := written_row;
-        end if;
-
-        written_row := neutral_row;
-      end if;
-
-      if (capacitor.write = '1') then
-        row       := capacitor.bank & capacitor.row;
-        table_row := resize(row, ROW_BITS);
-        capacitors(to_integer(table_row)) <= std_logic_vector(capacitor.length) & std_logic_vector(capacitor.excess);
-
-        if (capacitor.row(4) = '1') then
-          neutral_lengths(to_integer(written_row))  <= std_logic_vector(capacitor.length);
-          neutral_excesses(to_integer(written_row)) <= std_logic_vector(capacitor.excess);
-        end if;
-      end if;
-
       if (valid(SEARCH) = '1') then
-        -- what does not move is the root's, in the first table
-        for x in 0 to 2 loop
-          place      := connected.bank and (connected.kind(x)(1) or connected.kind(x)(0));
-          row        := place & to_unsigned(x, 3) & connected.kind(x);
-          table_row  := resize(row, ROW_BITS);
-          entry_6(x) <= capacitors(to_integer(table_row));
-        end loop;
-
-        neutral_length_6 <= unsigned(neutral_lengths(to_integer(neutral_row)));
-        weighed          := resize(signed(neutral_excesses(to_integer(neutral_row))), WORST_WIDTH);
+        neutral_length_6 <= unsigned(neutral_length);
+        weighed          := resize(signed(neutral_excess), WORST_WIDTH);
 
         if (WEIGHTED_DEADLOCK and limits.deadlock_rule = '1') then
           weighed := shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT);
@@ -187,7 +246,11 @@ begin
       end if;
     end if;
 
-  end process p_tables;
+  end process p_neutral;
+
+  ---------------------------------------------------------------------------------------------
+  -- Excesses and the shortest length
+  ---------------------------------------------------------------------------------------------
 
   p_currents : process (clk) is
 

@@ -8,10 +8,10 @@
 -- RESULT_WIDTHS.
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
--- Successors (SECOND_LEVEL): after a node, advance runs a second program on the same blocks that
+-- Successors (SECOND_LEVEL): after a node, successor.advance runs a second program on the same blocks that
 -- takes it on to k + L1 (see node_base and docs/sese.md); initiation interval 16 clocks,
--- advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
--- and node.slope, which explorers read, change with show_error and show_slope only.
+-- progress.advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
+-- and node.slope, which explorers read, change with successor.show_error and show_slope only.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
 -- Considered and rejected: docs/alternatives.md.
@@ -27,6 +27,7 @@ library work;
   use work.mpdcc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity common_terms is
   generic (
@@ -34,28 +35,16 @@ entity common_terms is
     SECOND_LEVEL : boolean := false  -- true: with the fast variant's program for successors
   );
   port (
-    clk          : in    std_logic;                                                       -- rising edge
-    rst          : in    std_logic;                                                       -- synchronous, active high
-    start        : in    std_logic;                                                       -- '1' for one clock: begin
-    signals : in std_logic_vector(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0); -- operands A, signed, OPERAND_* order
-    speeds       : in    std_logic_vector(2 * COEFFICIENT_WIDTH - 1 downto 0); -- omega_s, omega_r, signed, 1/16000 pu
-    coefficients : in std_logic_vector(COEFFICIENT_COUNT * COEFFICIENT_WIDTH - 1 downto 0); -- signed, FACTOR_* order
-    issued       : out   std_logic; -- '1' for one clock: the last product is issued, five clocks before done
-    capacitors   : out   std_logic; -- pulse: phase_current and neutral_current are valid from the next clock
-    done         : out   std_logic; -- '1' for one clock: node is new
-    node         : out   node_t;                                                          -- stable until the next done
-    saturated    : out   std_logic; -- '1': a result of this node saturated
-    -- successors of the node, SECOND_LEVEL alone
-    advance      : in    std_logic; -- '1' for one clock: begin with a successor
-    lengths      : in    signed_lengths_t; -- L1 and its signed forms, STEPS order, stable until advanced
-    base         : in    base_words_t; -- operands A of the successor, signed, BASE order
-    slope_ahead  : in    plane_t; -- its natural slope, alpha and beta
-    show_slope   : in    std_logic; -- '1': node.slope becomes the successor's
-    show_error   : in    std_logic; -- '1': node.error of i_a, i_b becomes the successor's, i_c's a clock later
-    advanced     : out   std_logic; -- '1' for one clock: every word of the successor is new
-    overflowed   : out   std_logic; -- '1': one of them saturated, valid from the clock after advanced on
-    error_ahead  : out   trajectories_t; -- current errors by the words as they are
-    words        : out   words_t -- results, alpha and beta
+    clk          : in    std_logic;        -- rising edge
+    rst          : in    std_logic;        -- synchronous, active high
+    start        : in    std_logic;        -- '1' for one clock: begin
+    operands     : in    root_operands_t;  -- of the root, stable from start to done
+    coefficients : in    coefficients_t;   -- signed, FACTOR_* order, likewise
+    successor    : in    successor_t;      -- SECOND_LEVEL: which successor of the node is computed
+    progress     : out   terms_progress_t; -- how far the node and its successor are
+    node         : out   node_t;           -- stable until the next done
+    words        : out   words_t;          -- results, alpha and beta
+    error_ahead  : out   trajectories_t    -- current errors by the words as they are
   );
 end entity common_terms;
 
@@ -98,7 +87,7 @@ architecture rtl of common_terms is
 
   end function computed;
 
-  signal operands     : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
+  signal a_words      : std_logic_vector(OPERAND_COUNT * OPERAND_WIDTH - 1 downto 0);
   signal factors      : std_logic_vector(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto 0);
   signal step         : std_logic_vector(0 to LAST_STEP - 1); -- '1': is issued
   signal complete     : std_logic_vector(0 to LAST_STEP - 1); -- '1': its sum is in the accumulator
@@ -115,6 +104,9 @@ architecture rtl of common_terms is
   signal overflow     : std_logic;
   signal last         : std_logic;
   signal ended        : std_logic;
+  signal done         : std_logic;
+  signal saturated    : std_logic;
+  signal overflowed   : std_logic;
   signal show_third   : std_logic;
 
   -- the fast variant takes the opposite of phase c, so that three errors add up to zero exactly
@@ -135,22 +127,26 @@ begin
     report "common_terms: the paper's program has no successors, SECOND_LEVEL needs FOLDED = false"
     severity failure;
 
-  operands(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= signals;
-  operands(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= base;
+  a_words(SIGNAL_COUNT * OPERAND_WIDTH - 1 downto 0) <= operands.signals;
+  a_words(OPERAND_COUNT * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + PRODUCT_COUNT) * OPERAND_WIDTH) <= successor.base;
 
-  factors(LENGTH_AT * COEFFICIENT_WIDTH - 1 downto 0) <= speeds & coefficients;
+  g_coefficients : for i in 0 to COEFFICIENT_COUNT - 1 generate
+    factors((i + 1) * COEFFICIENT_WIDTH - 1 downto i * COEFFICIENT_WIDTH) <= coefficients(i);
+  end generate g_coefficients;
+
+  factors(LENGTH_AT * COEFFICIENT_WIDTH - 1 downto COEFFICIENT_COUNT * COEFFICIENT_WIDTH) <= operands.speeds;
 
   -- 128 * L1 and its signed forms, and the powers of two that put a word where the products of its sum are
   g_lengths : for i in 0 to SIGNED_LENGTHS - 1 generate
     factors((LENGTH_AT + i + 1) * COEFFICIENT_WIDTH - 1 downto (LENGTH_AT + i) * COEFFICIENT_WIDTH) <=
-      std_logic_vector(shift_left(resize(signed(word(lengths, i, LENGTH_WIDTH + 1)), COEFFICIENT_WIDTH), 7));
+      std_logic_vector(shift_left(resize(signed(word(successor.lengths, i, LENGTH_WIDTH + 1)), COEFFICIENT_WIDTH), 7));
   end generate g_lengths;
 
   factors(FACTOR_COUNT * COEFFICIENT_WIDTH - 1 downto (FACTOR_COUNT - 3) * COEFFICIENT_WIDTH) <=
     x"4000" & x"2000" & x"0080";
 
   g_products : for i in 0 to PRODUCT_COUNT - 1 generate
-    operands((SIGNAL_COUNT + i + 1) * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + i) * OPERAND_WIDTH) <=
+    a_words((SIGNAL_COUNT + i + 1) * OPERAND_WIDTH - 1 downto (SIGNAL_COUNT + i) * OPERAND_WIDTH) <=
       std_logic_vector(resize(terms(i), OPERAND_WIDTH));
   end generate g_products;
 
@@ -164,7 +160,7 @@ begin
 
   begin
 
-    p_words : process (operands, factors, step) is
+    p_words : process (a_words, factors, step) is
 
       variable a_steps : std_logic; -- a step that takes this word
       variable b_steps : std_logic;
@@ -191,7 +187,7 @@ begin
         end loop;
 
         if (a_steps = '1' and PROGRAM_WORDS_A(VARIANT, block_number, w) >= 0) then
-          a_now := a_now or word(operands, maximum_of(PROGRAM_WORDS_A(VARIANT, block_number, w), 0), OPERAND_WIDTH);
+          a_now := a_now or word(a_words, maximum_of(PROGRAM_WORDS_A(VARIANT, block_number, w), 0), OPERAND_WIDTH);
         end if;
 
         if (b_steps = '1' and PROGRAM_WORDS_B(VARIANT, block_number, w) >= 0) then
@@ -295,8 +291,8 @@ begin
       end loop;
 
       if (slopes_ahead = '1') then
-        terms(RESULT_SLOPE_ALPHA) <= slope_ahead(0);
-        terms(RESULT_SLOPE_BETA)  <= slope_ahead(1);
+        terms(RESULT_SLOPE_ALPHA) <= successor.slope(0);
+        terms(RESULT_SLOPE_BETA)  <= successor.slope(1);
       end if;
     end if;
 
@@ -310,9 +306,12 @@ begin
     error_ahead(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
   end generate g_error_ahead;
 
-  advanced   <= ended;
-  issued     <= step(LENGTH_OF_PROGRAM - 1);
-  capacitors <= complete(CAPACITOR_STEP);
+  progress.issued     <= step(LENGTH_OF_PROGRAM - 1);
+  progress.capacitors <= complete(CAPACITOR_STEP);
+  progress.done       <= done;
+  progress.saturated  <= saturated;
+  progress.advanced   <= ended;
+  progress.overflowed <= overflowed;
 
   -- '1' where a program is, a bit for each step and three for those still in the blocks: what is
   -- encoded would have to be decoded before every operand and every result
@@ -341,7 +340,7 @@ begin
 
     if rising_edge(clk) then
       root  <= start & root(0 to root'high - 1);
-      ahead <= (advance and to_std_logic(ADVANCES)) & ahead(ahead'low to ahead'high - 1);
+      ahead <= (successor.advance and to_std_logic(ADVANCES)) & ahead(ahead'low to ahead'high - 1);
       last  <= complete(LENGTH_OF_PROGRAM - 1);
       done  <= last;
       ended <= complete(LAST_STEP - 1);
@@ -393,16 +392,16 @@ begin
   begin
 
     if rising_edge(clk) then
-      show_third <= show_error;
+      show_third <= successor.show_error;
 
       -- explorers look at the third one a clock later
       for x in 0 to 2 loop
-        if (last = '1' or (x < 2 and show_error = '1') or (x = 2 and show_third = '1')) then
+        if (last = '1' or (x < 2 and successor.show_error = '1') or (x = 2 and show_third = '1')) then
           error(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
         end if;
       end loop;
 
-      if (last = '1' or show_slope = '1') then
+      if (last = '1' or successor.show_slope = '1') then
         for x in 0 to 2 loop
           slope(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA), terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
         end loop;

@@ -6,8 +6,8 @@
 -- and capacitor_search.
 --
 -- Formats: see band_t and capacitor_t.
--- Latency: band but for turn with the node, turn 9 clocks after turn_start; table and held as in
--- capacitor_search after capacitors_done.
+-- Latency: band but for turn with the node, turn 9 clocks after preparation.turn; table and held
+-- as in capacitor_search after preparation.capacitors.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -21,29 +21,25 @@ library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity node_preparation is
   generic (
     SECOND_LEVEL : boolean := false -- true: with successors
   );
   port (
-    clk             : in    std_logic;                    -- rising edge
-    rst             : in    std_logic;                    -- synchronous, active high
-    capacitors_done : in    std_logic;                    -- '1' for one clock: capacitor terms are complete with it
-    limits          : in    limits_t;                     -- bounds and horizon, stable
-    node            : in    node_t;                       -- common terms, stable
-    previous        : in    positions_t;                  -- s(k-1), stable
-    negative        : in    std_logic_vector(2 downto 0); -- '1': negative phase current, stable
-    -- successors
-    error_ahead     : in    trajectories_t;               -- current errors that the thresholds are for
-    turn_start      : in    std_logic;                    -- '1' for one clock: begin with the thresholds
-    show_turn       : in    std_logic;                    -- '1': band.turn becomes theirs, c's a clock later
-    successor       : in    std_logic;                    -- with capacitors_done: see capacitor_search
-    bank            : in    std_logic;                    -- with capacitors_done: which table
-    band            : out   band_t;                       -- to the explorers
-    capacitor       : out   capacitor_t;                  -- to the explorers, row by row
-    ready           : out   std_logic;                    -- '1': the last row of the table is out 6 clocks later
-    held            : out   std_logic                     -- '1': s(k-1) keeps capacitors and v_n inside at k+1
+    clk         : in    std_logic;                    -- rising edge
+    rst         : in    std_logic;                    -- synchronous, active high
+    preparation : in    preparation_t;                -- when to begin, and with which node
+    limits      : in    limits_t;                     -- bounds and horizon, stable
+    node        : in    node_t;                       -- common terms, stable
+    previous    : in    positions_t;                  -- s(k-1), stable
+    negative    : in    std_logic_vector(2 downto 0); -- '1': negative phase current, stable
+    error_ahead : in    trajectories_t;               -- current errors that the thresholds are for
+    band        : out   band_t;                       -- to the explorers
+    capacitor   : out   capacitor_t;                  -- to the explorers, row by row
+    ready       : out   std_logic;                    -- '1': the last row of the table is out 6 clocks later
+    held        : out   std_logic                     -- '1': s(k-1) keeps capacitors and v_n inside at k+1
   );
 end entity node_preparation;
 
@@ -78,7 +74,7 @@ begin
     i_threshold : entity work.turn_threshold
       port map (
         clk         => clk,
-        start       => turn_start,
+        start       => preparation.turn,
         margin_up   => room_up,
         margin_down => room_low,
         curvature   => node.curvature(x),
@@ -91,10 +87,10 @@ begin
   begin
 
     if rising_edge(clk) then
-      show_third <= show_turn;
+      show_third <= preparation.show_turn;
 
       for x in 0 to 2 loop
-        if ((x < 2 and show_turn = '1') or (x = 2 and show_third = '1')) then
+        if ((x < 2 and preparation.show_turn = '1') or (x = 2 and show_third = '1')) then
           shown(x) <= thresholds(x);
         end if;
       end loop;
@@ -143,17 +139,17 @@ begin
       SECOND_LEVEL => SECOND_LEVEL
     )
     port map (
-      clk      => clk,
-      rst      => rst,
-      start    => capacitors_done,
-      limits   => limits,
-      node     => node,
-      previous => previous,
-      successor => successor,
-      bank     => bank,
-      held     => held,
-      ready    => ready,
-      entry    => capacitor
+      clk       => clk,
+      rst       => rst,
+      start     => preparation.capacitors,
+      limits    => limits,
+      node      => node,
+      previous  => previous,
+      successor => preparation.successor,
+      bank      => preparation.bank,
+      held      => held,
+      ready     => ready,
+      entry     => capacitor
     );
 
 end architecture rtl;

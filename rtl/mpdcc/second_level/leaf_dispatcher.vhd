@@ -24,6 +24,7 @@ library work;
   use work.mpdcc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity leaf_dispatcher is
   generic (
@@ -33,11 +34,8 @@ entity leaf_dispatcher is
     clk        : in    std_logic;                                -- rising edge
     rst        : in    std_logic;                                -- synchronous, active high
     load       : in    std_logic;                                -- '1' for one clock: begin with a node, with ready
-    position   : in    positions_t;                              -- s1, sampled with load
-    effort     : in    unsigned(EFFORT_WIDTH - 1 downto 0);      -- f_s of s1, sampled with load
+    visit      : in    visit_t;                                  -- the node, sampled with load; its length is not read
     negative   : in    std_logic_vector(2 downto 0);             -- '1': negative phase current, sampled with load
-    bank       : in    std_logic;                                -- table of the capacitors, sampled with load
-    index      : in    unsigned(INDEX_WIDTH - 1 downto 0);       -- place of s1, sampled with load
     ready      : out   std_logic;                                -- '1': a node may be loaded
     ending     : out   std_logic;                                -- '1': ready at most 8 clocks later
     active     : out   std_logic;                                -- '1': leaves come or are about to
@@ -81,9 +79,6 @@ begin
   ending   <= to_std_logic(running = '0' or left < LAST_BLOCKS);
 
   p_count : process (clk) is
-
-    variable wide : natural range 0 to 2; -- phases a and b with four next positions
-
   begin
 
     if rising_edge(clk) then
@@ -114,40 +109,15 @@ begin
       if (load = '1') then
         running  <= '1';
         fresh    <= '1';
-        from     <= position;
-        before   <= effort;
+        from     <= visit.position;
+        before   <= visit.effort;
         sign     <= negative;
-        bank_now <= bank;
-        place    <= index;
+        bank_now <= visit.bank;
+        place    <= visit.index;
         choice_a <= 0;
         choice_b <= 0;
         choice_c <= 0;
-
-        -- three or four next positions of phases a and b
-        wide := 0;
-
-        for x in 0 to 1 loop
-          if (NEXT_LAST(to_integer(position(x))) = 3) then
-            wide := wide + 1;
-          end if;
-        end loop;
-
-        case wide is
-
-          when 0 =>
-
-            left <= to_unsigned(3 * 3 - 1, left'length);
-
-          when 1 =>
-
-            left <= to_unsigned(3 * 4 - 1, left'length);
-
-          when others =>
-
-            left <= to_unsigned(4 * 4 - 1, left'length);
-
-        end case;
-
+        left     <= resize(combinations(visit.position, 2, 1), left'length);
       end if;
 
       if (rst = '1') then

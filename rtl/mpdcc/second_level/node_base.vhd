@@ -30,6 +30,7 @@ library work;
   use work.directmpc_math.all;
   use work.mpdcc_math.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity node_base is
   port (

@@ -26,6 +26,7 @@ library work;
   use work.directmpc_math.all;
   use work.mpdcc_math.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity node_queue is
   port (
@@ -47,7 +48,6 @@ end entity node_queue;
 architecture rtl of node_queue is
 
   constant EFFORTS : natural := MOST_EFFORT + 1;
-  constant PLACES  : natural := 2 ** INDEX_WIDTH;
 
   subtype place_t is unsigned(INDEX_WIDTH - 1 downto 0);
 
@@ -57,22 +57,20 @@ architecture rtl of node_queue is
 
   type heads_t is array (0 to EFFORTS - 1) of place_t;
 
-  type links_t is array (0 to PLACES - 1) of link_t;
-
-  type slopes_words_t is array (0 to PLACES - 1) of slopes_word_t;
-
   type stage_t is (CHOOSE, READ, SHOW);
 
-  signal heads  : heads_t;
-  signal links  : links_t;
-  signal slopes : slopes_words_t;
+  signal heads : heads_t;
 
   signal used       : std_logic_vector(EFFORTS - 1 downto 0); -- '1': the list of this effort has entries
   signal stage      : stage_t;
   signal lowest     : unsigned(EFFORT_WIDTH - 1 downto 0);
   signal place      : place_t;
   signal link       : link_t;
+  signal link_in    : link_t;
   signal slope_word : slopes_word_t;
+  signal slope_in   : slopes_word_t;
+  signal store_link : std_logic;                      -- '1': a candidate is put in
+  signal store_slope : std_logic;                     -- '1': its slopes come
   signal list       : natural range 0 to EFFORTS - 1; -- whose head is read and written
   signal head       : place_t;
   signal whole_now  : std_logic;
@@ -108,24 +106,12 @@ begin
       write_head := evaluated.index;
 
       -- in
-      if (open_root = '1' and evaluated.slope_valid = '1') then
-        slopes(to_integer(evaluated.slope_index)) <= std_logic_vector(evaluated.slope(1))
-                                                     & std_logic_vector(evaluated.slope(0));
-      end if;
-
-      if (open_root = '1' and evaluated.valid = '1') then
-        if (whole_now = '0') then
-          links(to_integer(evaluated.index)) <= std_logic_vector(evaluated.length) & used(list)
-                                                & std_logic_vector(head);
-          used(list) <= '1';
-          write      := '1';
-        end if;
+      if (store_link = '1') then
+        used(list) <= '1';
+        write      := '1';
       end if;
 
       -- out, once the root is done
-      link       <= links(to_integer(place));
-      slope_word <= slopes(to_integer(place));
-
       case stage is
 
         when CHOOSE =>
@@ -167,6 +153,49 @@ begin
     end if;
 
   end process p_lists;
+
+  ---------------------------------------------------------------------------------------------
+  -- Places
+  ---------------------------------------------------------------------------------------------
+
+  store_link  <= open_root and evaluated.valid and not whole_now;
+  store_slope <= open_root and evaluated.slope_valid;
+  link_in     <= std_logic_vector(evaluated.length) & used(list) & std_logic_vector(head);
+  slope_in    <= std_logic_vector(evaluated.slope(1)) & std_logic_vector(evaluated.slope(0));
+
+  i_links : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => INDEX_WIDTH,
+      WIDTH         => INDEX_WIDTH + LENGTH_WIDTH + 1
+    )
+    port map (
+      clk           => clk,
+      write         => store_link,
+      write_address => std_logic_vector(evaluated.index),
+      write_word    => link_in,
+      read          => '1',
+      read_address  => std_logic_vector(place),
+      read_word     => link
+    );
+
+  i_slopes : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => INDEX_WIDTH,
+      WIDTH         => 2 * BASE_WIDTH
+    )
+    port map (
+      clk           => clk,
+      write         => store_slope,
+      write_address => std_logic_vector(evaluated.slope_index),
+      write_word    => slope_in,
+      read          => '1',
+      read_address  => std_logic_vector(place),
+      read_word     => slope_word
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- What is shown
+  ---------------------------------------------------------------------------------------------
 
   whole_now <= to_std_logic(evaluated.length = horizon);
 

@@ -22,6 +22,7 @@ library work;
   use work.mpdcc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity node_shown is
   port (

@@ -9,9 +9,9 @@
 -- Two nodes may be under way: the program of the next one begins while leaves of the one before are
 -- handed out. A node is begun only if the budget covers all its candidates.
 -- Formats: see mpdcc_types.
--- Latency: clocks of mpdcc_timing, from the pulse advance. A node takes SUCCESSOR_CLOCKS clocks at least, or
+-- Latency: clocks of mpdcc_timing, from the pulse successor.advance. A node takes SUCCESSOR_CLOCKS clocks at least, or
 -- as long as its leaves take (see leaf_dispatcher). Of the first, the first leaf is loaded after HAND_OUT_AT.
--- Overflow: unfit says that the state of k+1 does not fit; saturated that a value of it saturated.
+-- Overflow: level.unfit says that the state of k+1 does not fit; level.saturated that a value of it saturated.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -24,54 +24,29 @@ library work;
   use work.directmpc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
+  use work.second_level_types.all;
 
 entity second_level is
   generic (
     EXPLORERS : positive range 1 to 8 := 2 -- number of explorers
   );
   port (
-    clk         : in    std_logic; -- rising edge
-    rst         : in    std_logic; -- synchronous, active high
-    -- from the scheduler
-    phase       : in    level_phase_t;                       -- where the decision is
-    predict     : in    std_logic;                           -- '1' for one clock: begin with the node of k+1
-    previous    : in    positions_t;                         -- s(k-1), stable
-    negative    : in    std_logic_vector(2 downto 0);        -- '1': negative phase current, a in bit 0
-    horizon     : in    length_t;                            -- N, steps, stable
-    budget      : in    unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates, 0: no limit; stable
-    evaluated   : in    evaluated_t;                         -- candidates of the root, by explorer 0
-    -- from common_terms
-    done        : in    std_logic; -- '1' for one clock: the root's node is new
-    charged     : in    std_logic; -- '1' for one clock: the root's capacitor terms are new
-    advanced    : in    std_logic; -- '1' for one clock: every word of a successor is new
-    overflowed  : in    std_logic; -- '1': one of them saturated
-    node        : in    node_t;    -- as it stands there
-    words       : in    words_t;   -- results, RESULT_* order
-    -- to common_terms
-    advance     : out   std_logic;        -- '1' for one clock: begin with a successor
-    lengths     : out   signed_lengths_t; -- L1 and its signed forms
-    base        : out   base_words_t;     -- operands of the successor
-    slope_ahead : out   plane_t;          -- its natural slope
-    show_slope  : out   std_logic;        -- '1': node.slope becomes the successor's
-    show_error  : out   std_logic;        -- '1': errors of the currents become the successor's
-    -- to node_preparation
-    start_lines : out   std_logic; -- '1' for one clock: begin with the capacitors' lines
-    successor   : out   std_logic; -- with start_lines: those of a successor
-    bank        : out   std_logic; -- with start_lines: which table
-    start_turn  : out   std_logic; -- '1' for one clock: begin with the thresholds
-    show_turn   : out   std_logic; -- '1': they are to be shown
-    -- to the explorers
-    shown       : out   node_t;                                    -- the node of their stages
-    reached     : out   reached_t;                                 -- how it was reached
-    leaf_valid  : out   std_logic_vector(EXPLORERS - 1 downto 0);  -- '1': leaf of this explorer is valid
-    leaf        : out   leaves_t(0 to EXPLORERS - 1);              -- one to each explorer
-    -- to the scheduler
-    settle      : out   std_logic; -- '1' for one clock: the node of k+1 is complete
-    unfit       : out   std_logic; -- '1': the state of k+1 does not fit its words and is not predicted
-    saturated   : out   std_logic; -- '1': a value of the node of k+1 saturated
-    whole       : out   std_logic; -- '1': what is evaluated is a leaf of the root
-    over        : out   std_logic; -- '1': no more leaves will come
-    cut         : out   std_logic  -- '1': the budget has run out
+    clk         : in    std_logic;                                -- rising edge
+    rst         : in    std_logic;                                -- synchronous, active high
+    phase       : in    level_phase_t;                            -- where the decision is
+    origin      : in    level_start_t;                            -- what the search starts from
+    predict     : in    std_logic;                                -- '1' for one clock: begin with the node of k+1
+    evaluated   : in    evaluated_t;                              -- candidates of the root, by explorer 0
+    terms       : in    terms_progress_t;                         -- of common_terms
+    node        : in    node_t;                                   -- of common_terms, as it stands there
+    words       : in    words_t;                                  -- of common_terms, results, RESULT_* order
+    successor   : out   successor_t;                              -- to common_terms
+    preparation : out   preparation_t;                            -- to node_preparation
+    shown       : out   node_t;                                   -- to the explorers: the node of their stages
+    reached     : out   reached_t;                                -- to the explorers: how it was reached
+    leaf_valid  : out   std_logic_vector(EXPLORERS - 1 downto 0); -- '1': leaf of this explorer is valid
+    leaf        : out   leaves_t(0 to EXPLORERS - 1);             -- one to each explorer
+    level       : out   level_report_t                            -- to the scheduler
   );
 end entity second_level;
 
@@ -94,52 +69,6 @@ architecture rtl of second_level is
     may_hand_out => '0',
     bank         => '0'
   );
-
-  -- a node from its begin to its leaves
-  type visit_t is record
-    index    : unsigned(INDEX_WIDTH - 1 downto 0);
-    position : positions_t;
-    effort   : unsigned(EFFORT_WIDTH - 1 downto 0);
-    length   : length_t;
-    bank     : std_logic;
-  end record visit_t;
-
-  -- candidates that follow a position: 27, 36, 48 or 64
-  function candidates_of (position : positions_t) return unsigned is
-
-    variable fours : unsigned(1 downto 0);
-
-  begin
-
-    fours := "00";
-
-    for x in 0 to 2 loop
-      if (NEXT_LAST(to_integer(position(x))) = 3) then
-        fours := fours + 1;
-      end if;
-    end loop;
-
-    case fours is
-
-      when "00" =>
-
-        return to_unsigned(27, BUDGET_WIDTH);
-
-      when "01" =>
-
-        return to_unsigned(36, BUDGET_WIDTH);
-
-      when "10" =>
-
-        return to_unsigned(48, BUDGET_WIDTH);
-
-      when others =>
-
-        return to_unsigned(64, BUDGET_WIDTH);
-
-    end case;
-
-  end function candidates_of;
 
   signal r      : state_t;
   signal r_next : state_t;
@@ -180,31 +109,34 @@ architecture rtl of second_level is
 begin
 
   follow      <= not phase.leaves;
-  completed   <= advanced and phase.predicting;
-  settle      <= completed;
-  keep        <= done or completed;
-  unfit       <= base_unfit or start_unfit;
-  show_slope  <= slope_due or completed;
-  show_error  <= error_due or completed;
-  show_turn   <= error_due or follow;
-  start_lines <= charged or completed or (since(CAPACITORS_AT) and not follow);
-  start_turn  <= done or completed or (since(TURN_AT) and not follow);
-  successor   <= since(CAPACITORS_AT);
-  bank        <= visit_table and not follow;
+  completed   <= terms.advanced and phase.predicting;
+  keep        <= terms.done or completed;
   visit_steps <= queue_entry.length when follow = '0' else
                  to_unsigned(1, LENGTH_WIDTH);
   queue_taken <= since(TAKEN_AT) and not follow;
   goes        <= predict or begins;
-  advance     <= goes;
-  saturated   <= predicted_flag;
-  cut         <= r.cut;
-  over        <= to_std_logic(r.pending = 0) and not leaves_active and (r.cut or queue_empty);
+
+  successor.advance    <= goes;
+  successor.show_slope <= slope_due or completed;
+  successor.show_error <= error_due or completed;
+
+  preparation.capacitors <= terms.capacitors or completed or (since(CAPACITORS_AT) and not follow);
+  preparation.successor  <= since(CAPACITORS_AT);
+  preparation.bank       <= visit_table and not follow;
+  preparation.turn       <= terms.done or completed or (since(TURN_AT) and not follow);
+  preparation.show_turn  <= error_due or follow;
+
+  level.settle    <= completed;
+  level.unfit     <= base_unfit or start_unfit;
+  level.saturated <= predicted_flag;
+  level.cut       <= r.cut;
+  level.over      <= to_std_logic(r.pending = 0) and not leaves_active and (r.cut or queue_empty);
 
   ---------------------------------------------------------------------------------------------
   -- Which node is begun, which is handed out
   ---------------------------------------------------------------------------------------------
 
-  p_next : process (r, phase, since, budget, queue_valid, queue_entry, leaves_ready, leaves_ending) is
+  p_next : process (r, phase, since, origin, queue_valid, queue_entry, leaves_ready, leaves_ending) is
 
     variable v    : state_t;
     variable rest : unsigned(BUDGET_WIDTH downto 0);
@@ -214,7 +146,7 @@ begin
     v      := r;
     begins <= '0';
     load   <= '0';
-    rest   := ('0' & r.left) - candidates_of(queue_entry.position);
+    rest   := ('0' & r.left) - combinations(queue_entry.position, 3);
 
     if (phase.idle = '1') then
       v.cut       := '0';
@@ -223,7 +155,7 @@ begin
     end if;
 
     if (phase.leaves = '0') then
-      v.left := budget;
+      v.left := origin.budget;
     else
       if (since(NEXT_AT) = '1') then
         v.may_begin := '1';
@@ -243,7 +175,7 @@ begin
       -- begin with the next while its predecessor's words are still needed for ENDING_CLOCKS at most
       if (queue_valid = '1' and r.cut = '0' and r.may_begin = '1'
           and (r.pending = 0 or (r.pending = 1 and leaves_ending = '1'))) then
-        if (budget /= 0 and rest(BUDGET_WIDTH) = '1') then
+        if (origin.budget /= 0 and rest(BUDGET_WIDTH) = '1') then
           v.cut := '1';
         else
           begins      <= '1';
@@ -288,7 +220,7 @@ begin
         visit_table    <= r.bank;
 
         if (follow = '1') then
-          visit_position <= previous;
+          visit_position <= origin.previous;
         end if;
       end if;
 
@@ -302,7 +234,7 @@ begin
 
       if (load = '1') then
         lead    <= waiting.length;
-        flagged <= overflowed;
+        flagged <= terms.overflowed;
       end if;
 
       if (rst = '1') then
@@ -323,7 +255,7 @@ begin
       completed_late <= completed;
 
       if (completed_late = '1') then
-        predicted_flag <= overflowed;
+        predicted_flag <= terms.overflowed;
       end if;
 
       if (phase.idle = '1') then
@@ -349,9 +281,9 @@ begin
       position    => visit_position,
       steps       => visit_steps,
       slope       => queue_entry.slope,
-      base        => base,
-      lengths     => lengths,
-      slope_ahead => slope_ahead,
+      base        => successor.base,
+      lengths     => successor.lengths,
+      slope_ahead => successor.slope,
       unfit       => base_unfit
     );
 
@@ -362,9 +294,9 @@ begin
       clear     => phase.idle,
       open_root => follow,
       evaluated => evaluated,
-      horizon   => horizon,
-      previous  => previous,
-      whole     => whole,
+      horizon   => origin.horizon,
+      previous  => origin.previous,
+      whole     => level.whole,
       valid     => queue_valid,
       entry     => queue_entry,
       taken     => queue_taken,
@@ -379,11 +311,8 @@ begin
       clk        => clk,
       rst        => rst,
       load       => load,
-      position   => waiting.position,
-      effort     => waiting.effort,
-      negative   => negative,
-      bank       => waiting.bank,
-      index      => waiting.index,
+      visit      => waiting,
+      negative   => origin.negative,
       ready      => leaves_ready,
       ending     => leaves_ending,
       active     => leaves_active,

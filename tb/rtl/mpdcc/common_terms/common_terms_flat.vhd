@@ -7,6 +7,7 @@ library ieee;
 library directmpc;
   use directmpc.directmpc_constants.all;
   use directmpc.mpdcc_types.all;
+  use directmpc.second_level_types.all;
 
 library work;
   use work.mpdcc_flat.all;
@@ -32,6 +33,8 @@ end entity common_terms_flat;
 
 architecture bench of common_terms_flat is
 
+  signal operands    : root_operands_t;
+  signal progress    : terms_progress_t;
   signal node_record : node_t;
 
 begin
@@ -44,25 +47,22 @@ begin
       clk          => clk,
       rst          => rst,
       start        => start,
-      signals      => signals,
-      speeds       => speeds,
-      coefficients => coefficients,
-      issued       => issued,
-      capacitors   => capacitors,
-      done         => done,
+      operands     => operands,
+      coefficients => to_coefficients(coefficients),
+      successor    => SUCCESSOR_NONE,
+      progress     => progress,
       node         => node_record,
-      saturated    => saturated,
-      advance      => '0',
-      lengths      => (others => '0'),
-      base         => (others => '0'),
-      slope_ahead  => (others => (others => '0')),
-      show_slope   => '0',
-      show_error   => '0',
-      advanced     => open,
-      overflowed   => open,
-      error_ahead  => open,
-      words        => open
+      words        => open,
+      error_ahead  => open
     );
+
+  operands.signals <= signals;
+  operands.speeds  <= speeds;
+
+  issued     <= progress.issued;
+  capacitors <= progress.capacitors;
+  done       <= progress.done;
+  saturated  <= progress.saturated;
 
   node <= to_vector(node_record);
 

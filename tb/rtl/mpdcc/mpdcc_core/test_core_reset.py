@@ -171,7 +171,7 @@ RESET_CHECKS = (
     r"|more than one valid|\S+: .* differ at|\S+: a decision that came with the reset"
 )
 FAST_FAULTS = [
-    Fault("mpdcc_scheduler", "r.valid <= STATE_INIT.valid;", "null;  -- valid", RESET_CHECKS),
+    Fault("decision_register", "valid <= '0';", "null;  -- valid", RESET_CHECKS),
     Fault(
         "explorer_fast",
         "valid(1 to COST_STAGE)  <= (others => '0');",

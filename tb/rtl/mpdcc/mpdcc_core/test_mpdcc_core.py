@@ -168,7 +168,7 @@ def few_decisions(variant: str, rtl: Path) -> None:
 
 PAPER_FAULTS = [
     Fault(
-        "mpdcc_scheduler",
+        "decision_register",
         "result.length    := best.length;",
         "result.length    := (others => '0');",
         r"decisions differ",

@@ -41,9 +41,25 @@ end entity mpdcc_explorer_flat;
 
 architecture bench of mpdcc_explorer_flat is
 
-  signal result_record : result_t;
+  signal broadcast  : broadcast_t;
+  signal assignment : assignment_t;
+  signal answer     : answer_t;
 
 begin
+
+  broadcast.node       <= to_node(node);
+  broadcast.band       <= to_band(band);
+  broadcast.capacitor  <= to_capacitor(capacitor);
+  broadcast.last       <= last;
+  broadcast.best_valid <= best_valid;
+  broadcast.best_cost  <= unsigned(best_cost);
+  broadcast.candidate  <= to_candidate(candidate);
+  broadcast.reached    <= REACHED_INIT;
+
+  assignment.candidate_valid <= candidate_valid;
+  assignment.result_ready    <= result_ready;
+  assignment.leaf_valid      <= '0';
+  assignment.leaf            <= LEAF_INIT;
 
   i_explorer : entity directmpc.mpdcc_explorer
     generic map (
@@ -51,30 +67,19 @@ begin
       WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
     )
     port map (
-      clk             => clk,
-      rst             => rst,
-      limits          => to_limits(limits),
-      node            => to_node(node),
-      band            => to_band(band),
-      capacitor       => to_capacitor(capacitor),
-      last            => last,
-      best_valid      => best_valid,
-      best_cost       => unsigned(best_cost),
-      candidate_valid => candidate_valid,
-      candidate_ready => candidate_ready,
-      candidate       => to_candidate(candidate),
-      probe_done      => probe_done,
-      probe_held      => probe_held,
-      result_valid    => result_valid,
-      result_ready    => result_ready,
-      result          => result_record,
-      busy            => busy,
-      leaf_valid      => '0',
-      leaf            => LEAF_INIT,
-      reached         => REACHED_INIT,
-      evaluated       => open
+      clk        => clk,
+      rst        => rst,
+      limits     => to_limits(limits),
+      broadcast  => broadcast,
+      assignment => assignment,
+      answer     => answer
     );
 
-  result <= to_vector(result_record);
+  candidate_ready <= answer.candidate_ready;
+  probe_done      <= answer.probe_done;
+  probe_held      <= answer.probe_held;
+  result_valid    <= answer.result_valid;
+  result          <= to_vector(answer.result);
+  busy            <= answer.busy;
 
 end architecture bench;

@@ -47,13 +47,17 @@ end entity mpdcc_scheduler_flat;
 
 architecture bench of mpdcc_scheduler_flat is
 
-  signal node_record      : node_t;
-  signal band_record      : band_t;
-  signal capacitor_record : capacitor_t;
-  signal candidate_record : candidate_t;
-  signal decision_record  : decision_t;
-  signal result_records   : results_t(0 to EXPLORERS - 1);
-  signal cost             : cost_t;
+  -- one level alone
+  constant OPTIONS : options_t := (
+    two_switchings => '0',
+    budget         => (others => '0'),
+    compensate     => '0'
+  );
+
+  signal decision_record : decision_t;
+  signal broadcast       : broadcast_t;
+  signal assignments     : assignments_t(0 to EXPLORERS - 1);
+  signal answers         : answers_t(0 to EXPLORERS - 1);
 
 begin
 
@@ -63,49 +67,45 @@ begin
       FOLDED    => FOLDED
     )
     port map (
-      clk             => clk,
-      rst             => rst,
-      start           => start,
-      measurement     => to_measurement(measurement),
-      previous        => to_positions(previous),
-      limits          => to_limits(limits),
-      coefficients    => coefficients,
-      valid           => valid,
-      decision        => decision_record,
-      busy            => busy,
-      node            => node_record,
-      band            => band_record,
-      capacitor       => capacitor_record,
-      last            => last,
-      best_valid      => best_valid,
-      best_cost       => cost,
-      candidate_valid => candidate_valid,
-      candidate_ready => candidate_ready,
-      candidate       => candidate_record,
-      probe_done      => probe_done,
-      probe_held      => probe_held,
-      result_valid    => result_valid,
-      result_ready    => result_ready,
-      results         => result_records,
-      explorer_busy   => explorer_busy,
-      two_switchings  => '0',
-      budget          => (others => '0'),
-      compensate      => '0',
-      evaluated       => EVALUATED_INIT,
-      leaf_valid      => open,
-      leaf            => open,
-      reached         => open
+      clk          => clk,
+      rst          => rst,
+      start        => start,
+      measurement  => to_measurement(measurement),
+      previous     => to_positions(previous),
+      coefficients => to_coefficients(coefficients),
+      limits       => to_limits(limits),
+      options      => OPTIONS,
+      valid        => valid,
+      busy         => busy,
+      decision     => decision_record,
+      broadcast    => broadcast,
+      assignments  => assignments,
+      answers      => answers
     );
 
-  g_results : for i in 0 to EXPLORERS - 1 generate
-    result_records(i) <= to_result(results((i + 1) * RESULT_BITS - 1 downto i * RESULT_BITS));
-  end generate g_results;
+  g_explorers : for i in 0 to EXPLORERS - 1 generate
+    candidate_valid(i)         <= assignments(i).candidate_valid;
+    result_ready(i)            <= assignments(i).result_ready;
+    answers(i).candidate_ready <= candidate_ready(i);
+    answers(i).result_valid    <= result_valid(i);
+    answers(i).result          <= to_result(results((i + 1) * RESULT_BITS - 1 downto i * RESULT_BITS));
+    answers(i).busy            <= explorer_busy(i);
+    answers(i).evaluated       <= EVALUATED_INIT;
+  end generate g_explorers;
 
-  node      <= to_vector(node_record);
-  band      <= to_vector(band_record);
-  capacitor <= to_vector(capacitor_record);
-  candidate <= to_vector(candidate_record);
-  decision  <= to_vector(decision_record);
-  best_cost <= std_logic_vector(cost);
+  -- explorer 0 answers the probe
+  g_probe : for i in 0 to EXPLORERS - 1 generate
+    answers(i).probe_done <= probe_done when i = 0 else '0';
+    answers(i).probe_held <= probe_held when i = 0 else '0';
+  end generate g_probe;
+
+  decision   <= to_vector(decision_record);
+  node       <= to_vector(broadcast.node);
+  band       <= to_vector(broadcast.band);
+  capacitor  <= to_vector(broadcast.capacitor);
+  last       <= broadcast.last;
+  best_valid <= broadcast.best_valid;
+  best_cost  <= std_logic_vector(broadcast.best_cost);
+  candidate  <= to_vector(broadcast.candidate);
 
 end architecture bench;

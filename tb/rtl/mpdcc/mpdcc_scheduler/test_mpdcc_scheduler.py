@@ -79,8 +79,8 @@ FAST_FAULTS = [
     Fault("node_preparation", "xor falling", "or falling", r"band turn:"),
     Fault(
         "mpdcc_scheduler",
-        "not predict and probe_held and lines_held",
-        "not predict and probe_held",
+        "not predict and answers(0).probe_held\n             and lines_held",
+        "not predict and answers(0).probe_held",
         r"every candidate was given out:",
     ),
 ]

@@ -1,0 +1,143 @@
+-- Takes the explorers' results, one a clock, and keeps the best.
+--
+-- The lowest-numbered explorer with a result is first. Ties go to the earliest candidate, in whatever order
+-- results arrive (see better). The fast variant has a register between the results and the comparison; its
+-- clock needs it.
+-- Two levels (two_levels): leaves of the root come one by one (whole), before the root's own result. Of the other
+-- results those are compared that come while leaves are searched and are feasible. The first level's
+-- decision (adopt) stands in for want of a leaf.
+--
+-- Formats: see result_t.
+-- Latency: results are taken at once; best counts a result one clock later, two with REGISTERED.
+-- Overflow: none.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_constants.all;
+  use work.directmpc_math.all;
+  use work.mpdcc_math.all;
+  use work.mpdcc_types.all;
+
+entity result_collector is
+  generic (
+    EXPLORERS  : positive range 1 to 8 := 2;   -- number of explorers
+    REGISTERED : boolean               := true -- true: a register before the comparison
+  );
+  port (
+    clk          : in    std_logic;                                -- rising edge
+    rst          : in    std_logic;                                -- synchronous, active high
+    clear        : in    std_logic;                                -- '1': no result is known
+    result_valid : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer has a result
+    result_ready : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: whose result is taken
+    results      : in    results_t(0 to EXPLORERS - 1);            -- of every explorer
+    two_levels   : in    std_logic;                                -- '1': two levels, REGISTERED alone; stable
+    leaves       : in    std_logic;                                -- '1': leaves are searched
+    whole        : in    std_logic;                                -- '1': what is evaluated is a leaf of the root
+    evaluated    : in    evaluated_t;                              -- by explorer 0
+    adopt        : in    std_logic;                                -- '1' for one clock: incoming, if none is known
+    taken        : out   std_logic;                                -- '1': incoming is taken in this clock
+    incoming     : out   result_t;                                 -- the result that is taken
+    best         : out   result_t                                  -- the best so far; feasible is '0' after clear
+  );
+end entity result_collector;
+
+architecture rtl of result_collector is
+
+  signal take    : std_logic_vector(EXPLORERS - 1 downto 0);
+  signal takes   : std_logic;
+  signal chosen  : result_t;
+  signal arrival : result_t;  -- the result to compare
+  signal compare : std_logic; -- '1': compare it
+  signal any     : std_logic; -- '1': kept holds a result
+  signal kept    : result_t;
+
+begin
+
+  take         <= first_of(result_valid);
+  takes        <= to_std_logic(take /= (take'range => '0'));
+  result_ready <= take;
+
+  p_choose : process (take, results) is
+  begin
+
+    chosen <= results(0);
+
+    for i in 1 to EXPLORERS - 1 loop
+      if (take(i) = '1') then
+        chosen <= results(i);
+      end if;
+    end loop;
+
+  end process p_choose;
+
+  g_registered : if REGISTERED generate
+
+    signal whole_arrives : std_logic; -- '1': a leaf of the root is evaluated, and counts
+
+  begin
+
+    whole_arrives <= whole and two_levels;
+
+    p_arrived : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        compare <= takes;
+        arrival <= chosen;
+
+        if (two_levels = '1') then
+          compare <= whole_arrives or (takes and chosen.feasible and leaves);
+        end if;
+
+        if (whole_arrives = '1') then
+          arrival.feasible  <= '1';
+          arrival.saturated <= evaluated.saturated;
+          arrival.index     <= evaluated.index;
+          arrival.length    <= evaluated.length;
+          arrival.rank      <= resize(evaluated.cost, RANK_WIDTH);
+        end if;
+
+        if (rst = '1') then
+          compare <= '0';
+        end if;
+      end if;
+
+    end process p_arrived;
+
+  end generate g_registered;
+
+  g_direct : if not REGISTERED generate
+    compare <= takes;
+    arrival <= chosen;
+  end generate g_direct;
+
+  p_best : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (compare = '1' and (any = '0' or better(arrival, kept) = '1')) then
+        kept <= arrival;
+        any  <= '1';
+      end if;
+
+      if (adopt = '1' and any = '0') then
+        kept <= chosen;
+      end if;
+
+      if (clear = '1') then
+        any           <= '0';
+        kept.feasible <= '0';
+      end if;
+    end if;
+
+  end process p_best;
+
+  taken    <= takes;
+  incoming <= chosen;
+  best     <= kept;
+
+end architecture rtl;
