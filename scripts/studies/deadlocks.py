@@ -122,14 +122,14 @@ BUILT_IN = {LARGEST: "largest", RECOMMENDED: "weighted"}
 """The rules that the RTL has: value of a drive file's ``control.deadlock_rule``."""
 
 RUN_FIELDS = (
-    "case", "horizon", "speed", "bound", "start", "thd_pct", "fsw_hz", "deadlock_pct", "tied_pct",
-    "tied_candidates", "vn_mean_in_deadlocks", "excess_current", "excess_vn", "excess_vph",
+    "case", "horizon", "speed", "bound", "start", "thd_pct", "fsw_hz", "deadlock_pct",
+    "vn_mean_in_deadlocks", "excess_current", "excess_vn", "excess_vph",
 )  # fmt: skip
 STEP_FIELDS = (
     "horizon", "speed", "bound", "deadlock_steps", "episodes", "median_steps", "p90_steps",
     "longest_steps", "inside_at_start_pct", "out_current_pct", "out_vn_pct", "out_vph_pct",
-    "worst_current_pct", "worst_vn_pct", "worst_vph_pct", "tied_pct", "given_up_pu",
-    "vn_correctable_pct", "vn_and_current_pct", "all_inward_pct",
+    "worst_current_pct", "worst_vn_pct", "worst_vph_pct", "tied_pct", "tied_candidates",
+    "given_up_pu", "vn_correctable_pct", "vn_and_current_pct", "all_inward_pct",
     "dead_07_pct", "dead_16_pct", "dead_25_pct", "dead_34_pct",
     "else_07_pct", "else_16_pct", "else_25_pct", "else_34_pct",
 )  # fmt: skip
@@ -174,8 +174,7 @@ def run(
     bounds[:3] = setting.bound
     excess = metrics.bound_violations(result, bounds)
     searched = result.decisions.held == 0
-    tied = result.decisions.deadlock
-    dead = tied > 0
+    dead = result.decisions.deadlock > 0
     return {
         "case": name,
         "horizon": setting.horizon,
@@ -187,8 +186,6 @@ def run(
             result.positions, drive.control.ts
         ).per_device_24_logical,
         "deadlock_pct": 100 * float(dead[searched].mean()) if searched.any() else 0.0,
-        "tied_pct": 100 * float((tied[dead] > 1).mean()) if dead.any() else float("nan"),
-        "tied_candidates": float(tied[dead].mean()) if dead.any() else float("nan"),
         "vn_mean_in_deadlocks": (
             float(result.seen.x_inv[dead, 0].mean()) if dead.any() else float("nan")
         ),
@@ -291,7 +288,7 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
         found = np.empty(4, dtype=np.int64)
         for k in np.flatnonzero(dead):
             s_prev = result.seen.s_prev[k].astype(np.int64)
-            ties.append(rules.ties(given, words[k], s_prev) > 1)
+            ties.append(rules.ties(given, words[k], s_prev))
             _choices(given[0], words[k], s_prev, result.decisions.s[k].astype(np.int64), found)
             offered.append(found.copy())
     out, who = np.vstack(outside), np.concatenate(worst)
@@ -321,7 +318,8 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
         "worst_current_pct": share(who < 3),
         "worst_vn_pct": share(who == 3),
         "worst_vph_pct": share(who > 3),
-        "tied_pct": share(ties),
+        "tied_pct": share([tied > 1 for tied in ties]),
+        "tied_candidates": float(np.mean(ties)) if len(ties) else float("nan"),
         "given_up_pu": float(choices[:, 0].mean()) / unit if len(choices) else float("nan"),
         "vn_correctable_pct": share(choices[v_n_out, 1]),
         "vn_and_current_pct": share(choices[v_n_out, 2]),
