@@ -11,6 +11,7 @@
 
 library work;
   use work.directmpc_constants.all;
+  use work.mpdcc_program.all;
 
 package mpdcc_timing is
 
@@ -44,19 +45,20 @@ package mpdcc_timing is
   constant LAUNCH_CLOCKS : natural := 2;
   constant ENDING_CLOCKS : natural := 8;
 
-  -- clocks from the begin of a successor's program until a result can be read
-  function complete_at (result : natural) return natural;
+  -- clocks from the begin of a step of a successor's program until its result can be read: one to
+  -- issue the step, the block, the register of the result
+  constant STEP_CLOCKS : natural := 1 + MAC_STAGES + 1;
 
   -- clocks of a successor's program
   constant SUCCESSOR_CLOCKS : natural := PROGRAM_STEPS - SUCCESSOR_FIRST;
 
   -- clocks from the begin of a successor's program: capacitor_search starts so that the terms of the
   -- phases are complete when it reads them
-  constant CAPACITORS_AT : natural := complete_at(RESULT_PHASE_ALPHA) - CAPACITOR_READ;
+  constant CAPACITORS_AT : natural := steps_to(RESULT_PHASE_ALPHA) + STEP_CLOCKS - CAPACITOR_READ;
   -- the queue may show the next entry: what is needed of this one is kept at CAPACITORS_AT
   constant TAKEN_AT : natural := CAPACITORS_AT + 1;
   -- errors are complete, the search for the thresholds starts
-  constant TURN_AT : natural := complete_at(RESULT_ERROR_ALPHA);
+  constant TURN_AT : natural := steps_to(RESULT_ERROR_ALPHA) + STEP_CLOCKS;
   -- the first leaf may be loaded: it reads the table in stage SEARCH, a clock after the last row is out
   constant HAND_OUT_AT : natural := CAPACITORS_AT + LAST_SUCCESSOR_ROW + 1 - (LAUNCH_CLOCKS + 1 + SEARCH);
   -- the next program may begin one clock later
@@ -76,28 +78,3 @@ package mpdcc_timing is
   constant SLOPE_STEP : natural := SUCCESSOR_FIRST + 10;
 
 end package mpdcc_timing;
-
-package body mpdcc_timing is
-
-  function complete_at (result : natural) return natural is
-
-    variable last : natural;
-
-  begin
-
-    last := SUCCESSOR_FIRST;
-
-    for b in 0 to BLOCK_COUNT - 1 loop
-      for i in SUCCESSOR_FIRST to PROGRAM_STEPS - 1 loop
-        if (PROGRAM_RESULT(0, b, i) = result) then
-          last := i;
-        end if;
-      end loop;
-    end loop;
-
-    -- a clock to issue the first step, the block, and the register of the result
-    return 1 + last - SUCCESSOR_FIRST + MAC_STAGES + 1;
-
-  end function complete_at;
-
-end package body mpdcc_timing;

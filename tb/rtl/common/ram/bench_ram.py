@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 import cocotb
+from cocotb.triggers import Timer
 
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments
 
@@ -22,6 +23,8 @@ async def random_accesses(dut) -> None:
         return f"{value:0{width}b}"
 
     contents = given.get("CONTENTS", "")
+    # some simulators begin a test before the entity's asserts on generics
+    await Timer(1, "step")
     # word 0 is the rightmost
     memory: list[int | None] = [
         int(contents[len(contents) - (i + 1) * width : len(contents) - i * width], 2)
