@@ -15,12 +15,18 @@ COMMANDS = Path(__file__).resolve().parent / "commands"
 
 
 def commands() -> dict[str, Path]:
-    """Name and file of every command."""
+    """Name and file of every command.
+
+    Returns
+    -------
+    dict[str, Path]
+        Name as a user types it -> file, in order of the names.
+    """
     files = sorted(path for path in COMMANDS.glob("*.py") if path.stem != "__init__")
     return {path.stem.replace("_", "-"): path for path in files}
 
 
-def overview() -> str:
+def _overview() -> str:
     """The commands with what each does, from the first lines of their files."""
     lines = ["usage: python -m scripts COMMAND [ARGUMENTS]; COMMAND --help says more", ""]
     for name, path in commands().items():
@@ -30,10 +36,26 @@ def overview() -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Hand the arguments to a command; 2 when there is none of that name."""
+    """Hand the arguments to a command; 2 when there is none of that name.
+
+    Parameters
+    ----------
+    arguments : Sequence[str] | None
+        Command and its arguments; those of the process if None.
+
+    Returns
+    -------
+    int
+        Exit code of the command; 0 for the overview, 2 if there is no such command.
+
+    Raises
+    ------
+    SystemExit
+        With 2 where the command refuses an argument, with 0 after its --help.
+    """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] in ("-h", "--help"):
-        print(overview())
+        print(_overview())
         return 0
     known = commands()
     if given[0] not in known:

@@ -23,7 +23,7 @@ def _port(name: str) -> str:
     return name.split("[", 1)[0]
 
 
-def lpf(board: Board) -> str:
+def _lpf(board: Board) -> str:
     """Constraints for nextpnr and Diamond."""
     lines = _head(board, "#")
     lines += [
@@ -39,7 +39,7 @@ def lpf(board: Board) -> str:
     return "\n".join([*lines, ""])
 
 
-def xdc(board: Board) -> str:
+def _xdc(board: Board) -> str:
     """Constraints for Vivado."""
     lines = _head(board, "#")
     for name, pin in board.pins.items():
@@ -65,7 +65,7 @@ def xdc(board: Board) -> str:
     return "\n".join([*lines, ""])
 
 
-def ucf(board: Board) -> str:
+def _ucf(board: Board) -> str:
     """Constraints for ISE."""
     lines = _head(board, "#")
     if board.family == "xc6s":
@@ -91,8 +91,19 @@ def ucf(board: Board) -> str:
 
 
 def text(board: Board) -> str:
-    """The constraint file of a board."""
-    return {"ecp5": lpf, "xc7": xdc}.get(board.family, ucf)(board)
+    """The constraint file of a board.
+
+    Parameters
+    ----------
+    board : Board
+        The board.
+
+    Returns
+    -------
+    str
+        For nextpnr, Vivado or ISE, by the board's family.
+    """
+    return {"ecp5": _lpf, "xc7": _xdc}.get(board.family, _ucf)(board)
 
 
 def write() -> None:

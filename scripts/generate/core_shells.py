@@ -93,7 +93,13 @@ class Shell:
 
     @property
     def path(self) -> Path:
-        """File of the shell."""
+        """File of the shell.
+
+        Returns
+        -------
+        Path
+            Below the entity's folder of `rtl/`.
+        """
         return _RTL / self.folder / f"{self.entity}.vhd"
 
 
@@ -498,7 +504,18 @@ def _copied(group: Group, port: Port) -> tuple[str, str]:
 
 
 def text(shell: Shell) -> str:
-    """The whole file of a shell."""
+    """The whole file of a shell.
+
+    Parameters
+    ----------
+    shell : Shell
+        What the file declares and connects.
+
+    Returns
+    -------
+    str
+        VHDL.
+    """
     converts = any(port.convert for group in shell.groups for port in group.ports)
     lines = [f"-- {line}".rstrip() for line in shell.header.splitlines()]
     lines += [

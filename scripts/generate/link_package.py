@@ -41,7 +41,13 @@ def _crc_table() -> list[str]:
 
 
 def text() -> str:
-    """The whole package."""
+    """The whole package.
+
+    Returns
+    -------
+    str
+        VHDL.
+    """
     lines = [
         _HEADER,
         "library ieee;",

@@ -392,7 +392,13 @@ def _program() -> list[str]:
 
 
 def text() -> str:
-    """The whole package."""
+    """The whole package.
+
+    Returns
+    -------
+    str
+        VHDL.
+    """
     return "\n".join(
         [
             _HEADER,
@@ -410,7 +416,13 @@ def text() -> str:
 
 
 def leg_text() -> str:
-    """The package of the leg."""
+    """The package of the leg.
+
+    Returns
+    -------
+    str
+        VHDL.
+    """
     return "\n".join(
         [
             _LEG_HEADER,

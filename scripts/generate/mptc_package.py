@@ -238,7 +238,13 @@ def _program() -> list[str]:
 
 
 def text() -> str:
-    """The whole package."""
+    """The whole package.
+
+    Returns
+    -------
+    str
+        VHDL.
+    """
     return "\n".join(
         [
             _HEADER,

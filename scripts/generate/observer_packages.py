@@ -32,6 +32,16 @@ def text(entity: str) -> str:
     ----------
     entity : str
         Key of ``PROGRAMS``.
+
+    Returns
+    -------
+    str
+        VHDL.
+
+    Raises
+    ------
+    KeyError
+        If there is no such observer.
     """
     program, source = PROGRAMS[entity]
     a, b, seeds = places(program.a), places(program.b), places(program.seeds)

@@ -36,7 +36,13 @@ MEASUREMENTS = (
 
 
 def frames() -> list[tuple[str, Frame]]:
-    """Examples with a title each."""
+    """Examples with a title each.
+
+    Returns
+    -------
+    list of tuple of str and Frame
+        In the order of the page.
+    """
     identity = Identity(p.VERSION, Controller.MPDCC, 2, 2, 4, 25_000_000, 125_000)
     measured = p.step_payload(list(MEASUREMENTS), p.packed_positions((6, 2, 1)))
     decided = Decision(p.packed_positions((7, 2, 1)), 1 << p.Flag.ENABLED, 12, 81, 0, 0x35A6AC)
@@ -76,7 +82,7 @@ def _hex(data: bytes) -> str:
     return "\n".join(f"    {row}" for row in rows)
 
 
-def examples() -> str:
+def _examples() -> str:
     """The examples as Markdown."""
     return "\n\n".join(f"{title}:\n\n{_hex(frame.wire())}" for title, frame in frames())
 
@@ -88,7 +94,7 @@ def _docs(enum: type) -> dict[str, str]:
     return dict(re.findall(r"^    (\w+) = \w+  # (.*)$", body, re.M))
 
 
-def outcomes() -> str:
+def _outcomes() -> str:
     """The table of outcomes as Markdown."""
     docs = _docs(Outcome)
     rows = [(o.value, f"`{o.name}`", docs[o.name]) for o in Outcome]
@@ -98,12 +104,22 @@ def outcomes() -> str:
 def page(text: str) -> str:
     """The page with everything between its marks written anew.
 
+    Parameters
+    ----------
+    text : str
+        The page.
+
+    Returns
+    -------
+    str
+        The page.
+
     Raises
     ------
     MarkerError
         If a mark is missing.
     """
-    for name, body in (("examples", examples()), ("outcomes", outcomes())):
+    for name, body in (("examples", _examples()), ("outcomes", _outcomes())):
         begin, end = (mark.format(name) for mark in _MARKS)
         text = tables.between(text, body, begin, end)
     return text

@@ -146,7 +146,18 @@ def _mpdcc_text(name: str) -> str:
 
 
 def parameters(controller: str) -> list[Word]:
-    """Parameters of a controller and its observer in port order."""
+    """Parameters of a controller and its observer in port order.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    list[Word]
+        A word for each port.
+    """
     if controller == "mpdcc":
         width = formats.COEFFICIENT_WIDTH
         words = [
@@ -186,7 +197,18 @@ def parameters(controller: str) -> list[Word]:
 
 
 def measurements(controller: str) -> list[Word]:
-    """Measurements and references of a controller in port order."""
+    """Measurements and references of a controller in port order.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    list[Word]
+        A word for each port.
+    """
     if controller == "mpdcc":
         words = [
             Word(name, form.width, form.signed, f"1/{form.scale:.9g} pu")
@@ -229,7 +251,7 @@ def _regfile(name: str, words: Iterable[Word], *, committed: bool) -> Iterator[s
     yield "};"
 
 
-def parameters_rdl() -> str:
+def _parameters_rdl() -> str:
     """Text of the generated part of the SystemRDL source."""
     major, minor, patch = directmpc.__version__.split(".")
     lines = [
@@ -254,7 +276,7 @@ def parameters_rdl() -> str:
     return "\n".join([*lines, ""])
 
 
-def elaborate(controller: str) -> AddrmapNode:
+def _elaborate(controller: str) -> AddrmapNode:
     """Compile the SystemRDL source with the map of a controller on top."""
     compiler = RDLCompiler()
     for extension in ALL_UDPS:
@@ -453,10 +475,10 @@ def _markdown(tops: dict[str, AddrmapNode]) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def files() -> dict[Path, str]:
+def _files() -> dict[Path, str]:
     """Every generated file and its text; `parameters.rdl` has to be on disk already."""
     found: dict[Path, str] = {}
-    tops = {controller: elaborate(controller) for controller in CONTROLLERS}
+    tops = {controller: _elaborate(controller) for controller in CONTROLLERS}
     with tempfile.TemporaryDirectory(prefix="directmpc-registers-") as name:
         folder = Path(name)
         for controller, top in tops.items():
@@ -485,6 +507,6 @@ def _write(path: Path, text: str) -> None:
 
 def write() -> None:
     """Write the files."""
-    _write(PARAMETERS, parameters_rdl())
-    for path, text in files().items():
+    _write(PARAMETERS, _parameters_rdl())
+    for path, text in _files().items():
         _write(path, text)

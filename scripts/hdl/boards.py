@@ -66,11 +66,35 @@ class Board:
 
     @property
     def core_mhz(self) -> float:
-        """Clock of the core."""
+        """Clock of the core.
+
+        Returns
+        -------
+        float
+            MHz.
+        """
         return self.clock_mhz / self.divide
 
     def generics(self, controller: str, explorers: int = 1) -> Generics:
-        """Generics of board_top."""
+        """Generics of board_top.
+
+        Parameters
+        ----------
+        controller : str
+            "mpdcc" or "mptc".
+        explorers : int
+            Explorers, 1 to 6; they count for "mpdcc" alone.
+
+        Returns
+        -------
+        Generics
+            Generic -> value; CLOCK_HZ in Hz, BAUD in bits a second.
+
+        Raises
+        ------
+        KeyError
+            If there is no such controller.
+        """
         found: Generics = {
             "CONTROLLER": {"mpdcc": 1, "mptc": 2}[controller],
             "CLOCK_HZ": int(self.core_mhz * 1e6),
@@ -83,7 +107,13 @@ class Board:
 
     @property
     def constraint_file(self) -> Path:
-        """Where its constraints are."""
+        """Where its constraints are.
+
+        Returns
+        -------
+        Path
+            File below `constraints/`: .lpf for ECP5, .xdc for 7 series, else .ucf.
+        """
         suffix = {"ecp5": "lpf", "xc7": "xdc"}.get(self.family, "ucf")
         stem = self.name.rsplit("-", 1)[0] if self.family == "ecp5" else self.name
         return CONSTRAINTS / f"{stem.replace('-', '_')}.{suffix}"

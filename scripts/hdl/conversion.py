@@ -342,7 +342,23 @@ COMPLETE_FROM = 5
 
 
 def loses(version: str) -> bool:
-    """Whether a GHDL that prints this as its version has to be converted the long way."""
+    """Whether a GHDL that prints this as its version has to be converted the long way.
+
+    Parameters
+    ----------
+    version : str
+        First line of ``ghdl --version``.
+
+    Returns
+    -------
+    bool
+        True for versions before 5.
+
+    Raises
+    ------
+    NetlistError
+        If the line holds no version.
+    """
     found = re.match(r"GHDL (\d+)\.", version)
     if found is None:
         raise NetlistError(f"cannot read the version of GHDL in '{version}'")
@@ -350,7 +366,18 @@ def loses(version: str) -> bool:
 
 
 def needs_vhdl(verilog: str) -> bool:
-    """Whether the Verilog text has parts that only the VHDL form can restore."""
+    """Whether the Verilog text has parts that only the VHDL form can restore.
+
+    Parameters
+    ----------
+    verilog : str
+        What GHDL 2.0 writes.
+
+    Returns
+    -------
+    bool
+        True if it has an arithmetic shift or a `case` without default.
+    """
     if _SHIFT.search(verilog):
         return True
     return any("default:" not in case.group(3) for case in _CASE.finditer(verilog))
@@ -361,18 +388,37 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 
     Without VHDL every `case` is taken as it is: GHDL 5 writes no default where all choices are
     there.
+
+    Parameters
+    ----------
+    verilog : str
+        What GHDL writes.
+    vhdl : str | None
+        The same netlist in VHDL; None where GHDL writes whole Verilog.
+    top : str
+        Entity that has been converted.
+
+    Returns
+    -------
+    tuple of str and Repairs
+        The Verilog, and how much was restored.
+
+    Raises
+    ------
+    NetlistError
+        If a part of one form has no twin in the other, or cannot be trusted.
     """
     architectures = _read_vhdl(vhdl or "")
     modules = {name.lower() for name in re.findall(r"^module (\w+)", verilog, re.M)}
     log = Repairs()
 
-    def constant(match: re.Match[str]) -> str:
+    def _constant(match: re.Match[str]) -> str:
         log.constants += 1
         return f"{len(match.group(1))}'b{match.group(1)}"
 
-    def module(match: re.Match[str]) -> str:
+    def _module(match: re.Match[str]) -> str:
         name, body = match.groups()
-        body = _TEXT.sub(constant, _ATTRIBUTES.sub("", body))
+        body = _TEXT.sub(_constant, _ATTRIBUTES.sub("", body))
         if '"' in body:
             raise NetlistError(f"{name}: a text is left in the Verilog")
         body, renamed = _rename_keywords(name, body, log)
@@ -391,7 +437,7 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
             raise NetlistError(f"{name}: comparison with a don't-care, '{found.group(0)}'")
         return f"module {name}\n{_blocking(body)}endmodule"
 
-    return _MODULE.sub(module, verilog), log
+    return _MODULE.sub(_module, verilog), log
 
 
 # ---------------------------------------------------------------------------------------------
@@ -524,15 +570,26 @@ _MEMORY = re.compile(r"^ *reg \[(\d+):0\] (\w+)\[(\d+):0\] ; // memory$", re.M)
 
 
 def check_zeros(verilog: str) -> None:
-    """Refuse a constant of zeros whose topmost 32 bits GHDL 2.0 may have lost, see the module."""
+    """Refuse a constant of zeros whose topmost 32 bits GHDL 2.0 may have lost, see the module.
 
-    def suspect(bits: int) -> bool:
+    Parameters
+    ----------
+    verilog : str
+        Converted netlist.
+
+    Raises
+    ------
+    NetlistError
+        If there is such a constant; it names the module.
+    """
+
+    def _suspect(bits: int) -> bool:
         return bits > 32 and bits % 32 == 0
 
     for name, body in _MODULE.findall(verilog):
         for match in _ZERO.finditer(body):
             # `64'b0` with the one digit is how an extension is written
-            if suspect(len(match.group(2))):
+            if _suspect(len(match.group(2))):
                 raise NetlistError(
                     f"{name}: a constant of {match.group(1)} bits is zero, or was but for its "
                     "topmost 32, which GHDL 2.0 loses; assign zeros of that width in two parts, "
@@ -542,7 +599,7 @@ def check_zeros(verilog: str) -> None:
             high, memory, last = match.groups()
             words = re.findall(rf"^ *{memory}\[\d+\] = \d+'b(\w+);$", body, re.M)
             bits = (int(high) + 1) * (int(last) + 1)
-            if words and suspect(bits) and set("".join(words)) == {"0"}:
+            if words and _suspect(bits) and set("".join(words)) == {"0"}:
                 raise NetlistError(
                     f"{name}: memory {memory} of {bits} bits holds zeros, or did but for its "
                     "topmost 32, which GHDL 2.0 loses"
@@ -550,7 +607,22 @@ def check_zeros(verilog: str) -> None:
 
 
 def check_structure(verilog: Path, top: str) -> None:
-    """Refuse a latch, a combinational loop, an undriven wire or a second driver."""
+    """Refuse a latch, a combinational loop, an undriven wire or a second driver.
+
+    Parameters
+    ----------
+    verilog : Path
+        Converted netlist.
+    top : str
+        Entity at its top.
+
+    Raises
+    ------
+    NetlistError
+        If Yosys finds one of them, or fails.
+    ToolError
+        If there is no Yosys.
+    """
     script = "; ".join(
         [
             f'read_verilog "{verilog.name}"',
@@ -575,7 +647,37 @@ def convert(
     std: str | None = None,
     check: bool = True,
 ) -> tuple[Path, Repairs]:
-    """Write the Verilog of `top` with `generics` to `out` and return its path and the repairs."""
+    """Write the Verilog of `top` with `generics` to `out` and return its path and the repairs.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    out : Path | None
+        File of the Verilog; below build/netlist if None.
+    files : Sequence[Path] | None
+        VHDL in compile order; what the entity needs of rtl/ if None.
+    std : str | None
+        Version of VHDL, "93" or "08"; the oldest that the files allow if None.
+    check : bool
+        Whether zeros and structure are looked at, see `check_zeros` and `check_structure`.
+
+    Returns
+    -------
+    tuple of Path and Repairs
+        The file, and how much was restored.
+
+    Raises
+    ------
+    NetlistError
+        If two conversions disagree, or the netlist cannot be trusted.
+    ToolError
+        If GHDL or Yosys is missing or fails.
+    SourcesError
+        If there is no such entity.
+    """
     generics = generics or {}
     if files is None:
         files = sources.compile_order(top, sources.rtl_files())
@@ -611,7 +713,31 @@ def convert(
 
 
 def cached(top: str, generics: Generics | None = None, *, std: str | None = None) -> Path:
-    """The Verilog of a configuration, converted only when its sources or tools have changed."""
+    """The Verilog of a configuration, converted only when its sources or tools have changed.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    std : str | None
+        Version of VHDL, "93" or "08"; the oldest that the files allow if None.
+
+    Returns
+    -------
+    Path
+        The file, below build/netlist.
+
+    Raises
+    ------
+    NetlistError
+        If the netlist cannot be trusted.
+    ToolError
+        If GHDL or Yosys is missing or fails.
+    SourcesError
+        If there is no such entity.
+    """
     generics = generics or {}
     files = sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)
@@ -632,7 +758,18 @@ def cached(top: str, generics: Generics | None = None, *, std: str | None = None
 
 
 def meaning(verilog: str) -> str:
-    """The text without comments: where a line stands in the VHDL is nothing a result depends on."""
+    """The text without comments: where a line stands in the VHDL is nothing a result depends on.
+
+    Parameters
+    ----------
+    verilog : str
+        Converted netlist.
+
+    Returns
+    -------
+    str
+        The text without lines of comments.
+    """
     return re.sub(r"^\s*(?:/\*.*\*/|//.*)\n", "", verilog, flags=re.M)
 
 
@@ -644,13 +781,23 @@ def modules(verilog: str) -> dict[str, str]:
 
     GHDL numbers such nets throughout a design. But for that a module is the same text in every
     design that holds it with the same generics, or its conversion depends on what is around it.
+
+    Parameters
+    ----------
+    verilog : str
+        Converted netlist.
+
+    Returns
+    -------
+    dict[str, str]
+        Name -> text between ``module`` and ``endmodule``.
     """
     found = {}
     for match in _MODULE.finditer(meaning(verilog)):
         numbers: dict[str, str] = {}
 
-        def number(name: re.Match[str], numbers: dict[str, str] = numbers) -> str:
+        def _number(name: re.Match[str], numbers: dict[str, str] = numbers) -> str:
             return numbers.setdefault(name.group(0), f"n{len(numbers)}")
 
-        found[match.group(1)] = _UNNAMED.sub(number, match.group(2))
+        found[match.group(1)] = _UNNAMED.sub(_number, match.group(2))
     return found

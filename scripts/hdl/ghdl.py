@@ -33,6 +33,13 @@ class BenchError(AssertionError):
 class CheckError(BenchError):
     """The bench ran to a check that failed: neither a crash nor a bench that took too long.
 
+    Parameters
+    ----------
+    check : str
+        What the check says of itself.
+    log : str
+        End of the bench's log.
+
     Attributes
     ----------
     check : str
@@ -54,8 +61,13 @@ def chosen_ghdl(folder: Path) -> Iterator[None]:
 
     Parameters
     ----------
-    folder
+    folder : Path
         A script called `ghdl` goes there, in a folder of its own.
+
+    Yields
+    ------
+    None
+        Once, while that GHDL is found first.
 
     Raises
     ------
@@ -110,24 +122,35 @@ def execute(
 
     Parameters
     ----------
-    top
+    top : str
         Entity to simulate.
-    module
+    module : str
         Cocotb module, importable from the root of the project.
-    folder
+    folder : Path
         Where everything is built and left.
-    units
+    units : Sequence[str]
         Units of the design that are needed, with all they need.
-    files
+    files : Sequence[Path]
         VHDL files of the bench, in compile order; they find the design in library `directmpc`.
-    generics
+    generics : Mapping[str, object] | None
         Of the top; text or numbers as GHDL's command line takes them.
-    environment
+    environment : Mapping[str, str] | None
         For the cocotb module.
-    rtl
+    rtl : Path
         Folder of the design.
-    timeout
+    timeout : int | None
         Seconds until the simulator is ended; never, if None.
+
+    Raises
+    ------
+    BuildError
+        If a file does not compile.
+    CheckError
+        If a check of the bench fails.
+    BenchError
+        If the bench ends otherwise, by a crash or the time limit for instance.
+    ToolError
+        If there is no GHDL.
     """
     available = rtl_files(rtl)
     sources: list[Path] = []

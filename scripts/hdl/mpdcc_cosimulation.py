@@ -24,7 +24,20 @@ PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core ha
 
 
 def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
-    """One row of inputs as the bench takes it."""
+    """One row of inputs as the bench takes it.
+
+    Parameters
+    ----------
+    measurement : np.ndarray
+        Words in the order of ``formats.MEASUREMENTS``, shape (13,).
+    s_prev : np.ndarray
+        s(k-1), positions 0 to 7, shape (3,).
+
+    Returns
+    -------
+    int
+        16 bits a measurement, the first lowest, then three bits a phase.
+    """
     words = (np.asarray(measurement, dtype=np.int64) & 0xFFFF).astype("<u2").tobytes()
     positions = int(s_prev[0]) | int(s_prev[1]) << 3 | int(s_prev[2]) << 6
     return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
@@ -35,7 +48,18 @@ _TAIL = (6, 2, 1, 12, 1, 1)
 
 
 def pack_parameters(registers: np.ndarray) -> int:
-    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``."""
+    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``.
+
+    Parameters
+    ----------
+    registers : np.ndarray
+        `Registers.array()`, shape (42,).
+
+    Returns
+    -------
+    int
+        The ports side by side, the first lowest.
+    """
     words = len(registers) - len(_TAIL)
     value, shift = 0, 0
     for word, width in zip(registers, (_WIDTH,) * words + _TAIL, strict=True):
@@ -45,7 +69,20 @@ def pack_parameters(registers: np.ndarray) -> int:
 
 
 def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
-    """Fields of a decision in the order of ``FIELDS``."""
+    """Fields of a decision in the order of ``FIELDS``.
+
+    Parameters
+    ----------
+    response : int
+        Port ``response`` of the bench, 19 bits.
+    cycles : int
+        Clock cycles of the decision.
+
+    Returns
+    -------
+    tuple of int
+        Nine fields.
+    """
     return (
         response & 7,
         response >> 3 & 7,
@@ -60,7 +97,15 @@ def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
 
 
 class Bench:
-    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each."""
+    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each.
+
+    Parameters
+    ----------
+    dut : cocotb handle
+        The bench ``mpdcc_core_bench``.
+    registers : np.ndarray
+        Parameters, shape (42,), or (n, 42) for n rows.
+    """
 
     def __init__(self, dut, registers: np.ndarray) -> None:
         self.dut = dut
@@ -79,7 +124,25 @@ class Bench:
         await Timer(2 * CLOCK_NS, "ns")
 
     async def decide(self, measurement: np.ndarray, s_prev: np.ndarray) -> tuple[int, ...]:
-        """One decision."""
+        """One decision.
+
+        Parameters
+        ----------
+        measurement : np.ndarray
+            Words in the order of ``formats.MEASUREMENTS``, shape (13,).
+        s_prev : np.ndarray
+            s(k-1), positions 0 to 7, shape (3,).
+
+        Returns
+        -------
+        tuple[int, ...]
+            Fields in the order of ``FIELDS``.
+
+        Raises
+        ------
+        SimTimeoutError
+            If no answer comes within ``PATIENCE_CLOCKS``.
+        """
         self.level ^= 1
         if self.registers.ndim == 2:
             self.dut.parameters.value = pack_parameters(self.registers[self.decided])
@@ -140,7 +203,13 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 @cocotb.test()
 async def run_job(dut) -> None:
-    """Do what the job file says."""
+    """Do what the job file says.
+
+    Parameters
+    ----------
+    dut : cocotb handle
+        The bench ``mpdcc_core_bench``.
+    """
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut, job.registers)
     await bench.reset()

@@ -60,7 +60,13 @@ class Loop:
     delay: bool = False
 
     def plant(self) -> Plant:
-        """The plant in its first state."""
+        """The plant in its first state.
+
+        Returns
+        -------
+        Plant
+            At the speed and dc-link voltage of the first step.
+        """
         return Plant(self.drive, float(self.omega_r[0]), float(self.vdc[0]), self.state)
 
 
@@ -76,7 +82,13 @@ class Job(simulator.Job):
 
     @property
     def steps(self) -> int:
-        """Decisions to make."""
+        """Decisions to make.
+
+        Returns
+        -------
+        int
+            Steps of the loop, or rows.
+        """
         return len(self.loop.omega_s) if self.loop is not None else len(self.measurements)
 
 
@@ -120,7 +132,26 @@ def generics(
 ) -> dict[str, int | str]:
     """Generics of the bench around a core.
 
-    `second`: SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
+    Parameters
+    ----------
+    explorers : int
+        Explorers of the core.
+    variant : str
+        "fast" or "paper".
+    second : bool
+        Whether SESE and delay compensation are built in.
+    weighted : bool
+        Whether the weighted deadlock rule is built in.
+
+    Returns
+    -------
+    dict[str, int | str]
+        Generic -> value as GHDL's command line takes it; bounds in clocks.
+
+    Raises
+    ------
+    BudgetError
+        If there is no budget for that many explorers.
     """
     return {
         "EXPLORERS": explorers,
@@ -133,7 +164,7 @@ def generics(
     }
 
 
-def build_and_run(
+def _build_and_run(
     job_path: Path, explorers: int, variant: str, second: bool, weighted: bool
 ) -> None:
     """Analyse the RTL and run the bench in this process's children."""
@@ -159,22 +190,24 @@ def simulate_rows(
 
     Parameters
     ----------
-    measurements : (n, 13)
+    measurements : ndarray of int64, shape (n, 13)
         In the order of ``formats.MEASUREMENTS``.
-    s_prev : (n, 3)
-        s(k-1).
-    values
-        ``Registers.array()``.
-    explorers, variant
-        Configuration of the core.
-    progress
+    s_prev : ndarray of int64, shape (n, 3)
+        s(k-1), positions 0 to 7.
+    values : IntArray
+        `Registers.array()`, shape (42,).
+    explorers : int
+        Explorers of the core.
+    variant : str
+        "fast" or "paper".
+    progress : Callable[[int], None] | None
         Called now and then with the number of decisions made.
-    processes
+    processes : int | None
         Simulators to split the rows over, see `simulator.in_parallel`.
 
     Returns
     -------
-    (n, 9)
+    ndarray of int64, shape (n, 9)
         In the order of ``variants.FIELDS``.
 
     Raises
@@ -183,15 +216,15 @@ def simulate_rows(
         If a simulator is missing or fails.
     """
 
-    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+    def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         job = Job(values, measurements[rows], s_prev[rows])
         answer = simulate(job, explorers, variant, advance)
         return np.asarray(answer["decisions"], dtype=np.int64)
 
-    return simulator.in_parallel(len(measurements), run, progress, processes)
+    return simulator.in_parallel(len(measurements), _run, progress, processes)
 
 
 if __name__ == "__main__":
-    build_and_run(
+    _build_and_run(
         Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1", sys.argv[5] == "1"
     )

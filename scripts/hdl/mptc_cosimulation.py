@@ -24,7 +24,20 @@ _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core ha
 
 
 def pack_row(measurement: np.ndarray, u: int) -> int:
-    """One row of inputs as the bench takes it."""
+    """One row of inputs as the bench takes it.
+
+    Parameters
+    ----------
+    measurement : np.ndarray
+        Words in the order of ``formats.MEASUREMENTS``, shape (8,).
+    u : int
+        Number of the vector being applied, 0 to 7.
+
+    Returns
+    -------
+    int
+        16 bits a measurement, 15 for the last, the first lowest, then the vector.
+    """
     value = 0
     for index, word in enumerate(measurement):
         value |= (int(word) & 0xFFFF) << (MEASUREMENT_WIDTH * index)
@@ -32,7 +45,7 @@ def pack_row(measurement: np.ndarray, u: int) -> int:
     return value | int(u) << (MEASUREMENT_WIDTH * len(MEASUREMENTS) - 1)
 
 
-def pack_parameters(registers: np.ndarray) -> int:
+def _pack_parameters(registers: np.ndarray) -> int:
     """Parameter ports as the bench takes them: coefficients, then the method."""
     value = 0
     for index, word in enumerate(registers[:-1]):
@@ -41,14 +54,26 @@ def pack_parameters(registers: np.ndarray) -> int:
 
 
 class Bench:
-    """Drives the bench's ports."""
+    """Drives the bench's ports.
+
+    Parameters
+    ----------
+    dut : cocotb handle
+        The bench ``mptc_core_bench``.
+    """
 
     def __init__(self, dut) -> None:
         self.dut = dut
         self.level = 0
 
     async def reset(self, registers: np.ndarray) -> None:
-        """Reset and load the parameters."""
+        """Reset and load the parameters.
+
+        Parameters
+        ----------
+        registers : np.ndarray
+            Coefficients, then the method.
+        """
         self.dut.request.value = 0
         self.dut.row.value = 0
         self.load(registers)
@@ -58,11 +83,35 @@ class Bench:
         await Timer(2 * CLOCK_NS, "ns")
 
     def load(self, registers: np.ndarray) -> None:
-        """Write the parameters."""
-        self.dut.parameters.value = pack_parameters(registers)
+        """Write the parameters.
+
+        Parameters
+        ----------
+        registers : np.ndarray
+            Coefficients, then the method.
+        """
+        self.dut.parameters.value = _pack_parameters(registers)
 
     async def decide(self, measurement: np.ndarray, u: int) -> tuple[int, ...]:
-        """One decision in the order of ``FIELDS``."""
+        """One decision in the order of ``FIELDS``.
+
+        Parameters
+        ----------
+        measurement : np.ndarray
+            Words in the order of ``formats.MEASUREMENTS``, shape (8,).
+        u : int
+            Number of the vector being applied, 0 to 7.
+
+        Returns
+        -------
+        tuple[int, ...]
+            Vector, clock cycles, two flags and switchings.
+
+        Raises
+        ------
+        SimTimeoutError
+            If no answer comes.
+        """
         self.level ^= 1
         self.dut.row.value = pack_row(measurement, u)
         self.dut.request.value = self.level
@@ -123,7 +172,13 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 @cocotb.test()
 async def run_job(dut) -> None:
-    """Do what the job file says."""
+    """Do what the job file says.
+
+    Parameters
+    ----------
+    dut : cocotb handle
+        The bench ``mptc_core_bench``.
+    """
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut)
     await bench.reset(job.registers)

@@ -31,7 +31,18 @@ MEASURED = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
 
 
 def held_inputs(words: joined.Parameters) -> dict[str, int]:
-    """Parameter ports of ``mptc_drive``: name -> value."""
+    """Parameter ports of ``mptc_drive``: name -> value.
+
+    Parameters
+    ----------
+    words : joined.Parameters
+        Parameters of core and observer, limit and level of the pre-excitation.
+
+    Returns
+    -------
+    dict[str, int]
+        Signed integers; ``restart`` is 0.
+    """
     return {
         **{f"c_{n}": int(v) for n, v in zip(COEFFICIENTS, words.core, strict=False)},
         **{f"c_{n}": int(v) for n, v in zip(observer.COEFFICIENTS, words.observer, strict=True)},
@@ -44,7 +55,18 @@ def held_inputs(words: joined.Parameters) -> dict[str, int]:
 
 
 def ports() -> netlist_check.Ports:
-    """Ports of the netlist, those that stand still marked."""
+    """Ports of the netlist, those that stand still marked.
+
+    Returns
+    -------
+    netlist_check.Ports
+        Widths in bits by name.
+
+    Raises
+    ------
+    ToolError
+        If GHDL or Yosys is missing or fails.
+    """
     found = netlist_check.ports_of(netlist.cached(ENTITY, GENERICS), ENTITY)
     held = tuple(name for name in found.inputs if name.startswith("c_") or name in HELD)
     return netlist_check.Ports(found.inputs, found.outputs, held)
@@ -59,7 +81,7 @@ class RtlController:
         Supplies the formats and the dc-link voltage.
     words : joined.Parameters
         Parameter ports of the RTL.
-    rtl
+    rtl : netlist_check.Simulator
         Simulator of its netlist, after a reset.
     """
 
@@ -122,6 +144,11 @@ def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[RtlContro
     ------
     RtlController
         Until the simulator ends with the context.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
     """
     with netlist_check.simulator(ENTITY, GENERICS, ports=ports()) as rtl:
         yield RtlController(drive, words, rtl)
@@ -135,6 +162,7 @@ def tour(
     Parameters
     ----------
     drive : MptcDrive
+        Supplies formats and parameters.
     psi_ref : float
         Wb.
     load : float
@@ -144,6 +172,11 @@ def tour(
     legs : tuple of int
         Periods: from zero to the load step, under load, without it at 1500 r/min, from the
         reversal on.
+
+    Returns
+    -------
+    tuple of Scenario and Parameters
+        What is asked of the loop, and the parameter ports of the RTL.
     """
     begin, loaded, free = legs[:3]
     n = sum(legs)

@@ -37,6 +37,7 @@ def decide(
     Returns
     -------
     MptcDecisions
+        One decision for each row.
 
     Raises
     ------
@@ -52,11 +53,11 @@ def decide(
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
 
-    def run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+    def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         job = Job(values, measurements[rows], u[rows])
         return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
 
-    out = in_parallel(len(trace), run, progress)
+    out = in_parallel(len(trace), _run, progress)
     return MptcDecisions(
         u=out[:, 0], cycles=out[:, 1], saturated=out[:, 2] | out[:, 3] | clipped.astype(np.int64)
     )

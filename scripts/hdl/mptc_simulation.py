@@ -74,7 +74,13 @@ class Job(simulator.Job):
 
     @property
     def steps(self) -> int:
-        """Decisions to make."""
+        """Decisions to make.
+
+        Returns
+        -------
+        int
+            Steps of the loop, or rows.
+        """
         return len(self.loop.torque_ref) if self.loop is not None else len(self.measurements)
 
 

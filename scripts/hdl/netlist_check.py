@@ -44,7 +44,18 @@ class Ports:
     hold: tuple[str, ...] = ()  # inputs that keep their value until the next start
 
     def words(self, side: str) -> int:
-        """32-bit words one transaction takes on one side."""
+        """32-bit words one transaction takes on one side.
+
+        Parameters
+        ----------
+        side : str
+            "inputs" or "outputs".
+
+        Returns
+        -------
+        int
+            Number of words; a port of 33 bits takes two.
+        """
         return sum((w + 31) // 32 for w in getattr(self, side).values())
 
 
@@ -61,12 +72,36 @@ class Result:
 
     @property
     def clocks_per_second(self) -> float:
-        """Speed of the simulation proper."""
+        """Speed of the simulation proper.
+
+        Returns
+        -------
+        float
+            Clocks a second; 0 if no time was taken.
+        """
         return self.clocks / self.seconds if self.seconds else 0.0
 
 
 def ports_of(verilog: Path, top: str) -> Ports:
-    """Data ports of a module as GHDL prints its header."""
+    """Data ports of a module as GHDL prints its header.
+
+    Parameters
+    ----------
+    verilog : Path
+        Converted netlist.
+    top : str
+        The module.
+
+    Returns
+    -------
+    Ports
+        Widths in bits; clock, reset, start and valid are left out.
+
+    Raises
+    ------
+    ToolError
+        If there is no such module in the file.
+    """
     text = verilog.read_text(encoding="utf-8")
     header = re.search(rf"^module {top.lower()}\n(.*?);\n", text, re.M | re.S)
     if header is None:
@@ -210,7 +245,33 @@ def build(
     verilog: Path | None = None,
     std: str | None = None,
 ) -> tuple[Path, Ports]:
-    """Compile the simulation of a configuration, or find it compiled; returns program and ports."""
+    """Compile the simulation of a configuration, or find it compiled.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    ports : Ports | None
+        Data ports; those of the netlist if None.
+    verilog : Path | None
+        The netlist; the converted one if None.
+    std : str | None
+        Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
+
+    Returns
+    -------
+    tuple of Path and Ports
+        The program, and the data ports it takes.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    subprocess.TimeoutExpired
+        If Verilator takes longer than 15 minutes.
+    """
     source = verilog or netlist.cached(top, generics, std=std)
     ports = ports or ports_of(source, top)
     harness = _harness(top, ports)
@@ -290,7 +351,39 @@ def simulate(
     gap: int = 3,
     std: str | None = None,
 ) -> Result:
-    """Run all transactions; the outputs are unsigned integers of their ports' widths."""
+    """Run transactions.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    inputs : Mapping[str, Sequence[int]]
+        Name -> values, one for each transaction; signed or unsigned.
+    ports : Ports | None
+        Data ports; those of the netlist if None.
+    verilog : Path | None
+        The netlist; the converted one if None.
+    seed : int
+        Of what registers without reset hold at first, and inputs between transactions.
+    limit : int
+        Most clocks of a transaction.
+    gap : int
+        Most idle clocks between two transactions, drawn at random.
+    std : str | None
+        Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
+
+    Returns
+    -------
+    Result
+        Outputs as unsigned integers of their ports' widths, and clock cycles; nothing is compared.
+
+    Raises
+    ------
+    ToolError
+        If an input has no values, a transaction takes too long, or a tool fails.
+    """
     program, ports = build(top, generics, ports, verilog=verilog, std=std)
     if not ports.inputs:
         raise ToolError(f"{top} has no data inputs")
@@ -319,7 +412,34 @@ def check(
     cycles: Sequence[int | None] | None = None,
     **options: object,
 ) -> Result:
-    """Compare outputs (signed or unsigned) and cycle counts; outputs not expected are free."""
+    """Compare outputs (signed or unsigned) and cycle counts; outputs not expected are free.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    inputs : Mapping[str, Sequence[int]]
+        Name -> values, one for each transaction.
+    expected : Mapping[str, Sequence[int]]
+        Name -> values, one for each transaction.
+    cycles : Sequence[int | None] | None
+        Clock cycles of each transaction, None where any number will do; none are compared if None.
+    **options : object
+        As of `simulate`.
+
+    Returns
+    -------
+    Result
+        With a line for each difference.
+
+    Raises
+    ------
+    ToolError
+        If there is nothing to compare, a name or a number of values is wrong, or the simulation
+        fails.
+    """
     result = simulate(top, generics, inputs, **options)
     _, ports = build(
         top,
@@ -350,7 +470,19 @@ def check(
 
 
 class Simulator:
-    """A core that answers one transaction at a time, for loops closed in Python."""
+    """A core that answers one transaction at a time, for loops closed in Python.
+
+    Parameters
+    ----------
+    program : Path
+        Compiled simulation, see `build`.
+    ports : Ports
+        Data ports it was built with.
+    seed : int
+        Of what registers without reset hold at first, and inputs between transactions.
+    limit : int
+        Most clocks of a transaction.
+    """
 
     def __init__(self, program: Path, ports: Ports, seed: int = 1, limit: int = 100_000) -> None:
         self.ports = ports
@@ -360,7 +492,23 @@ class Simulator:
         self._size = 4 * (2 + ports.words("outputs"))
 
     def step(self, inputs: Mapping[str, int]) -> tuple[dict[str, int], int]:
-        """Outputs (unsigned) and cycles of one transaction."""
+        """Outputs (unsigned) and cycles of one transaction.
+
+        Parameters
+        ----------
+        inputs : Mapping[str, int]
+            Name -> value, signed or unsigned.
+
+        Returns
+        -------
+        tuple of dict and int
+            Output -> unsigned value, and clock cycles.
+
+        Raises
+        ------
+        ToolError
+            If an input has no value, or the simulation has ended.
+        """
         row = _pack({name: [value] for name, value in inputs.items()}, self.ports.inputs)
         stdin: IO[bytes] = self._process.stdin
         stdout: IO[bytes] = self._process.stdout
@@ -386,7 +534,29 @@ class Simulator:
 def simulator(
     top: str, generics: Generics | None = None, *, seed: int = 1, **options: object
 ) -> Iterator[Simulator]:
-    """A running simulation of a configuration, ended with the block."""
+    """A running simulation of a configuration, ended with the block.
+
+    Parameters
+    ----------
+    top : str
+        Entity.
+    generics : Generics | None
+        Those that are not at their defaults.
+    seed : int
+        Of what registers without reset hold at first, and inputs between transactions.
+    **options : object
+        As of `build`.
+
+    Yields
+    ------
+    Simulator
+        The simulation.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    """
     program, ports = build(top, generics, **options)
     running = Simulator(program, ports, seed)
     try:
@@ -402,14 +572,21 @@ def check_file(
 
     Parameters
     ----------
-    top, generics
-        Entity and its generics.
-    vectors
+    top : str
+        Entity.
+    generics : Generics
+        Those that are not at their defaults.
+    vectors : Path
         Lines {"inputs": {name: value}, "outputs": {name: value}, "cycles": number}.
-    ports_file
+    ports_file : Path | None
         JSON {"inputs": {name: width}, "outputs": {name: width}, "hold": [names]}.
-    seed
+    seed : int
         Of what inputs are between transactions.
+
+    Returns
+    -------
+    Result
+        With a line for each difference.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class Request:
     variant: str
 
 
-def decide_mpdcc(
+def _decide_mpdcc(
     drive: Drive,
     rows: MpdccTrace,
     engine: str,
@@ -109,7 +109,7 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
     """Read an MPDCC trace, decide, and write the decisions."""
     rows = trace.read_trace(request.trace, drive)
     with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
-        decisions = decide_mpdcc(
+        decisions = _decide_mpdcc(
             drive, rows, request.engine, request.explorers, request.variant, progress
         )
     trace.write_decisions(request.out, decisions)
@@ -150,6 +150,11 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 
 def replay(request: Request) -> None:
     """Read a trace, let an engine decide on every row, and write the decisions.
+
+    Parameters
+    ----------
+    request : Request
+        Files, engine and configuration.
 
     Raises
     ------

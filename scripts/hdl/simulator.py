@@ -64,12 +64,24 @@ class Job:
 
     @property
     def progress_path(self) -> Path:
-        """File with the number of decisions made so far."""
+        """File with the number of decisions made so far.
+
+        Returns
+        -------
+        Path
+            In the job's folder.
+        """
         return self.folder / "progress"
 
     @property
     def result_path(self) -> Path:
-        """File with the answers."""
+        """File with the answers.
+
+        Returns
+        -------
+        Path
+            In the job's folder.
+        """
         return self.folder / "result.npz"
 
 
@@ -78,9 +90,9 @@ class Progress:
 
     Parameters
     ----------
-    path
+    path : Path
         The job's `progress_path`.
-    every
+    every : int
         Decisions from one message to the next.
     """
 
@@ -89,13 +101,35 @@ class Progress:
         self.every = every
 
     def __call__(self, done: int) -> None:
-        """Note that so many decisions are made."""
+        """Note that so many decisions are made.
+
+        Parameters
+        ----------
+        done : int
+            Decisions made so far.
+        """
         if done % self.every == 0:
             self.path.write_text(str(done), encoding="ascii")
 
 
 def load_job(path: Path) -> Any:
-    """Read a job that this program has written."""
+    """Read a job that this program has written.
+
+    Parameters
+    ----------
+    path : Path
+        Pickle in the job's folder; nothing else may be read with this.
+
+    Returns
+    -------
+    Job
+        The job.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     with path.open("rb") as stream:
         return pickle.load(stream)
 
@@ -184,7 +218,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.stdin.close()
 
 
-def end_with_parent() -> None:
+def _end_with_parent() -> None:
     """Kill this process's group as soon as standard input ends: then nobody waits for it."""
 
     def watch() -> NoReturn:
@@ -226,7 +260,7 @@ def build_and_run(
     from scripts.hdl.ghdl import BenchError, BuildError, execute
     from scripts.hdl.sources import RTL
 
-    end_with_parent()
+    _end_with_parent()
     # the runner hands this process's search path to the simulator's Python
     sys.path[:0] = [str(ROOT / "model"), str(ROOT)]
     try:
@@ -281,18 +315,18 @@ def in_parallel(
     done = [0] * len(blocks)
     stop = threading.Event()
 
-    def one(index: int) -> IntArray:
-        def advance(number: int) -> None:
+    def _one(index: int) -> IntArray:
+        def _advance(number: int) -> None:
             if stop.is_set():
                 raise CancelledError
             done[index] = number
 
-        answer = run(blocks[index], advance)
+        answer = run(blocks[index], _advance)
         done[index] = len(blocks[index])
         return answer
 
     with concurrent.futures.ThreadPoolExecutor(len(blocks)) as pool:
-        futures = [pool.submit(one, index) for index in range(len(blocks))]
+        futures = [pool.submit(_one, index) for index in range(len(blocks))]
         try:
             waiting = set(futures)
             while waiting:
@@ -313,10 +347,10 @@ def in_parallel(
 def terminable() -> Iterator[None]:
     """Let SIGTERM end the program as an exception does, so that what it made is taken away."""
 
-    def leave(number: int, _: object) -> NoReturn:
+    def _leave(number: int, _: object) -> NoReturn:
         raise SystemExit(128 + number)
 
-    before = signal.signal(signal.SIGTERM, leave)
+    before = signal.signal(signal.SIGTERM, _leave)
     try:
         yield
     finally:

@@ -47,7 +47,7 @@ class SourceFile:
     refers: set[str] = field(default_factory=set)
 
 
-def scan_text(text: str, path: Path) -> SourceFile:
+def _scan_text(text: str, path: Path) -> SourceFile:
     """Find the design units and the references of one file's text."""
     # Strings go too: a name inside an assertion's message is not a reference.
     code = _STRING.sub('""', _COMMENT.sub("", text)).lower()
@@ -59,32 +59,112 @@ def scan_text(text: str, path: Path) -> SourceFile:
 
 
 def scan(files: Iterable[Path]) -> list[SourceFile]:
-    """Scan files in the order of their names, which is also the order in which ties are listed."""
-    return [scan_text(path.read_text(encoding="utf-8"), path) for path in sorted(files)]
+    """Scan files in the order of their names, which is also the order in which ties are listed.
+
+    Parameters
+    ----------
+    files : Iterable[Path]
+        VHDL files.
+
+    Returns
+    -------
+    list[SourceFile]
+        Units and references of each.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    return [_scan_text(path.read_text(encoding="utf-8"), path) for path in sorted(files)]
 
 
 def rtl_files(rtl: Path = RTL) -> list[Path]:
-    """Every VHDL file of the design."""
+    """Every VHDL file of the design.
+
+    Parameters
+    ----------
+    rtl : Path
+        Folder of the design.
+
+    Returns
+    -------
+    list[Path]
+        Sorted.
+    """
     return sorted([*rtl.rglob("*.vhd"), *rtl.rglob("*.vhdl")])
 
 
 def is_wrapper(path: Path, rtl: Path = RTL) -> bool:
-    """Whether a file of the design stands above the cores and may use VHDL-2008."""
+    """Whether a file of the design stands above the cores and may use VHDL-2008.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rtl : Path
+        Folder of the design.
+
+    Returns
+    -------
+    bool
+        Whether its room is one of ``WRAPPER_ROOMS``.
+    """
     return rtl in path.parents and path.relative_to(rtl).parts[0] in WRAPPER_ROOMS
 
 
 def standard(files: Iterable[Path]) -> str:
-    """Version of the language that some files need: 93 for the cores, 08 for what wraps them."""
+    """Version of the language that some files need: 93 for the cores, 08 for what wraps them.
+
+    Parameters
+    ----------
+    files : Iterable[Path]
+        VHDL files.
+
+    Returns
+    -------
+    str
+        "93" or "08".
+    """
     return "08" if any(is_wrapper(path) for path in files) else "93"
 
 
 def entities(rtl: Path = RTL) -> dict[str, Path]:
-    """Name and file of every entity of the design."""
+    """Name and file of every entity of the design.
+
+    Parameters
+    ----------
+    rtl : Path
+        Folder of the design.
+
+    Returns
+    -------
+    dict[str, Path]
+        Name in small letters -> file.
+    """
     return {name: unit.path for unit in scan(rtl_files(rtl)) for name in sorted(unit.entities)}
 
 
 def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
-    """Files needed for `top`, each after all it depends on."""
+    """Files needed for `top`, each after all it depends on.
+
+    Parameters
+    ----------
+    top : str
+        Entity or package; case does not matter.
+    files : Iterable[Path]
+        What may be needed.
+
+    Returns
+    -------
+    list[Path]
+        The needed ones.
+
+    Raises
+    ------
+    SourcesError
+        If there is no such unit, two files declare one, or files need each other.
+    """
     units = scan(files)
     declared: dict[str, SourceFile] = {}
     completed: dict[str, list[SourceFile]] = {}
@@ -117,7 +197,7 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
     order: list[Path] = []
     state: dict[Path, int] = {}
 
-    def visit(unit: SourceFile, chain: list[str]) -> None:
+    def _visit(unit: SourceFile, chain: list[str]) -> None:
         if state.get(unit.path) == 2:
             return
         if state.get(unit.path) == 1:
@@ -127,19 +207,35 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
             target = declared.get(name)
             if target is None or target is unit:
                 continue
-            visit(target, [*chain, unit.path.name])
+            _visit(target, [*chain, unit.path.name])
             # A package body may refer back to a user of its package, an architecture to nothing
             # that needs it, so bodies are not forced before the users: files alone decide.
         state[unit.path] = 2
         order.append(unit.path)
 
     for unit in sorted(needed, key=lambda u: (wanted in u.primaries, u.path)):
-        visit(unit, [])
+        _visit(unit, [])
     return order
 
 
 def order_all(files: Iterable[Path]) -> list[Path]:
-    """Every file, each after all it depends on."""
+    """Every file, each after all it depends on.
+
+    Parameters
+    ----------
+    files : Iterable[Path]
+        VHDL files.
+
+    Returns
+    -------
+    list[Path]
+        All of them.
+
+    Raises
+    ------
+    SourcesError
+        If two files declare one unit, or files need each other.
+    """
     listed = sorted(files)
     order: list[Path] = []
     for unit in scan(listed):

@@ -15,7 +15,7 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import MpdccTrace
@@ -28,14 +28,41 @@ IntArray = NDArray[np.int64]
 
 @cache
 def shipped(name: str) -> Drive:
-    """A drive file that ships."""
+    """A drive file that ships.
+
+    Parameters
+    ----------
+    name : str
+        File in `drives/` without its suffix.
+
+    Returns
+    -------
+    Drive
+        The drive.
+
+    Raises
+    ------
+    DriveFileError
+        If there is no such file, or it is not right.
+    """
     return load_mpdcc_drive(DRIVES / f"{name}.toml")
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
-    """A drive anywhere in the specified ranges, a third of its values at an end of theirs."""
+    """A drive anywhere in the specified ranges, a third of its values at an end of theirs.
 
-    def between(low: float, high: float, *, log: bool = False) -> float:
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Source of the values.
+
+    Returns
+    -------
+    Drive
+        An MPDCC drive, per unit.
+    """
+
+    def _between(low: float, high: float, *, log: bool = False) -> float:
         if rng.random() < 1 / 3:
             return float(rng.choice([low, high]))
         if log:
@@ -47,23 +74,23 @@ def random_drive(rng: np.random.Generator) -> Drive:
             "controller": "mpdcc",
             "base": {"voltage": 4899.0, "current": 139.9, "frequency": 50.0},
             "machine": {
-                "rs": between(0.001, 0.05, log=True),
-                "rr": between(0.001, 0.05, log=True),
-                "xls": between(0.03, 0.3),
-                "xlr": between(0.03, 0.3),
-                "xm": between(1.0, 5.0),
+                "rs": _between(0.001, 0.05, log=True),
+                "rr": _between(0.001, 0.05, log=True),
+                "xls": _between(0.03, 0.3),
+                "xlr": _between(0.03, 0.3),
+                "xm": _between(1.0, 5.0),
             },
             "inverter": {
                 "topology": "anpc5l",
-                "vdc": between(1.5, 2.5),
-                "xdc": between(0.5, 10.0, log=True),
-                "xph": between(0.5, 10.0, log=True),
+                "vdc": _between(1.5, 2.5),
+                "xdc": _between(0.5, 10.0, log=True),
+                "xph": _between(0.5, 10.0, log=True),
             },
             "control": {
-                "ts": between(20e-6, 200e-6),
-                "bound_current": between(0.02, 0.5, log=True),
-                "bound_vn": between(0.02, 0.5, log=True),
-                "bound_vph": between(0.02, 0.5, log=True),
+                "ts": _between(20e-6, 200e-6),
+                "bound_current": _between(0.02, 0.5, log=True),
+                "bound_vn": _between(0.02, 0.5, log=True),
+                "bound_vph": _between(0.02, 0.5, log=True),
                 "lambda_n": float(rng.choice([0.0, 100.0, 10 ** rng.uniform(-3, 2)])),
                 "horizon": int(rng.choice([1, 2, 63, rng.integers(1, 64)])),
             },
@@ -72,7 +99,24 @@ def random_drive(rng: np.random.Generator) -> Drive:
 
 
 def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) -> MpdccTrace:
-    """States around the references: every error within ``reach`` of its bound."""
+    """States around the references: every error within ``reach`` of its bound.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its bounds are the measure.
+    n : int
+        How many states.
+    rng : np.random.Generator
+        Source of the states.
+    reach : float
+        Largest error, in half widths of its bound.
+
+    Returns
+    -------
+    MpdccTrace
+        n states, per unit.
+    """
     bounds = drive.bounds
     angle = rng.uniform(0, 2 * np.pi, n)
     size = rng.uniform(0, 1.5, n)
@@ -99,25 +143,53 @@ def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) ->
 
 
 def wide(n: int, rng: np.random.Generator, beyond: float = 1.0) -> MpdccTrace:
-    """States anywhere in the specified ranges, or beyond them so that inputs saturate."""
+    """States anywhere in the specified ranges, or beyond them so that inputs saturate.
 
-    def within(low: float, high: float, *shape: int) -> NDArray[np.float64]:
+    Parameters
+    ----------
+    n : int
+        How many states.
+    rng : np.random.Generator
+        Source of the states.
+    beyond : float
+        Width in ranges: 1 for the range itself.
+
+    Returns
+    -------
+    MpdccTrace
+        n states, per unit.
+    """
+
+    def _within(low: float, high: float, *shape: int) -> NDArray[np.float64]:
         middle, half = (low + high) / 2, (high - low) / 2 * beyond
         return rng.uniform(middle - half, middle + half, (n, *shape))
 
     return MpdccTrace(
-        x_m=np.column_stack([within(-2, 2, 2), within(-3.5, 3.5, 2)]),
-        x_inv=np.column_stack([within(-0.5, 0.5, 1), within(0, 1.2, 3)]),
-        vdc=within(1.5, 2.5),
-        iref=within(-2, 2, 2),
-        omega_s=within(-2, 2),
-        omega_r=within(-2, 2),
+        x_m=np.column_stack([_within(-2, 2, 2), _within(-3.5, 3.5, 2)]),
+        x_inv=np.column_stack([_within(-0.5, 0.5, 1), _within(0, 1.2, 3)]),
+        vdc=_within(1.5, 2.5),
+        iref=_within(-2, 2, 2),
+        omega_s=_within(-2, 2),
+        omega_r=_within(-2, 2),
         s_prev=rng.integers(0, 8, (n, 3)),
     )
 
 
 def words(n: int, rng: np.random.Generator) -> IntArray:
-    """Measurement words of any content, many of them at a corner of their format."""
+    """Measurement words of any content, many of them at a corner of their format.
+
+    Parameters
+    ----------
+    n : int
+        How many rows.
+    rng : np.random.Generator
+        Source of the words.
+
+    Returns
+    -------
+    IntArray
+        Shape (n, 13), in the order of ``formats.MEASUREMENTS``.
+    """
     columns = []
     for fmt in f.MEASUREMENTS.values():
         low = -(2 ** (fmt.width - 1)) if fmt.signed else 0
@@ -129,7 +201,20 @@ def words(n: int, rng: np.random.Generator) -> IntArray:
 
 
 def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
-    """Parameter ports of any content a variant allows; the horizon is not zero."""
+    """Parameter ports of any content a variant allows; the horizon is not zero.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Source of the values.
+    variant : str
+        "fast" or "paper": what bounds may be.
+
+    Returns
+    -------
+    IntArray
+        Shape (42,), as `Registers.array()`.
+    """
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
     # those of successors do not matter to a single level, and draw nothing from its sequence
     later = COEFFICIENTS.index("change_phase")
@@ -153,20 +238,44 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
 
 
 def trace_words(trace: MpdccTrace) -> IntArray:
-    """A trace as measurement words."""
+    """A trace as measurement words.
+
+    Parameters
+    ----------
+    trace : MpdccTrace
+        n states, per unit.
+
+    Returns
+    -------
+    IntArray
+        Shape (n, 13); what leaves its range saturates.
+    """
     return common.encode(trace)[0]
-
-
-@cache
-def registers_of(drive_name: str) -> Registers:
-    """Registers of a shipped drive."""
-    return registers(shipped(drive_name), "paper")
 
 
 def recorded(
     drive: Drive, steps: int, speed: float, generating: bool = False, seed: int = 0
 ) -> MpdccTrace:
-    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for."""
+    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for.
+
+    Parameters
+    ----------
+    drive : Drive
+        Plant and controller.
+    steps : int
+        Control steps.
+    speed : float
+        Stator frequency, per unit, signed.
+    generating : bool
+        Whether the machine brakes, at 0.7 of the rated current.
+    seed : int
+        Of the start.
+
+    Returns
+    -------
+    MpdccTrace
+        One row for each step, per unit.
+    """
     plain_settings = drive.with_control(
         switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
     )

@@ -41,7 +41,27 @@ CLOCKS_PER_BIT = 4
 
 
 def generics(controller: str, explorers: int = 1, folded: bool = False) -> Generics:
-    """Build options of a simulated ULX3S, whose UART is faster than the board's."""
+    """Build options of a simulated ULX3S, whose UART is faster than the board's.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+    explorers : int
+        Explorers, for "mpdcc" alone.
+    folded : bool
+        Whether the paper variant is built.
+
+    Returns
+    -------
+    Generics
+        Generics of ``board_top``.
+
+    Raises
+    ------
+    KeyError
+        If there is no such controller.
+    """
     found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
     found["BAUD"] = int(found["CLOCK_HZ"]) // CLOCKS_PER_BIT
     if folded:
@@ -88,7 +108,7 @@ def _model(chosen: Generics, verilog: Path | None) -> Path:
     return folder
 
 
-def build(chosen: Generics, verilog: Path | None = None) -> Path:
+def _build(chosen: Generics, verilog: Path | None = None) -> Path:
     """Compile the simulation, or find it compiled; `verilog`: of another netlist than converted."""
     folder = _model(chosen, verilog)
     program = folder / f"board-{tools.digest(HARNESS)[:16]}"
@@ -121,15 +141,15 @@ class VirtualBoard:
 
     Parameters
     ----------
-    chosen
+    chosen : Generics
         Build options, see ``generics``.
-    port
+    port : Path
         Name of the link to its pseudo-terminal.
-    gate_log
+    gate_log : Path | None
         File for every change of a gate: clock, gates.
-    seed
+    seed : int
         Of what registers without a reset hold at first.
-    verilog
+    verilog : Path | None
         The netlist, if not the one that is converted.
     """
 
@@ -141,7 +161,7 @@ class VirtualBoard:
         seed: int = 1,
         verilog: Path | None = None,
     ) -> None:
-        program = build(chosen, verilog)
+        program = _build(chosen, verilog)
         port.parent.mkdir(parents=True, exist_ok=True)
         self.port = port
         command = [str(program), "pty", *_line(chosen), str(port), str(gate_log or "-"), "0"]
@@ -189,35 +209,84 @@ class Seen:
 
 
 class Script:
-    """Orders for the simulated pins, kept until they are run."""
+    """Orders for the simulated pins, kept until they are run.
+
+    Parameters
+    ----------
+    chosen : Generics
+        Build options, see ``generics``.
+    seed : int
+        Of what registers without a reset hold at first.
+    """
 
     def __init__(self, chosen: Generics, seed: int = 1) -> None:
-        command = [str(build(chosen)), "script", *_line(chosen), *_seeded(seed)]
+        command = [str(_build(chosen)), "script", *_line(chosen), *_seeded(seed)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._orders: list[bytes] = []
 
     def uart(self, data: bytes) -> None:
-        """Bytes over the UART."""
+        """Bytes over the UART.
+
+        Parameters
+        ----------
+        data : bytes
+            Bytes of the host.
+        """
         self._orders.append(b"u" + struct.pack("<I", len(data)) + data)
 
     def spi(self, data: bytes) -> None:
-        """One SPI transaction."""
+        """One SPI transaction.
+
+        Parameters
+        ----------
+        data : bytes
+            Bytes of the host; chip select is low for all of them.
+        """
         self._orders.append(b"s" + struct.pack("<I", len(data)) + data)
 
     def wait(self, clocks: int) -> None:
-        """Let time pass."""
+        """Let time pass.
+
+        Parameters
+        ----------
+        clocks : int
+            Clocks, counted as ``Seen.clock``.
+        """
         self._orders.append(b"w" + struct.pack("<I", clocks))
 
     def permit(self, value: bool) -> None:
-        """The permit input."""
+        """The permit input.
+
+        Parameters
+        ----------
+        value : bool
+            Level of the input; gates may switch only while it is high.
+        """
         self._orders.append(b"p" + struct.pack("<I", value))
 
     def steps_over_spi(self, value: bool) -> None:
-        """The switch."""
+        """The switch.
+
+        Parameters
+        ----------
+        value : bool
+            Level of the input; high: steps come over SPI.
+        """
         self._orders.append(b"l" + struct.pack("<I", value))
 
     def run(self) -> list[Seen]:
-        """What came of each order given since the last run."""
+        """What came of each order given since the last run.
+
+        Returns
+        -------
+        list[Seen]
+            One answer for each order.
+
+        Raises
+        ------
+        ToolError
+            If the simulation has ended.
+        """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None

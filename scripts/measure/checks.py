@@ -21,6 +21,8 @@ from scripts.shared.tools import ROOT, ToolError
 
 CONFIGURATION = ROOT / ".vsg.yaml"
 PYTHON_DIRECTORIES = ("model", "scripts", "tb", "examples", "tools")
+# Directories whose docstrings have sections: of parameters, results and errors.
+DOCUMENTED_DIRECTORIES = ("model", "scripts")
 # Directories `make generate` may write to.
 GENERATED_DIRECTORIES = (
     "rtl",
@@ -53,18 +55,18 @@ def _run(command: list[str], environment: dict[str, str] | None = None) -> list[
     return (done.stdout + done.stderr).strip().splitlines() or [f"status {done.returncode}"]
 
 
-def written_files() -> list[Path]:
+def _written_files() -> list[Path]:
     """VHDL of the design but for what another project's generator wrote, whose style is its own."""
     return [path for path in sources.rtl_files() if GENERATED_VHDL not in path.parents]
 
 
-def vhdl_files() -> list[tuple[list[Path], list[Path]]]:
+def _vhdl_files() -> list[tuple[list[Path], list[Path]]]:
     """VSG's configurations with the files they are for: the design, and its test benches."""
     benches = sorted(
         path for folder in ("scripts", "tb") for path in (ROOT / folder).rglob("*.vhd")
     )
     on_top = [CONFIGURATION, ROOT / "tb" / ".vsg.yaml"]
-    pairs = [([CONFIGURATION], written_files()), (on_top, benches)]
+    pairs = [([CONFIGURATION], _written_files()), (on_top, benches)]
     return [(configuration, files) for configuration, files in pairs if files]
 
 
@@ -80,16 +82,16 @@ def _vsg(configuration: list[Path], files: list[Path], *options: str) -> list[st
     return lines
 
 
-def vhdl_style() -> list[str]:
+def _vhdl_style() -> list[str]:
     """VSG over all VHDL."""
-    return [line for pair in vhdl_files() for line in _vsg(*pair)]
+    return [line for pair in _vhdl_files() for line in _vsg(*pair)]
 
 
 def _python_directories() -> list[str]:
     return [name for name in PYTHON_DIRECTORIES if (ROOT / name).is_dir()]
 
 
-def python_style() -> list[str]:
+def _python_style() -> list[str]:
     """Ruff's rules."""
     return _run(
         [
@@ -103,15 +105,27 @@ def python_style() -> list[str]:
     )
 
 
-def python_format() -> list[str]:
+def _python_format() -> list[str]:
     """Ruff's formatting."""
     return _run([*tools.tool("ruff"), "format", "--check", "--quiet", *_python_directories()])
 
 
 def python_docstrings() -> list[str]:
-    """Numpydoc over the library: what stands in `pyproject.toml` about its docstrings."""
-    files = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "model").rglob("*.py"))]
-    command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *files]
+    """Numpydoc over library and tools: what `pyproject.toml` says about docstrings.
+
+    Returns
+    -------
+    list[str]
+        A line for each fault, with file and line.
+
+    Raises
+    ------
+    ToolError
+        If there is no numpydoc.
+    """
+    files = [path for name in DOCUMENTED_DIRECTORIES for path in (ROOT / name).rglob("*.py")]
+    names = sorted(str(path.relative_to(ROOT)) for path in files)
+    command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *names]
     return [line for line in _run(command) if line]
 
 
@@ -120,7 +134,7 @@ def _on_path() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)])}
 
 
-def layers() -> list[str]:
+def _layers() -> list[str]:
     """Import-linter over library, tools and tests: `.importlinter` holds the rules."""
     command = [
         *tools.tool("lint-imports"),
@@ -132,12 +146,12 @@ def layers() -> list[str]:
     return _run(command, _on_path())
 
 
-def picture() -> list[str]:
+def _picture() -> list[str]:
     """The picture of the layers is the one that `make layers` draws."""
     return _run([sys.executable, "-m", "scripts", "layers", "--check"], _on_path())
 
 
-def analysis(std: str) -> list[str]:
+def _analysis(std: str) -> list[str]:
     """GHDL accepts all of `rtl/` without a word in one version of the language.
 
     VHDL-93 is asked of the cores, not of what is below `rtl/system/`.
@@ -163,7 +177,20 @@ def analysis(std: str) -> list[str]:
 
 
 def undocumented(text: str, name: str) -> list[str]:
-    """Ports and generics of the entities in a file without a comment at the end of their line."""
+    """Ports and generics of the entities in a file without a comment at the end of their line.
+
+    Parameters
+    ----------
+    text : str
+        VHDL.
+    name : str
+        The file's name, for the lines.
+
+    Returns
+    -------
+    list[str]
+        A line for each, with file, line, entity and name.
+    """
     found: list[str] = []
     entity: str | None = None
     depth = 0
@@ -188,7 +215,7 @@ def undocumented(text: str, name: str) -> list[str]:
     return found
 
 
-def documented_ports() -> list[str]:
+def _documented_ports() -> list[str]:
     """Every port and generic in `rtl/` says its unit, format or polarity in its own line."""
     return [
         line
@@ -206,7 +233,7 @@ def _snapshot() -> dict[Path, bytes]:
     }
 
 
-def fresh_files() -> list[str]:
+def _fresh_files() -> list[str]:
     """Generating the generated files again changes none of them (compared without git)."""
     before = _snapshot()
     lines = _run([sys.executable, "-m", "scripts", "generate"], _on_path())
@@ -225,16 +252,16 @@ def fresh_files() -> list[str]:
 
 
 CHECKS: dict[str, Callable[[], list[str]]] = {
-    "VHDL style (vsg)": vhdl_style,
-    "Python style (ruff check)": python_style,
-    "Python format (ruff format)": python_format,
-    "docstrings of the library (numpydoc)": python_docstrings,
-    "layers (import-linter)": layers,
-    "picture of the layers": picture,
-    "VHDL-93 analysis (ghdl)": lambda: analysis("93"),
-    "VHDL-2008 analysis (ghdl)": lambda: analysis("08"),
-    "ports and generics documented": documented_ports,
-    "generated files up to date": fresh_files,
+    "VHDL style (vsg)": _vhdl_style,
+    "Python style (ruff check)": _python_style,
+    "Python format (ruff format)": _python_format,
+    "docstrings (numpydoc)": python_docstrings,
+    "layers (import-linter)": _layers,
+    "picture of the layers": _picture,
+    "VHDL-93 analysis (ghdl)": lambda: _analysis("93"),
+    "VHDL-2008 analysis (ghdl)": lambda: _analysis("08"),
+    "ports and generics documented": _documented_ports,
+    "generated files up to date": _fresh_files,
 }
 
 
@@ -258,7 +285,18 @@ class Finding:
 
 
 def named(words: Sequence[str]) -> list[str]:
-    """Names of the checks that have one of the words in them; of all checks without words."""
+    """Names of the checks that have one of the words in them; of all checks without words.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        Parts of names; case does not matter.
+
+    Returns
+    -------
+    list[str]
+        In the order of `CHECKS`; empty if no name has one of the words.
+    """
     small = [word.lower() for word in words]
     return [name for name in CHECKS if not small or any(word in name.lower() for word in small)]
 
@@ -268,7 +306,7 @@ def findings(names: Sequence[str]) -> Iterator[Finding]:
 
     Parameters
     ----------
-    names
+    names : Sequence[str]
         Of `CHECKS`.
 
     Yields
@@ -292,8 +330,13 @@ def rewrite() -> tuple[list[str], bool]:
     -------
     tuple of (list of str, bool)
         What they say, and whether nothing is left to mend.
+
+    Raises
+    ------
+    ToolError
+        If VSG or ruff is missing.
     """
-    said = [line for pair in vhdl_files() for line in _vsg(*pair, "--fix")]
+    said = [line for pair in _vhdl_files() for line in _vsg(*pair, "--fix")]
     clean = not said
     for words in (("check", "--fix"), ("format",)):
         command = [*tools.tool("ruff"), *words, *_python_directories()]

@@ -46,7 +46,22 @@ INSTANCE = "u_core"
 
 
 def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
-    """Verilog around a core: few pins, registers at its boundary."""
+    """Verilog around a core: few pins, registers at its boundary.
+
+    Parameters
+    ----------
+    top : str
+        Entity of the core.
+    ports : Ports
+        Data ports and their widths in bits.
+    has_protocol : bool
+        Whether it has reset, start and valid.
+
+    Returns
+    -------
+    str
+        Module ``core_pins``.
+    """
     wide_in = sum(ports.inputs.values())
     wide_out = sum(ports.outputs.values())
     lines = [
@@ -91,7 +106,23 @@ def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
 
 
 def map_core(one: Configuration) -> Path:
-    """The core in its wrapper, mapped to ECP5; cached by content."""
+    """The core in its wrapper, mapped to ECP5; cached by content.
+
+    Parameters
+    ----------
+    one : Configuration
+        The core and its generics.
+
+    Returns
+    -------
+    Path
+        Mapped netlist as JSON; the Verilog lies beside it.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    """
     source = netlist.cached(one.entity, one.generics)
     text = source.read_text(encoding="utf-8")
     header = re.search(rf"^module {one.entity.lower()}\n(.*?);\n", text, re.M | re.S)
@@ -118,7 +149,25 @@ def map_core(one: Configuration) -> Path:
 
 
 def place_seed(mapped: Path, seed: int) -> tuple[dict[str, Any], str]:
-    """Report of one seed and the part as nextpnr's configuration names it."""
+    """Report of one seed and the part as nextpnr's configuration names it.
+
+    Parameters
+    ----------
+    mapped : Path
+        Mapped netlist as JSON.
+    seed : int
+        Of the placement.
+
+    Returns
+    -------
+    tuple of dict and str
+        nextpnr's report, and the text of its configuration.
+
+    Raises
+    ------
+    ToolError
+        If nextpnr fails by anything but the clock that is out of reach.
+    """
     key = tools.digest(
         mapped.read_bytes(),
         CONSTRAINTS,
@@ -155,7 +204,15 @@ _INSTANCE = re.compile(r"^  (\w+) (\w+) \($")
 
 
 class Origins:
-    """Where in the VHDL the nets of a converted netlist come from."""
+    """Where in the VHDL the nets of a converted netlist come from.
+
+    Parameters
+    ----------
+    verilog : str
+        Converted netlist, with GHDL's comments on lines of the VHDL.
+    top : str
+        Entity at its top.
+    """
 
     def __init__(self, verilog: str, top: str) -> None:
         self.top = top.lower()
@@ -202,12 +259,34 @@ class Origins:
         return next((net for net in nets if net in known), "")
 
     def of(self, name: str) -> str:
-        """File and line of a cell or net by its flattened name, empty when it has none."""
+        """File and line of a cell or net by its flattened name, empty when it has none.
+
+        Parameters
+        ----------
+        name : str
+            Flattened name, parts with dots between.
+
+        Returns
+        -------
+        str
+            "file:line".
+        """
         known = self.lines.get(self._module(name), {})
         return known.get(self._net(name, known), "")
 
     def words(self, name: str) -> str:
-        """Entity and signal of a cell, with the line of the VHDL; what is known of them."""
+        """Entity and signal of a cell, with the line of the VHDL; what is known of them.
+
+        Parameters
+        ----------
+        name : str
+            Flattened name of a cell, parts with dots between.
+
+        Returns
+        -------
+        str
+            "entity.signal (file:line)", or "the wrapper's register".
+        """
         # Yosys numbers the block RAMs that a memory takes
         cell, memory = re.subn(r"(?:\.\d+)+$", "", name)
         if memory:
@@ -254,7 +333,29 @@ def _split(path: list[dict[str, Any]]) -> tuple[float, float]:
 def evaluate(
     report: dict[str, Any], config: str, seed: int, origins: Origins | None = None
 ) -> dict[str, Any]:
-    """Fmax and critical path of one seed; anything doubtful is an error."""
+    """Fmax and critical path of one seed; anything doubtful is an error.
+
+    Parameters
+    ----------
+    report : dict[str, Any]
+        nextpnr's report.
+    config : str
+        Text of its configuration.
+    seed : int
+        Of the placement, for the messages.
+    origins : Origins | None
+        Where nets come from; the path is not put in words if None.
+
+    Returns
+    -------
+    dict[str, Any]
+        Frequency in MHz, times in ns, levels of logic, and the path's ends.
+
+    Raises
+    ------
+    ToolError
+        If device, clock, target or path is another than asked for.
+    """
     comment = re.search(r"^\.comment Part: (\S+)", config, re.M)
     device = re.search(r"^\.device (\S+)", config, re.M)
     if device is None or device.group(1) != DEVICE:
@@ -327,7 +428,7 @@ def evaluate(
     }
 
 
-def summarise(
+def _summarise(
     one: Configuration, seeds: list[dict[str, Any]], report: dict[str, Any]
 ) -> dict[str, Any]:
     """What is published of one configuration."""
@@ -370,13 +471,13 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
 
     Parameters
     ----------
-    only
+    only : Sequence[str]
         Words; configurations with one in their name. Those marked in the file if empty.
-    exact
+    exact : bool
         Whether the words are whole names.
-    seeds
+    seeds : int
         Seeds 1 to this one.
-    jobs
+    jobs : int
         Placements at a time.
 
     Returns
@@ -410,7 +511,7 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
         concurrent.futures.ThreadPoolExecutor(jobs) as pool,
     ):
 
-        def prepare(one: Configuration) -> Path | None:
+        def _prepare(one: Configuration) -> Path | None:
             try:
                 return map_core(one)
             except (ToolError, sources.SourcesError) as error:
@@ -419,7 +520,7 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
             finally:
                 advance()
 
-        def place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
+        def _place(item: tuple[Configuration, Path, int]) -> tuple[str, Any, Any]:
             one, mapped, seed = item
             try:
                 report, config = place_seed(mapped, seed)
@@ -432,19 +533,19 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
             finally:
                 advance()
 
-        mapped = dict(zip((c.name for c in chosen), pool.map(prepare, chosen), strict=True))
+        mapped = dict(zip((c.name for c in chosen), pool.map(_prepare, chosen), strict=True))
         work = [
             (one, path, seed)
             for one in chosen
             if (path := mapped[one.name])
             for seed in range(1, seeds + 1)
         ]
-        placed = list(pool.map(place, work))
+        placed = list(pool.map(_place, work))
     for one in chosen:
         runs = [(entry, report) for name, entry, report in placed if name == one.name and entry]
         if len(runs) != seeds:
             continue
-        summary = summarise(one, [entry for entry, _ in runs], runs[0][1])
+        summary = _summarise(one, [entry for entry, _ in runs], runs[0][1])
         stem = BUILD / f"pnr_{one.name.replace('-', '_')}"
         tools.write(stem.with_suffix(".csv"), _csv(summary))
         tools.write(stem.with_suffix(".json"), json.dumps(summary, indent=1) + "\n")

@@ -52,7 +52,7 @@ def _stored(point: Point, tree: Path, step: str) -> Path:
     return BUILD / "sweep" / f"{step}-{key}.json"
 
 
-def measure_point(point: Point) -> dict[str, Any]:
+def _measure_point(point: Point) -> dict[str, Any]:
     """Everything of one point, from the cache where its design has been measured before."""
     tree = tree_of(point)
     files = {step: _stored(point, tree, step) for step in STEPS_OF_A_POINT}
@@ -81,7 +81,18 @@ def measure_point(point: Point) -> dict[str, Any]:
 
 
 def frontier(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows that no other row beats in cycles and slices at once."""
+    """Rows that no other row beats in cycles and slices at once.
+
+    Parameters
+    ----------
+    rows : list[dict[str, Any]]
+        Points with ``cycles_worst`` and ``slices_unpacked``.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Those rows, in their order.
+    """
     return [
         row
         for row in rows
@@ -96,7 +107,7 @@ def frontier(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def csv_text(rows: list[dict[str, Any]]) -> str:
+def _csv_text(rows: list[dict[str, Any]]) -> str:
     """The CSV, with what it was measured with in its head."""
     commit, dirty = tools.git_state()
     head = (
@@ -112,13 +123,42 @@ def csv_text(rows: list[dict[str, Any]]) -> str:
 
 
 def measured_at(path: Path = CSV) -> str:
-    """Commit in the head of the CSV."""
+    """Commit in the head of the CSV.
+
+    Parameters
+    ----------
+    path : Path
+        The CSV.
+
+    Returns
+    -------
+    str
+        Hash, with "-dirty" if files differed from it.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     head = path.read_text(encoding="utf-8").partition("\n")[0]
     return head.removeprefix("# commit: ")
 
 
 def table(rows: list[dict[str, Any]], commit: str) -> str:
-    """The rows as Markdown, for docs/design-space.md."""
+    """The rows as Markdown, for docs/design-space.md.
+
+    Parameters
+    ----------
+    rows : list[dict[str, Any]]
+        Of the CSV, numbers as numbers.
+    commit : str
+        As of `measured_at`.
+
+    Returns
+    -------
+    str
+        The commit, then the table.
+    """
     short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
     head = (
         "swept", "value", "variant", "n", "cycles", "slices unpacked (packed)", "mult.",
@@ -152,7 +192,7 @@ def _plain(axis: Any, ticks: Sequence[float]) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def draw(rows: list[dict[str, Any]], path: Path) -> None:
+def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     """Cycles and decision time against slices, mismatch against word length."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
@@ -234,8 +274,21 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def publish(rows: list[dict[str, Any]]) -> None:
-    """Draw the plot and write the table of the documentation."""
-    draw(rows, PLOT)
+    """Draw the plot and write the table of the documentation.
+
+    Parameters
+    ----------
+    rows : list[dict[str, Any]]
+        Of the CSV, numbers as numbers.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers of the table.
+    OSError
+        If the CSV cannot be read.
+    """
+    _draw(rows, PLOT)
     tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
 
 
@@ -244,9 +297,9 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
 
     Parameters
     ----------
-    only
+    only : Sequence[str]
         Words; points with one in their name are measured and printed, nothing is written.
-    jobs
+    jobs : int
         Points at a time.
 
     Raises
@@ -266,9 +319,9 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
 
     failed: list[str] = []
 
-    def one(point: Point) -> dict[str, Any]:
+    def _one(point: Point) -> dict[str, Any]:
         try:
-            row = measure_point(point)
+            row = _measure_point(point)
         except ToolError as error:
             failed.append(f"{point.dimension} {point.setting} ({point.variant})")
             say(f"{failed[-1]}: {error}")
@@ -281,15 +334,15 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
         return row
 
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        rows = list(pool.map(one, chosen))
+        rows = list(pool.map(_one, chosen))
     if failed:
         raise ToolError(f"nothing is written, {len(failed)} points failed: {', '.join(failed)}")
     if only:
-        print(csv_text(rows), end="")
+        print(_csv_text(rows), end="")
         return
     best = {id(row) for row in frontier(rows)}
     rows = [row | {"on_frontier": int(id(row) in best)} for row in rows]
-    tools.write(CSV, csv_text(rows))
+    tools.write(CSV, _csv_text(rows))
     publish(rows)
 
 
@@ -305,5 +358,21 @@ def _typed(row: dict[str, str]) -> dict[str, Any]:
 
 
 def stored_rows(path: Path = CSV) -> list[dict[str, Any]]:
-    """Rows of the CSV, numbers as numbers."""
+    """Rows of the CSV, numbers as numbers.
+
+    Parameters
+    ----------
+    path : Path
+        The CSV.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Column -> number, text, or None for an empty cell.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     return [_typed(row) for row in tables.read_csv(path)]

@@ -87,13 +87,25 @@ class Point:
 
     @property
     def is_default(self) -> bool:
-        """Whether the constants are the shipped ones."""
+        """Whether the constants are the shipped ones.
+
+        Returns
+        -------
+        bool
+            True if no constant of the design differs.
+        """
         changed = (self.cost_fraction, self.length_width, self.turn_shift)
         return self.trajectory == 0 and all(value is None for value in changed)
 
 
 def points() -> list[Point]:
-    """The sweep."""
+    """The sweep.
+
+    Returns
+    -------
+    list[Point]
+        Explorers first, then the constants one at a time.
+    """
     found = []
     for variant in ("fast", "paper"):
         for n in range(1, 7):
@@ -121,7 +133,20 @@ class Edit:
     pairs: list[tuple[str, str]] = field(default_factory=list)
 
     def apply(self, root: Path) -> None:
-        """Rewrite the file below `root`."""
+        """Rewrite the file below `root`.
+
+        Parameters
+        ----------
+        root : Path
+            Folder of the tree.
+
+        Raises
+        ------
+        ToolError
+            If what is to be replaced is not there exactly once.
+        OSError
+            If the file cannot be read or written.
+        """
         path = root / self.file
         text = path.read_text(encoding="utf-8")
         for old, new in self.pairs:
@@ -135,7 +160,7 @@ class Edit:
         path.write_text(text, encoding="utf-8")
 
 
-def default_constants() -> dict[str, int]:
+def _default_constants() -> dict[str, int]:
     """Integers of formats.py by name."""
     from directmpc.mpdcc import formats
 
@@ -162,7 +187,7 @@ def edit_of(point: Point) -> Edit:
     """
     if point.trajectory > 0:
         raise ToolError("sweep: longer trajectory words need bounds wider than a host's")
-    now = default_constants()
+    now = _default_constants()
     constants: dict[str, int] = {}
     if point.trajectory:
         constants |= {name: now[name] + point.trajectory for name in TRAJECTORY_WORDS}
@@ -196,7 +221,23 @@ def edit_of(point: Point) -> Edit:
 
 
 def tree_of(point: Point) -> Path:
-    """A tree with the point's design: this one, or a copy with other constants."""
+    """A tree with the point's design: this one, or a copy with other constants.
+
+    Parameters
+    ----------
+    point : Point
+        What the design is.
+
+    Returns
+    -------
+    Path
+        Root of the tree: the project's own, or a copy below build/sweep.
+
+    Raises
+    ------
+    ToolError
+        If a constant cannot be changed, or the package cannot be generated.
+    """
     if point.is_default:
         return ROOT
     wanted = edit_of(point)
@@ -222,6 +263,18 @@ def tree_of(point: Point) -> Path:
 def inside(tree: Path, *command: str) -> str:
     """Run Python on a tree's own modules; what it prints.
 
+    Parameters
+    ----------
+    tree : Path
+        Root of the tree.
+    *command : str
+        Arguments of Python.
+
+    Returns
+    -------
+    str
+        Its stdout.
+
     Raises
     ------
     ToolError
@@ -244,7 +297,7 @@ def inside(tree: Path, *command: str) -> str:
 # --- measuring, inside the point's tree -----------------------------------------------------------
 
 
-def simulated(point: Point) -> dict[str, Any]:
+def _simulated(point: Point) -> dict[str, Any]:
     """Bit-exactness on the simulated RTL, and cycles of its slowest and its held decisions.
 
     The shipped design's are asserted by the tests, thousands of rows of them, and read here.
@@ -294,7 +347,7 @@ def _near(core: Any, states: Any, rng: Any, variant: str) -> Any:
     return core.of_trace(states.near(drive, 1, rng), registers(drive, variant).array())
 
 
-def accuracy(point: Point) -> dict[str, Any]:
+def _accuracy(point: Point) -> dict[str, Any]:
     """Share of decisions that differ from the ideal controller's, on the same states."""
     import numpy as np
 
@@ -330,14 +383,14 @@ def accuracy(point: Point) -> dict[str, Any]:
     }
 
 
-def area(point: Point) -> dict[str, Any]:
+def _area(point: Point) -> dict[str, Any]:
     """Spartan-3 resources."""
     found = synth.measure("mpdcc_core", _generics(point), "xc3s")
     keys = ("lut", "ff", "mult", "bram", "slices_unpacked", "slices_packed")
     return {key: found[key] for key in keys}
 
 
-def frequency(point: Point) -> dict[str, Any]:
+def _frequency(point: Point) -> dict[str, Any]:
     """Clock frequency on ECP5."""
     if not point.seeds:
         return {"fmax_worst_mhz": None, "fmax_median_mhz": None, "seeds": 0}
@@ -358,10 +411,10 @@ def _generics(point: Point) -> tools.Generics:
 
 
 STEPS_OF_A_POINT: dict[str, Callable[[Point], dict[str, Any]]] = {
-    "simulated": simulated,
-    "accuracy": accuracy,
-    "area": area,
-    "frequency": frequency,
+    "simulated": _simulated,
+    "accuracy": _accuracy,
+    "area": _area,
+    "frequency": _frequency,
 }
 
 #: Fields of a point that a step does not depend on.

@@ -86,12 +86,36 @@ class Configuration:
 
     @property
     def name(self) -> str:
-        """Short name, also of files."""
+        """Short name, also of files.
+
+        Returns
+        -------
+        str
+            As of `tools.configuration_name`.
+        """
         return tools.configuration_name(self.entity, self.generics)
 
 
 def configurations(path: Path = CONFIGURATIONS) -> list[Configuration]:
-    """Read and check the file of configurations."""
+    """Read and check the file of configurations.
+
+    Parameters
+    ----------
+    path : Path
+        The file of configurations.
+
+    Returns
+    -------
+    list[Configuration]
+        In the order of the file.
+
+    Raises
+    ------
+    ToolError
+        If it is no TOML, lacks a key, or names an unknown family.
+    OSError
+        If it cannot be read.
+    """
     try:
         read = tomllib.loads(path.read_text(encoding="utf-8"))
         found = [Configuration(**entry) for entry in read["configuration"]]
@@ -151,7 +175,26 @@ def _carry_feeds(cells: dict[str, dict[str, Any]]) -> int:
 
 
 def count(cells: dict[str, dict[str, Any]], family: str) -> dict[str, Any]:
-    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero."""
+    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero.
+
+    Parameters
+    ----------
+    cells : dict[str, dict[str, Any]]
+        Cells of the netlist as Yosys writes them, by name.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+
+    Returns
+    -------
+    dict[str, Any]
+        Numbers of ``lut``, ``ff``, ``mult`` or ``dsp``, ``bram``, slices for "xc3s", and cells by
+        type.
+
+    Raises
+    ------
+    ToolError
+        If a cell is not in the rules of counting.
+    """
     types: dict[str, int] = {}
     for cell in cells.values():
         types[cell["type"]] = types.get(cell["type"], 0) + 1
@@ -200,7 +243,24 @@ RULES = (
 
 
 def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
-    """Run a Yosys script on a converted netlist; the mapped netlist appears as JSON."""
+    """Run a Yosys script on a converted netlist; the mapped netlist appears as JSON.
+
+    Parameters
+    ----------
+    verilog : Path
+        Converted netlist.
+    top : str
+        Entity at its top, which the script names.
+    script : str
+        Yosys commands.
+    out : Path
+        JSON file, in the folder of the netlist.
+
+    Raises
+    ------
+    ToolError
+        If Yosys is missing or fails, or the file would lie elsewhere.
+    """
     # Yosys in WebAssembly sees its working directory, but not this system's /tmp: names are
     # relative.
     with tools.replacing(out) as temporary:
@@ -213,7 +273,29 @@ def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
 
 
 def measure(entity: str, generics: Generics, family: str, force: bool = False) -> dict[str, Any]:
-    """Resources of one configuration in one family, from the cache when nothing has changed."""
+    """Resources of one configuration in one family, from the cache when nothing has changed.
+
+    Parameters
+    ----------
+    entity : str
+        Entity.
+    generics : Generics
+        Those that are not at their defaults.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+    force : bool
+        Whether what is in the cache is measured again.
+
+    Returns
+    -------
+    dict[str, Any]
+        What `count` returns, and ``seconds``.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    """
     verilog = netlist.cached(entity, generics)
     script = f"{FLOWS[family]} -top {entity.lower()}"
     text = netlist.meaning(verilog.read_text(encoding="utf-8"))
@@ -237,6 +319,16 @@ def coverage(listed: list[Configuration]) -> list[str]:
     """Entities of the design that nobody measures, and configurations of none.
 
     Generated register blocks have ports that are records; they are measured inside the systems.
+
+    Parameters
+    ----------
+    listed : list[Configuration]
+        Configurations.
+
+    Returns
+    -------
+    list[str]
+        A line for each.
     """
     known = {n: path for n, path in sources.entities().items() if path.parent.name != "generated"}
     named = {one.entity.lower() for one in listed}
@@ -247,7 +339,18 @@ def coverage(listed: list[Configuration]) -> list[str]:
 
 
 def table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table:
-    """Measured configurations as a table for a terminal, Paper A's slices beside them."""
+    """Measured configurations as a table for a terminal, Paper A's slices beside them.
+
+    Parameters
+    ----------
+    rows : list[tuple[Configuration, dict[str, dict[str, Any]]]]
+        Configuration, and family -> what `measure` returns.
+
+    Returns
+    -------
+    Table
+        A row for each configuration and family.
+    """
     table = Table(title="Resources (Yosys)")
     table.add_column("configuration")
     for name in (
@@ -309,14 +412,19 @@ def measure_all(
 
     Parameters
     ----------
-    chosen
+    chosen : list[Configuration]
         What is measured.
-    families
+    families : Collection[str]
         Of each configuration's own families those that are wanted.
-    jobs
+    jobs : int
         Processes at a time.
-    force
+    force : bool
         Whether what is in the cache is measured again.
+
+    Returns
+    -------
+    Measured
+        Figures, and a line for each configuration that could not be measured.
     """
     problems: list[str] = []
     results: dict[tuple[str, str], dict[str, Any]] = {}
@@ -327,14 +435,14 @@ def measure_all(
         concurrent.futures.ThreadPoolExecutor(jobs) as pool,
     ):
 
-        def convert(one: Configuration) -> None:
+        def _convert(one: Configuration) -> None:
             try:
                 netlist.cached(one.entity, one.generics)
             except (ToolError, sources.SourcesError) as error:
                 problems.append(f"{one.name}: {error}")
             advance()
 
-        def synthesise(item: tuple[Configuration, str]) -> None:
+        def _synthesise(item: tuple[Configuration, str]) -> None:
             one, family = item
             try:
                 results[one.name, family] = measure(one.entity, one.generics, family, force)
@@ -342,9 +450,9 @@ def measure_all(
                 problems.append(f"{one.name} for {family}: {error}")
             advance()
 
-        list(pool.map(convert, chosen))
+        list(pool.map(_convert, chosen))
         failed = {problem.partition(":")[0] for problem in problems}
-        list(pool.map(synthesise, [item for item in work if item[0].name not in failed]))
+        list(pool.map(_synthesise, [item for item in work if item[0].name not in failed]))
     rows = [
         (one, {f: results[one.name, f] for f in one.families if (one.name, f) in results})
         for one in chosen
@@ -355,10 +463,22 @@ def measure_all(
 def chosen(words: Sequence[str]) -> list[Configuration]:
     """Configurations of entities in rtl/ with one of the words in their name; all without words.
 
+    Parameters
+    ----------
+    words : Sequence[str]
+        Parts of names.
+
+    Returns
+    -------
+    list[Configuration]
+        In the order of the file.
+
     Raises
     ------
     UsageError
         If there is none.
+    ToolError
+        If the file of configurations cannot be used.
     """
     known = sources.entities()
     found = [
@@ -374,6 +494,16 @@ def chosen(words: Sequence[str]) -> list[Configuration]:
 def families(text: str | None) -> list[str]:
     """Families of a text with commas; all without one.
 
+    Parameters
+    ----------
+    text : str | None
+        Names with commas between.
+
+    Returns
+    -------
+    list[str]
+        Names.
+
     Raises
     ------
     UsageError
@@ -388,7 +518,23 @@ def families(text: str | None) -> list[str]:
 
 
 def document(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> dict[str, Any]:
-    """Figures with the commit and the tools they were measured with."""
+    """Figures with the commit and the tools they were measured with.
+
+    Parameters
+    ----------
+    rows : list[tuple[Configuration, dict[str, dict[str, Any]]]]
+        Configuration, and family -> what `measure` returns.
+
+    Returns
+    -------
+    dict[str, Any]
+        What JSON can hold.
+
+    Raises
+    ------
+    ToolError
+        If GHDL or Yosys is missing.
+    """
     commit, dirty = tools.git_state()
     return {
         "commit": commit,

@@ -63,15 +63,20 @@ def rules(name: str, path: Path = ROOT / ".importlinter") -> list[str]:
 
     Parameters
     ----------
-    name
+    name : str
         Of the rule: "rooms" for those of `scripts/`, "library" for those of `model/directmpc/`.
-    path
+    path : Path
         File of the rules.
 
     Returns
     -------
     list of str
         From above; those of one layer in the file's order.
+
+    Raises
+    ------
+    KeyError
+        If the file has no such rule.
     """
     found = configparser.ConfigParser()
     found.read(path, encoding="utf-8")
@@ -84,7 +89,7 @@ def _room_of(module: str, rooms: dict[str, tuple[str, ...]]) -> tuple[str, str]:
     return package, name
 
 
-def read() -> tuple[list[Room], dict[tuple[int, int], int]]:
+def _read() -> tuple[list[Room], dict[tuple[int, int], int]]:
     """Rooms from above and the number of imports from one to another.
 
     Returns
@@ -118,7 +123,18 @@ def read() -> tuple[list[Room], dict[tuple[int, int], int]]:
 
 
 def reduced(pairs: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Arrows without those for which a chain of others stands; all of them lead downwards."""
+    """Arrows without those for which a chain of others stands; all of them lead downwards.
+
+    Parameters
+    ----------
+    pairs : set[tuple[int, int]]
+        Numbers of two boxes, from the upper to the lower one.
+
+    Returns
+    -------
+    set[tuple[int, int]]
+        The arrows that are left.
+    """
     reach: dict[int, set[int]] = {}
     kept: set[tuple[int, int]] = set()
     for start in sorted({a for a, _ in pairs}, reverse=True):
@@ -141,14 +157,20 @@ def _wrapped(words: tuple[str, ...], width: int = 150) -> list[str]:
 
 
 def text() -> str:
-    """The picture as SVG, the same for the same imports."""
+    """The picture as SVG, the same for the same imports.
+
+    Returns
+    -------
+    str
+        SVG.
+    """
     import matplotlib
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
     from matplotlib.patches import FancyBboxPatch
 
-    rooms, imports = read()
+    rooms, imports = _read()
     upward = [(a, b) for a, b in imports if b < a]
     arrows = reduced({pair for pair in imports if pair not in upward})
     colours = {"tb": "#f3e3d3", "scripts": "#dbe8f4", "directmpc": "#dff0e0"}

@@ -76,7 +76,7 @@ MOST_DIFFERING = 1.0  # %
 # --- hardware -------------------------------------------------------------------------------------
 
 
-def resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
+def _resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
     """Resources and clocks of a decision of every design, and the tools.
 
     Parameters
@@ -113,7 +113,7 @@ def resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
     return found, used
 
 
-def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
+def _hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
     """Resources, clocks of a decision and clock frequency of every design, and the tools.
 
     Parameters
@@ -129,7 +129,7 @@ def hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
         The enumerator's at the top, the others below their keys.
     tools : dict
     """
-    measured, used = resources(jobs)
+    measured, used = _resources(jobs)
     found: dict[str, Any] = {}
     for key, entity, generics in DESIGNS:
         figures = measured[key]
@@ -206,7 +206,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
     )
     chosen = np.flatnonzero(np.concatenate(last))
 
-    def simulate(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+    def _simulate(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         picked = chosen[rows]
         job = rtl_simulation.Job(
             every[picked[0]], words[picked], u[picked], each_registers=every[picked]
@@ -214,7 +214,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
         return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
 
     with progress_bar("recorded runs in GHDL", len(chosen)) as show:
-        answered = in_parallel(len(chosen), simulate, show)
+        answered = in_parallel(len(chosen), _simulate, show)
     told = np.column_stack([wanted[chosen], clocks[chosen]])
     differing = len(checked.mismatches) + int(
         np.any(answered[:, [0, 2, 3, 1]] != told, axis=1).sum()
@@ -229,7 +229,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
     }
 
 
-def toured(method: str) -> tuple[Run, dict[str, Any]]:
+def _toured(method: str) -> tuple[Run, dict[str, Any]]:
     """The joined RTL with motulator: magnetising, start, load step, reversal, one after the other.
 
     Every decision, flag and flux estimate is compared with the twin's on the way.
@@ -262,6 +262,16 @@ def toured(method: str) -> tuple[Run, dict[str, Any]]:
 
 def fidelity(rows: dict[str, dict[str, float]]) -> dict[str, Any]:
     """Figures of metrics.json from `study.fidelity`.
+
+    Parameters
+    ----------
+    rows : dict[str, dict[str, float]]
+        Name of an operating point -> ``steps``, ``mismatch_pct`` and ``worst_margin``.
+
+    Returns
+    -------
+    dict[str, Any]
+        Steps, shares in percent, and leads in N*m for MPTC and Wb for MPFC.
 
     Raises
     ------
@@ -302,7 +312,7 @@ def _save(figure: Any, path: Path) -> None:
 _COLOUR = "#1b6ca8"
 
 
-def draw_weights(runs: dict[str, Run], path: Path) -> None:
+def _draw_weights(runs: dict[str, Run], path: Path) -> None:
     """Torque, flux and current over 40 ms, a column for each weight (Paper B, Fig. 5)."""
     figure, axes = _axes(3, len(runs), (11.0, 5.0), sharex=True, sharey="row")
     for column, (key, run) in enumerate(runs.items()):
@@ -320,7 +330,7 @@ def draw_weights(runs: dict[str, Run], path: Path) -> None:
     _save(figure, path)
 
 
-def draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], path: Path) -> None:
+def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], path: Path) -> None:
     """Torque steps (Fig. 30) and starts without and with pre-excitation (Fig. 21)."""
     figure, axes = _axes(2, 2, (9.0, 5.0))
     for key, run in steps.items():
@@ -347,7 +357,7 @@ def draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], pa
     _save(figure, path)
 
 
-def draw_tour(runs: dict[str, Run], path: Path) -> None:
+def _draw_tour(runs: dict[str, Run], path: Path) -> None:
     """Speed, torque, flux and current of the joined RTL."""
     figure, axes = _axes(4, len(runs), (9.0, 6.5), sharex=True, sharey="row")
     for column, (key, run) in enumerate(runs.items()):
@@ -385,7 +395,7 @@ _DESIGN_NAMES = {
 }
 
 
-def hardware_table(figures: dict[str, Any]) -> str:
+def _hardware_table(figures: dict[str, Any]) -> str:
     """Resources and clock frequency."""
     rows = [
         ["", "clocks", "LUT", "FF", "mult", "BRAM", "slices unpacked", "(packed)", "ECP5 LUT",
@@ -425,7 +435,7 @@ def _weights_table(weights: dict[str, dict[str, float]]) -> str:
     return _table(rows)
 
 
-def paper_table(figures: dict[str, Any]) -> str:
+def _paper_table(figures: dict[str, Any]) -> str:
     """Ours beside the figures Paper B prints as numbers."""
     paper, low = figures["paper_b"], figures["paper_b"]["low_speed"]
     weights, starts = paper["weights"], paper["starts"]
@@ -454,7 +464,7 @@ def paper_table(figures: dict[str, Any]) -> str:
     )  # fmt: skip
 
 
-def manual_tables(figures: dict[str, Any]) -> dict[str, str]:
+def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     """Every table of docs/mptc.md by its name."""
     paper, tools_ = figures["paper_b"], figures["tools"]
     steps = [["from 0 to 16.8 N m, 0.986 Wb", "0", "150", "500", "900", "1200", "1500 r/min"]]
@@ -532,9 +542,9 @@ def manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     )
     return {
         "origin": origin,
-        "hardware": hardware_table(figures),
+        "hardware": _hardware_table(figures),
         "agreement": _table(agreement),
-        "paper": paper_table(figures),
+        "paper": _paper_table(figures),
         "weights": _weights_table(paper["weights"]),
         "distortion": _table(distortion),
         "torque step": _table(steps),
@@ -545,7 +555,7 @@ def manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def page_table(figures: dict[str, Any]) -> str:
+def _page_table(figures: dict[str, Any]) -> str:
     """What docs/figures.md says of the two-level drive."""
     area, clock = figures["xc3s"], figures["ecp5"]["fmax_worst_mhz"]
     both = figures["mpfc"]["xc3s"]
@@ -581,9 +591,9 @@ def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUA
 
     Parameters
     ----------
-    figures
+    figures : dict[str, Any]
         That object.
-    page, manual
+    page, manual : Path
         The two pages.
 
     Raises
@@ -591,8 +601,8 @@ def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUA
     MarkerError
         If a page lacks the markers of a table.
     """
-    tables.rewrite(page, {_markers("mptc figures"): page_table(figures)})
-    texts = {_markers(name): text for name, text in manual_tables(figures).items()}
+    tables.rewrite(page, {_markers("mptc figures"): _page_table(figures)})
+    texts = {_markers(name): text for name, text in _manual_tables(figures).items()}
     tables.rewrite(manual, texts)
 
 
@@ -625,7 +635,7 @@ def build(
     """
     drive = load_mptc_drive(DRIVE)
     say("MPTC: resources and clock frequency")
-    figures, used = hardware(jobs, seeds)
+    figures, used = _hardware(jobs, seeds)
     say("MPTC: runs of Paper B's figures")
     weights, low = study.weight_runs(drive), study.low_speed_runs(drive)
     steps = {
@@ -649,40 +659,40 @@ def build(
     say("MPTC: decisions against the ideal controller")
     figures["fidelity"] = fidelity(study.fidelity(drive))
 
-    def of(key: str) -> MptcDrive:
+    def _of(key: str) -> MptcDrive:
         return flux_control if key == "MPFC" else drive.with_control(k_psi=float(key))
 
-    recorded = {f"1500 {key}": (of(key), run) for key, run in weights.items()}
-    recorded |= {f"150 {key}": (of(key), run) for key, run in low.items()}
+    recorded = {f"1500 {key}": (_of(key), run) for key, run in weights.items()}
+    recorded |= {f"150 {key}": (_of(key), run) for key, run in low.items()}
     recorded |= {f"step {key}": (drive, run) for key, run in steps.items()}
     for rpm in (900.0, -1500.0):
         for key in ("100", "MPFC"):
             loop = closed_loop.constant(
-                of(key), rpm, study.RATED_TORQUE, study.HIGH_SPEED_FLUX, 2 * SAMPLE
+                _of(key), rpm, study.RATED_TORQUE, study.HIGH_SPEED_FLUX, 2 * SAMPLE
             )
-            run = closed_loop.simulate(of(key), loop, plant=plant_parameters(drive))
-            recorded[f"{rpm:g} loaded {key}"] = (of(key), run)
+            run = closed_loop.simulate(_of(key), loop, plant=plant_parameters(drive))
+            recorded[f"{rpm:g} loaded {key}"] = (_of(key), run)
     say("MPTC: these runs on the RTL")
     figures["replay"] = replayed(recorded)
     say("MPTC: the joined RTL in closed loop")
-    tours = {method: toured(method) for method in ("MPTC", "MPFC")}
+    tours = {method: _toured(method) for method in ("MPTC", "MPFC")}
     figures["tour"] = {method: found for method, (_, found) in tours.items()}
-    draw_weights(weights, pictures / "mptc_weights.png")
-    draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
-    draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
-    return rounded(figures), used
+    _draw_weights(weights, pictures / "mptc_weights.png")
+    _draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
+    _draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
+    return _rounded(figures), used
 
 
-def rounded(value: Any) -> Any:
+def _rounded(value: Any) -> Any:
     """Figures with six significant digits: the rest is noise in a file that is compared."""
     if isinstance(value, dict):
-        return {key: rounded(one) for key, one in value.items()}
+        return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, float):
         return float(f"{value:.6g}")
     return value
 
 
-def update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
+def _update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
     """Regenerate ``mptc`` of metrics.json, the pictures and the tables; nothing else."""
     commit, dirty = tools.git_state()
     temporary = REPORTS / "tmp"
@@ -698,14 +708,14 @@ def update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
     write_texts(figures)
 
 
-def update_resources(jobs: int) -> None:
+def _update_resources(jobs: int) -> None:
     """Measure the resources anew and keep all else of ``mptc`` in metrics.json.
 
     Clock frequencies stay those of the commit that was placed, `commit`; `resources_commit` says
     what the resources were measured at.
     """
     commit, dirty = tools.git_state()
-    measured, _ = resources(jobs)
+    measured, _ = _resources(jobs)
     path = REPORTS / "metrics.json"
     document = json.loads(path.read_text(encoding="utf-8"))
     figures = document["mptc"]
@@ -723,14 +733,21 @@ def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = F
 
     Parameters
     ----------
-    jobs
+    jobs : int
         Processes at a time.
-    seeds
+    seeds : int
         Seeds of placement.
-    texts_only
+    texts_only : bool
         Whether only docs/figures.md and docs/mptc.md are written.
-    resources_only
-        Whether only the resources are measured, see `update_resources`.
+    resources_only : bool
+        Whether only the resources are measured, see `_update_resources`.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had.
+    MarkerError
+        If a page lacks the markers of a table.
     """
     say = progress.teller("report")
     with terminable():
@@ -738,7 +755,7 @@ def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = F
             document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
             write_texts(document["mptc"])
         elif resources_only:
-            update_resources(jobs)
+            _update_resources(jobs)
         else:
-            update(jobs, seeds, say)
+            _update(jobs, seeds, say)
     say("done")

@@ -114,7 +114,7 @@ def _alive(register, measurement, s_prev, following):
     return alive
 
 
-def wide_drive(drive: Drive) -> Drive:
+def _wide_drive(drive: Drive) -> Drive:
     """The drive with the settings that leave an explorer least to skip.
 
     Wide bounds keep candidates alive; a heavy weight on v_n makes every cost large beside the
@@ -123,7 +123,7 @@ def wide_drive(drive: Drive) -> Drive:
     return drive.with_control(bound_current=0.5, bound_vn=0.5, bound_vph=0.5, lambda_n=100.0)
 
 
-def hardest_rows(
+def _hardest_rows(
     drive: Drive, variant: str, keep: int, tries: int = 200_000
 ) -> tuple[IntArray, IntArray]:
     """Random rows of 64 candidates that search longest: those with most candidates alive.
@@ -158,7 +158,7 @@ def hardest_rows(
     return measurements[best], s_prev[best]
 
 
-def forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArray]:
+def _forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArray]:
     """Rows of a closed loop with s(k-1) forced to positions 2 to 5: 64 candidates each; some hold.
 
     Returns
@@ -177,7 +177,7 @@ def forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArr
     return common.encode(seen)[0], s_prev
 
 
-def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
+def _cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
     """Worst, measured and hold cycles for every number of explorers, on the RTL.
 
     Raises
@@ -186,11 +186,11 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
         If a decision differs from the model, or takes longer than the published bound.
     """
     base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
-    wide = wide_drive(base)
+    wide = _wide_drive(base)
     corpus = []
     for drive, rows in (
-        (wide, hardest_rows(wide, variant, 40)),
-        (base, forced_rows(base, variant, 40)),
+        (wide, _hardest_rows(wide, variant, 40)),
+        (base, _forced_rows(base, variant, 40)),
     ):
         register = VARIANTS[variant].registers(drive).array()
         expected = np.array(
@@ -231,7 +231,7 @@ def cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
 # --- fidelity -------------------------------------------------------------------------------------
 
 
-def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
+def _fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
     points: list[tuple[Drive, str, float, str, str]] = []
     for name in DRIVES:
@@ -260,7 +260,7 @@ def fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     return cache.kept(stored, compute)
 
 
-def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+def _fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Figures of metrics.json.
 
     Differences of switching frequency and THD are taken per operating point, without sign: the
@@ -278,7 +278,7 @@ def fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return result
 
 
-def draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
     plt = pyplot()
     figure, axes = plt.subplots(
@@ -314,7 +314,7 @@ def _generics(variant: str, explorers: int) -> tools.Generics:
     return {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
 
 
-def resources(
+def _resources(
     variant: str, jobs: int, others: Collection[int], say: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
     """Resource figures per family and number of explorers, from the cache where they are known.
@@ -358,7 +358,7 @@ def resources(
     }
 
 
-def placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
+def _placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
     """What `make pnr` says of one configuration on ECP5."""
     name = tools.configuration_name(entity, generics)
     run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
@@ -366,12 +366,12 @@ def placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict
     return json.loads(out.read_text(encoding="utf-8"))
 
 
-def frequencies(document: dict[str, Any]) -> dict[str, float]:
-    """The figures of metrics.json in what `placed` says."""
+def _frequencies(document: dict[str, Any]) -> dict[str, float]:
+    """The figures of metrics.json in what `_placed` says."""
     return {key: document[key] for key in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}
 
 
-def fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of fmax.csv: one per configuration and seed, the worst seed first."""
     return [
         {
@@ -394,7 +394,7 @@ def fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 # --- files ----------------------------------------------------------------------------------------
 
 
-def table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
+def _table2(figures: dict[str, Any], head: Sequence[str], variant: str) -> str:
     """Paper A's Table II with ours beside it, as Markdown."""
     lines = [
         "# Cycles and hardware beside Paper A's Table II",
@@ -464,7 +464,23 @@ def _column(figures: dict[str, Any], variant: str) -> list[str]:
 
 
 def page_figures(document: dict[str, Any]) -> str:
-    """The table of docs/figures.md, from metrics.json and the budgets alone."""
+    """The table of docs/figures.md, from metrics.json and the budgets alone.
+
+    Parameters
+    ----------
+    document : dict[str, Any]
+        What metrics.json holds.
+
+    Returns
+    -------
+    str
+        Markdown: a sentence and the table.
+
+    Raises
+    ------
+    BudgetError
+        If the budgets lack a figure.
+    """
     index = EXPLORERS.index(SHOWN)
     worst = paper_a.CYCLES[SHOWN]
     labels = [
@@ -501,7 +517,23 @@ def page_figures(document: dict[str, Any]) -> str:
 
 
 def readme_figures(document: dict[str, Any]) -> str:
-    """The six figures of README.md beside the papers', from metrics.json and the budgets alone."""
+    """The six figures of README.md beside the papers', from metrics.json and the budgets alone.
+
+    Parameters
+    ----------
+    document : dict[str, Any]
+        What metrics.json holds.
+
+    Returns
+    -------
+    str
+        Markdown.
+
+    Raises
+    ------
+    BudgetError
+        If the budgets lack a figure.
+    """
     key = DESIGNS[DEFAULT_VARIANT].key
     name = tools.configuration_name("mpdcc_core", _generics(DEFAULT_VARIANT, SHOWN))
     area = budgets.load().resources[name]["xc3s"]
@@ -524,7 +556,24 @@ def readme_figures(document: dict[str, Any]) -> str:
 
 
 def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = README) -> None:
-    """Rewrite what stands between the markers of docs/figures.md and README.md."""
+    """Rewrite what stands between the markers of docs/figures.md and README.md.
+
+    Parameters
+    ----------
+    document : dict[str, Any]
+        What metrics.json holds.
+    page : Path
+        The page of figures.
+    readme : Path
+        The first page.
+
+    Raises
+    ------
+    MarkerError
+        If a page lacks the markers.
+    BudgetError
+        If the budgets lack a figure.
+    """
     for path, table in ((page, page_figures(document)), (readme, readme_figures(document))):
         tables.rewrite(path, {(BEGIN, END): table})
 
@@ -552,7 +601,7 @@ def _sources() -> str:
     return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
 
 
-def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], None]) -> None:
+def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], None]) -> None:
     """Measure everything, then write everything.
 
     Raises
@@ -575,14 +624,14 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
     timed: list[dict[str, Any]] = []
     for variant, design in DESIGNS.items():
         say(f"resources of every number of explorers ({variant})")
-        area = resources(variant, jobs, others, say)
+        area = _resources(variant, jobs, others, say)
         for explorers in PLACED[variant]:
             say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds ({variant})")
-            timed.append(placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
-            area["ecp5"].setdefault(str(explorers), {}).update(frequencies(timed[-1]))
-        rows = fidelity(variant, say)
-        fitted = fidelity_summary(rows) | accuracy.figures(variant)
-        figures = cycles(variant, say) | area | {"fidelity": fitted}
+            timed.append(_placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
+            area["ecp5"].setdefault(str(explorers), {}).update(_frequencies(timed[-1]))
+        rows = _fidelity(variant, say)
+        fitted = _fidelity_summary(rows) | accuracy.figures(variant)
+        figures = _cycles(variant, say) | area | {"fidelity": fitted}
         document[design.key] = figures
         head = [
             f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
@@ -591,11 +640,11 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
             f"command: {COMMAND}",
         ]
         suffix = "" if variant == DEFAULT_VARIANT else f"_{variant}"
-        files[f"table2{suffix}.md"] = table2(figures, head, variant)
+        files[f"table2{suffix}.md"] = _table2(figures, head, variant)
         files[f"fidelity{suffix}.csv"] = tables.csv_text(
             rows, ["part: none, models only", *head[1:]]
         )
-        draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
+        _draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
         drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
         run = simulate(drive, 1.0, None, SHOWN, variant)
@@ -608,7 +657,7 @@ def build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], N
         f"commit: {commit}",
         f"command: {COMMAND}",
     ]
-    files["fmax.csv"] = tables.csv_text(fmax_rows(timed), head)
+    files["fmax.csv"] = tables.csv_text(_fmax_rows(timed), head)
     two_level, two_level_tools = mptc_report.build(jobs, seeds, say, temporary)
     document["mptc"] = two_level | {"commit": commit, "tools": two_level_tools}
     if _sources() != before:
@@ -636,14 +685,21 @@ def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: b
 
     Parameters
     ----------
-    jobs
+    jobs : int
         Processes at a time.
-    seeds
+    seeds : int
         Seeds of placement.
-    explorers
+    explorers : Collection[int]
         Numbers of explorers to map to other families than Spartan-3.
-    tables_only
+    tables_only : bool
         Whether only tables are written, from reports/metrics.json.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had, or sources changed meanwhile.
+    MarkerError
+        If a page lacks the markers of a table.
     """
     say = progress.teller("report")
     if tables_only:
@@ -652,7 +708,7 @@ def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: b
         mptc_report.write_texts(document["mptc"])
     else:
         try:
-            build(jobs, seeds, {*explorers, SHOWN}, say)
+            _build(jobs, seeds, {*explorers, SHOWN}, say)
         finally:
             shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
     say("done")

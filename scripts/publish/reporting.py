@@ -15,6 +15,13 @@ class ReportError(ToolError):
 def run_script(name: str, *arguments: str) -> None:
     """Run one of the commands; its progress goes to stderr.
 
+    Parameters
+    ----------
+    name : str
+        Of the command.
+    *arguments : str
+        Of the command.
+
     Raises
     ------
     ReportError

@@ -38,10 +38,15 @@ def closure(*modules: str, packages: tuple[str, ...] = PACKAGES) -> list[Path]:
 
     Parameters
     ----------
-    modules
-        Full names.
-    packages
+    *modules : str
+        Full names, with dots.
+    packages : tuple[str, ...]
         Top packages; what lies elsewhere is pinned by requirements.txt.
+
+    Returns
+    -------
+    list[Path]
+        The files, sorted; the packages around a module are among them.
 
     Raises
     ------
@@ -68,12 +73,24 @@ def key(
 
     Parameters
     ----------
-    modules
+    modules : Iterable[str]
         Modules that make the result.
-    data
+    *data : str | Path
         Files by their content; words, versions for instance, as they are.
-    packages
+    packages : tuple[str, ...]
         As of `closure`.
+
+    Returns
+    -------
+    str
+        The digits, hexadecimal.
+
+    Raises
+    ------
+    ToolError
+        If there is no module of that name.
+    OSError
+        If a file cannot be read.
     """
     files = closure(*modules, packages=packages)
     names = [".".join(path.parts[-3:]) for path in files]
@@ -81,7 +98,25 @@ def key(
 
 
 def kept(path: Path, compute: Callable[[], Any]) -> Any:
-    """What a JSON file holds; if there is none, what is computed, then written."""
+    """What a JSON file holds; if there is none, what is computed, then written.
+
+    Parameters
+    ----------
+    path : Path
+        The JSON file; it is written if there is none.
+    compute : Callable[[], Any]
+        Makes the value, of what JSON can hold; called only if there is no file.
+
+    Returns
+    -------
+    Any
+        The value as the file has it.
+
+    Raises
+    ------
+    json.JSONDecodeError
+        If the file is no JSON.
+    """
     if not path.exists():
         tools.write(path, json.dumps(compute()))
     return json.loads(path.read_text(encoding="utf-8"))

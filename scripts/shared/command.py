@@ -56,8 +56,13 @@ class Command:
 
         Parameters
         ----------
-        arguments
+        arguments : Sequence[str] | None
             Of the command line; the program's own if None.
+
+        Returns
+        -------
+        int
+            Exit code: 0, what `run` returned, `failed`, 2 for wrong input, or 130 if interrupted.
 
         Raises
         ------

@@ -16,7 +16,13 @@ STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
 
 
 def pyplot() -> Any:
-    """matplotlib's pyplot in the style of all pictures, drawing into memory."""
+    """matplotlib's pyplot in the style of all pictures, drawing into memory.
+
+    Returns
+    -------
+    module
+        `matplotlib.pyplot`; nothing opens a window.
+    """
     import matplotlib  # here, not above: who draws nothing starts without it
 
     matplotlib.use("Agg")
@@ -31,11 +37,11 @@ def save_png(figure: Any, path: Path, true_colour: bool = False) -> None:
 
     Parameters
     ----------
-    figure
+    figure : Any
         What is drawn.
-    path
+    path : Path
         The file.
-    true_colour
+    true_colour : bool
         Whether every colour is kept. Otherwise the file has a palette of 128 colours and a third
         of the size.
     """

@@ -21,10 +21,15 @@ def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
 
     Parameters
     ----------
-    text
+    text : str
         What is under way.
-    total
+    total : int
         How many there are; nothing is shown if there are none.
+
+    Yields
+    ------
+    Callable[[], None]
+        Counts one more each time it is called.
     """
     if total == 0:
         yield lambda: None
@@ -32,18 +37,29 @@ def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
     done, lock = 0, threading.Lock()
     with progress_bar(text, total) as show:
 
-        def advance() -> None:
+        def _advance() -> None:
             nonlocal done
             with lock:
                 done += 1
                 show(done)
 
-        yield advance
+        yield _advance
 
 
 @contextmanager
 def busy(text: str) -> Iterator[None]:
-    """Show that something is under way whose length is not known."""
+    """Show that something is under way whose length is not known.
+
+    Parameters
+    ----------
+    text : str
+        What is under way.
+
+    Yields
+    ------
+    None
+        Once, while it is shown.
+    """
     from rich.console import Console  # here, not above: who shows nothing starts without it
 
     console = Console(stderr=True, highlight=False)
@@ -56,14 +72,25 @@ def busy(text: str) -> Iterator[None]:
 
 
 def teller(name: str) -> Callable[[str], None]:
-    """A function that prints a line with the time since now; lines begin with the name."""
+    """A function that prints a line with the time since now; lines begin with the name.
+
+    Parameters
+    ----------
+    name : str
+        Of the command; each line begins with it.
+
+    Returns
+    -------
+    Callable[[str], None]
+        Prints a text on stderr behind the name and the seconds since `teller` was called.
+    """
     from rich.console import Console
 
     console = Console(stderr=True, highlight=False)
     began = time.perf_counter()
 
-    def say(text: str) -> None:
+    def _say(text: str) -> None:
         passed = time.perf_counter() - began
         console.print(f"{name}, {passed:4.0f} s: {text}", soft_wrap=True, markup=False)
 
-    return say
+    return _say

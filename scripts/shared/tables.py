@@ -30,9 +30,9 @@ def inside(page: str, begin: str, end: str) -> str:
 
     Parameters
     ----------
-    page
+    page : str
         Its text.
-    begin, end
+    begin, end : str
         The markers.
 
     Returns
@@ -53,11 +53,11 @@ def between(page: str, text: str, begin: str, end: str) -> str:
 
     Parameters
     ----------
-    page
+    page : str
         Its text.
-    text
+    text : str
         What is to stand there, without a line end.
-    begin, end
+    begin, end : str
         The markers.
 
     Returns
@@ -79,9 +79,9 @@ def rewrite(path: Path, texts: Mapping[tuple[str, str], str]) -> None:
 
     Parameters
     ----------
-    path
+    path : Path
         The page.
-    texts
+    texts : Mapping[tuple[str, str], str]
         Begin and end marker -> what is to stand between them.
 
     Raises
@@ -105,11 +105,11 @@ def markdown(
 
     Parameters
     ----------
-    head
+    head : Sequence[object]
         Titles of the columns.
-    rows
+    rows : Iterable[Sequence[object]]
         As many cells each; a bar in a cell is escaped.
-    align
+    align : str | None
         A letter for each column, ``l`` or ``r``; the last one holds for the columns that follow.
         None leaves the alignment to who shows the table.
 
@@ -152,13 +152,13 @@ def csv_text(
 
     Parameters
     ----------
-    rows
+    rows : Sequence[Mapping[str, Any]]
         Column -> value; at least one row unless the columns are given.
-    head
+    head : Sequence[str]
         Comments, one a line.
-    columns
+    columns : Sequence[str] | None
         Which, and in which order; those of the first row if None. What else a row has is left out.
-    digits
+    digits : int | None
         Decimals that floats are rounded to; none are if None.
 
     Returns
@@ -179,6 +179,22 @@ def csv_text(
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file as text; comments are left out."""
+    """Rows of a CSV file as text; comments are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its first line that is no comment names the columns.
+
+    Returns
+    -------
+    list[dict[str, str]]
+        A dictionary from column to text for each row.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     lines = path.read_text(encoding="utf-8").splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))

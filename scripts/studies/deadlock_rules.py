@@ -96,7 +96,20 @@ class Numbers(NamedTuple):
 
 
 def parameters(drive: Drive, rule: Rule) -> tuple[IntArray, Numbers]:
-    """First argument of ``decide``: registers of the drive, and the rule."""
+    """First argument of ``decide``: registers of the drive, and the rule.
+
+    Parameters
+    ----------
+    drive : Drive
+        Bounds and weights.
+    rule : Rule
+        The rule.
+
+    Returns
+    -------
+    tuple of ndarray of int64 and Numbers
+        `Registers.array()`, shape (42,), and the rule in numbers.
+    """
     values = registers(drive, "fast")
     terminal = rule.lambda_ph * f.COST_UNIT / values.unit**2
     numbers = Numbers(
@@ -123,6 +136,7 @@ def criterion(rule, ahead, bound, effort, keys):
     Parameters
     ----------
     rule : Numbers
+        The rule.
     ahead : (7,)
         Errors at the step of the rule, trajectory units.
     bound : (7,)
@@ -176,7 +190,7 @@ def _better(keys, best, latest):
 
 
 @njit
-def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
+def _length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
     """``fast.length_inside``; with the inward rule, outputs that come closer do not end it.
 
     Arguments as ``fast.length_inside``, but for `rule`: ``Numbers``.
@@ -203,7 +217,7 @@ def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
 
 
 @njit
-def better(rule, error, first, slope, curvature, bound, effort, record, none_yet):
+def _least_excess(rule, error, first, slope, curvature, bound, effort, record, none_yet):
     """``fast.least_excess`` for a rule.
 
     Arguments as ``fast.least_excess``, but for `rule`, ``Numbers``, and `record`: the keys of the
@@ -224,7 +238,7 @@ def better(rule, error, first, slope, curvature, bound, effort, record, none_yet
 
 
 @njit
-def surcharge(rule, error, slope, length):
+def _surcharge(rule, error, slope, length):
     """Terminal weight on the flying capacitors, cost units.
 
     Arguments as ``fast.no_surcharge``, but for `rule`: ``Numbers``.
@@ -243,7 +257,7 @@ def _search(given, measurement, s_prev, record):
     register, rule = given
     order = np.empty((fast.CANDIDATES, 5), dtype=np.int64)
     return fast.search(
-        length_of, better, surcharge, rule, register, measurement, s_prev, order, record
+        _length_of, _least_excess, _surcharge, rule, register, measurement, s_prev, order, record
     )
 
 
@@ -258,6 +272,7 @@ def decide_words(given, measurement, s_prev):
     measurement : ndarray of int64, shape (13,)
         In the order of ``formats.MEASUREMENTS``.
     s_prev : ndarray of int64, shape (3,)
+        s(k-1), positions 0 to 7.
 
     Returns
     -------
@@ -271,7 +286,19 @@ def decide_words(given, measurement, s_prev):
 def ties(given, measurement, s_prev):
     """Candidates that share the least value of the criterion in a deadlock, before the tie rule.
 
-    Arguments as ``decide_words``; 0 where there is no deadlock.
+    Parameters
+    ----------
+    given : tuple
+        From ``parameters``.
+    measurement : ndarray of int64, shape (13,)
+        In the order of ``formats.MEASUREMENTS``.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), positions 0 to 7.
+
+    Returns
+    -------
+    int
+        Their number; 0 where there is no deadlock.
     """
     record = np.zeros(8, dtype=np.int64)
     deadlock = _search(given, measurement, s_prev, record)[4]
@@ -280,7 +307,30 @@ def ties(given, measurement, s_prev):
 
 @njit
 def decide(given, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers; other arguments as ``paper.decide``."""
+    """``decide_words`` on real numbers.
+
+    Parameters
+    ----------
+    given : tuple
+        From ``parameters``.
+    x_m : ndarray, shape (4,)
+        Stator current and rotor flux, alpha and beta, per unit.
+    x_inv : ndarray, shape (4,)
+        v_n and the three v_ph, per unit.
+    vdc : float
+        Dc-link voltage, per unit.
+    iref : ndarray, shape (2,)
+        Reference of the stator current, per unit.
+    omega_s, omega_r : float
+        Angular frequencies of stator and rotor, per unit.
+    s_prev : ndarray of int64, shape (3,)
+        s(k-1), positions 0 to 7.
+
+    Returns
+    -------
+    tuple of int
+        As ``decide_words``; saturated if a measurement left its range as well.
+    """
     measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(given, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped

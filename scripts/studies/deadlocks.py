@@ -138,7 +138,7 @@ PAIRS = ((0, 7), (1, 6), (2, 5), (3, 4))
 neutral point, level zero (drive model, section 1)."""
 
 
-def rule_of(case: Case, drive: Drive) -> Rule:
+def _rule_of(case: Case, drive: Drive) -> Rule:
     """The rule of a case, with weights relative to the drive's bounds where those are wanted."""
     if not case.normalised:
         return case.rule
@@ -150,22 +150,35 @@ def rule_of(case: Case, drive: Drive) -> Rule:
 def simulate(
     base: Drive, case: Case, setting: Setting, steps: int, point: OperatingPoint | None = None
 ) -> tuple[Drive, Any]:
-    """One closed loop; the drive it was run with, and the result.
+    """Run one closed loop.
 
-    `point` is where the drive runs if not at 1 pu of current, motoring, at the setting's speed.
+    Parameters
+    ----------
+    base : Drive
+        The drive as its file has it.
+    case : Case
+        Rule and settings of the controller.
+    setting : Setting
+        Horizon, bound, speed and start.
+    steps : int
+        Control steps.
+    point : OperatingPoint | None
+        Where the drive runs; at 1 pu of current, motoring, at the setting's speed if None.
 
-    `deadlock` in the result's decisions is the number of candidates that shared the least value of
-    the criterion, 0 where there was no deadlock.
+    Returns
+    -------
+    tuple of Drive and ClosedLoopResult
+        The drive it was run with, and the result.
     """
     drive = horizon_study.drive_of(base, setting).with_control(**dict(case.control))
     result = closed_loop.simulate(
-        drive, rules.decide, rules.parameters(drive, rule_of(case, drive)),
+        drive, rules.decide, rules.parameters(drive, _rule_of(case, drive)),
         point or OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
     )  # fmt: skip
     return drive, result
 
 
-def run(
+def _run(
     base: Drive, name: str, setting: Setting, steps: int, point: OperatingPoint | None = None
 ) -> dict[str, Any]:
     """One closed loop and its figures; violations are of the bounds in the drive file."""
@@ -253,7 +266,7 @@ def _errors(result: ClosedLoopResult) -> FloatArray:
     )
 
 
-def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, Any]:
+def _anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, Any]:
     """What is outside in the deadlocks of Paper A's rule, for how long, and what could be chosen.
 
     Parameters
@@ -332,7 +345,20 @@ def anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, A
 
 
 def starts_needed(spread: float, half_width: float) -> int:
-    """Least n with t(0.975, n - 1) * spread / sqrt(n) <= half_width, Student's t."""
+    """Least n with t(0.975, n - 1) * spread / sqrt(n) <= half_width, Student's t.
+
+    Parameters
+    ----------
+    spread : float
+        Standard deviation of one start.
+    half_width : float
+        Of the 95 % interval that is wanted, in the same unit.
+
+    Returns
+    -------
+    int
+        From 2 to 1000; 1000 also if that is not enough.
+    """
     from scipy import stats
 
     for n in range(2, 1000):
@@ -350,7 +376,7 @@ def _mean(rows: Sequence[dict[str, Any]], key: str) -> float:
     return float(np.mean(values)) if values else float("nan")
 
 
-def table_of_steps(steps: Sequence[dict[str, Any]]) -> str:
+def _table_of_steps(steps: Sequence[dict[str, Any]]) -> str:
     """What happens in deadlocks, as Markdown."""
     head = (
         "horizon, speed, bound", "steps in deadlock", "episodes: median / 90 % / longest",
@@ -376,7 +402,7 @@ def table_of_steps(steps: Sequence[dict[str, Any]]) -> str:
     return tables.markdown(head, rows)
 
 
-def table_of_positions(steps: Sequence[dict[str, Any]]) -> str:
+def _table_of_positions(steps: Sequence[dict[str, Any]]) -> str:
     """Which positions the legs have in deadlock and otherwise, at 0.1 pu bound, as Markdown."""
     head = ("horizon, speed", *(f"{a}, {b}: in deadlock / else" for a, b in PAIRS))
     rows = [
@@ -389,7 +415,7 @@ def table_of_positions(steps: Sequence[dict[str, Any]]) -> str:
     return tables.markdown(head, rows)
 
 
-def table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> str:
+def _table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> str:
     """Every case, averaged over bounds, starts and the low or the high speeds, as Markdown."""
     head = (
         "rule", "horizon", "THD / bound", "f_sw", "deadlocks",
@@ -427,8 +453,12 @@ def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) 
 
     Parameters
     ----------
-    points
-        Horizon, speed and bound of the loops; each is the first start of ``table_of_points``.
+    base : Drive
+        The drive as its file has it.
+    points : Sequence[tuple[str, float, float]]
+        Horizon, speed and bound of the loops; each is the first start of ``_table_of_points``.
+    steps : int
+        Control steps of each loop.
 
     Returns
     -------
@@ -455,7 +485,7 @@ def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) 
     return count, most
 
 
-def table_of_points(rows: Sequence[dict[str, Any]]) -> str:
+def _table_of_points(rows: Sequence[dict[str, Any]]) -> str:
     """Paper A's rule beside the recommended one, point by point, as Markdown."""
     head = (
         "horizon, speed, bound", "rule", "THD", "f_sw", "deadlocks",
@@ -484,7 +514,7 @@ def table_of_points(rows: Sequence[dict[str, Any]]) -> str:
     return tables.markdown(head, shown)
 
 
-def draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
     """One deadlock of SE in time, and distortion and switching frequency over the speed."""
     plt = pyplot()
 
@@ -582,6 +612,11 @@ def page(text: str, report: str) -> str:
     report : str
         `reports/deadlocks.md`.
 
+    Returns
+    -------
+    str
+        The page.
+
     Raises
     ------
     ValueError
@@ -611,7 +646,20 @@ def page(text: str, report: str) -> str:
 
 
 def write_page(report: str) -> None:
-    """Bring the tables of `docs/deadlocks.md` up to date."""
+    """Bring the tables of `docs/deadlocks.md` up to date.
+
+    Parameters
+    ----------
+    report : str
+        `reports/deadlocks.md`.
+
+    Raises
+    ------
+    ValueError
+        If the report lacks a table.
+    MarkerError
+        If the page lacks the markers around one.
+    """
     tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
 
 
@@ -626,7 +674,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
     ]
 
 
-def intervals(base: Drive, starts: int, steps: int) -> str:
+def _intervals(base: Drive, starts: int, steps: int) -> str:
     """How many starts narrow the interval of SESE's saving in `docs/sese.md`, as Markdown."""
     shown = []
     speeds = horizon_study.COMPARED
@@ -640,7 +688,7 @@ def intervals(base: Drive, starts: int, steps: int) -> str:
     rows = []
     with progress_bar("starts", len(settings)) as progress:
         for setting in settings:
-            rows.append(run(base, LARGEST, setting, steps))
+            rows.append(_run(base, LARGEST, setting, steps))
             progress(len(rows))
     for speed in speeds:
         saved = [horizon_study.reduction(rows, speed, start) for start in range(starts)]
@@ -660,7 +708,7 @@ def intervals(base: Drive, starts: int, steps: int) -> str:
     return tables.markdown(head, shown)
 
 
-def elsewhere(base: Drive, starts: int, steps: int) -> str:
+def _elsewhere(base: Drive, starts: int, steps: int) -> str:
     """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
     other = load_mpdcc_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
     places = (
@@ -684,7 +732,7 @@ def elsewhere(base: Drive, starts: int, steps: int) -> str:
             for horizon in HORIZONS:
                 for name in (LARGEST, RECOMMENDED):
                     rows = [
-                        run(drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
+                        _run(drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
                         for k in range(FRESH, FRESH + starts)
                     ]
                     worst = ", ".join(
@@ -719,18 +767,25 @@ def study(
 
     Parameters
     ----------
-    drive
+    drive : Path
         Drive file.
-    steps
+    steps : int
         Control steps of a run.
-    starts
+    starts : int
         Starts of every rule.
-    detailed
+    detailed : int
         Starts of the two rules set side by side.
-    out
+    out : Path
         Folder of the files.
-    reuse
+    reuse : bool
         Whether the runs are taken from deadlocks.csv as it is.
+
+    Raises
+    ------
+    FidelityError
+        If the RTL decides otherwise.
+    DriveFileError
+        If the drive file is not right.
     """
     base = load_mpdcc_drive(drive)
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
@@ -740,7 +795,7 @@ def study(
     with progress_bar("deadlocks, step by step", len(points)) as progress:
         for h, s, b in points:
             settings = [Setting(h, b, s, start) for start in range(starts)]
-            anatomies.append(anatomy(base, settings, steps))
+            anatomies.append(_anatomy(base, settings, steps))
             progress(len(anatomies))
     tools.write(
         out / "deadlock_steps.csv", tables.csv_text(anatomies, columns=STEP_FIELDS, digits=4)
@@ -761,7 +816,7 @@ def study(
     else:
         with progress_bar("closed loops", len(jobs)) as progress:
             for name, setting in jobs:
-                rows.append(run(base, name, setting, steps))
+                rows.append(_run(base, name, setting, steps))
                 progress(len(rows))
         tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
 
@@ -774,25 +829,25 @@ def study(
     lines = [
         "What happens in the deadlocks of the rule 'largest excess':",
         "",
-        table_of_steps(anatomies),
+        _table_of_steps(anatomies),
         "",
         "Positions of the legs, 0.1 pu bound:",
         "",
-        table_of_positions(anatomies),
+        _table_of_positions(anatomies),
         "",
         "Mean of v_n in deadlocks at 0.2 and 0.3 pu, " + "; ".join(signed),
         "",
         f"Rules, 0.2 and 0.3 pu, bounds {', '.join(f'{b:g}' for b in BOUNDS)}, {starts} starts:",
         "",
-        table_of_cases(rows, low=True),
+        _table_of_cases(rows, low=True),
         "",
         "Rules, 0.6 and 1 pu:",
         "",
-        table_of_cases(rows, low=False),
+        _table_of_cases(rows, low=False),
         "",
         f"Point by point, {detailed} other starts, 95 % confidence intervals:",
         "",
-        table_of_points(rows),
+        _table_of_points(rows),
         "",
         f"RTL: {decided} decisions of {len(points) * len(BUILT_IN)} of these loops (start {FRESH}; "
         "both rules, SE and SESE, every bound and speed), decided by the netlist of `mpdcc_core` "
@@ -800,14 +855,14 @@ def study(
         "",
         f"Elsewhere, bound 0.1 pu, {starts} starts:",
         "",
-        elsewhere(base, starts, steps),
+        _elsewhere(base, starts, steps),
         "",
         "Switching frequency saved by SESE at equal distortion, rule 'largest excess':",
         "",
-        intervals(base, detailed, steps),
+        _intervals(base, detailed, steps),
     ]
     tools.write(out / "deadlocks.md", "\n".join(lines) + "\n")
     if out == REPORTS:
         write_page("\n".join(lines))
     print("\n".join(lines))
-    draw(base, rows, out / "deadlocks.png")
+    _draw(base, rows, out / "deadlocks.png")

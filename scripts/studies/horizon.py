@@ -71,7 +71,20 @@ class Setting:
 
 
 def drive_of(base: Drive, setting: Setting) -> Drive:
-    """The drive with the controller settings of a run."""
+    """The drive with the controller settings of a run.
+
+    Parameters
+    ----------
+    base : Drive
+        The drive as its file has it.
+    setting : Setting
+        Horizon, budget, bound, delay compensation and deadlock rule.
+
+    Returns
+    -------
+    Drive
+        Per unit.
+    """
     return base.with_control(
         bound_current=setting.bound,
         switching_horizon=setting.horizon,
@@ -81,7 +94,7 @@ def drive_of(base: Drive, setting: Setting) -> Drive:
     )
 
 
-def run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> dict[str, Any]:
+def _run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> dict[str, Any]:
     """One closed loop and its figures."""
     drive = drive_of(base, setting)
     others = (
@@ -118,6 +131,13 @@ def run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> d
 def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
     """Let the RTL, converted to a netlist, decide on every step of a closed loop.
 
+    Parameters
+    ----------
+    drive : Drive
+        What the loop was run with.
+    result : ClosedLoopResult
+        The loop.
+
     Returns
     -------
     int
@@ -142,7 +162,7 @@ def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
     return int(found[:, 7].max())
 
 
-def verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, int]:
+def _verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, int]:
     """Let the RTL, converted to a netlist, decide on every step of closed loops.
 
     Returns
@@ -174,7 +194,22 @@ def verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, i
 
 
 def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float:
-    """Mean reduction of the switching frequency by SESE at equal distortion, in percent."""
+    """Mean reduction of the switching frequency by SESE at equal distortion, in percent.
+
+    Parameters
+    ----------
+    rows : Sequence[dict[str, Any]]
+        Of sese.csv.
+    speed : float
+        Stator frequency, per unit.
+    start : int
+        Number of the start.
+
+    Returns
+    -------
+    float
+        Percent; nan where no distortion of SESE lies between two of SE.
+    """
     chosen = [r for r in rows if r["speed"] == speed and r["start"] == start]
     se = sorted((r["thd_pct"], r["fsw_hz"]) for r in chosen if r["horizon"] == "SE")
     found = []
@@ -186,7 +221,18 @@ def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Mean and half width of its 95 % confidence interval (Student's t)."""
+    """Mean and half width of its 95 % confidence interval (Student's t).
+
+    Parameters
+    ----------
+    values : Sequence[float]
+        Any number; those that are not finite are left out.
+
+    Returns
+    -------
+    tuple[float, float]
+        In the values' unit; nan for what too few values leave unknown.
+    """
     from scipy import stats
 
     array = np.array([v for v in values if np.isfinite(v)])
@@ -196,7 +242,7 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
     return float(array.mean()), float(stats.t.ppf(0.975, len(array) - 1) * spread)
 
 
-def prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float64]:
+def _prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float64]:
     """Errors of the predicted node along a closed loop, per unit.
 
     Returns
@@ -289,7 +335,7 @@ def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> str:
     return tables.markdown(head, shown)
 
 
-def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Switching frequency against distortion, one panel for each speed."""
     plt = pyplot()
 
@@ -326,7 +372,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
-def draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
+def _draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
     """Draw f_sw and THD against the clocks that a budget allows, for several explorers."""
     plt = pyplot()
 
@@ -362,14 +408,21 @@ def study(
 
     Parameters
     ----------
-    drive
+    drive : Path
         Drive file.
-    steps
+    steps : int
         Control steps of a run.
-    starts
+    starts : int
         Starts of every setting.
-    out
+    out : Path
         Folder of the files.
+
+    Raises
+    ------
+    FidelityError
+        If the RTL decides otherwise.
+    DriveFileError
+        If the drive file is not right.
     """
     base = load_mpdcc_drive(drive)
     settings = [
@@ -382,11 +435,11 @@ def study(
     rows: list[dict[str, Any]] = []
     with progress_bar("closed loops", len(settings)) as progress:
         for setting in settings:
-            rows.append(run(base, setting, steps, shadow=True))
+            rows.append(_run(base, setting, steps, shadow=True))
             progress(len(rows))
     out.mkdir(parents=True, exist_ok=True)
     tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
-    draw(rows, out / "sese.png")
+    _draw(rows, out / "sese.png")
 
     gains = {
         speed: interval([reduction(rows, speed, start) for start in range(starts)])
@@ -418,7 +471,7 @@ def study(
     budgets: list[tuple[int, float, float, float]] = []
     for budget in BUDGETS:
         found = [
-            run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), steps)
+            _run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), steps)
             for start in range(starts)
         ]
         thd = np.mean([r["thd_pct"] for r in found])
@@ -442,7 +495,7 @@ def study(
     for horizon in ("SE", "SESE"):
         for delay, compensate in ((False, False), (True, False), (True, True)):
             found = [
-                run(
+                _run(
                     base,
                     Setting(horizon, 0.10, 1.0, start, delay=delay, compensate=compensate),
                     steps,
@@ -462,7 +515,7 @@ def study(
     head = ("horizon, delay", "THD", "f_sw", "current beyond its bound")
     lines += ["", "One step of delay, 0.1 pu bound, full speed:", "", tables.markdown(head, shown)]
 
-    errors = prediction_errors(base, 1.0, min(steps, 1500))
+    errors = _prediction_errors(base, 1.0, min(steps, 1500))
     shown = []
     for low, high in ((1, 5), (6, 10), (11, 20), (21, 62)):
         part = errors[(errors[:, 0] >= low) & (errors[:, 0] <= high), 1:]
@@ -486,14 +539,14 @@ def study(
     checked = [s for s in settings if s.start == 0]
     checked += [Setting("SESE", 0.10, 1.0, 0, budget=budget) for budget in BUDGETS[1:]]
     checked += [Setting(h, 0.10, 1.0, 0, delay=True, compensate=True) for h in ("SE", "SESE")]
-    count, most = verify(base, checked, steps)
+    count, most = _verify(base, checked, steps)
     lines += [
         "",
         f"RTL: {count} decisions of {len(checked)} of these loops (start 0; SE and SESE, every "
         "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
         f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
     ]
-    draw_budget(budgets, out / "sese_budget.png")
+    _draw_budget(budgets, out / "sese_budget.png")
     lines.insert(
         0,
         f"{starts} starts of {steps:,} steps each, bit-true model, 95 % confidence "

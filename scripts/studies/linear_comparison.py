@@ -58,12 +58,23 @@ END = "<!-- table: end -->"
 
 
 def straight(values: Registers) -> Registers:
-    """The same registers without curvature."""
+    """The same registers without curvature.
+
+    Parameters
+    ----------
+    values : Registers
+        Of a drive.
+
+    Returns
+    -------
+    Registers
+        A copy.
+    """
     kept = {k: 0 if k.startswith("curvature_") else v for k, v in values.coefficients.items()}
     return dataclasses.replace(values, coefficients=kept)
 
 
-def coarse(drive: Drive) -> Registers:
+def _coarse(drive: Drive) -> Registers:
     """The paper variant's registers in the fast variant's trajectory unit.
 
     Coefficients that are products with the unit scale with it; those of the weight on v_n do not.
@@ -101,16 +112,45 @@ class Controller:
     rows: Any
 
     def registers(self, drive: Drive) -> Registers:
-        """Its registers for a drive."""
+        """Its registers for a drive.
+
+        Parameters
+        ----------
+        drive : Drive
+            What it is set up for.
+
+        Returns
+        -------
+        Registers
+            Register values.
+
+        Raises
+        ------
+        ValueError
+            If the drive cannot be represented.
+        """
         if self.name == "paper":
             return registers(drive, "paper")
         if self.name == "paper, fast's unit":
-            return coarse(drive)
+            return _coarse(drive)
         chords = registers(drive, "fast")
         return chords if self.name == "fast" else straight(chords)
 
     def run(self, drive: Drive, trace: MpdccTrace) -> Decisions:
-        """Its decisions."""
+        """Its decisions.
+
+        Parameters
+        ----------
+        drive : Drive
+            What it is set up for.
+        trace : MpdccTrace
+            n states, per unit.
+
+        Returns
+        -------
+        Decisions
+            One for each row.
+        """
         return common.run_rows(self.rows, self.registers(drive).array(), trace)
 
 
@@ -125,7 +165,7 @@ def _quotients(rule, error, first, slope, curvature, bound, threshold, horizon):
 
 
 @njit
-def decide_zero_sum(register, measurement, s_prev):
+def _decide_zero_sum(register, measurement, s_prev):
     """The paper's decision with straight lines, on the fast variant's node.
 
     Lengths are quotients (`common.search_length`), as Algorithm 2 finds them; the rest is the
@@ -155,9 +195,9 @@ def decide_zero_sum(register, measurement, s_prev):
 
 @njit
 def _run_zero_sum(register, measurements, s_prev, out):
-    """`decide_zero_sum` for every row."""
+    """`_decide_zero_sum` for every row."""
     for k in range(measurements.shape[0]):
-        out[k, :] = decide_zero_sum(register, measurements[k], s_prev[k])
+        out[k, :] = _decide_zero_sum(register, measurements[k], s_prev[k])
 
 
 CONTROLLERS = (
@@ -220,7 +260,19 @@ class Difference:
     def add(
         self, first: Decisions, second: Decisions, register: NDArray[np.int64], trace: MpdccTrace
     ) -> None:
-        """Count one trace; `register` is the first one's."""
+        """Count the decisions of one trace.
+
+        Parameters
+        ----------
+        first : Decisions
+            Of one controller, on every row.
+        second : Decisions
+            Of its neighbour, on every row.
+        register : NDArray[np.int64]
+            The first one's `Registers.array()`, shape (42,).
+        trace : MpdccTrace
+            The states, per unit.
+        """
         measurements, _ = common.encode(trace)
         s_prev = trace.s_prev.astype(np.int64)
         differs = np.flatnonzero(np.any(first.s != second.s, axis=1))
@@ -243,7 +295,18 @@ class Difference:
 
 
 def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
-    """States of closed loops under the paper's controller, both drives, all speeds."""
+    """States of closed loops under the paper's controller, both drives, all speeds.
+
+    Parameters
+    ----------
+    steps : int
+        Control steps of each loop.
+
+    Yields
+    ------
+    tuple[Drive, MpdccTrace]
+        A drive, and the states of one loop.
+    """
     for name in DRIVES:
         drive = load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
         register = registers(drive, "paper").array()
@@ -259,6 +322,11 @@ def compare(
     given: Iterable[tuple[Drive, MpdccTrace]],
 ) -> tuple[list[Difference], list[float], int]:
     """Differences between neighbours, and each controller's from the ideal one.
+
+    Parameters
+    ----------
+    given : Iterable[tuple[Drive, MpdccTrace]]
+        Drives with states, from `traces`.
 
     Returns
     -------
@@ -285,7 +353,22 @@ def compare(
 
 
 def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: int) -> str:
-    """What `compare` found, as Markdown."""
+    """What `compare` found, as Markdown.
+
+    Parameters
+    ----------
+    differences : Sequence[Difference]
+        Between neighbours.
+    mismatch : Sequence[float]
+        Per controller, percent.
+    rows : int
+        Number of states.
+
+    Returns
+    -------
+    str
+        Markdown: a sentence and the table.
+    """
     commit, dirty = tools.git_state()
     head = (
         f"{rows} states of {len(DRIVES)} drives at {len(SPEEDS)} speeds, commit "

@@ -32,7 +32,7 @@ from directmpc.states import Controller, MptcState, mptc_decision
 from scripts.hdl import mptc_drive_loop
 
 
-def machine_parameters(drive: MptcDrive) -> InductionMachinePars:
+def _machine_parameters(drive: MptcDrive) -> InductionMachinePars:
     """motulator's parameters of a drive's machine (T circuit to inverse-Gamma to Gamma)."""
     m = drive.machine
     magnetising = m.lm * m.lm / m.lr
@@ -46,7 +46,7 @@ def machine_parameters(drive: MptcDrive) -> InductionMachinePars:
     return InductionMachinePars.from_inv_gamma_model_pars(inverse_gamma)
 
 
-def plant(
+def _plant(
     drive: MptcDrive,
     scenario: Scenario,
     inertia: float = math.inf,
@@ -63,7 +63,7 @@ def plant(
         kg*m^2; infinite: the speed is imposed.
     """
     m = drive.machine
-    machine = model.InductionMachine(machine_parameters(drive))
+    machine = model.InductionMachine(_machine_parameters(drive))
     # The Gamma model's rotor flux from the T circuit's currents: i_r,T = i_r,Gamma * L_s/L_m
     rotor = (scenario.flux - m.ls * scenario.current) / m.lm
     machine.state.psi_ss = complex(scenario.flux)
@@ -153,7 +153,7 @@ def simulate(
         What the controller knows and the plant is.
     scenario : Scenario
         References, load and first state.
-    controller
+    controller : str or Controller
         "model" for the bit-true twin, "ideal" for float64, or an object with the method `decide` of
         `directmpc.Controller`. It is asked once per control period, with an `MptcState`.
     inertia : float
@@ -174,7 +174,7 @@ def simulate(
     if isinstance(controller, str):
         controller = make_controller(drive, controller)
     periods = _Periods(drive, scenario, controller)
-    simulation = model.Simulation(plant(drive, scenario, inertia), periods)
+    simulation = model.Simulation(_plant(drive, scenario, inertia), periods)
     steps = len(scenario.torque_ref)
     simulation.simulate(t_stop=(steps - 0.5) * drive.control.ts)
     return Run.recorded(drive.control.ts, periods.seen, periods.seen_u, periods.out, periods.result)

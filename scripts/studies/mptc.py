@@ -47,7 +47,22 @@ class Observed:
 
 
 def observed(drive: MptcDrive, scenario: Scenario, plant: PlantParameters) -> Observed:
-    """A run on the observer's flux, begun with an estimate that is 20 % too small."""
+    """A run on the observer's flux, begun with an estimate that is 20 % too small.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What controller and observer are set up for.
+    scenario : Scenario
+        References, load and first state.
+    plant : PlantParameters
+        The machine, which may differ from the drive's.
+
+    Returns
+    -------
+    Observed
+        The run, and the estimated flux in every period, Wb.
+    """
     words = joined.parameters(drive)
     state = joined.state_at(drive, words, scenario.current, 0.8 * scenario.flux)
     run = closed_loop.simulate(
@@ -66,12 +81,18 @@ def start(drive: MptcDrive, *, excited: bool, limit: float = 8.0, steps: int = 6
     Parameters
     ----------
     drive : MptcDrive
+        Machine and controller.
     excited : bool
         Whether pre-excitation comes first.
     limit : float
         Its current limit, A.
     steps : int
         Control periods.
+
+    Returns
+    -------
+    Run
+        Every control period.
     """
     scenario = Scenario(
         np.zeros(steps),
@@ -89,7 +110,7 @@ def start(drive: MptcDrive, *, excited: bool, limit: float = 8.0, steps: int = 6
     )
 
 
-def at_speed(
+def _at_speed(
     drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int, engine: str = "model"
 ) -> Run:
     """Hold a speed with a speed PI, as the paper's figures do; begun in the steady state.
@@ -108,7 +129,7 @@ def at_speed(
     return closed_loop.simulate(drive, scenario, engine=engine, plant=plant)
 
 
-def fundamental(run: Run, first: int) -> float:
+def _fundamental(run: Run, first: int) -> float:
     """Mean angular frequency of the stator flux from step `first` on, rad/s."""
     flux = run.trace.psi_s[first:] @ np.array([1.0, 1.0j])
     angle = np.unwrap(np.angle(flux))
@@ -125,10 +146,15 @@ def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
     omega_s : float, optional
         Fundamental, rad/s; that of the stator flux if not given.  A frequency that is 0.004 Hz off
         turns a window of nine seconds by 13 degrees, which then counts as distortion.
+
+    Returns
+    -------
+    dict[str, float]
+        N*m, Wb, Hz, and percent by the names' endings.
     """
     first = len(run.u) // 10
     changes = COMMUTATIONS[run.trace.u[first:-1], run.trace.u[first + 1 :]].sum()
-    omega = fundamental(run, first) if omega_s is None else omega_s
+    omega = _fundamental(run, first) if omega_s is None else omega_s
     return {
         "torque_ripple_nm": float(run.torque[first:].std()),
         "torque_mean_nm": float(run.torque[first:].mean()),
@@ -143,9 +169,22 @@ def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
 
 
 def weight_runs(drive: MptcDrive, steps: int = 60_000) -> dict[str, Run]:
-    """Fig. 5: 1500 r/min without load behind a speed PI, MPTC over k_psi and MPFC."""
+    """Fig. 5: 1500 r/min without load behind a speed PI, MPTC over k_psi and MPFC.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    steps : int
+        Control periods of each run.
+
+    Returns
+    -------
+    dict[str, Run]
+        k_psi, or "MPFC" -> run.
+    """
     return {
-        key: at_speed(one, 1500.0, 0.0, HIGH_SPEED_FLUX, steps)
+        key: _at_speed(one, 1500.0, 0.0, HIGH_SPEED_FLUX, steps)
         for key, one in (
             *((f"{k:g}", drive.with_control(k_psi=k, method="MPTC")) for k in WEIGHTS),
             ("MPFC", drive.with_control(method="MPFC")),
@@ -154,9 +193,22 @@ def weight_runs(drive: MptcDrive, steps: int = 60_000) -> dict[str, Run]:
 
 
 def low_speed_runs(drive: MptcDrive, steps: int = 200_000) -> dict[str, Run]:
-    """Figs. 6 and 9: 150 r/min without load behind a speed PI."""
+    """Figs. 6 and 9: 150 r/min without load behind a speed PI.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    steps : int
+        Control periods of each run.
+
+    Returns
+    -------
+    dict[str, Run]
+        k_psi, or "MPFC" -> run.
+    """
     return {
-        key: at_speed(one, 150.0, 0.0, RATED_FLUX, steps)
+        key: _at_speed(one, 150.0, 0.0, RATED_FLUX, steps)
         for key, one in (
             ("32", drive.with_control(k_psi=32.0)),
             ("100", drive.with_control(k_psi=100.0)),
@@ -166,9 +218,22 @@ def low_speed_runs(drive: MptcDrive, steps: int = 200_000) -> dict[str, Run]:
 
 
 def band_limited(run: Run, highest: float) -> float:
-    """THD of the current from components up to `highest` Hz alone, %; whole periods."""
+    """THD of the current from components up to `highest` Hz alone, %; whole periods.
+
+    Parameters
+    ----------
+    run : Run
+        Its first tenth is left out.
+    highest : float
+        Hz.
+
+    Returns
+    -------
+    float
+        Percent of the fundamental.
+    """
     first = len(run.u) // 10
-    omega = fundamental(run, first)
+    omega = _fundamental(run, first)
     x = run.trace.i_s[first:, 0]
     period = 2.0 * np.pi / (abs(omega) * run.ts)
     periods = int(len(x) // period)
@@ -180,8 +245,26 @@ def band_limited(run: Run, highest: float) -> float:
 
 
 def distortion(drive: MptcDrive, steps: int = 200_000) -> dict[str, float]:
-    """What the THD at 150 r/min without load (paper: 8.90 %) depends on, one thing at a time, %."""
-    base = at_speed(drive, 150.0, 0.0, RATED_FLUX, steps)
+    """What the THD at 150 r/min without load (paper: 8.90 %) depends on, one thing at a time, %.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    steps : int
+        Control periods of each run.
+
+    Returns
+    -------
+    dict[str, float]
+        What was changed -> THD, percent.
+
+    Raises
+    ------
+    DriveFileError
+        If the drive file of the other machine is not right.
+    """
+    base = _at_speed(drive, 150.0, 0.0, RATED_FLUX, steps)
     imposed = closed_loop.simulate(
         drive, closed_loop.constant(drive, 150.0, 0.0, RATED_FLUX, steps)
     )
@@ -193,28 +276,47 @@ def distortion(drive: MptcDrive, steps: int = 200_000) -> dict[str, float]:
         "components up to 5 kHz": band_limited(base, 5000.0),
         "components up to 2 kHz": band_limited(base, 2000.0),
         "components up to 1 kHz": band_limited(base, 1000.0),
-        "flux 0.9 Wb": figures(at_speed(drive, 150.0, 0.0, 0.9, steps))["thd_pct"],
+        "flux 0.9 Wb": figures(_at_speed(drive, 150.0, 0.0, 0.9, steps))["thd_pct"],
     }
     for weight in (50.0, 150.0):
         one = drive.with_control(k_psi=weight)
-        found[f"k_psi = {weight:g}"] = figures(at_speed(one, 150.0, 0.0, RATED_FLUX, steps))[
+        found[f"k_psi = {weight:g}"] = figures(_at_speed(one, 150.0, 0.0, RATED_FLUX, steps))[
             "thd_pct"
         ]
     other = load_mptc_drive(DRIVES / "motulator_2kw2.toml")
     found["machine of motulator_2kw2.toml"] = figures(
-        at_speed(other, 150.0, 0.0, RATED_FLUX, steps)
+        _at_speed(other, 150.0, 0.0, RATED_FLUX, steps)
     )["thd_pct"]
     return found
 
 
 def step_run(drive: MptcDrive, rpm: float, psi_ref: float, begin: int, steps: int = 1000) -> Run:
-    """Torque reference from 0 to 120 % in step `begin`, imposed speed (Fig. 30)."""
+    """Torque reference from 0 to 120 % in step `begin`, imposed speed (Fig. 30).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    rpm : float
+        Speed, r/min.
+    psi_ref : float
+        Reference of the stator flux, Wb.
+    begin : int
+        Number of the step.
+    steps : int
+        Control periods.
+
+    Returns
+    -------
+    Run
+        Every control period.
+    """
     scenario = closed_loop.constant(drive, rpm, 0.0, psi_ref, steps)
     wanted = np.where(np.arange(steps) < begin, 0.0, 1.2 * RATED_TORQUE)
     return closed_loop.simulate(drive, replace(scenario, torque_ref=wanted))
 
 
-def voltage_bound(drive: MptcDrive, rpm: float, psi_ref: float) -> float:
+def _voltage_bound(drive: MptcDrive, rpm: float, psi_ref: float) -> float:
     """Least time in which the voltage left by the back-EMF can turn the flux for 120 % torque, ms.
 
     The flux has to move by psi_ref*sin(load angle) along its own path; what a modulated inverter
@@ -234,7 +336,21 @@ def torque_steps(
     """Fig. 30: a step from 0 to 120 % torque at several speeds, begun at `starts` flux angles.
 
     Rise time from 10 to 90 % (mean and longest), time from the step to 95 % (longest), and
-    `voltage_bound`, ms; a time is missing where the torque is not reached within 40 ms.
+    `_voltage_bound`, ms; a time is missing where the torque is not reached within 40 ms.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    psi_ref : float
+        Reference of the stator flux, Wb.
+    starts : int
+        Flux angles at each speed.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Speed in r/min -> times, ms.
     """
     rows = {}
     final = 1.2 * RATED_TORQUE
@@ -248,7 +364,7 @@ def torque_steps(
             if all(len(x) for x in reached):
                 rise.append((reached[1][0] - reached[0][0]) * run.ts * 1e3)
                 arrival.append(reached[2][0] * run.ts * 1e3)
-        rows[f"{rpm:g}"] = {"voltage_bound_ms": voltage_bound(drive, rpm, psi_ref)}
+        rows[f"{rpm:g}"] = {"voltage_bound_ms": _voltage_bound(drive, rpm, psi_ref)}
         if len(rise) == starts:
             rows[f"{rpm:g}"] |= {
                 "rise_mean_ms": float(np.mean(rise)),
@@ -259,7 +375,20 @@ def torque_steps(
 
 
 def saturated_link(drive: MptcDrive, steps: int = 40_000) -> dict[str, dict[str, float]]:
-    """1500 r/min with rated torque asked for, by flux reference: torque and flux that come out."""
+    """1500 r/min with rated torque asked for, by flux reference: torque and flux that come out.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    steps : int
+        Control periods of each run.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Flux reference and engine -> N*m and Wb.
+    """
     rows = {}
     for psi_ref in (RATED_FLUX, HIGH_SPEED_FLUX):
         scenario = closed_loop.constant(drive, 1500.0, RATED_TORQUE, psi_ref, steps)
@@ -273,7 +402,20 @@ def saturated_link(drive: MptcDrive, steps: int = 40_000) -> dict[str, dict[str,
 
 
 def robustness(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float]]:
-    """Fig. 1: resistances of the machine 50 % and 100 % above the controller's, on the observer."""
+    """Fig. 1: resistances of the machine 50 % and 100 % above the controller's, on the observer.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What controller and observer are set up for.
+    steps : int
+        Control periods of each run; figures are of the second half.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Speed and factor -> Wb and N*m.
+    """
     rows = {}
     for rpm in (150.0, 1500.0):
         for factor in (1.0, 1.5, 2.0):
@@ -291,7 +433,18 @@ def robustness(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, flo
 
 
 def starts(drive: MptcDrive) -> dict[str, dict[str, float]]:
-    """Fig. 21: start with MPFC, without and with pre-excitation."""
+    """Fig. 21: start with MPFC, without and with pre-excitation.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        "without" and "with" -> A and ms.
+    """
     rows = {}
     one = drive.with_control(method="MPFC")
     for key, excited in (("without", False), ("with", True)):
@@ -306,7 +459,21 @@ def starts(drive: MptcDrive) -> dict[str, dict[str, float]]:
 
 
 def fidelity(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float]]:
-    """Decisions against ideal: three speeds, both rotations; no load, motoring, generating."""
+    """Decisions against ideal: three speeds, both rotations; no load, motoring, generating.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    steps : int
+        Control periods at each point.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Method, speed and load -> steps, percent, and the largest lead of ideal's choice in N*m or
+        Wb.
+    """
     rows = {}
     for method in ("MPTC", "MPFC"):
         one = drive.with_control(method=method)
@@ -324,7 +491,18 @@ def fidelity(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float
 
 
 def results(drive: MptcDrive) -> dict[str, object]:
-    """All of them for a drive."""
+    """All of them for a drive.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+
+    Returns
+    -------
+    dict[str, object]
+        Name of the study -> its figures.
+    """
     return {
         "weights": {key: figures(run) for key, run in weight_runs(drive).items()},
         "low_speed": {key: figures(run) for key, run in low_speed_runs(drive).items()},

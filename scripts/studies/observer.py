@@ -117,6 +117,11 @@ def run(
         Control periods; two rotor time constants without it.
     begin : float
         Share of the true flux that the observer begins with.
+
+    Returns
+    -------
+    tuple of ndarray
+        Estimates and true fluxes, one for each period.
     """
     factors = dict(factors or {})
     measured = factors.pop("speed", 1.0)
@@ -152,7 +157,20 @@ def run(
 
 
 def error(estimate: np.ndarray, flux: np.ndarray) -> Error:
-    """Error over the last eighth of a run."""
+    """Error over the last eighth of a run.
+
+    Parameters
+    ----------
+    estimate : np.ndarray
+        Rotor flux, complex, one for each period.
+    flux : np.ndarray
+        The true one, complex, one for each period.
+
+    Returns
+    -------
+    Error
+        Magnitude, vector and worst in percent, angle in degrees, flux in the unit of `flux`.
+    """
     last = slice(len(flux) - len(flux) // 8, None)
     ratio = estimate[last] / flux[last]
     return Error(
@@ -164,7 +182,7 @@ def error(estimate: np.ndarray, flux: np.ndarray) -> Error:
     )
 
 
-def table(drive: Drive) -> list[dict[str, object]]:
+def _table(drive: Drive) -> list[dict[str, object]]:
     """All operating points: a row of the CSV each."""
     rows: list[dict[str, object]] = []
     work = [
@@ -235,9 +253,22 @@ def _plot(rows: list[dict[str, object]], path: Path) -> None:
 
 
 def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
-    """Write CSV, plot and table for a drive."""
+    """Write CSV, plot and table for a drive.
+
+    Parameters
+    ----------
+    drive_file : str | Path
+        Of an MPDCC drive.
+
+    Raises
+    ------
+    DriveFileError
+        If it is not right.
+    MarkerError
+        If the page lacks the markers of the table.
+    """
     drive = load_mpdcc_drive(drive_file)
-    rows = table(drive)
+    rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, ROOT / "reports" / "observer.png")
     page = ROOT / "docs" / "observer.md"

@@ -69,7 +69,13 @@ class Run:
 
     @property
     def cycles(self) -> NDArray[np.int64]:
-        """Clock cycles of every decision."""
+        """Clock cycles of every decision.
+
+        Returns
+        -------
+        NDArray[np.int64]
+            One for each step.
+        """
         assert self.result.decisions.cycles is not None
         return self.result.decisions.cycles
 
@@ -79,14 +85,21 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Plant and controller.
-    speed
+    speed : float
         Stator frequency, per unit, signed.
-    steps
+    steps : int | None
         Control steps; ``PERIODS`` fundamental periods if None.
-    explorers, variant
-        Configuration of the core.
+    explorers : int
+        Explorers of the core.
+    variant : str
+        "fast" or "paper".
+
+    Returns
+    -------
+    Run
+        Decisions and states, with what model and ideal controller decide on the same states.
 
     Raises
     ------
@@ -141,7 +154,18 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
 
 
 def outcome(run: Run) -> Table:
-    """What the drive did."""
+    """What the drive did.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    Table
+        For a terminal.
+    """
     drive, result = run.drive, run.result
     count = result.shadow_count()
     table = Table(title="Closed loop", show_header=False)
@@ -181,7 +205,18 @@ def outcome(run: Run) -> Table:
 
 
 def latency(run: Run) -> Table:
-    """How long decisions took."""
+    """How long decisions took.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    Table
+        For a terminal: clock cycles, and us at several clocks.
+    """
     searches = run.cycles[run.result.decisions.held == 0]
     held = run.cycles[run.result.decisions.held == 1]
     table = Table(title=f"Decision time, {run.explorers} explorer(s), variant {run.variant}")
@@ -190,14 +225,14 @@ def latency(run: Run) -> Table:
     for clock in CLOCKS_MHZ:
         table.add_column(f"us at {clock} MHz", justify="right")
 
-    def add(name: str, cycles: float | None) -> None:
+    def _add(name: str, cycles: float | None) -> None:
         if cycles is not None:
             times = [f"{cycles / clock:.2f}" for clock in CLOCKS_MHZ]
             table.add_row(name, f"{cycles:.0f}", *times)
 
-    add("held", float(held.max()) if len(held) else None)
-    add("search, median", float(np.median(searches)) if len(searches) else None)
-    add("search, longest in this run", float(searches.max()) if len(searches) else None)
+    _add("held", float(held.max()) if len(held) else None)
+    _add("search, median", float(np.median(searches)) if len(searches) else None)
+    _add("search, longest in this run", float(searches.max()) if len(searches) else None)
     control = run.drive.control
     options = {
         "two_switchings": control.switching_horizon == "SESE",
@@ -205,13 +240,21 @@ def latency(run: Run) -> Table:
     }
     fast = run.variant == "fast"
     worst = worst_cycles(run.variant, run.explorers, **(options if fast else {}))
-    add("worst case, any input", worst)
-    add("Paper A, Table II, worst case", paper_a.CYCLES.get(run.explorers))
+    _add("worst case, any input", worst)
+    _add("Paper A, Table II, worst case", paper_a.CYCLES.get(run.explorers))
     return table
 
 
 def draw(run: Run, path: Path) -> None:
-    """Draw currents, positions and capacitor voltages into a PNG file."""
+    """Draw currents, positions and capacitor voltages into a PNG file.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+    path : Path
+        PNG file; its folder is made.
+    """
     plt = pyplot()
 
     drive, result = run.drive, run.result

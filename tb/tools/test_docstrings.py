@@ -1,4 +1,4 @@
-"""A public function of the library without its sections turns `make lint` red.
+"""A public function of library or tools without its sections turns `make lint` red.
 
 Stimulus: a module with all its sections, and copies of it with one fault each, under the rules of
 `pyproject.toml`.
@@ -121,18 +121,18 @@ FAULTS = {
 }
 
 
-def verdict(folder: Path, modules: dict[str, str]) -> int:
-    """Exit code of the step for a library of these modules."""
-    (folder / "model" / "directmpc").mkdir(parents=True)
+def verdict(folder: Path, modules: dict[str, str], place: str = "model/directmpc") -> int:
+    """Exit code of the step for these modules in a folder."""
+    (folder / place).mkdir(parents=True)
     for name, text in modules.items():
-        (folder / "model" / "directmpc" / f"{name}.py").write_text(text, encoding="utf-8")
+        (folder / place / f"{name}.py").write_text(text, encoding="utf-8")
     shutil.copy(ROOT / "pyproject.toml", folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(checks, "ROOT", folder)
         return program.main(["lint", "numpydoc"])
 
 
-def place(fault: str) -> str:
+def module_of(fault: str) -> str:
     """Name of the module with a fault."""
     return fault.replace(" ", "_")
 
@@ -143,7 +143,7 @@ def shown(tmp_path_factory) -> list[str]:
     modules = {"whole": WHOLE}
     for fault, (old, new, _) in FAULTS.items():
         assert WHOLE.count(old) == 1, fault
-        modules[place(fault)] = WHOLE.replace(old, new)
+        modules[module_of(fault)] = WHOLE.replace(old, new)
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         assert verdict(tmp_path_factory.mktemp("faults"), modules) == 1
@@ -152,13 +152,13 @@ def shown(tmp_path_factory) -> list[str]:
 
 def test_whole_docstrings_pass(tmp_path, capsys) -> None:
     assert verdict(tmp_path, {"whole": WHOLE}) == 0
-    assert capsys.readouterr().out.startswith("ok    docstrings of the library (numpydoc)")
+    assert capsys.readouterr().out.startswith("ok    docstrings (numpydoc)")
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_turns_the_step_red(shown: list[str], fault: str) -> None:
-    assert shown[0].startswith("FAIL  docstrings of the library (numpydoc)")
-    lines = [line for line in shown if f"model/directmpc/{place(fault)}.py:" in line]
+    assert shown[0].startswith("FAIL  docstrings (numpydoc)")
+    lines = [line for line in shown if f"model/directmpc/{module_of(fault)}.py:" in line]
     assert any(FAULTS[fault][2] in line for line in lines)
 
 
@@ -166,5 +166,16 @@ def test_faults_alone_are_named(shown: list[str]) -> None:
     assert not [line for line in shown if "whole.py" in line]
 
 
-def test_the_library_passes() -> None:
+@pytest.mark.parametrize("place", ["scripts", "scripts/hdl", "scripts/studies/fidelity"])
+def test_a_fault_of_a_tool_turns_the_step_red(place: str, tmp_path, capsys) -> None:
+    old, new, word = FAULTS["no returns"]
+    faulty = {"whole": WHOLE, "faulty": WHOLE.replace(old, new)}
+    assert verdict(tmp_path, faulty, place) == 1
+    lines = [line for line in capsys.readouterr().out.splitlines() if ".py:" in line]
+    assert len(lines) == 1
+    assert f"{place}/faulty.py:" in lines[0]
+    assert word in lines[0]
+
+
+def test_library_and_tools_pass() -> None:
     assert checks.python_docstrings() == []

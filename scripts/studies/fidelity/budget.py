@@ -71,7 +71,18 @@ class Setting:
     error_bits: int | None = None
 
     def parameters(self, point: Point) -> r.Replica:
-        """The replica for a point."""
+        """The replica for a point.
+
+        Parameters
+        ----------
+        point : Point
+            Machine and bound.
+
+        Returns
+        -------
+        r.Replica
+            Its parameters.
+        """
         drive = point.load()
         grains = dict(self.grains)
         if self.error_bits is not None:
@@ -81,7 +92,13 @@ class Setting:
 
 
 def settings() -> list[Setting]:
-    """All settings that are counted."""
+    """All settings that are counted.
+
+    Returns
+    -------
+    list[Setting]
+        In the order of the table.
+    """
     built = dict.fromkeys(r.GRAINS, 1.0)
     exact = {"trajectory": r.EXACT, "first_exit": r.EVERY_STEP}
     found = [
@@ -113,9 +130,24 @@ def settings() -> list[Setting]:
 
 
 def measure(point: Point, driver: str, steps: int = STEPS) -> Row:
-    """Count every setting on the states of one loop; kept."""
+    """Count every setting on the states of one loop; kept.
 
-    def compute() -> Row:
+    Parameters
+    ----------
+    point : Point
+        Where the loop runs.
+    driver : str
+        Who closes the loop, "ideal" or "model".
+    steps : int
+        Control steps.
+
+    Returns
+    -------
+    Row
+        ``steps``, ``deadlocks``, and ``differing``: a number for each setting.
+    """
+
+    def _compute() -> Row:
         seen, _, exact = loop(point, "fast", driver, steps, DRIVERS.index(driver))
         return {
             "steps": len(seen),
@@ -131,12 +163,23 @@ def measure(point: Point, driver: str, steps: int = STEPS) -> Row:
             f"budget-{driver}-{point.drive}-{point.bound}-{point.omega_s}-{steps}",
             "budget",
         ),
-        compute,
+        _compute,
     )
 
 
 def table(rows: list[Row]) -> list[Row]:
-    """Rows of error_budget.csv: share of differing decisions per setting."""
+    """Rows of error_budget.csv: share of differing decisions per setting.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        From `measure`.
+
+    Returns
+    -------
+    list[Row]
+        A row for each setting; points with many deadlocks are left out.
+    """
     usual = [row for row in rows if row["deadlocks"] <= DEADLOCKED * row["steps"]]
     steps = sum(row["steps"] for row in usual)
     counts = np.sum([row["differing"] for row in usual], axis=0)
@@ -171,6 +214,11 @@ def parabolas() -> Row:
 
     Errors anywhere in the band, slopes up to a quarter of the band per step, curvatures up to what
     turns the steepest of them within 63 steps.
+
+    Returns
+    -------
+    Row
+        Their number, and three shares in percent.
     """
     rng = np.random.default_rng(0)
     bound = formats.BOUND_HIGH["fast"]

@@ -54,9 +54,29 @@ class FidelityError(ToolError):
 
 @njit
 def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Distance of the output nearest to its bound at k, and at k + 1 if the position is kept, pu.
+    """Distance of the output nearest to its bound at k, and at k + 1 if the position is kept.
 
-    Arguments as ``ideal.decide``.
+    Parameters
+    ----------
+    p : ideal.IdealParameters
+        The ideal controller's.
+    x_m : ndarray, shape (4,)
+        Stator current and rotor flux, alpha and beta, per unit.
+    x_inv : ndarray, shape (4,)
+        v_n and the three v_ph, per unit.
+    vdc : float
+        Dc-link voltage, per unit.
+    iref : ndarray, shape (2,)
+        Reference of the stator current, per unit.
+    omega_s, omega_r : float
+        Angular frequencies of stator and rotor, per unit.
+    s_prev : ndarray of int, shape (3,)
+        s(k-1), positions 0 to 7.
+
+    Returns
+    -------
+    tuple of float
+        At k and at k + 1, per unit.
     """
     a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
@@ -87,6 +107,15 @@ def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray) -> dict[str, int]:
     """Sort the given rows, all of them different decisions, by how close the decision was.
 
+    Parameters
+    ----------
+    reference : ideal.IdealParameters
+        The ideal controller's parameters.
+    seen : MpdccTrace
+        States of a loop.
+    rows : IntArray
+        Indices of those that are sorted.
+
     Returns
     -------
     dict
@@ -112,9 +141,26 @@ def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray
 def netlist_of(
     variant: str, second: bool = False, weighted: bool = False
 ) -> tuple[str, dict[str, int | bool], dict[str, object]]:
-    """Entity, generics and options of the compiled netlist; compiles it if need be.
+    """Entity, generics and options of the compiled netlist; it is compiled if need be.
 
-    `second`: with SESE and delay compensation built in; `weighted`: the weighted deadlock rule.
+    Parameters
+    ----------
+    variant : str
+        "fast" or "paper".
+    second : bool
+        Whether SESE and delay compensation are built in.
+    weighted : bool
+        Whether the weighted deadlock rule is built in.
+
+    Returns
+    -------
+    tuple of str, dict and dict
+        For `netlist_check.simulate`.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
     """
     generics: dict[str, int | bool] = {"EXPLORERS": EXPLORERS, "FOLDED": variant == "paper"}
     if second:
@@ -131,7 +177,29 @@ def netlist_of(
 def decide_netlist(
     variant: str, measurements: IntArray, s_prev: IntArray, registers: IntArray
 ) -> IntArray:
-    """Decisions of the netlist in Verilator: (n, 8), ``FIELDS`` and the cycles."""
+    """Decisions of the netlist in Verilator.
+
+    Parameters
+    ----------
+    variant : str
+        "fast" or "paper".
+    measurements : IntArray
+        Shape (n, 13), in the order of ``formats.MEASUREMENTS``.
+    s_prev : IntArray
+        s(k-1), positions 0 to 7, shape (n, 3).
+    registers : IntArray
+        `Registers.array()`, shape (42,).
+
+    Returns
+    -------
+    IntArray
+        Shape (n, 8): ``FIELDS``, then the clock cycles.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing or fails.
+    """
     top, generics, options = netlist_of(
         variant, second_level(registers), weighted_deadlock(registers)
     )
@@ -146,7 +214,23 @@ def decide_netlist(
 
 
 def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray) -> int:
-    """Let the RTL's netlist decide on every row; returns how many there were.
+    """Let the RTL's netlist decide on every row.
+
+    Parameters
+    ----------
+    variant : str
+        "fast" or "paper".
+    seen : MpdccTrace
+        n states.
+    model : Decisions
+        The model's decisions on them.
+    registers : IntArray
+        `Registers.array()`, shape (42,).
+
+    Returns
+    -------
+    int
+        Rows that have been decided, n.
 
     Raises
     ------
@@ -166,13 +250,29 @@ def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray
 def sample_ghdl(drive: str, bound: float, variant: str) -> Row:
     """Let GHDL decide ``SAMPLE`` steps of every point of a drive and bound; kept.
 
+    Parameters
+    ----------
+    drive : str
+        Name of its file without suffix.
+    bound : float
+        Of the currents, per unit.
+    variant : str
+        "fast" or "paper".
+
+    Returns
+    -------
+    Row
+        ``variant``, and ``steps`` that GHDL has decided.
+
     Raises
     ------
     FidelityError
         If GHDL and the netlist differ in a field or in a clock.
+    SimulationError
+        If GHDL is missing or fails.
     """
 
-    def compute() -> Row:
+    def _compute() -> Row:
         chosen = [p for p in points() if (p.drive, p.bound) == (drive, bound)]
         registers = VARIANTS[variant].registers(chosen[0].load()).array()
         measurements, s_prev = [], []
@@ -188,13 +288,32 @@ def sample_ghdl(drive: str, bound: float, variant: str) -> Row:
             raise FidelityError(f"GHDL and the netlist differ ({variant})")
         return {"variant": variant, "steps": len(words)}
 
-    return kept(stored(f"ghdl-{variant}-{drive}-{bound}", "decisions", rtl=True), compute)
+    return kept(stored(f"ghdl-{variant}-{drive}-{bound}", "decisions", rtl=True), _compute)
 
 
 def loop(
     point: Point, variant: str, driver: str, steps: int, seed: int = 0
 ) -> tuple[MpdccTrace, Decisions, Decisions]:
-    """Close the loop once: what was seen, and what model and ideal controller decided there."""
+    """Close the loop once: what was seen, and what model and ideal controller decided there.
+
+    Parameters
+    ----------
+    point : Point
+        Where the loop runs.
+    variant : str
+        Of the model, "fast" or "paper".
+    driver : str
+        Who closes the loop, "ideal" or "model".
+    steps : int
+        Control steps.
+    seed : int
+        Of the start.
+
+    Returns
+    -------
+    tuple of MpdccTrace, Decisions and Decisions
+        States, the model's decisions, the ideal controller's.
+    """
     drive = point.load()
     chosen = VARIANTS[variant]
     if driver == "ideal":
@@ -218,7 +337,31 @@ def _rows(decided: Decisions, rows: IntArray) -> Decisions:
 
 
 def compare(point: Point, variant: str, driver: str, steps: int, *, rtl: bool = True) -> Row:
-    """One row of fidelity_decisions.csv; `rtl` says whether the RTL decides as well."""
+    """Compare the decisions of model, ideal controller and RTL on the states of one loop.
+
+    Parameters
+    ----------
+    point : Point
+        Where the loop runs.
+    variant : str
+        Of the model, "fast" or "paper".
+    driver : str
+        Who closes the loop, "ideal" or "model".
+    steps : int
+        Control steps.
+    rtl : bool
+        Whether the RTL decides as well.
+
+    Returns
+    -------
+    Row
+        One row of fidelity_decisions.csv.
+
+    Raises
+    ------
+    FidelityError
+        If the RTL decides otherwise than the model.
+    """
     drive = point.load()
     seen, model, exact = loop(point, variant, driver, steps, DRIVERS.index(driver))
     verified = 0
@@ -243,7 +386,29 @@ def compare(point: Point, variant: str, driver: str, steps: int, *, rtl: bool = 
 
 
 def measure(point: Point, variant: str, driver: str, steps: int = STEPS) -> Row:
-    """As `compare`, verified on the RTL and kept."""
+    """As `compare`, verified on the RTL and kept.
+
+    Parameters
+    ----------
+    point : Point
+        Where the loop runs.
+    variant : str
+        Of the model, "fast" or "paper".
+    driver : str
+        Who closes the loop, "ideal" or "model".
+    steps : int
+        Control steps.
+
+    Returns
+    -------
+    Row
+        One row of fidelity_decisions.csv.
+
+    Raises
+    ------
+    FidelityError
+        If the RTL decides otherwise than the model.
+    """
     name = f"decisions-{variant}-{driver}-{point.drive}-{point.bound}-{point.omega_s}-{steps}"
     return kept(stored(name, "decisions", rtl=True), lambda: compare(point, variant, driver, steps))
 
@@ -252,11 +417,21 @@ def summarise(rows: list[Row]) -> dict[str, float]:
     """Figures of one variant: averages over the points of both drivers.
 
     Points where more than ``DEADLOCKED`` of the steps are deadlocks are kept apart.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        Of one variant, from `compare`.
+
+    Returns
+    -------
+    dict[str, float]
+        Numbers of steps and runs; shares in percent.
     """
     usual = [r for r in rows if r["deadlocks"] <= DEADLOCKED * r["steps"]]
     rest = [r for r in rows if r["deadlocks"] > DEADLOCKED * r["steps"]]
 
-    def share(chosen: list[Row], part: str = "differing", whole: str = "steps") -> float:
+    def _share(chosen: list[Row], part: str = "differing", whole: str = "steps") -> float:
         total = sum(r[whole] for r in chosen)
         return round(100 * sum(r[part] for r in chosen) / total, 4) if total else 0.0
 
@@ -266,19 +441,19 @@ def summarise(rows: list[Row]) -> dict[str, float]:
     result: dict[str, float] = {
         "steps": sum(r["steps"] for r in usual),
         "steps_rtl": sum(r["steps_rtl"] for r in usual),
-        "decision_mismatch_rtl_pct": share(usual, "differing_rtl", "steps_rtl"),
-        "decision_mismatch_pct": share(usual),
-        "search_mismatch_pct": share(usual, whole="searches"),
-        "worst_point_pct": max(share(r) for r in by_point.values()),
-        "worst_run_pct": max(share([r]) for r in usual),
-        "near_tie_cost_pct": share(usual, "tie_cost"),
-        "near_tie_bound_pct": share(usual, "tie_bound"),
-        "clear_mismatch_pct": share(usual, "clear"),
+        "decision_mismatch_rtl_pct": _share(usual, "differing_rtl", "steps_rtl"),
+        "decision_mismatch_pct": _share(usual),
+        "search_mismatch_pct": _share(usual, whole="searches"),
+        "worst_point_pct": max(_share(r) for r in by_point.values()),
+        "worst_run_pct": max(_share([r]) for r in usual),
+        "near_tie_cost_pct": _share(usual, "tie_cost"),
+        "near_tie_bound_pct": _share(usual, "tie_bound"),
+        "clear_mismatch_pct": _share(usual, "clear"),
         "deadlocked_runs": len(rest),
-        "deadlocked_mismatch_pct": share(rest),
-        "all_runs_mismatch_pct": share(rows),
+        "deadlocked_mismatch_pct": _share(rest),
+        "all_runs_mismatch_pct": _share(rows),
     }
     for driver in DRIVERS:
         chosen = [r for r in usual if r["driver"] == driver]
-        result[f"decision_mismatch_driven_by_{driver}_pct"] = share(chosen)
+        result[f"decision_mismatch_driven_by_{driver}_pct"] = _share(chosen)
     return result

@@ -37,14 +37,40 @@ KEYS = ("drive", "bound_current_pu", "omega_s_pu")
 
 
 def blocks(point: Point, name: str) -> int:
-    """Blocks of starts that a controller is given at a point, by how far its runs spread."""
+    """Blocks of starts that a controller is given at a point, by how far its runs spread.
+
+    Parameters
+    ----------
+    point : Point
+        Where the loops run.
+    name : str
+        Of the controller.
+
+    Returns
+    -------
+    int
+        Number of blocks, of ``STARTS`` starts each.
+    """
     if name == "paper":
         return BLOCKS_PAPER
     return BLOCKS_SLOW if abs(point.omega_s) < SLOW else BLOCKS
 
 
 def controller(point: Point, name: str) -> tuple[Any, Any]:
-    """Compiled decision and its parameters."""
+    """Compiled decision and its parameters.
+
+    Parameters
+    ----------
+    point : Point
+        Machine and bound.
+    name : str
+        "ideal", "fast", "paper", or one of ``EXPLAINING``.
+
+    Returns
+    -------
+    tuple[Any, Any]
+        Two arguments of `closed_loop.simulate`.
+    """
     drive = point.load()
     if name == "ideal":
         return ideal.decide, ideal.ideal_parameters(drive)
@@ -55,13 +81,24 @@ def controller(point: Point, name: str) -> tuple[Any, Any]:
 
 
 def known_mean(values: ArrayLike) -> float:
-    """Mean of the values that are not nan; nan where there is none, in all-deadlock runs."""
+    """Mean of the values that are not nan; nan where there is none, in all-deadlock runs.
+
+    Parameters
+    ----------
+    values : ArrayLike
+        Any shape.
+
+    Returns
+    -------
+    float
+        In the values' unit.
+    """
     array = np.asarray(values, dtype=np.float64)
     known = array[~np.isnan(array)]
     return float(known.mean()) if len(known) else math.nan
 
 
-def run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
+def _run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
     """Figures of every start of one block of one controller at one point."""
     drive = point.load()
     decide, parameters = controller(point, name)
@@ -81,9 +118,27 @@ def run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
 
 
 def replayed(point: Point, variant: str) -> Row:
-    """Let the RTL decide the first steps of the point's first run; kept."""
+    """Let the RTL decide the first steps of the point's first run; kept.
 
-    def compute() -> Row:
+    Parameters
+    ----------
+    point : Point
+        Where the loop runs.
+    variant : str
+        "fast" or "paper".
+
+    Returns
+    -------
+    Row
+        ``variant``, and ``steps`` that the RTL has decided.
+
+    Raises
+    ------
+    FidelityError
+        If the RTL decides otherwise than the model.
+    """
+
+    def _compute() -> Row:
         drive = point.load()
         decide, registers = controller(point, variant)
         result = closed_loop.simulate(
@@ -93,17 +148,43 @@ def replayed(point: Point, variant: str) -> Row:
         return {"variant": variant, "steps": count}
 
     name = f"replayed-{variant}-{point.drive}-{point.bound}-{point.omega_s}"
-    return kept(stored(name, "loops", rtl=True), compute)
+    return kept(stored(name, "loops", rtl=True), _compute)
 
 
 def measure(point: Point, name: str, block: int) -> Row:
-    """As `run`, kept."""
+    """As `_run`, kept.
+
+    Parameters
+    ----------
+    point : Point
+        Where the loops run.
+    name : str
+        Of the controller.
+    block : int
+        Number of the block, from 0 on.
+
+    Returns
+    -------
+    Row
+        ``fsw_hz``, ``thd_pct``, ``deadlocks_pct`` and ``length``: a value for each start.
+    """
     key = f"loops-{name}-{point.drive}-{point.bound}-{point.omega_s}-{block}-{STARTS}x{STEPS}"
-    return kept(stored(key, "loops"), lambda: run(point, name, block, STARTS, STEPS))
+    return kept(stored(key, "loops"), lambda: _run(point, name, block, STARTS, STEPS))
 
 
 def joined(rows: list[Row]) -> list[Row]:
-    """Blocks of the same point and controller as one row each."""
+    """Blocks of the same point and controller as one row each.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        From `measure`.
+
+    Returns
+    -------
+    list[Row]
+        One row for each point and controller.
+    """
     found: dict[tuple[Any, ...], Row] = {}
     for row in rows:
         key = tuple(row[k] for k in (*KEYS, "controller"))
@@ -117,7 +198,7 @@ def joined(rows: list[Row]) -> list[Row]:
     return list(found.values())
 
 
-def difference(exact: Row, ours: Row, figure: str) -> tuple[float, float]:
+def _difference(exact: Row, ours: Row, figure: str) -> tuple[float, float]:
     """Relative difference of the means at one point and its standard error."""
     y, x = np.array(exact[figure])[: len(ours[figure])], np.array(ours[figure])
     ratio = x.mean() / y.mean()
@@ -126,7 +207,23 @@ def difference(exact: Row, ours: Row, figure: str) -> tuple[float, float]:
 
 
 def table(rows: list[Row]) -> list[Row]:
-    """Rows of fidelity_loops.csv: one per point and controller but ideal."""
+    """Rows of fidelity_loops.csv: one per point and controller but ideal.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        From `joined`, the ideal controller's among them.
+
+    Returns
+    -------
+    list[Row]
+        Means in Hz, percent and steps; differences and their standard errors in percent.
+
+    Raises
+    ------
+    KeyError
+        If the ideal controller's row of a point is missing.
+    """
     exact = {tuple(r[k] for k in KEYS): r for r in rows if r["controller"] == "ideal"}
     result = []
     for ours in rows:
@@ -136,7 +233,7 @@ def table(rows: list[Row]) -> list[Row]:
         row = {key: ours[key] for key in KEYS}
         row |= {"controller": ours["controller"], "steps": ours["steps"]}
         for figure in FIGURES:
-            value, error = difference(reference, ours, figure)
+            value, error = _difference(reference, ours, figure)
             name = figure.split("_")[0]
             row |= {
                 f"{figure.replace('_', '_ideal_')}": round(float(np.mean(reference[figure])), 3),

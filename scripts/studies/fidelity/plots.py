@@ -25,7 +25,15 @@ def _values(rows: Sequence[Row], group: str) -> dict[str, float]:
 
 
 def draw_budget(rows: Sequence[Row], path: Path) -> None:
-    """Bars per approximation and rounding: alone, and what leaving it out gains."""
+    """Bars per approximation and rounding: alone, and what leaving it out gains.
+
+    Parameters
+    ----------
+    rows : Sequence[Row]
+        From `budget.table`.
+    path : Path
+        PNG file.
+    """
     plt = pyplot()
     alone, without = _values(rows, "alone"), _values(rows, "without")
     whole = _values(rows, "whole")
@@ -56,7 +64,15 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
 
 
 def draw_words(rows: Sequence[Row], path: Path) -> None:
-    """Mismatch against word length."""
+    """Mismatch against word length.
+
+    Parameters
+    ----------
+    rows : Sequence[Row]
+        From `budget.table`.
+    path : Path
+        PNG file.
+    """
     plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.6), sharey=True, layout="constrained")
     for group, label, colour in (
@@ -85,7 +101,15 @@ def draw_words(rows: Sequence[Row], path: Path) -> None:
 
 
 def draw_loops(rows: Sequence[Row], path: Path) -> None:
-    """Differences of switching frequency and THD per point, with their 95 % intervals."""
+    """Differences of switching frequency and THD per point, with their 95 % intervals.
+
+    Parameters
+    ----------
+    rows : Sequence[Row]
+        From `loops.table`.
+    path : Path
+        PNG file.
+    """
     plt = pyplot()
     figure, axes = plt.subplots(2, 1, figsize=(9.0, 5.2), sharex=True, layout="constrained")
     for variant, colour, shift in (("paper", RED, 0.15), ("fast", BLUE, -0.15)):
@@ -117,7 +141,18 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
 
 
 def decision_table(figures: dict[str, Any]) -> str:
-    """Decisions on the same states, both variants."""
+    """Decisions on the same states, both variants.
+
+    Parameters
+    ----------
+    figures : dict[str, Any]
+        What reports/fidelity.json holds.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
     fast, paper = figures["mpdcc"], figures["mpdcc_paper"]
     labels = {
         "steps": "steps",
@@ -140,9 +175,20 @@ def decision_table(figures: dict[str, Any]) -> str:
 
 
 def loop_table(figures: dict[str, Any]) -> str:
-    """Closed loops of their own, both variants."""
+    """Closed loops of their own, both variants.
 
-    def cells(key: str) -> list[str]:
+    Parameters
+    ----------
+    figures : dict[str, Any]
+        What reports/fidelity.json holds.
+
+    Returns
+    -------
+    str
+        Markdown: two tables.
+    """
+
+    def _cells(key: str) -> list[str]:
         result = []
         for variant in ("mpdcc", "mpdcc_paper"):
             v = figures[variant]
@@ -151,19 +197,19 @@ def loop_table(figures: dict[str, Any]) -> str:
             )
         return result
 
-    def plain(key: str) -> list[str]:
+    def _plain(key: str) -> list[str]:
         return [f"{figures[v][key]}" for v in ("mpdcc", "mpdcc_paper")]
 
     rows = [
-        ("steps, each controller", *plain("steps_closed_loop")),
-        ("of them decided by the RTL, all as the model", *plain("steps_rtl_closed_loop")),
-        ("**switching frequency, pooled difference (%)**", *cells("fsw_diff")),
-        ("**current THD, pooled difference (%)**", *cells("thd_diff")),
-        ("switching frequency, points with equal weights (%)", *cells("fsw_diff_equal_weights")),
-        ("current THD, points with equal weights (%)", *cells("thd_diff_equal_weights")),
+        ("steps, each controller", *_plain("steps_closed_loop")),
+        ("of them decided by the RTL, all as the model", *_plain("steps_rtl_closed_loop")),
+        ("**switching frequency, pooled difference (%)**", *_cells("fsw_diff")),
+        ("**current THD, pooled difference (%)**", *_cells("thd_diff")),
+        ("switching frequency, points with equal weights (%)", *_cells("fsw_diff_equal_weights")),
+        ("current THD, points with equal weights (%)", *_cells("thd_diff_equal_weights")),
         ("switching frequency, chi-square per degree of freedom",
-         *plain("fsw_diff_chi2_per_degree")),
-        ("current THD, chi-square per degree of freedom", *plain("thd_diff_chi2_per_degree")),
+         *_plain("fsw_diff_chi2_per_degree")),
+        ("current THD, chi-square per degree of freedom", *_plain("thd_diff_chi2_per_degree")),
     ]  # fmt: skip
     speeds = []
     for fast, paper in zip(
@@ -180,7 +226,7 @@ def loop_table(figures: dict[str, Any]) -> str:
     return f"{whole}\n\n{tables.markdown(head, speeds, 'lr')}"
 
 
-def budget_table(rows: Sequence[Row]) -> str:
+def _budget_table(rows: Sequence[Row]) -> str:
     """Approximations and roundings, alone and left out."""
     alone, without, whole, instead = (
         _values(rows, group) for group in ("alone", "without", "whole", "instead")
@@ -198,7 +244,7 @@ def budget_table(rows: Sequence[Row]) -> str:
     return tables.markdown(("", "alone (%)", "all but this (%)"), lines, "lr")
 
 
-def straight_table(rows: Sequence[Row]) -> str:
+def _straight_table(rows: Sequence[Row]) -> str:
     """What a straight line does to the loop at rated speed, by controller."""
     words = {
         "chord": "exact but for a straight line through k + 1, float64",
@@ -238,11 +284,11 @@ def page_tables(
 
     Parameters
     ----------
-    figures
+    figures : dict[str, Any]
         What reports/fidelity.json holds.
-    found
+    found : dict[str, Any]
         Rows of every measurement by its name.
-    explaining
+    explaining : Sequence[Row]
         Rows of the closed loops at rated speed, one for each controller and start.
 
     Returns
@@ -254,8 +300,8 @@ def page_tables(
     named = {
         "decisions": decision_table(figures),
         "loops": loop_table(figures),
-        "budget": budget_table(found["budget"]),
-        "straight line": straight_table(explaining),
+        "budget": _budget_table(found["budget"]),
+        "straight line": _straight_table(explaining),
         "parabolas": tables.markdown(
             ("random parabolas", exits["parabolas"]),
             [

@@ -44,17 +44,40 @@ class Point:
     omega_s: float
 
     def load(self) -> Drive:
-        """The drive with this point's bound."""
+        """The drive with this point's bound.
+
+        Returns
+        -------
+        Drive
+            Per unit.
+
+        Raises
+        ------
+        DriveFileError
+            If the drive file is not right.
+        """
         drive = load_mpdcc_drive(ROOT / "drives" / f"{self.drive}.toml")
         return drive.with_control(bound_current=self.bound)
 
     def row(self) -> Row:
-        """What every table begins with."""
+        """What every table begins with.
+
+        Returns
+        -------
+        Row
+            Drive, bound and stator frequency, per unit.
+        """
         return {"drive": self.drive, "bound_current_pu": self.bound, "omega_s_pu": self.omega_s}
 
 
 def points() -> list[Point]:
-    """All operating points."""
+    """All operating points.
+
+    Returns
+    -------
+    list[Point]
+        By drive, bound, direction and speed.
+    """
     return [
         Point(drive, bound, sign * speed)
         for drive in DRIVES
@@ -81,11 +104,16 @@ def stored(name: str, module: str, rtl: bool = False) -> Path:
 
     Parameters
     ----------
-    name
+    name : str
         Of the result.
-    module
+    module : str
         Module of this package that measures it.
-    rtl
+    rtl : bool
         Whether the RTL took part.
+
+    Returns
+    -------
+    Path
+        JSON file below build/fidelity; it need not exist.
     """
     return ROOT / "build" / "fidelity" / f"{name}-{_key(module, rtl)}.json"

@@ -17,7 +17,7 @@ from scripts.studies.fidelity.points import SPEEDS, Row
 NORMAL_95 = 1.96
 
 
-def weighted(rows: list[Row], figure: str) -> tuple[float, float, float]:
+def _weighted(rows: list[Row], figure: str) -> tuple[float, float, float]:
     """Precision-weighted mean, half width of its 95 % interval, and chi-square per degree."""
     values, errors = _columns(rows, figure)
     weights = errors**-2
@@ -28,7 +28,7 @@ def weighted(rows: list[Row], figure: str) -> tuple[float, float, float]:
     return mean, half, scatter
 
 
-def equal(rows: list[Row], figure: str) -> tuple[float, float]:
+def _equal(rows: list[Row], figure: str) -> tuple[float, float]:
     """Mean with equal weights and half width of its 95 % interval."""
     values, errors = _columns(rows, figure)
     return float(values.mean()), NORMAL_95 * float(np.sqrt(np.sum(errors**2))) / len(values)
@@ -40,12 +40,26 @@ def _columns(rows: list[Row], figure: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pooled(rows: list[Row], name: str) -> dict[str, float]:
-    """Pooled differences of one controller in percent, from the rows of ``loops.table``."""
+    """Pooled differences of one controller in percent, from the rows of ``loops.table``.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        From `loops.table`.
+    name : str
+        Of the controller.
+
+    Returns
+    -------
+    dict[str, float]
+        Steps; differences and limits of their 95 % intervals in percent; chi-square per degree of
+        freedom.
+    """
     chosen = [row for row in rows if row["controller"] == name]
     result: dict[str, float] = {"steps_closed_loop": sum(row["steps"] for row in chosen)}
     for figure in ("fsw", "thd"):
-        mean, half, scatter = weighted(chosen, figure)
-        plain, wide = equal(chosen, figure)
+        mean, half, scatter = _weighted(chosen, figure)
+        plain, wide = _equal(chosen, figure)
         result |= {
             f"{figure}_diff_pct": round(mean, 3),
             f"{figure}_diff_ci_low": round(mean - half, 3),
@@ -59,7 +73,20 @@ def pooled(rows: list[Row], name: str) -> dict[str, float]:
 
 
 def by_speed(rows: list[Row], name: str) -> list[dict[str, float]]:
-    """Differences per speed, equal weights over machines, bounds and rotations."""
+    """Differences per speed, equal weights over machines, bounds and rotations.
+
+    Parameters
+    ----------
+    rows : list[Row]
+        From `loops.table`.
+    name : str
+        Of the controller.
+
+    Returns
+    -------
+    list[dict[str, float]]
+        A row for each speed: differences and half widths of their 95 % intervals, percent.
+    """
     result = []
     for speed in SPEEDS:
         chosen = [
@@ -67,7 +94,7 @@ def by_speed(rows: list[Row], name: str) -> list[dict[str, float]]:
         ]  # fmt: skip
         row: dict[str, float] = {"speed_pu": speed}
         for figure in ("fsw", "thd"):
-            mean, half = equal(chosen, figure)
+            mean, half = _equal(chosen, figure)
             row |= {f"{figure}_pct": round(mean, 2), f"{figure}_half_width": round(half, 2)}
         result.append(row)
     return result

@@ -152,14 +152,24 @@ def replica(
 
     Parameters
     ----------
-    drive
+    drive : Drive
         Drive, horizon SE.
-    grains
+    grains : Mapping[str, float] | float
         Grain of each of ``GRAINS``, 0 for those not named; or one for all.
-    trajectory
+    trajectory : int
         EXACT to EULER.
-    first_exit
+    first_exit : int
         EVERY_STEP, THRESHOLD or PLAIN; EXACT always looks at every step.
+
+    Returns
+    -------
+    Replica
+        Its parameters.
+
+    Raises
+    ------
+    ValueError
+        If a grain is of no rounding.
     """
     if not isinstance(grains, Mapping):
         grains = dict.fromkeys(GRAINS, float(grains))
@@ -168,7 +178,7 @@ def replica(
         raise ValueError(f"no such rounding: {', '.join(sorted(unknown))}")
     grain = {name: float(grains.get(name, 0.0)) for name in GRAINS}
 
-    def spread(groups: Mapping[str, tuple[str, ...]], names: tuple[str, ...]) -> FloatArray:
+    def _spread(groups: Mapping[str, tuple[str, ...]], names: tuple[str, ...]) -> FloatArray:
         values = {n: grain[group] for group, members in groups.items() for n in members}
         return np.array([values[n] for n in names])
 
@@ -185,9 +195,9 @@ def replica(
     bounds = np.array([i, i, i, n, v, v, v]) * coefficients[errors] / exact[errors]
     return Replica(
         exact=ideal.ideal_parameters(drive),
-        measurement=spread(MEASURED, tuple(formats.MEASUREMENTS)),
+        measurement=_spread(MEASURED, tuple(formats.MEASUREMENTS)),
         coefficients=coefficients,
-        result=spread(COMPUTED, _RESULTS),
+        result=_spread(COMPUTED, _RESULTS),
         half=grain["halves"],
         forced=grain["voltage_sum"],
         cost=grain["cost"],
@@ -568,7 +578,20 @@ def _run(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
 
 
 def run(parameters: Replica, trace: Any) -> IntArray:
-    """Decisions on every row of a trace: (n, 7), as ``decide`` returns them."""
+    """Decisions on every row of a trace: (n, 7), as ``decide`` returns them.
+
+    Parameters
+    ----------
+    parameters : Replica
+        From `replica`.
+    trace : MpdccTrace
+        n states, per unit.
+
+    Returns
+    -------
+    IntArray
+        Shape (n, 7), columns as ``decide`` returns them.
+    """
     out = np.empty((len(trace), 7), np.int64)
     _run(
         parameters, trace.x_m, trace.x_inv, trace.vdc, trace.iref, trace.omega_s, trace.omega_r,

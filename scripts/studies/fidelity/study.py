@@ -24,7 +24,13 @@ SAMPLED_BOUND = 0.10  # pu: bound at which GHDL decides a sample
 
 
 class Pool:
-    """Processes that measure, each compiled once for all that is measured."""
+    """Processes that measure, each compiled once for all that is measured.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes at a time.
+    """
 
     def __init__(self, jobs: int) -> None:
         # a worker started afresh holds no lock of the progress bar's thread
@@ -40,7 +46,22 @@ class Pool:
     def all(
         self, what: str, function: Callable[..., Row], arguments: Sequence[tuple[Any, ...]]
     ) -> list[Row]:
-        """Call a function for every set of arguments, in order, with progress."""
+        """Call a function for every set of arguments, in order, with progress.
+
+        Parameters
+        ----------
+        what : str
+            What is measured, for the progress.
+        function : Callable[..., Row]
+            Called in another process.
+        arguments : Sequence[tuple[Any, ...]]
+            Of each call.
+
+        Returns
+        -------
+        list[Row]
+            What each call returned, in the order of the arguments.
+        """
         futures = [self._pool.submit(function, *each) for each in arguments]
         with progress_bar(what, len(arguments)) as progress:
             for done, future in enumerate(concurrent.futures.as_completed(futures), 1):
@@ -50,7 +71,25 @@ class Pool:
 
 
 def collect(jobs: int) -> dict[str, Any]:
-    """Measure what is not known yet; everything else comes from build/fidelity."""
+    """Measure what is not known yet; everything else comes from build/fidelity.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes at a time.
+
+    Returns
+    -------
+    dict[str, Any]
+        Name of the measurement -> its rows.
+
+    Raises
+    ------
+    FidelityError
+        If RTL and model decide otherwise.
+    ToolError
+        If a tool is missing or fails.
+    """
     every = points()
     rated = [p for p in every if p.omega_s == EXPLAINED]
     for variant in KEYS:
@@ -91,7 +130,7 @@ def collect(jobs: int) -> dict[str, Any]:
     }
 
 
-def summary(found: dict[str, Any]) -> dict[str, Any]:
+def _summary(found: dict[str, Any]) -> dict[str, Any]:
     """reports/fidelity.json: figures per variant, as they enter metrics.json."""
     result: dict[str, Any] = {}
     for variant, key in KEYS.items():
@@ -109,11 +148,22 @@ def summary(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(found: dict[str, Any]) -> None:
-    """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md."""
+    """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md.
+
+    Parameters
+    ----------
+    found : dict[str, Any]
+        From `collect`.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers of a table.
+    """
     commit, dirty = tools.git_state()
     commit += "-dirty" if dirty else ""
     head = [f"commit: {commit}", f"command: {COMMAND}"]
-    figures = {"commit": commit, "command": COMMAND, **summary(found)}
+    figures = {"commit": commit, "command": COMMAND, **_summary(found)}
     explaining = [r for r in found["explaining"] if r["omega_s_pu"] == EXPLAINED]
     for name, rows in (
         ("fidelity_decisions", found["decisions"]),
@@ -132,6 +182,16 @@ def write(found: dict[str, Any]) -> None:
 def figures(variant: str) -> dict[str, float]:
     """A variant's figures as reports/fidelity.json holds them, for metrics.json.
 
+    Parameters
+    ----------
+    variant : str
+        "fast" or "paper".
+
+    Returns
+    -------
+    dict[str, float]
+        Figure -> value, those by speed left out.
+
     Raises
     ------
     ValueError
@@ -145,6 +205,19 @@ def figures(variant: str) -> dict[str, float]:
 
 
 def interval(fidelity: dict[str, float], figure: str) -> str:
-    """A pooled difference, "fsw" or "thd", with its interval, as a table shows it."""
+    """A pooled difference, "fsw" or "thd", with its interval, as a table shows it.
+
+    Parameters
+    ----------
+    fidelity : dict[str, float]
+        Figures of a variant.
+    figure : str
+        "fsw" or "thd".
+
+    Returns
+    -------
+    str
+        Mean and limits of the 95 % interval, percent.
+    """
     mean, low, high = (fidelity[f"{figure}_diff_{part}"] for part in ("pct", "ci_low", "ci_high"))
     return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"
