@@ -41,7 +41,12 @@ def project(tmp_path):
 
 def make(root: Path, *arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = ["make", "--no-print-directory", *arguments]
-    return subprocess.run(command, cwd=cwd or root, capture_output=True, text=True, check=False)
+    # the variables of a make that runs these tests are not those of the make that is tested
+    given = {"MAKEFLAGS", "MAKEOVERRIDES", "MFLAGS", "ARGS", "SEEDS", "JOBS"}
+    environment = {name: value for name, value in os.environ.items() if name not in given}
+    return subprocess.run(
+        command, cwd=cwd or root, capture_output=True, text=True, check=False, env=environment
+    )
 
 
 REPLAY = ("replay", "DRIVE=drive.toml", "IN=work dir/trace 1.csv", "OUT=work dir/out 1.csv")
