@@ -65,7 +65,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "model", copy / "model", symlinks=True, ignore=ignored)
     with tarfile.open(backend(copy, "build_sdist")) as archive:
         unpacked = tmp_path_factory.mktemp("unpacked")
-        archive.extractall(unpacked, filter="data")
+        # Python 3.11.2, Debian 12's, has no filter
+        safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+        archive.extractall(unpacked, **safe)
     (source,) = unpacked.iterdir()
     assert not (source / "model" / "directmpc" / "drives").is_symlink()
     return backend(source, "build_wheel")
