@@ -810,15 +810,15 @@ def study(
             *(range(FRESH, FRESH + detailed) if name in (LARGEST, RECOMMENDED) else ()),
         )
     ]
-    rows: list[dict[str, Any]] = []
-    if reuse:
-        rows = _read(out / "deadlocks.csv")
-    else:
+    if not reuse:
+        rows: list[dict[str, Any]] = []
         with progress_bar("closed loops", len(jobs)) as progress:
             for name, setting in jobs:
                 rows.append(_run(base, name, setting, steps))
                 progress(len(rows))
         tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
+    # from the file in both cases: so the tables are the same with `reuse` and without
+    rows = _read(out / "deadlocks.csv")
 
     decided, most = verify(base, points, steps)
     signed = [

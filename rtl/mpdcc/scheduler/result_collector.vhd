@@ -4,8 +4,8 @@
 -- results arrive (see better). The fast variant has a register between the results and the comparison; its
 -- clock needs it.
 -- Two levels (two_levels): leaves of the root come one by one (whole), before the root's own result. Of the other
--- results those are compared that come while leaves are searched and are feasible. The first level's
--- decision (adopt) stands in for want of a leaf.
+-- results those are compared that come while leaves are searched and are feasible. If no leaf is feasible,
+-- the decision of the first level is taken (adopt).
 --
 -- Formats: see result_t.
 -- Latency: results are taken at once; best counts a result one clock later, two with REGISTERED.
@@ -34,7 +34,7 @@ entity result_collector is
     result_valid : in    std_logic_vector(EXPLORERS - 1 downto 0); -- '1': explorer has a result
     result_ready : out   std_logic_vector(EXPLORERS - 1 downto 0); -- one-hot: whose result is taken
     results      : in    results_t(0 to EXPLORERS - 1);            -- of every explorer
-    two_levels   : in    std_logic;                                -- '1': two levels, REGISTERED alone; stable
+    two_levels   : in    std_logic;                                -- '1': two levels; needs REGISTERED; stable
     leaves       : in    std_logic;                                -- '1': leaves are searched
     whole        : in    std_logic;                                -- '1': what is evaluated is a leaf of the root
     evaluated    : in    evaluated_t;                              -- by explorer 0
