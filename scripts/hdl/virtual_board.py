@@ -33,7 +33,7 @@ OPTIONS = (
     *("--cc", "--build", "-O3", "--prefix", "Vboard", "--Mdir", "obj"),
     *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
     *("--top-module", "board_top", "-Wno-fatal", "-Wno-lint", "-Wno-style"),
-    *("-CFLAGS", "-O2 -std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O2 OPT_SLOW=-O0"),
+    *("-CFLAGS", "-std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O1 OPT_SLOW=-O0"),
 )
 HARNESS = ROOT / "scripts" / "hdl" / "virtual_board.cpp"
 CLOCKS_PER_BIT = 4
@@ -91,7 +91,7 @@ def _model(chosen: Generics, verilog: Path | None) -> Path:
             block = listed.split("VM_GLOBAL_FAST +=")[1].split("\n\n")[0]
             own = [f"{name}.o" for name in re.findall(r"^\s+(\w+)", block, re.M)]
             tools.run(
-                ["make", "-s", "-C", "obj", "-f", "Vboard.mk", "OPT_FAST=-O2", *own], cwd=work
+                ["make", "-s", "-C", "obj", "-f", "Vboard.mk", "OPT_FAST=-O1", *own], cwd=work
             )
             folder.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=folder.parent) as kept:

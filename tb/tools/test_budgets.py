@@ -1,6 +1,6 @@
 """Every figure of budgets.toml holds, nothing lacks one, and docs/figures.md shows them.
 
-Sweep: every configuration of configurations.toml in every family it names, longest first.
+Sweep: every configuration of configurations.toml in every family it names.
 Stimulus: the RTL as it is, through GHDL and Yosys; made-up figures for the messages.
 Checks: LUT, FF, multipliers and block RAMs, exactly with the versions of budgets.toml, LUTs within
 the stated spread with another GHDL; that every entity and configuration has an
@@ -22,7 +22,7 @@ from scripts.measure.synth import Configuration
 from scripts.shared import tables, tools
 
 LISTED = synth.configurations()
-WORK = budgets.work(LISTED)
+WORK = sorted(budgets.work(LISTED), key=lambda item: (item[0].name, item[1]))
 
 
 @pytest.mark.timeout(1800)

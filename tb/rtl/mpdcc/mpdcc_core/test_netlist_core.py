@@ -106,7 +106,7 @@ def run(
 
 #: Explorers, variant, and whether with all options.
 DECIDED = (
-    (1, "paper", False), (2, "paper", False), (5, "paper", False), (1, "fast", False),
+    (1, "fast", False), (1, "paper", False), (2, "paper", False), (5, "paper", False),
     (SECOND, "fast", True),
 )  # fmt: skip
 
