@@ -17,6 +17,7 @@ GENERATORS = (
     "link_package",
     "protocol_examples",
     "boards",
+    "fusesoc_cores",
 )
 
 
