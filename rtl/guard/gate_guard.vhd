@@ -5,13 +5,15 @@
 -- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  After a reset and
 -- after any fault all gates are off.  That is not a zero vector: the diodes carry the current.
 --
--- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', decisions.  docs/gate-guard.md
--- has states, times and the safety properties that are checked.
+-- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', a measurement, decisions.  Gates come
+-- on with the first decision that finds a measurement compared since enable rose and since renew.
+-- docs/gate-guard.md has states, times and the safety properties that are checked.
 --
 -- Formats: positions a, b, c of three bits each, two-level legs use bit 0 ('1': upper gate); gates of phase
 -- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
--- Latency: gates begin to move two clocks after decided; all of them are off after the edge at which a trip,
--- an illegal decision or a lapse of time is seen.
+-- Latency: gates begin to move two clocks after decided.  All gates are off one clock (10 ns at 100 MHz) after
+-- external_trip, an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks (40 ns at
+-- 100 MHz) after measured brings a value beyond its limit.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -33,7 +35,7 @@ entity gate_guard is
     clk            : in    std_logic;                                              -- rising edge
     rst            : in    std_logic;                                              -- synchronous, active high
     enable         : in    std_logic;                                              -- '1': gates may be on
-    external_trip  : in    std_logic;                                              -- '1': all gates off
+    external_trip  : in    std_logic;                                              -- '1': all gates off; synchronous
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);             -- '1': forget this fault
     -- measurements
     measured       : in    std_logic;                                              -- '1': they are new in this clock
@@ -47,6 +49,7 @@ entity gate_guard is
     position_b     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase b
     position_c     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase c
     -- settings; the first three are read while off only
+    renew          : in    std_logic;                                              -- '1': they change after this clock
     dead_time      : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
     minimum_on     : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
     minimum_off    : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks
@@ -72,12 +75,13 @@ architecture rtl of gate_guard is
   signal legal    : std_logic_vector(2 downto 0);
   signal blocked  : std_logic_vector(2 downto 0);
   signal at_rest  : std_logic_vector(2 downto 0);
-  signal refuse   : std_logic_vector(2 downto 0);
+  signal refused  : std_logic_vector(2 downto 0);
   signal all_legal   : std_logic;
   signal any_blocked : std_logic;
-  signal any_refuse  : std_logic;
+  signal any_refused : std_logic;
   signal stop     : std_logic;
-  signal accept   : std_logic;
+  signal checked  : std_logic;
+  signal forget   : std_logic;
   signal dead_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
   signal rest_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
 
@@ -91,13 +95,17 @@ begin
 
   i_comparator : entity work.trip_comparator
     port map (
+      clk           => clk,
+      rst           => rst,
       measured      => measured,
+      forget        => forget,
       is_alpha      => is_alpha,
       is_beta       => is_beta,
       v_dc          => v_dc,
       current_limit => current_limit,
       link_high     => link_high,
       link_low      => link_low,
+      checked       => checked,
       over_current  => trips(FAULT_OVER_CURRENT),
       over_voltage  => trips(FAULT_LINK_HIGH),
       under_voltage => trips(FAULT_LINK_LOW)
@@ -105,7 +113,7 @@ begin
 
   all_legal   <= legal(0) and legal(1) and legal(2);
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
-  any_refuse  <= refuse(0) or refuse(1) or refuse(2);
+  any_refused <= refused(0) or refused(1) or refused(2);
   resting     <= at_rest(0) and at_rest(1) and at_rest(2);
 
   i_supervisor : entity work.gate_supervisor
@@ -120,8 +128,10 @@ begin
       decided        => decided,
       legal          => all_legal,
       blocked        => any_blocked,
-      refuse         => any_refuse,
+      refused        => any_refused,
       trips          => trips,
+      checked        => checked,
+      renew          => renew,
       clear          => clear,
       dead_time      => dead_time,
       minimum_on     => minimum_on,
@@ -129,7 +139,7 @@ begin
       decision_limit => decision_limit,
       watchdog       => watchdog,
       stop           => stop,
-      accept         => accept,
+      forget         => forget,
       dead_now       => dead_now,
       rest_now       => rest_now,
       running        => running,
@@ -145,14 +155,14 @@ begin
       port map (
         clk       => clk,
         stop      => stop,
-        accept    => accept,
+        decided   => decided,
         goal      => std_logic_vector(goals(x)),
         dead_time => dead_now,
         rest_time => rest_now,
         legal     => legal(x),
         blocked   => blocked(x),
         resting   => at_rest(x),
-        refuse    => refuse(x),
+        refused   => refused(x),
         gates     => gates((x + 1) * GATES_OF_LEG - 1 downto x * GATES_OF_LEG)
       );
 

@@ -1,17 +1,19 @@
 -- One inverter leg: takes positions, switches gates one at a time, keeps dead and minimum times.
 --
--- A position that accept brings becomes the goal.  As soon as the leg has rested, a commutation begins: its
+-- A position that decided brings becomes the goal.  As soon as the leg has rested, a commutation begins: its
 -- single-gate actions follow each other dead_time clocks apart (gate_tables says in what order).
 -- After the last action the leg rests for rest_time clocks, so that every gate stays on or off for
 -- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
--- stop overrides everything: all gates are off after the same edge, minimum on time or not.  refuse
--- says that the next pattern would be a forbidden one; gate_supervisor then raises stop.
+-- stop overrides everything: all gates are off after the same edge, minimum on time or not; a goal of that clock
+-- is forgotten.
+-- Interlock: a forbidden pattern never reaches the gates.  Where it would be the next one, the gates stay as they
+-- are, and refused is up in the clock after; gate_supervisor then raises stop.
 -- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
 -- legal, and gate_supervisor keeps stop up for dead and minimum times.
 --
 -- Formats: positions as in gate_tables; times in clocks, at least 1, stable while the leg is not stopped.
--- Latency: gates move two clocks after accept when the leg has rested; stop, one clock.
+-- Latency: gates move two clocks after decided when the leg has rested; stop, one clock.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -31,14 +33,14 @@ entity gate_leg is
   port (
     clk       : in    std_logic;                                               -- rising edge
     stop      : in    std_logic;                                               -- '1': all gates off, and forget
-    accept    : in    std_logic;                                               -- '1' for one clock: goal is new
+    decided   : in    std_logic;                                               -- '1' for one clock: goal is new
     goal      : in    std_logic_vector(2 downto 0);                            -- position, 0 to 7 or bit 0
     dead_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- between two actions, clocks, 1 at least
     rest_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- after the last one, clocks, 1 at least
     legal     : out   std_logic;                                               -- '1': goal follows position
     blocked   : out   std_logic; -- '1': goal moves, but a move waits already
     resting   : out   std_logic;                                               -- '1': off or at rest, nothing to do
-    refuse    : out   std_logic;                                               -- '1': the next pattern is forbidden
+    refused   : out   std_logic;                                               -- '1': a forbidden pattern was to come
     gates     : out   std_logic_vector(gates_of(FIVE_LEVEL) - 1 downto 0)      -- '1': on
   );
 end entity gate_leg;
@@ -47,6 +49,8 @@ architecture rtl of gate_leg is
 
   constant GATES_OF_LEG : positive := gates_of(FIVE_LEVEL);
 
+  subtype gates_t is std_logic_vector(GATES_OF_LEG - 1 downto 0);
+
   type phase_t is (STOPPED, STARTING, RESTED, ACTING);
 
   signal phase    : phase_t;
@@ -54,14 +58,19 @@ architecture rtl of gate_leg is
   signal origin   : std_logic_vector(2 downto 0);
   signal target   : std_logic_vector(2 downto 0);
   signal action   : unsigned(2 downto 0);
-  signal left     : unsigned(TIME_WIDTH - 1 downto 0); -- clocks until the next action may be
+  signal first    : gates_t;   -- gate that begins the move from target to accepted
+  signal further  : gates_t;   -- gate of action, which is the next one
+  signal ends     : std_logic; -- action is the last of its move
   -- off from configuration on, before any reset
   -- vsg_off signal_007
-  signal driven   : std_logic_vector(GATES_OF_LEG - 1 downto 0) := (others => '0');
+  signal driven   : gates_t := (others => '0');
   -- vsg_on signal_007
-  signal changed  : std_logic_vector(GATES_OF_LEG - 1 downto 0);
+  signal changed  : gates_t;
   signal act      : std_logic;
   signal waiting  : std_logic;
+  signal forbidden : std_logic;
+  signal over     : std_logic; -- the next action may be
+  signal pause    : std_logic_vector(TIME_WIDTH - 1 downto 0);
 
 begin
 
@@ -72,78 +81,81 @@ begin
              is_edge(FIVE_LEVEL, accepted, goal);
   blocked <= '1' when (phase = STARTING or waiting = '1') and goal /= accepted else
              '0';
-  resting <= '1' when phase = STOPPED or (phase = RESTED and left = 0 and waiting = '0') else
+  resting <= '1' when phase = STOPPED or (phase = RESTED and over = '1' and waiting = '0') else
              '0';
 
   -- the gates after this edge, were there no stop
-  p_act : process (phase, left, waiting, driven, accepted, origin, target, action) is
-  begin
+  act     <= '1' when phase = STARTING or (over = '1' and (phase = ACTING or (phase = RESTED and waiting = '1'))) else
+             '0';
+  changed <= pattern_of(FIVE_LEVEL, accepted) when phase = STARTING else
+             driven xor first when phase = RESTED else
+             driven xor further;
 
-    act     <= '0';
-    changed <= driven;
+  forbidden <= is_forbidden(FIVE_LEVEL, changed);
 
-    if (phase = STARTING) then
-      act     <= '1';
-      changed <= pattern_of(FIVE_LEVEL, accepted);
-    elsif (left = 0 and phase = RESTED and waiting = '1') then
-      act     <= '1';
-      changed <= driven xor action_of(FIVE_LEVEL, target, accepted, "000");
-    elsif (left = 0 and phase = ACTING) then
-      act     <= '1';
-      changed <= driven xor action_of(FIVE_LEVEL, origin, target, action);
-    end if;
+  -- a clock less: over is seen in the clock after the count
+  pause <= std_logic_vector(unsigned(rest_time) - 1) when phase = STARTING or (phase = ACTING and ends = '1') else
+           std_logic_vector(unsigned(dead_time) - 1);
 
-  end process p_act;
-
-  refuse <= is_forbidden(FIVE_LEVEL, changed);
+  i_countdown : entity work.countdown
+    generic map (
+      WIDTH => TIME_WIDTH
+    )
+    port map (
+      clk    => clk,
+      load   => act,
+      clocks => pause,
+      over   => over
+    );
 
   p_leg : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (left /= 0) then
-        left <= left - 1;
-      end if;
-
-      if (accept = '1') then
+      -- while a move waits its goal stays, or gate_supervisor stops: first stays right
+      if (decided = '1') then
         accepted <= goal;
+        first    <= action_of(FIVE_LEVEL, target, goal, "000");
 
         if (phase = STOPPED) then
           phase <= STARTING;
         end if;
       end if;
 
+      refused <= act and forbidden;
+
       if (act = '1') then
-        driven <= changed;
+        if (forbidden = '0') then
+          driven <= changed;
+        end if;
 
         if (phase = STARTING) then
           phase  <= RESTED;
           target <= accepted;
-          left   <= unsigned(rest_time) - 1;
         elsif (phase = RESTED) then
-          phase  <= ACTING;
-          origin <= target;
-          target <= accepted;
-          action <= "001";
-          left   <= unsigned(dead_time) - 1;
-        elsif (action = last_action(FIVE_LEVEL, origin, target)) then
+          phase   <= ACTING;
+          origin  <= target;
+          target  <= accepted;
+          action  <= "001";
+          further <= action_of(FIVE_LEVEL, target, accepted, "001");
+          ends    <= to_std_logic(last_action(FIVE_LEVEL, target, accepted) = 1);
+        elsif (ends = '1') then
           phase <= RESTED;
-          left  <= unsigned(rest_time) - 1;
         else
-          action <= action + 1;
-          left   <= unsigned(dead_time) - 1;
+          action  <= action + 1;
+          further <= action_of(FIVE_LEVEL, origin, target, action + 1);
+          ends    <= to_std_logic(last_action(FIVE_LEVEL, origin, target) = action + 1);
         end if;
       end if;
 
       if (stop = '1') then
         phase  <= STOPPED;
         driven <= (others => '0');
-        left   <= (others => '0');
       end if;
     end if;
 
   end process p_leg;
 
-  gates    <= driven;
+  gates <= driven;
 
 end architecture rtl;

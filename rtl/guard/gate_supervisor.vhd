@@ -2,9 +2,10 @@
 --
 -- States: off; armed, all gates still off, a first decision is waited for; running.  From off to armed it
 -- takes enable to rise after a reset or a fault, no fault latched, and that the gates have been off for the
--- dead and both minimum times.  Any fault leads to off: stop is up in the very clock of the cause, the
--- gates are off after its edge, the codes of that clock are latched and no later ones.  enable = '0' leads
--- to off too, and is no fault.
+-- dead and both minimum times.  From armed to running it takes a decision and, before it, a measurement that was
+-- taken and compared since enable rose and since the settings changed last.  Any fault leads to off: stop is up in
+-- the very clock of the cause, the gates are off after its edge, the codes of that clock are latched and no later
+-- ones.  enable = '0' leads to off too, and is no fault.
 --
 -- late: no decision within decision_limit clocks after the one that follows start.  missing: none within
 -- watchdog clocks after arming or the decision before.  Both and the trips count whenever enable is up and
@@ -13,7 +14,7 @@
 --
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
 -- minimum_off are read while off only, decision_limit at start, watchdog at each decision.
--- Latency: stop and accept are combinational; faults one clock.
+-- Latency: stop and forget are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -38,8 +39,10 @@ entity gate_supervisor is
     decided        : in    std_logic;                                   -- '1' for one clock: a decision is there
     legal          : in    std_logic;                                   -- '1': all its moves are edges
     blocked        : in    std_logic;                                   -- '1': it moves a leg that waits to move
-    refuse         : in    std_logic;                                   -- '1': the next pattern of a leg is forbidden
+    refused        : in    std_logic;                                   -- '1': a leg has refused a pattern
     trips          : in    std_logic_vector(3 downto 0);                -- causes of faults 3 to 0, gate_tables
+    checked        : in    std_logic;                                   -- '1': a measurement has been compared
+    renew          : in    std_logic;                                   -- '1': settings change after this clock
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);  -- '1': forget this fault
     dead_time      : in    std_logic_vector(TIME_WIDTH - 1 downto 0);   -- unsigned, clocks
     minimum_on     : in    std_logic_vector(TIME_WIDTH - 1 downto 0);   -- unsigned, clocks
@@ -47,7 +50,7 @@ entity gate_supervisor is
     decision_limit : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
     watchdog       : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
     stop           : out   std_logic;                                   -- '1': all gates off after this edge
-    accept         : out   std_logic;                                   -- '1': legs take the decision
+    forget         : out   std_logic;                                   -- '1': comparisons under way do not count
     dead_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- dead time in force, clocks
     rest_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- the longer minimum time, clocks
     running        : out   std_logic;                                   -- '1': gates follow decisions
@@ -59,20 +62,24 @@ architecture rtl of gate_supervisor is
 
   subtype clocks_t is unsigned(TIME_WIDTH - 1 downto 0);
 
-  subtype limit_t is unsigned(LIMIT_WIDTH - 1 downto 0);
-
   type state_t is (OFF, ARMED, ACTIVE);
 
   signal state     : state_t;
   signal primed    : std_logic; -- enable has been down since the reset or the last fault
   signal wanted    : std_logic;
+  signal compared  : std_logic; -- measurements are inside the limits in force, as far as is known
   signal expected  : std_logic; -- a decision has begun
-  signal late_left : limit_t;
-  signal dog_left  : limit_t;
+  signal begins    : std_logic; -- the one that begins is watched
+  signal late      : std_logic;
+  signal begun     : std_logic; -- from armed to running, were there no cause against it
+  signal starved   : std_logic; -- watchdog clocks without a decision
+  signal fed       : std_logic;
   signal off_for   : clocks_t;
   signal dead      : clocks_t;
   signal rest      : clocks_t;
   signal latched   : std_logic_vector(FAULT_COUNT - 1 downto 0);
+  signal faulty    : std_logic; -- a fault is latched
+  signal rested    : std_logic; -- gates have been off long enough
   signal arming    : std_logic;
   signal causes    : std_logic_vector(FAULT_COUNT - 1 downto 0);
   signal fault     : std_logic;
@@ -107,19 +114,20 @@ architecture rtl of gate_supervisor is
 
 begin
 
-  wanted <= enable and primed and not or_of(latched);
+  wanted <= enable and primed and not faulty;
+  forget <= renew or not wanted;
 
-  p_causes : process (wanted, state, trips, decided, legal, blocked, refuse, expected, late_left, dog_left) is
+  p_causes : process (wanted, state, trips, decided, legal, blocked, refused, expected, late, starved) is
   begin
 
     causes <= (others => '0');
 
     if (wanted = '1') then
       causes(3 downto 0)    <= trips;
-      causes(FAULT_LATE)    <= expected and not decided and to_std_logic(late_left = 0);
-      causes(FAULT_MISSING) <= to_std_logic(state /= OFF and dog_left = 0) and not decided;
+      causes(FAULT_LATE)    <= expected and not decided and late;
+      causes(FAULT_MISSING) <= to_std_logic(state /= OFF) and starved and not decided;
       -- in any state: no pattern depends on legs and states being in step
-      causes(FAULT_INTERLOCK) <= refuse;
+      causes(FAULT_INTERLOCK) <= refused;
     end if;
 
     if (wanted = '1' and state = ACTIVE) then
@@ -129,8 +137,35 @@ begin
 
   end process p_causes;
 
-  fault <= or_of(causes);
-  arming <= wanted and not fault and to_std_logic(state = OFF and off_for >= dead and off_for >= rest);
+  fault  <= or_of(causes);
+  rested <= wanted and to_std_logic(state = OFF and off_for >= dead and off_for >= rest);
+  arming <= rested and not fault;
+
+  begins <= start and wanted and (decided or not expected);
+
+  i_late : entity work.countdown
+    generic map (
+      WIDTH => LIMIT_WIDTH
+    )
+    port map (
+      clk    => clk,
+      load   => begins,
+      clocks => decision_limit,
+      over   => late
+    );
+
+  fed <= decided or to_std_logic(state = OFF);
+
+  i_starved : entity work.countdown
+    generic map (
+      WIDTH => LIMIT_WIDTH
+    )
+    port map (
+      clk    => clk,
+      load   => fed,
+      clocks => watchdog,
+      over   => starved
+    );
 
   halt  <= '1' when rst = '1' or wanted = '0' or fault = '1' or (state /= ARMED and state /= ACTIVE) else
            '0';
@@ -143,33 +178,24 @@ begin
 
     if rising_edge(clk) then
       latched <= (latched and not clear) or causes;
+      faulty  <= or_of(latched and not clear) or fault;
 
-      if (enable = '0' and or_of(latched) = '0') then
+      if (enable = '0' and faulty = '0') then
         primed <= '1';
       elsif (fault = '1') then
         primed <= '0';
       end if;
 
-      -- decisions in time
-      if (decided = '1' or wanted = '0') then
+      if (wanted = '0' or renew = '1') then
+        compared <= '0';
+      elsif (checked = '1') then
+        compared <= '1';
+      end if;
+
+      if (begins = '1') then
+        expected <= '1';
+      elsif (decided = '1' or wanted = '0') then
         expected <= '0';
-      end if;
-
-      if (late_left /= 0) then
-        late_left <= late_left - 1;
-      end if;
-
-      if (start = '1' and wanted = '1' and (expected = '0' or decided = '1')) then
-        expected  <= '1';
-        late_left <= unsigned(decision_limit);
-      end if;
-
-      if (dog_left /= 0) then
-        dog_left <= dog_left - 1;
-      end if;
-
-      if (decided = '1' or state = OFF) then
-        dog_left <= unsigned(watchdog);
       end if;
 
       -- times, as long as nothing depends on them
@@ -181,7 +207,7 @@ begin
         end if;
 
         -- what arming has looked at is what stays in force
-        if (arming = '0') then
+        if (rested = '0') then
           dead <= limited;
           rest <= larger(larger(unsigned(minimum_on), unsigned(minimum_off)), to_unsigned(1, TIME_WIDTH));
         end if;
@@ -203,7 +229,7 @@ begin
 
         when ARMED =>
 
-          if (decided = '1') then
+          if (begun = '1') then
             state <= ACTIVE;
           end if;
 
@@ -220,8 +246,10 @@ begin
       if (rst = '1') then
         state    <= OFF;
         primed   <= '0';
+        compared <= '0';
         expected <= '0';
         latched  <= (others => '0');
+        faulty   <= '0';
         off_for  <= (others => '0');
         dead     <= (others => '1');
         rest     <= (others => '1');
@@ -230,9 +258,9 @@ begin
 
   end process p_state;
 
-  -- legs stay stopped until the first decision
-  stop        <= halt or (to_std_logic(state = ARMED) and not decided);
-  accept      <= decided and not halt;
+  -- legs stay stopped until the first decision that counts
+  begun       <= decided and compared and not renew;
+  stop        <= halt or (to_std_logic(state = ARMED) and not begun);
   dead_now    <= std_logic_vector(dead);
   rest_now    <= std_logic_vector(rest);
   running     <= to_std_logic(state = ACTIVE);

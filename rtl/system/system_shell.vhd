@@ -204,6 +204,7 @@ begin
       position_a     => position_a,
       position_b     => position_b,
       position_c     => position_c,
+      renew          => taking_over,
       dead_time      => in_force.dead_time.clocks.value,
       minimum_on     => in_force.minimum_on.clocks.value,
       minimum_off    => in_force.minimum_off.clocks.value,

@@ -280,6 +280,8 @@ class Inputs:
         dc-link voltage, LSB of its port, unsigned.
     position_a, position_b, position_c : int
         Decided positions, 0..7 (two-level: 0, 1).
+    renew : int
+        1: the settings change after this clock.
     dead_time, minimum_on, minimum_off : int
         Clocks, 12 bits, unsigned.
     decision_limit, watchdog : int
@@ -303,6 +305,7 @@ class Inputs:
     position_a: int = 0
     position_b: int = 0
     position_c: int = 0
+    renew: int = 0
     dead_time: int = 0
     minimum_on: int = 0
     minimum_off: int = 0
@@ -313,34 +316,68 @@ class Inputs:
     link_low: int = 0
 
 
-def trips(i: Inputs) -> set[str]:
-    """Trips of one clock.
+#: Highest values that can be measured; a limit there or above trips with every measurement.
+HIGHEST_CURRENT, HIGHEST_VOLTAGE = 2**15 - 1, 2**16 - 1
+
+
+@dataclass
+class Measurement:
+    """A measurement on its way through the comparisons, three clocks long.
+
+    Attributes
+    ----------
+    is_alpha, is_beta : int
+        Stator current, LSB of the current's port, signed.
+    found : set of str
+        Trips found so far, of over_current, link_high and link_low.
+    counts : bool
+        Taken while the guard was wanted, under the settings in force.
+    """
+
+    is_alpha: int
+    is_beta: int
+    found: set[str]
+    counts: bool
+
+    def compare_current(self, limit: int) -> None:
+        """Compare the phase currents.
+
+        Parameters
+        ----------
+        limit : int
+            LSB of the current's port, unsigned.
+        """
+        # phases times 128, with 111/64 for the root of three
+        phases = (
+            128 * self.is_alpha,
+            -64 * self.is_alpha + 111 * self.is_beta,
+            -64 * self.is_alpha - 111 * self.is_beta,
+        )
+        if max(abs(phase) for phase in phases) > 128 * limit or limit >= HIGHEST_CURRENT:
+            self.found.add("over_current")
+
+
+def measurement_of(i: Inputs, counts: bool) -> Measurement | None:
+    """What begins its way in one clock.
 
     Parameters
     ----------
     i : Inputs
-        Of this clock; measurements count where `measured` is 1.
+        Of this clock.
+    counts : bool
+        Whether it may let the gates come on.
 
     Returns
     -------
-    set of str
-        Of external_trip, over_current, link_high and link_low.
+    Measurement or None
+        Compared with the limits of the dc-link; None where `measured` is 0.
     """
-    found = {"external_trip"} if i.external_trip else set()
-    if i.measured:
-        # phases times 128, with 111/64 for the root of three
-        phases = (
-            128 * i.is_alpha,
-            -64 * i.is_alpha + 111 * i.is_beta,
-            -64 * i.is_alpha - 111 * i.is_beta,
-        )
-        if max(abs(phase) for phase in phases) > 128 * i.current_limit:
-            found.add("over_current")
-        if i.v_dc > i.link_high:
-            found.add("link_high")
-        if i.v_dc < i.link_low:
-            found.add("link_low")
-    return found
+    if not i.measured:
+        return None
+    found = {"link_high"} if i.v_dc > i.link_high or i.link_high == HIGHEST_VOLTAGE else set()
+    if i.v_dc < i.link_low:
+        found.add("link_low")
+    return Measurement(i.is_alpha, i.is_beta, found, counts)
 
 
 class GateGuard:
@@ -366,6 +403,9 @@ class GateGuard:
         self.dead = self.rest = TIME_HIGH
         self.begun: tuple[int, int] | None = None
         self.fed: tuple[int, int] = (0, 0)
+        self.compared = False
+        #: Measured one, two and three clocks ago.
+        self.line: list[Measurement | None] = [None, None, None]
 
     def clock(self, i: Inputs) -> None:
         """One rising edge.
@@ -379,8 +419,12 @@ class GateGuard:
         now, goals = self.now, (i.position_a, i.position_b, i.position_c)
         wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
         causes: set[str] = set()
+        done = self.line[2]
+        counts = wanted and not i.renew
         if wanted:
-            causes = trips(i)
+            causes = set(done.found) if done else set()
+            if i.external_trip:
+                causes.add("external_trip")
             late = self.begun is not None and now > self.begun[0] + self.begun[1]
             if late and not i.decided:
                 causes.add("late")
@@ -395,14 +439,17 @@ class GateGuard:
 
         was, halted = self.state, not wanted or bool(causes) or self.state == "off"
         off_for = min(now - self.off_since - 1, TIME_HIGH)
-        arming = wanted and not causes and was == "off" and off_for >= max(self.dead, self.rest)
+        rested = wanted and was == "off" and off_for >= max(self.dead, self.rest)
+        arming = rested and not causes
+        # gates come on with a decision that finds a measurement compared
+        taken = i.decided and (was == "active" or (self.compared and not i.renew))
 
         for leg, goal in zip(self.legs, goals, strict=True):
             if halted:
                 leg.stop()
                 continue
             leg.clock(now, self.dead, self.rest)
-            if i.decided:
+            if taken:
                 leg.goal = goal
                 if not leg.alive:
                     leg.alive, leg.starts_at = True, now + 1
@@ -419,7 +466,7 @@ class GateGuard:
         if i.decided or was == "off":
             self.fed = (now, i.watchdog)
         if was == "off":
-            if not arming:
+            if not rested:
                 self.dead = max(i.dead_time, self.least)
                 self.rest = max(i.minimum_on, i.minimum_off, 1)
         else:
@@ -433,9 +480,17 @@ class GateGuard:
         elif was != "off":
             if halted:
                 self.state = "off"
-            elif i.decided:
+            elif taken:
                 self.state = "active"
+        self.compared = counts and (self.compared or (done is not None and done.counts))
+        for one in self.line:
+            if one is not None:
+                one.counts &= counts
+        if self.line[1] is not None:
+            self.line[1].compare_current(i.current_limit)
+        self.line = [measurement_of(i, counts), *self.line[:2]]
         if i.rst:
+            self.compared, self.line = False, [None, None, None]
             self.state, self.primed, self.faults, self.begun = "off", False, set(), None
             self.off_since, self.dead, self.rest = now, TIME_HIGH, TIME_HIGH
 

@@ -8,10 +8,13 @@
 --   2  minimum on time, but where everything goes off
 --   3  minimum off time
 --   4  whole positions follow one another along edges only
---   5  all gates off after the edge of a reset, a trip, enable = '0' or an illegal decision
+--   5  all gates off after the edge of a reset, an external trip, enable = '0' or an illegal decision, and three
+--      clocks later after that of a measurement beyond a limit that stays where it is meanwhile
 --   6  gates are on only while running and without a fault
 --   7  running begins only after enable has been down since the last reset or fault
 --   8  no decision for watchdog + 1 clocks: off
+--   9  running begins only after a measurement inside the limits, taken since enable was down, a fault was latched
+--      and the settings changed
 -- Times in force are not seen from outside: the shortest that was asked for since running fell is taken, and
 -- LEAST_DEAD_TIME.
 -- Licence: Apache-2.0
@@ -44,6 +47,7 @@ entity gate_guard_checked is
     position_a     : in    std_logic_vector(2 downto 0);  -- position
     position_b     : in    std_logic_vector(2 downto 0);  -- position
     position_c     : in    std_logic_vector(2 downto 0);  -- position
+    renew          : in    std_logic;                     -- '1': settings change after this clock
     dead_time      : in    std_logic_vector(11 downto 0); -- clocks
     minimum_on     : in    std_logic_vector(11 downto 0); -- clocks
     minimum_off    : in    std_logic_vector(11 downto 0); -- clocks
@@ -56,7 +60,7 @@ entity gate_guard_checked is
     running        : out   std_logic;                     -- '1': gates follow decisions
     faults         : out   std_logic_vector(8 downto 0);  -- latched
     goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
-    violations     : out   std_logic_vector(8 downto 0)   -- '1': a property does not hold
+    violations     : out   std_logic_vector(9 downto 0)   -- '1': a property does not hold
   );
 end entity gate_guard_checked;
 
@@ -80,12 +84,15 @@ architecture rtl of gate_guard_checked is
   signal floor_on   : unsigned(11 downto 0);
   signal floor_off  : unsigned(11 downto 0);
   signal must_stop : std_logic;
+  signal beyond    : std_logic_vector(2 downto 0);  -- measured beyond a limit one, two and three clocks ago
+  signal limits    : std_logic_vector(47 downto 0); -- a clock ago
+  signal vetted    : std_logic;        -- a measurement since enable, fault and renew was inside the limits
   signal fresh     : std_logic;        -- enable has been down since the last reset or fault
   signal whole     : positions_t;      -- last whole position of each leg
   signal entered   : std_logic_vector(2 downto 0);
   signal wanted    : positions_t;      -- positions accepted last
   signal hungry    : unsigned(16 downto 0);
-  signal found     : std_logic_vector(8 downto 0);
+  signal found     : std_logic_vector(9 downto 0);
 
   -- the pattern that may never be, told as in the document
   function shorts (s : std_logic_vector) return boolean is
@@ -176,6 +183,7 @@ architecture rtl of gate_guard_checked is
 
   end function follows;
 
+  -- what cannot be exceeded is exceeded by every measurement
   function trip_of (alpha, beta, limit, volts, high, low : std_logic_vector(15 downto 0)) return boolean is
 
     variable a : signed(26 downto 0);
@@ -189,7 +197,8 @@ architecture rtl of gate_guard_checked is
     l := signed(resize(unsigned(limit), 27));
     l := shift_left(l, 7);
     return a + a > l or a + a < -l or b - a > l or b - a < -l or b + a > l or b + a < -l
-           or unsigned(volts) > unsigned(high) or unsigned(volts) < unsigned(low);
+           or unsigned(volts) > unsigned(high) or unsigned(volts) < unsigned(low)
+           or unsigned(limit) > 32766 or unsigned(high) > 65534;
 
   end function trip_of;
 
@@ -226,6 +235,7 @@ begin
       position_a     => position_a,
       position_b     => position_b,
       position_c     => position_c,
+      renew          => renew,
       dead_time      => dead_time,
       minimum_on     => minimum_on,
       minimum_off    => minimum_off,
@@ -281,10 +291,26 @@ begin
       goal(1) := unsigned(position_b);
       goal(2) := unsigned(position_c);
 
-      must_stop <= rst or external_trip or not enable;
+      must_stop <= rst or external_trip or not enable or beyond(2);
+      limits    <= current_limit & link_high & link_low;
+      vetted    <= vetted and enable and not renew;
+      beyond    <= beyond(1 downto 0) & '0';
 
-      if (measured = '1' and trip_of(is_alpha, is_beta, current_limit, v_dc, link_high, link_low)) then
-        must_stop <= '1';
+      if (measured = '1') then
+        if (trip_of(is_alpha, is_beta, current_limit, v_dc, link_high, link_low)) then
+          beyond(0) <= '1';
+        elsif (enable = '1' and renew = '0') then
+          vetted <= '1';
+        end if;
+      end if;
+
+      if (limits /= (current_limit & link_high & link_low)) then
+        beyond(2 downto 1) <= "00";
+      end if;
+
+      if (rst = '1' or latched /= (latched'range => '0')) then
+        vetted <= '0';
+        beyond <= "000";
       end if;
 
       for x in 0 to 2 loop
@@ -327,7 +353,7 @@ begin
   end process p_history;
 
   p_properties : process (g, before, ages, now_on, was_on, latched, known, floor_dead, floor_on, floor_off,
-                          must_stop, fresh, whole, entered, hungry) is
+                          must_stop, fresh, whole, entered, hungry, vetted) is
 
     variable leg      : std_logic_vector(SIZE - 1 downto 0);
     variable extended : std_logic_vector(SIZE - 1 downto 0);
@@ -394,6 +420,10 @@ begin
 
     if (now_on = '1' and hungry = 0) then
       found(8) <= '1';
+    end if;
+
+    if (now_on = '1' and was_on = '0' and vetted = '0') then
+      found(9) <= '1';
     end if;
 
     if (known = '0') then

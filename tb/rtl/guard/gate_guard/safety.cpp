@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
   long by_fault[9] = {0};
   int phase = 0, period = 40;
   bool wild = false;
+  uint32_t limit = 12000;
   uint32_t last_gates = 0, last_faults = 0, last_running = 0;
   m->clk = 0;
   m->enable = 0;
@@ -58,26 +59,29 @@ int main(int argc, char** argv) {
   m->v_dc = 32000;
   for (long n = 0; n < clocks; n++) {
     m->rst = n < 2;
-    m->external_trip = m->measured = m->start = m->decided = 0;
+    m->external_trip = m->measured = m->start = m->decided = m->renew = 0;
     m->clear = 0;
     if (n % 700 == 0) {
       wild = chance(0.15);
       period = 12 + below(40);
       times(m, false);
-      m->current_limit = 12000;
     }
     if (chance(0.0005)) m->rst = 1;
     resets += m->rst;
     if (m->faults && chance(0.3)) {
       m->clear = chance(0.5) ? 0x1FF : word() & 0x1FF;
       m->enable = word() & 1;
-    } else if (!m->running && chance(0.3)) {
+    } else if (!m->running && chance(m->enable ? 0.01 : 0.3)) {
       m->enable = !m->enable;
     } else if (chance(wild ? 0.01 : 0.0005)) {
       m->enable = !m->enable;
     }
     if (chance(0.004)) { times(m, chance(0.1)); writes++; }
-    if (wild && chance(0.02)) { m->current_limit = word() & 0xFFFF; writes++; }
+    m->current_limit = limit;  // announced by renew a clock ago
+    if (wild && chance(0.02)) { limit = word() & 0xFFFF; writes++; }
+    if (!wild) limit = 12000;
+    if (limit != m->current_limit || chance(0.002)) m->renew = 1;
+    if (chance(0.01)) m->measured = 1;
     if (++phase >= period) {
       phase = 0;
       m->start = m->measured = 1;

@@ -40,8 +40,18 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
         **_settings(rng, five_level),
     )
     period, phase, wild = 40, 0, False
+    limit, high = i.current_limit, i.link_high  # after the renew that announces them
     for n in range(clocks):
-        i = replace(i, rst=0, external_trip=0, clear=0, measured=0, start=0, decided=0)
+        i = replace(i, rst=0, external_trip=0, clear=0, measured=0, start=0, decided=0, renew=0)
+        i.current_limit, i.link_high = limit, high
+        if wild and rng.random() < 0.005:
+            high = rng.choice([word(rng, 16, signed=False), 65_534, 65_535])
+        elif not wild:
+            high = 40_000
+        if wild and rng.random() < 0.02:
+            limit = rng.choice([word(rng, 16, signed=False), 32_766, 32_767])
+        elif not wild:
+            limit = 12_000
         if n % 700 == 0:
             wild = rng.random() < 0.1
             period = rng.choice([7, 12, 20, 40, 45])
@@ -52,7 +62,8 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
         if guard.faults and rng.random() < 0.3:
             i.clear = rng.choice([guard.fault_bits, 0x1FF, rng.getrandbits(9)])
             i.enable = rng.getrandbits(1)
-        if not guard.faults and not guard.running and rng.random() < 0.3:
+        # it has to stay up until a measurement has been compared
+        if not guard.faults and not guard.running and rng.random() < (0.01 if i.enable else 0.3):
             i.enable ^= 1
         if guard.running and rng.random() < 0.001:
             i.enable = 0
@@ -86,10 +97,11 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
             i.position_a, i.position_b, i.position_c = (rng.randrange(8) for _ in range(3))
         if rng.random() < 0.0005:
             i.external_trip = 1
-        if wild and rng.random() < 0.02:
-            i.current_limit = word(rng, 16, signed=False)
-        elif not wild:
-            i.current_limit = 12_000
+        between = phase < 4 and not guard.running
+        if (limit, high) != (i.current_limit, i.link_high) or rng.random() < 0.05 * between + 0.001:
+            i.renew = 1
+        if rng.random() < 0.01:
+            i.measured = 1
         if wild and rng.random() < 0.02:
             i.start = 1
         if not five_level:

@@ -4,7 +4,8 @@ Sweep: ANPC and two-level legs.
 Stimulus: a drive that runs, with enables, resets, trips, late, missing, illegal and hasty
 decisions, and settings that change at any time, to any value.
 Checks: all outputs after every edge; that every kind of fault but the interlock's has happened.
-Timing: gates move two clocks after a decision, are off after the edge that sees a trip.
+Timing: gates move two clocks after a decision; they are off one clock after an external trip, an
+illegal decision, a lapse of time and a disable, four clocks after a measurement beyond its limit.
 Does not prove: the safety properties by themselves, see test_gate_safety.
 """
 
@@ -41,10 +42,14 @@ FAULTS = {
     "order": ("gate_tables", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
     "dead time": (
         "gate_leg",
-        "action <= action + 1;\n          left   <= unsigned(dead_time) - 1;",
-        "action <= action + 1;\n          left   <= unsigned(dead_time) - 2;",
+        "std_logic_vector(unsigned(dead_time) - 1);",
+        "std_logic_vector(unsigned(dead_time) - 2);",
     ),
     "current": ("trip_comparator", "shift_left(beta, 4)", "shift_left(beta, 3)"),
+    "limit that cannot trip": ("trip_comparator", ">= HIGHEST_CURRENT)", "> HIGHEST_CURRENT)"),
+    "link limit that cannot trip": ("trip_comparator", "(link_high) = HIGHEST", "(link_high) < HIGHEST"),
+    "old measurement": ("trip_comparator", "count_2 <= count_1 and not forget;", "count_2 <= count_1;"),
+    "old comparison": ("gate_supervisor", "if (wanted = '0' or renew = '1') then", "if (wanted = '0') then"),
     "clear": ("gate_supervisor", "latched <= (latched and not clear)", "latched <= latched"),
 }
 

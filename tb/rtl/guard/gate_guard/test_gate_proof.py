@@ -39,5 +39,5 @@ def test_no_source_is_ever_shorted(five_level: bool, tmp_path: Path) -> None:
 
 
 def test_there_is_no_proof_without_the_interlock(tmp_path: Path) -> None:
-    rtl = altered(tmp_path, "gate_supervisor", "causes(FAULT_INTERLOCK) <= refuse;", "null;")
+    rtl = altered(tmp_path, "gate_leg", "if (forbidden = '0') then", "if (true) then")
     assert not proven(True, tmp_path, rtl)
