@@ -116,6 +116,9 @@ architecture rtl of rotor_flux_observer is
   signal link        : std_logic_vector(15 downto 0);
   signal positions   : positions_t;
   signal phases      : phases_t;
+  signal others_sum  : signed(PHASE_WIDTH downto 0);     -- of phases b and c
+  signal beta_sum    : signed(PHASE_WIDTH downto 0);     -- of b less c
+  signal alpha_sum   : signed(PHASE_WIDTH + 2 downto 0); -- of a twice less b and c
   signal voltage     : words_t;
   signal angle       : word_t;
   signal rotor       : states_t; -- psi_c
@@ -201,25 +204,31 @@ begin
   end process p_sample;
 
   ---------------------------------------------------------------------------------------------
-  -- Voltages: phases in 1/64012.5 pu, then (2 v_a - v_b - v_c) and (v_b - v_c) in 1/16003.125 pu
+  -- Voltages: phases in 1/64012.5 pu, then (2 v_a - v_b - v_c) and (v_b - v_c) in 1/16003.125 pu.
+  -- One addition a clock, from the measurements that stand still for the whole step.
   ---------------------------------------------------------------------------------------------
 
   g_phases : for x in 0 to 2 generate
 
-    p_phase : process (link, neutral, capacitors, positions) is
+    signal midpoint : signed(PHASE_WIDTH - 1 downto 0); -- without the phase capacitor
+
+  begin
+
+    p_phase : process (clk) is
 
       variable half      : signed(PHASE_WIDTH - 1 downto 0);
       variable capacitor : signed(PHASE_WIDTH - 1 downto 0);
-      variable midpoint  : signed(PHASE_WIDTH - 1 downto 0);
 
     begin
 
-      half      := signed(resize(unsigned(link) & '0', PHASE_WIDTH));
-      capacitor := signed(resize(unsigned(capacitors(x)) & '0', PHASE_WIDTH));
-      midpoint  := gated(resize(neutral, PHASE_WIDTH), has(NEUTRAL_VOLTAGE, positions(x)));
-      midpoint  := adjusted(midpoint, half, has(LINK_POSITIVE, positions(x)), has(LINK_NEGATIVE, positions(x)));
-      phases(x) <= adjusted(midpoint, capacitor, has(CAPACITOR_POSITIVE, positions(x)),
-                            has(CAPACITOR_NEGATIVE, positions(x)));
+      if rising_edge(clk) then
+        half      := signed(resize(unsigned(link) & '0', PHASE_WIDTH));
+        capacitor := signed(resize(unsigned(capacitors(x)) & '0', PHASE_WIDTH));
+        midpoint  <= adjusted(gated(resize(neutral, PHASE_WIDTH), has(NEUTRAL_VOLTAGE, positions(x))), half,
+                              has(LINK_POSITIVE, positions(x)), has(LINK_NEGATIVE, positions(x)));
+        phases(x) <= adjusted(midpoint, capacitor, has(CAPACITOR_POSITIVE, positions(x)),
+                              has(CAPACITOR_NEGATIVE, positions(x)));
+      end if;
 
     end process p_phase;
 
@@ -233,9 +242,14 @@ begin
   begin
 
     if rising_edge(clk) then
+      others_sum <= resize(phases(1), PHASE_WIDTH + 1) + phases(2);
+      beta_sum   <= resize(phases(1), PHASE_WIDTH + 1) - phases(2);
+
+      alpha_sum <= shift_left(resize(phases(0), PHASE_WIDTH + 3), 1) - others_sum;
+
       if (due(DUE_VOLTAGE) = '1') then
-        alpha := shift_left(resize(phases(0), PHASE_WIDTH + 3), 1) - phases(1) - phases(2) + 2;
-        beta  := resize(phases(1), PHASE_WIDTH + 3) - phases(2) + 2;
+        alpha := alpha_sum + 2;
+        beta  := resize(beta_sum, PHASE_WIDTH + 3) + 2;
 
         voltage(0) <= std_logic_vector(clip(alpha(PHASE_WIDTH + 2 downto 2), WORD));
         voltage(1) <= std_logic_vector(clip(beta(PHASE_WIDTH + 2 downto 2), WORD));

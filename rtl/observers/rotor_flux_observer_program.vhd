@@ -58,17 +58,17 @@ package rotor_flux_observer_program is
 
   -- clocks of the events
   constant OBSERVER_EVENTS : mac_clocks_t(0 to DUE_EVENTS - 1) := (
-    3, 8, 11, 13, 16, 0, 10
+    3, 8, 11, 13, 16, 4, 10
   );
 
   -- clock, word of A, word of B, steps of alignment, seed (-1: add to the sum)
   constant OBSERVER_PROGRAM : mac_program_t(0 to 12, 0 to 4) := (
     (0, 0, 0, 0, 0),
-    (1, 1, 1, 2, 1),
-    (2, 2, 2, 0, -1),
-    (3, 3, 5, 1, -1),
-    (4, 4, 4, 1, -1),
-    (5, 5, 3, 1, -1),
+    (1, 2, 2, 0, 1),
+    (2, 3, 5, 1, -1),
+    (3, 4, 4, 1, -1),
+    (4, 5, 3, 1, -1),
+    (5, 1, 1, 2, -1),
     (6, 4, 6, 0, 2),
     (7, 2, 7, 0, -1),
     (8, 6, 8, 2, -1),

@@ -44,11 +44,12 @@ _SEEDS: dict[str, Word] = {
 
 _PRODUCTS = (
     Product(0, "speed", "speed", "angle_half", "angle"),
-    Product(1, "voltage", "voltage", "stator", alignment=2),
-    Product(2, "mean", "drop"),
-    Product(3, "previous", "pull_current", alignment=1),
-    Product(4, "rotor", "pull_flux", alignment=1),
-    Product(5, "stator", "pull", "", "stator", alignment=1),
+    Product(1, "mean", "drop", "stator"),
+    Product(2, "previous", "pull_current", alignment=1),
+    Product(3, "rotor", "pull_flux", alignment=1),
+    Product(4, "stator", "pull", alignment=1),
+    # last, because the voltage is formed meanwhile
+    Product(5, "voltage", "voltage", "", "stator", alignment=2),
     Product(6, "rotor", "decay", "rotor"),
     Product(7, "mean", "excitation"),
     Product(8, "cross", "angle", "", "ahead", alignment=2),
@@ -63,7 +64,7 @@ PROGRAM = Program(
     b=_B,
     seeds=_SEEDS,
     products=_PRODUCTS,
-    actions={"voltage": 0, "output_current": 10},
+    actions={"voltage": 4, "output_current": 10},
     valid_after=13,
     last=16,
 )

@@ -40,9 +40,27 @@ def test_it_steps_as_its_twin() -> None:
     assert bench(450).checks["estimate"] == 450
 
 
+FLAG = "saturated <= overflow or clipped(0) or clipped(1) or bent(0) or bent(1) or turned;"
+OFTEN = "due(DUE_STATOR) = '1' or due(DUE_AHEAD) = '1' or due(DUE_ROTOR) = '1'"
+
 FAULTS = {
     "sign": ("rotor_flux_observer", "not coarse(rotor(1), GUARD);", "coarse(rotor(1), GUARD);"),
-    "place": ("rotor_flux_observer_program", "(4, 4, 4, 1, -1)", "(4, 4, 3, 1, -1)"),
+    "place": ("rotor_flux_observer_program", "(3, 4, 4, 1, -1)", "(3, 4, 3, 1, -1)"),
+    "late overflow": ("rotor_flux_observer", "overflow <= '1';", "null;"),
+    **{
+        f"{flag} not flagged": ("rotor_flux_observer", FLAG, FLAG.replace(flag, "'0'"))
+        for flag in ("overflow", "clipped(0)", "clipped(1)", "bent(0)", "bent(1)", "turned")
+    },
+    **{
+        f"{due} not flagged": ("rotor_flux_observer", OFTEN, OFTEN.replace(due, "DUE_ESTIMATE"))
+        for due in ("DUE_STATOR", "DUE_AHEAD", "DUE_ROTOR")
+    },
+    "overflow kept": ("rotor_flux_observer", "overflow  <= '0';\n      elsif", "null;\n      elsif"),
+    "overflow through a reset": (
+        "rotor_flux_observer",
+        "if (rst = '1') then\n        overflow <= '0';",
+        "if (false) then\n        overflow <= '0';",
+    ),
 }
 
 
