@@ -60,9 +60,11 @@ A clock above the core's own makes watchdogs longer than asked for, one below it
 **Values that do not fit.** The gate guard is never set less safe than asked for. `dead_time`,
 `minimum_on`, `minimum_off` and `link_low` are rounded up. If one does not fit its register, that is
 an error with exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
-`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down. If one does not fit,
-the largest possible value is used, which is no less safe, and a line on standard error says so. A
-`current_limit` or `link_high` at full scale never trips, because nothing above it can be measured.
+`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down. If one of the first
+two does not fit, the largest possible value is used, which is no less safe, and a line on standard
+error says so. A `current_limit` or `link_high` at full scale or above is an error, because nothing
+above it can be measured: it would never trip. The guard itself lets such a limit trip with every
+measurement.
 
 **Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
 after `command.commit` is written. Until then decisions and gate guard use the old values. Reset

@@ -7,7 +7,8 @@ The gate guard's settings are not in a drive file, they belong to the switches a
 have options here.  What the guard gets is never less safe than asked for: dead and minimum times
 and lower limits are rounded up, longest times and upper limits down.  What does not fit its
 register is an error where the nearest value that does is less safe; where it is safer, it is
-written and named, on standard error and in the C comment.
+written and named, on standard error and in the C comment. A trip level that no measurement can
+exceed is an error.
 """
 
 from __future__ import annotations
@@ -29,6 +30,13 @@ from directmpc.mptc.drive import MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
+
+#: Register and field -> largest value that serves, where that is not the largest that fits: nothing
+#: above a full scale can be measured, so that a trip level there would never trip.
+HIGHEST: dict[tuple[str, str], int] = {
+    ("guard.current_limit", "value"): 2**15 - 2,
+    ("guard.link_high", "value"): 2**16 - 2,
+}
 
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
@@ -133,12 +141,14 @@ def packed(
     KeyError
         If there is no such field.
     ValueError
-        If a value does not fit its field; it would become another one, or reach into the next.
+        If a value does not fit its field; it would become another one, or reach into the next. If
+        it is a trip level that no measurement exceeds.
     """
     word = 0
     for field_name, value in given.items():
         low, width, signed = fields[field_name]
         least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
+        most = HIGHEST.get((register, field_name), most)
         if not least <= value <= most:
             raise ValueError(
                 f"{register}: {field_name} = {value} does not fit; it must be an integer from "
@@ -185,19 +195,22 @@ class _Setting:
         Counts of the register in one of them.
     counts : str
         What the register counts.
-    width : int
-        Bits of the register, unsigned.
+    most : int
+        Largest value that serves, unsigned.
     more_is_safer : bool
         True of times that have to pass and of lower limits, false of longest times and of upper
         limits. It is rounded to the safe side.
+    trips : bool
+        A trip level: one above `most` is an error, because nothing would ever trip.
     """
 
     asked: float
     unit: str
     scale: float
     counts: str
-    width: int
+    most: int
     more_is_safer: bool
+    trips: bool = False
 
     def word(self, name: str, saturated: list[str]) -> int:
         """Register value; a sentence in ``saturated`` where the nearest one is safer.
@@ -205,24 +218,25 @@ class _Setting:
         Raises
         ------
         ValueError
-            Where the nearest one is less safe, or this is no number.
+            Where the nearest one is less safe, or would never trip, or this is no number.
         """
         exact = self.asked * self.scale
         if not math.isfinite(exact):
             raise ValueError(f"{name}: {self.asked:g} {self.unit} cannot be counted")
         # what is a whole number of counts but for the last bit stays that number
         counts = math.ceil(exact - 1e-6) if self.more_is_safer else math.floor(exact + 1e-6)
-        most = (1 << self.width) - 1
-        inside = min(max(counts, 0), most)
+        inside = min(max(counts, 0), self.most)
         if inside == counts:
             return counts
-        if (inside > counts) is self.more_is_safer:
+        if (inside > counts) is self.more_is_safer and not self.trips:
             saturated.append(f"{name}: {counts:.12g} {self.counts} do not fit, {inside} written")
             return inside
-        allowed = f"at most {most / self.scale:.12g} {self.unit}, {most} {self.counts}"
+        allowed = f"at most {self.most / self.scale:.12g} {self.unit}, {self.most} {self.counts}"
+        if self.trips:
+            allowed += ", above which nothing can be measured"
         raise ValueError(
             f"{name}: got {self.asked:g} {self.unit}, {counts:.12g} {self.counts}; it must be "
-            f"{allowed if counts > most else 'at least 0'}"
+            f"{allowed if counts > self.most else 'at least 0'}"
         )
 
 
@@ -248,7 +262,8 @@ def guard_words(
     Raises
     ------
     ValueError
-        Where the nearest value that fits would be less safe than what is asked for.
+        Where the nearest value that fits would be less safe than what is asked for, or a trip level
+        is one that no measurement exceeds.
     """
     clock = settings.clock
     if not 0.0 < clock < math.inf:
@@ -264,16 +279,18 @@ def guard_words(
         current, unit = 0.95 * drive.control.current_max if current is None else current, "A"
         current_scale, link = form["is_alpha"].scale, form["v_dc"].scale
     period, clocks = clock * drive.control.ts, f"clocks of {clock / 1e6:g} MHz"
-    voltage = "of the nominal dc-link voltage", link * drive.inverter.vdc, "of v_dc", 16
+    voltage = "of the nominal dc-link voltage", link * drive.inverter.vdc, "of v_dc"
+    time, longest = 2**12 - 1, 2**16 - 1
+    highest, peak = (HIGHEST[f"guard.{name}", "value"] for name in ("link_high", "current_limit"))
     chosen = {
-        "dead_time": _Setting(settings.dead_time, "s", clock, clocks, 12, True),
-        "minimum_on": _Setting(settings.minimum_on, "s", clock, clocks, 12, True),
-        "minimum_off": _Setting(settings.minimum_off, "s", clock, clocks, 12, True),
-        "decision_limit": _Setting(limit, "control periods", period, clocks, 16, False),
-        "watchdog": _Setting(settings.watchdog, "control periods", period, clocks, 16, False),
-        "current_limit": _Setting(current, unit, current_scale, "of its unit", 15, False),
-        "link_high": _Setting(settings.link_high, *voltage, False),
-        "link_low": _Setting(settings.link_low, *voltage, True),
+        "dead_time": _Setting(settings.dead_time, "s", clock, clocks, time, True),
+        "minimum_on": _Setting(settings.minimum_on, "s", clock, clocks, time, True),
+        "minimum_off": _Setting(settings.minimum_off, "s", clock, clocks, time, True),
+        "decision_limit": _Setting(limit, "control periods", period, clocks, longest, False),
+        "watchdog": _Setting(settings.watchdog, "control periods", period, clocks, longest, False),
+        "current_limit": _Setting(current, unit, current_scale, "of its unit", peak, False, True),
+        "link_high": _Setting(settings.link_high, *voltage, highest, False, True),
+        "link_low": _Setting(settings.link_low, *voltage, 2**16 - 1, True),
     }
     return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
 

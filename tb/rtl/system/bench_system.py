@@ -10,7 +10,7 @@ import numpy as np
 from cocotb.triggers import FallingEdge, RisingEdge
 
 from directmpc.host import registers
-from directmpc.host.gate_guard import anpc_gates, two_level_gates
+from directmpc.host.gate_guard import FAULTS, anpc_gates, two_level_gates
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -402,6 +402,44 @@ async def faults(system: System) -> None:
     board.check("disabled", (number(dut.running), number(dut.gates), number(dut.faults)), (0, 0, 0))
 
 
+async def unmeasured(system: System) -> None:
+    """Gates enabled while a decision runs whose measurement nobody has compared."""
+    bus, board, dut = system.bus, system.board, system.dut
+    dut.enable.value = 0
+    await bus.write("system.control", enable=1)
+    await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
+    # limits that no measurement keeps
+    await bus.write("guard.current_limit", value=0)
+    await bus.write("guard.link_low", value=65_535)
+    await bus.write("guard.dead_time", clocks=10)
+    await bus.write("system.command", commit=1)
+    while await bus.read("system.status", "commit_pending"):
+        pass
+    trips = [FAULTS.index(name) for name in ("over_current", "link_low")]
+    m = dict.fromkeys(system.inputs, 0) | {"is_alpha": 200}
+    for _ in range(2):
+        # the guard's first clocks of a decision pass before it is enabled
+        await FallingEdge(dut.clk)
+        system.put(m)
+        dut.start.value = 1
+        await FallingEdge(dut.clk)
+        dut.start.value = 0
+        for _ in range(8):
+            await FallingEdge(dut.clk)
+        dut.enable.value = 1
+        board.check("deciding", number(dut.busy), 1)
+        for _ in range(300):
+            await FallingEdge(dut.clk)
+            board.check("unmeasured", (number(dut.running), number(dut.gates)), (0, 0))
+        board.check("no fault", number(dut.faults), 0)
+        # the measurement of the next one is compared
+        await system.decide(m)
+        board.check("unmeasured", (number(dut.running), number(dut.gates)), (0, 0))
+        board.check("compared", number(dut.faults), sum(1 << n for n in trips))
+        dut.enable.value = 0
+        await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
+
+
 @cocotb.test()
 async def system(dut) -> None:
     """Everything a host does."""
@@ -413,6 +451,7 @@ async def system(dut) -> None:
     await atomic_commits(under_test, given["rounds"])
     await decisions_and_flags(under_test, given["decisions"])
     await faults(under_test)
+    await unmeasured(under_test)
     under_test.board.finish(
         {
             "word": 60 * given["registers"],
@@ -421,6 +460,7 @@ async def system(dut) -> None:
             "observed": 16,
             "setting": 8,
             "trip": 1,
+            "unmeasured": 600,
         },
         {"new set": 4, "commits": 4, "flags": 1},
     )

@@ -86,14 +86,11 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
 
 def test_what_does_not_fit_is_named_and_safe() -> None:
     drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
-    settings = registers.GuardSettings(
-        decision_limit=90.0, watchdog=60.0, current=5.0, link_high=9.0
-    )
-    found = registers.values(drive, settings)
-    clipped = ["decision_limit", "watchdog", "current_limit", "link_high"]
+    found = registers.values(drive, registers.GuardSettings(decision_limit=90.0, watchdog=60.0))
+    clipped = ["decision_limit", "watchdog"]
     assert [text.partition(":")[0] for text in found.saturated] == [f"guard.{n}" for n in clipped]
     for name in clipped:
-        assert found.words[f"guard.{name}"] == (2**15 if name == "current_limit" else 2**16) - 1
+        assert found.words[f"guard.{name}"] == 2**16 - 1
     # rounded to the safe side
     settings = registers.GuardSettings(
         dead_time=2.01e-6, watchdog=1.5005, current=1.00001, link_high=1.25, link_low=0.75
@@ -127,6 +124,31 @@ def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: s
     status, text, complaints = command(str(path), f"--{name.replace('_', '-')}", str(asked), "--c")
     assert (status, text) == (2, "")
     assert complaints == f"registers: {path}: {refused.value}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "just", "beyond", "most"),
+    [
+        ("current", 32_766 / 16_000, 32_767 / 16_000, "2.047875 pu, 32766 of its unit"),
+        ("link_high", 65_534 / 32_006.25, 65_535 / 32_006.25, "2.04753759031 of the nominal"),
+    ],
+)
+def test_a_limit_that_could_never_trip_is_an_error(
+    name: str, just: float, beyond: float, most: str
+) -> None:
+    path = ROOT / "drives" / "anpc5l_6kv.toml"
+    drive = load_drive(path)
+    register = "guard.current_limit" if name == "current" else f"guard.{name}"
+    found = registers.values(drive, registers.GuardSettings(**{name: just}))
+    assert found.words[register] == registers.HIGHEST[register, "value"]
+    assert found.writes()
+    with pytest.raises(ValueError, match=register) as refused:
+        registers.values(drive, registers.GuardSettings(**{name: beyond}))
+    assert f"at most {most}" in str(refused.value)
+    # nor can it be written by name
+    found.words[register] += 1
+    with pytest.raises(ValueError, match=f"{register}: value = .* from 0 to"):
+        found.writes()
 
 
 def test_the_longest_times_fit() -> None:

@@ -6,9 +6,10 @@ written and committed at any time while decisions run; decisions from ports and 
 measured and observed flux; trips, clears, enables.
 Checks: what registers hold and refuse; every decision is the model's for one whole committed set;
 cycle counters, sticky flags, write-one-to-clear; every setting reaches its port of the gate guard
-with a commit and not before; gates off on trips and until enabled anew.
+with a commit and not before; gates off on trips and until enabled anew, and while no measurement
+has been compared since they were enabled.
 Faults: a commit that takes effect while a decision runs; a parameter connected to another's port; a
-setting on another's port; an estimate that survives its reset.
+setting on another's port; an estimate that survives its reset; gates that come on unmeasured.
 """
 
 from __future__ import annotations
@@ -60,6 +61,11 @@ FAULTS = {
         "system_shell",
         "=> in_force.decision_limit.clocks",
         "=> in_force.watchdog.clocks",
+    ),
+    "unmeasured": (
+        "gate_supervisor",
+        "begun       <= decided and compared and not renew;",
+        "begun <= decided;",
     ),
     "old estimate": ("mptc_system", "(forget and not (deciding or observer_busy))", "'0'"),
 }

@@ -47,9 +47,21 @@ FAULTS = {
     ),
     "current": ("trip_comparator", "shift_left(beta, 4)", "shift_left(beta, 3)"),
     "limit that cannot trip": ("trip_comparator", ">= HIGHEST_CURRENT)", "> HIGHEST_CURRENT)"),
-    "link limit that cannot trip": ("trip_comparator", "(link_high) = HIGHEST", "(link_high) < HIGHEST"),
-    "old measurement": ("trip_comparator", "count_2 <= count_1 and not forget;", "count_2 <= count_1;"),
-    "old comparison": ("gate_supervisor", "if (wanted = '0' or renew = '1') then", "if (wanted = '0') then"),
+    "link limit that cannot trip": (
+        "trip_comparator",
+        "(link_high) = HIGHEST",
+        "(link_high) < HIGHEST",
+    ),
+    "old measurement": (
+        "trip_comparator",
+        "count_2 <= count_1 and not forget;",
+        "count_2 <= count_1;",
+    ),
+    "old comparison": (
+        "gate_supervisor",
+        "if (wanted = '0' or renew = '1') then",
+        "if (wanted = '0') then",
+    ),
     "clear": ("gate_supervisor", "latched <= (latched and not clear)", "latched <= latched"),
 }
 

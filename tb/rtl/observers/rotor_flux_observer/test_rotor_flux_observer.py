@@ -55,7 +55,11 @@ FAULTS = {
         f"{due} not flagged": ("rotor_flux_observer", OFTEN, OFTEN.replace(due, "DUE_ESTIMATE"))
         for due in ("DUE_STATOR", "DUE_AHEAD", "DUE_ROTOR")
     },
-    "overflow kept": ("rotor_flux_observer", "overflow  <= '0';\n      elsif", "null;\n      elsif"),
+    "overflow kept": (
+        "rotor_flux_observer",
+        "overflow  <= '0';\n      elsif",
+        "null;\n      elsif",
+    ),
     "overflow through a reset": (
         "rotor_flux_observer",
         "if (rst = '1') then\n        overflow <= '0';",
