@@ -3,7 +3,8 @@
 -- The core runs at the oscillator's clock divided by DIVIDE, 25 MHz on all boards: there one explorer
 -- decides within 4.5 us (SESE without a budget: 141 us), and the worst seed is far from that clock.
 -- Inputs come in through two flip-flops. The reset holds for the first 15 clocks after configuration;
--- the gates are registers of the gate guard and zero from configuration on.
+-- the gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
+-- clock (gate_release); the guard latches a fault with it.
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
@@ -27,7 +28,8 @@ entity board_top is
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
     CLOCK_HZ          : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, Hz
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4
-    BAUD              : positive              := 3_000_000   -- UART, 1/s
+    BAUD              : positive              := 3_000_000;  -- UART, 1/s
+    LEAST_DEAD_TIME   : positive              := 400         -- ns; shorter dead times are raised to it
   );
   port (
     clock          : in    std_logic;                     -- oscillator
@@ -38,7 +40,7 @@ entity board_top is
     spi_mosi       : in    std_logic;                     -- from the rig
     spi_miso       : out   std_logic;                     -- to the rig; always driven, low while spi_cs_n is high
     steps_over_spi : in    std_logic;                     -- switch: '1': steps come over SPI, '0': UART
-    permit         : in    std_logic;                     -- '0': all gates off, fault latched; pulled down
+    permit         : in    std_logic;                     -- asynchronous, '0': gates off, fault; pulled down
     gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1 to S8 of a, b, c; MPTC: bits 0 to 5
     leds           : out   std_logic_vector(3 downto 0)   -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
   );
@@ -47,6 +49,7 @@ end entity board_top;
 architecture rtl of board_top is
 
   constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
+  constant DEAD_CLOCKS    : positive := clocks_in(LEAST_DEAD_TIME, CLOCK_HZ);
   signal core_clock      : std_logic;
   -- what there is before the reset, which these two make
   -- vsg_off signal_007
@@ -132,15 +135,25 @@ begin
 
   i_sync_bits : entity work.sync_bits
     generic map (
-      WIDTH  => 2,
+      WIDTH  => 1,
       STAGES => 2
     )
     port map (
       clk             => core_clock,
       asynchronous(0) => steps_over_spi,
-      asynchronous(1) => permit,
-      synchronous(0)  => control,
-      synchronous(1)  => permitted
+      synchronous(0)  => control
+    );
+
+  i_release : entity work.gate_release
+    generic map (
+      WIDTH => gates'length
+    )
+    port map (
+      clk       => core_clock,
+      permit    => permit,
+      gates     => gates_now,
+      pins      => gates,
+      permitted => permitted
     );
 
   p_start : process (core_clock) is
@@ -229,7 +242,8 @@ begin
         EXPLORERS         => EXPLORERS,
         FOLDED            => FOLDED,
         SECOND_LEVEL      => SECOND_LEVEL,
-        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+        LEAST_DEAD_TIME   => DEAD_CLOCKS
       )
       port map (
         clk            => core_clock,
@@ -297,6 +311,9 @@ begin
   g_mptc : if CONTROLLER = CONTROLLER_MPTC generate
 
     i_system : entity work.mptc_system
+      generic map (
+        LEAST_DEAD_TIME => DEAD_CLOCKS
+      )
       port map (
         clk            => core_clock,
         rst            => rst,
@@ -353,8 +370,6 @@ begin
   end generate g_mptc;
 
   faults(15 downto 9) <= (others => '0');
-
-  gates <= gates_now;
 
   p_leds : process (core_clock) is
   begin

@@ -59,6 +59,9 @@ package directmpc_math is
   -- bits that a selector of n words takes, at least one
   function selector_width (n : positive) return positive;
 
+  -- clocks of a frequency in Hz that last so many nanoseconds at least; both up to 2 million and 1 GHz
+  function clocks_in (nanoseconds, hertz : positive) return positive;
+
 end package directmpc_math;
 
 package body directmpc_math is
@@ -311,5 +314,18 @@ package body directmpc_math is
     return result;
 
   end function selector_width;
+
+  function clocks_in (nanoseconds, hertz : positive) return positive is
+
+    variable kilohertz : positive;
+
+  begin
+
+    -- rounded up twice, in steps that 31 bits hold
+    kilohertz := (hertz - 1) / 1000 + 1;
+    return (kilohertz / 1000) * nanoseconds / 1000 + ((kilohertz mod 1000) * nanoseconds
+           + ((kilohertz / 1000) * nanoseconds mod 1000) * 1000 + 999_999) / 1_000_000;
+
+  end function clocks_in;
 
 end package body directmpc_math;

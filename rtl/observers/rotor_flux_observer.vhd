@@ -127,7 +127,7 @@ architecture rtl of rotor_flux_observer is
   signal estimate    : samples_t;
   signal overflow    : std_logic;
   signal clipped     : flags_t;   -- by lane, in this clock
-  signal bent        : flags_t;   -- voltage did not fit
+  signal bent        : std_logic; -- voltage along alpha did not fit; the other one always does
   signal turned      : std_logic; -- angle did not fit
   signal issue       : std_logic;
   signal gathering   : std_logic;
@@ -237,7 +237,7 @@ begin
   p_voltage : process (clk) is
 
     variable alpha : signed(PHASE_WIDTH + 2 downto 0);
-    variable beta  : signed(PHASE_WIDTH + 2 downto 0);
+    variable beta  : signed(PHASE_WIDTH downto 0);
 
   begin
 
@@ -249,12 +249,11 @@ begin
 
       if (due(DUE_VOLTAGE) = '1') then
         alpha := alpha_sum + 2;
-        beta  := resize(beta_sum, PHASE_WIDTH + 3) + 2;
+        beta  := beta_sum + 2;
 
         voltage(0) <= std_logic_vector(clip(alpha(PHASE_WIDTH + 2 downto 2), WORD));
-        voltage(1) <= std_logic_vector(clip(beta(PHASE_WIDTH + 2 downto 2), WORD));
-        bent(0)    <= overflows(alpha(PHASE_WIDTH + 2 downto 2), WORD);
-        bent(1)    <= overflows(beta(PHASE_WIDTH + 2 downto 2), WORD);
+        voltage(1) <= std_logic_vector(beta(WORD + 1 downto 2));
+        bent       <= overflows(alpha(PHASE_WIDTH + 2 downto 2), WORD);
       end if;
     end if;
 
@@ -448,7 +447,7 @@ begin
 
     if rising_edge(clk) then
       if (due(DUE_ESTIMATE) = '1') then
-        saturated <= overflow or clipped(0) or clipped(1) or bent(0) or bent(1) or turned;
+        saturated <= overflow or clipped(0) or clipped(1) or bent or turned;
         overflow  <= '0';
       elsif (clipped(0) = '1' or clipped(1) = '1') then
         overflow <= '1';

@@ -32,7 +32,7 @@ entity mpdcc_system is
     clk            : in    std_logic;                     -- rising edge
     rst            : in    std_logic;                     -- synchronous, active high
     enable         : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
-    external_trip  : in    std_logic;                     -- '1': all gates off
+    external_trip  : in    std_logic;                     -- '1': all gates off; synchronous to clk
     start          : in    std_logic;                     -- '1' for one clock: measurements are there, decide
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu
     is_beta        : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu

@@ -30,7 +30,7 @@ entity system_shell is
     clk                : in    std_logic;                     -- rising edge
     rst                : in    std_logic;                     -- synchronous, active high
     enable             : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
-    external_trip      : in    std_logic;                     -- '1': all gates off
+    external_trip      : in    std_logic;                     -- '1': all gates off; synchronous to clk
     start              : in    std_logic;                     -- '1' for one clock: measurements are at the ports
     -- bus writes, from the bus and to the register block
     m_awvalid          : in    std_logic;                     -- '1': address there

@@ -147,12 +147,15 @@ static void start() {
     m->clock = 0;
     m->uart_rx = 1;
     m->spi_cs_n = 0;  // the simulator sees an asynchronous reset by its edge
+    m->permit = 1;
     m->spi_sck = 0;
     m->spi_mosi = 0;
-    m->permit = 1;
     m->steps_over_spi = 0;
     m->eval();
     m->spi_cs_n = 1;
+    m->permit = 0;
+    m->eval();
+    m->permit = 1;
     m->eval();
     // from the first clock on, before the reset has done anything
     for (int i = 0; i < 100; i++) {
@@ -257,6 +260,8 @@ static int run_script() {
             for (uint32_t i = 0; i < number; i++) cycle();
         } else if (order == 'p') {
             m->permit = number & 1;
+            m->eval();  // no clock: the pins follow by themselves
+            watch_gates();
         } else if (order == 'l') {
             m->steps_over_spi = number & 1;
         } else if (order != 'f') {

@@ -42,7 +42,7 @@ PUBLIC = (
     "mpdcc_core", "mptc_core", "mpdcc_scheduler", "mpdcc_explorer", "binary_search", "mac_block",
 )  # fmt: skip
 #: Beginnings of names of entities without clocks of their own, besides all of rtl/system/.
-UNTIMED = ("gate_", "trip_")
+UNTIMED = ("gate_", "trip_", "countdown", "clock_monitor")
 #: Clocks given to a decision while its worst case is being measured.
 PATIENCE = 9_999
 

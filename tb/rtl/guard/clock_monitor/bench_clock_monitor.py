@@ -1,0 +1,82 @@
+"""Cocotb side of ``test_clock_monitor``."""
+
+from __future__ import annotations
+
+import random
+
+import cocotb
+from cocotb.triggers import Timer
+
+from tb.helpers.scoreboard import Scoreboard, arguments, number
+
+
+class Clocks:
+    """Two clocks that have nothing to do with each other, in picoseconds."""
+
+    def __init__(self, dut, reference: int) -> None:
+        self.dut, self.reference = dut, reference
+        self.now = 0
+        self.at = {"clk": 0, "reference": 0}  # next change
+        self.level = {"clk": 0, "reference": 0}
+        dut.clk.value = dut.reference.value = 0
+
+    async def run(self, period: int | None, edges: int) -> int:
+        """So many rising edges of the reference, the watched clock with a period or standing.
+
+        Returns how many of them saw ``alive``; stops at the first change of it for ``edges`` = 0.
+        """
+        dut, seen = self.dut, 0
+        self.at["clk"] = max(self.at["clk"], self.now)
+        while edges:
+            names = ["reference"] if period is None else ["reference", "clk"]
+            name = min(names, key=self.at.__getitem__)
+            if self.at[name] > self.now:
+                await Timer(self.at[name] - self.now, "ps")
+                self.now = self.at[name]
+            self.level[name] ^= 1
+            getattr(dut, name).value = self.level[name]
+            half = (self.reference if name == "reference" else period) // 2
+            self.at[name] = self.now + half
+            if name == "reference" and self.level[name]:
+                await Timer(1, "ps")
+                self.now += 1
+                edges -= 1
+                seen += number(dut.alive)
+        return seen
+
+
+@cocotb.test()
+async def clocks_of_any_speed(dut) -> None:
+    """The watched clock at random speeds, and standing; each for long enough to be judged."""
+    given = arguments()
+    shortest, longest = given["SHORTEST"], given["LONGEST"]
+    half = 2 ** given["DIVIDE_BITS"]
+    rng = random.Random(given["seed"])
+    board, clocks = Scoreboard(), Clocks(dut, 20_000)
+    settled = longest + 4
+    await clocks.run(None, 3)
+    board.check("standing from the start", await clocks.run(None, 3 * settled), 0)
+    for n in range(given["phases"]):
+        # how many reference clocks two changes of the divided clock lie apart
+        kind = rng.choice(["fits", "fits", "slow", "fast", "stands"])
+        low, high = {
+            "fits": (shortest + 1.0, longest - 1.0),
+            "slow": (longest + 1.0, 3.0 * longest),
+            "fast": (0.2 * shortest, shortest - 1.0),
+            "stands": (0.0, 0.0),
+        }[kind]
+        apart = rng.uniform(low, high)
+        period = None if kind == "stands" else 2 * round(apart * clocks.reference / half / 2)
+        await clocks.run(period, max(settled, round(3 * apart) + 5))
+        seen = await clocks.run(period, 4 * longest)
+        board.check("alive", seen, 4 * longest * (kind == "fits"), f"{n}: {kind}, {apart:.2f}")
+        board.cover(kind)
+    # alive until then, and off in time once the clock stands
+    period = 2 * round((shortest + longest) / 2 * clocks.reference / half / 2)
+    for n in range(20):
+        await clocks.run(period, 4 * longest + rng.randrange(longest))
+        board.check("alive before", await clocks.run(period, 1), 1, n)
+        seen = await clocks.run(None, longest + 4)
+        board.longest("stops", seen)
+        board.check("stopped", await clocks.run(None, 10), 0, n)
+    board.finish({"alive": given["phases"]}, dict.fromkeys(("fits", "slow", "fast", "stands"), 3))

@@ -1,0 +1,48 @@
+"""Cocotb side of ``test_gate_release``."""
+
+from __future__ import annotations
+
+import random
+
+import cocotb
+from cocotb.triggers import Timer
+
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
+
+
+@cocotb.test()
+async def permits_with_and_without_a_clock(dut) -> None:
+    """Gates and permit change between edges, at times while the clock stands."""
+    given = arguments()
+    width = given["WIDTH"]
+    rng = random.Random(given["seed"])
+    board, clock = Scoreboard(), Clock(dut)
+    dut.permit.value = 0
+    permit, held, line = 0, 0, [0, 0]
+    lost = False  # permit since the last edge
+    for n in range(given["clocks"]):
+        for _ in range(rng.choice([1, 1, 1, 4])):
+            gates = rng.getrandbits(width)
+            if rng.random() < (0.1 if permit else 0.4):
+                permit ^= 1
+            dut.gates.value, dut.permit.value = gates, permit
+            if not permit:
+                lost = lost or held == 2
+                held = 0
+            await Timer(1, "ns")
+            # no edge since: the pins have followed all the same
+            want = gates if permit and held == 2 else 0
+            board.check("pins", number(dut.pins), want, f"clock {n}, permit {permit}")
+            board.cover("on", int(want != 0))
+            board.cover("back without a clock", int(permit and lost))
+        await clock.edge()
+        line = [int(held == 2), line[0]]
+        lost = False
+        held = min(held + 1, 2) if permit else 0
+        if n >= 2:
+            board.check("permitted", number(dut.permitted), line[1], f"clock {n}")
+            board.cover("permitted", line[1])
+    board.finish(
+        {"pins": given["clocks"], "permitted": given["clocks"] - 2},
+        {"on": given["clocks"] // 4, "permitted": given["clocks"] // 4, "back without a clock": 5},
+    )
