@@ -131,7 +131,7 @@ async def one_at_a_time(dut) -> None:
     for axis, m in (("alpha", [32_767, 0]), ("beta", [0, 32_767])):
         told = await bench.step(none | {"output_current": MOST}, np.array(m + [0] * 6), NOWHERE)
         board.cover(f"estimate {axis}", told)
-    # the voltage along alpha, 2 v_a - v_b - v_c: only capacitors without a dc-link make it too large
+    # the voltage along alpha; only capacitors without a dc-link make it too large
     volts = np.array([0, 0, -32_768, 65_535, 65_535, 65_535, 0, 0])
     for s in ([1, 2, 2], [2, 1, 1]):
         board.cover("voltage", await bench.step(none, volts, np.array(s)))
