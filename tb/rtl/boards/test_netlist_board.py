@@ -117,6 +117,7 @@ def check_facts(board: Board, chosen: Generics) -> None:
     assert built["controller"] == chosen["CONTROLLER"]
     assert (built["second_level"], built["weighted_deadlock"]) == (mpdcc, mpdcc)
     assert built["flux_control"] == (not mpdcc)
+    assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
     assert not any(board.read("system.status").values())
     assert board.read("system.gates")["gates"] == 0
 

@@ -313,6 +313,9 @@ async def observed(system: System, drive, parameters: dict[str, int]) -> None:
         await system.decide(m)
         wanted = system.model(parameters, {k: int(v) for k, v in used.items()})
         board.check("observed", system.decided(), wanted, f"decision {n}")
+        if mpdcc:
+            shown = [await bus.read("result.rotor_flux", axis) for axis in ("alpha", "beta")]
+            board.check("observed flux", shown, [bits(int(v), 16) for v in flux], f"decision {n}")
         last = wanted[:3] if mpdcc else wanted[0]
         for _ in range(3):
             await FallingEdge(system.dut.clk)

@@ -77,3 +77,9 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     rtl = altered(tmp_path, entity, old, new)
     with pytest.raises(CheckError, match="expected"):
         bench("mptc", 60, rtl, registers=False)
+
+
+def test_a_fault_is_found_in_the_observer_of_mpdcc(tmp_path: Path) -> None:
+    rtl = altered(tmp_path, "mpdcc_system", "(forget and not deciding)", "'0'")
+    with pytest.raises(CheckError, match=r"observed flux: .* expected"):
+        bench("mpdcc", 4, rtl, registers=False)
