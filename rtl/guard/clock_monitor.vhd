@@ -1,13 +1,13 @@
 -- Watches a clock with a second oscillator and says whether it runs, neither too slow nor too fast.
 --
--- The watched clock is divided by 2**(DIVIDE_BITS + 1).  The second one counts the time between two edges of the divided
--- clock.  The clock runs when that time lies between SHORTEST and LONGEST.
+-- The watched clock is divided by 2**(DIVIDE_BITS + 1).  The oscillator counts the time between two edges of the
+-- divided clock.  The clock runs when that time lies between SHORTEST and LONGEST.
 --
---   choose SHORTEST < 2**DIVIDE_BITS * f_reference / f_clk - 1 and LONGEST > 2**DIVIDE_BITS * f_reference / f_clk + 1
---   at all frequencies that the oscillators may have
+--   choose SHORTEST + 1 < T < LONGEST - 1 with T = 2**DIVIDE_BITS * f_oscillator / f_clk, at all frequencies that the
+--   two may have
 --
--- Formats: times in clocks of the reference.
--- Latency: alive falls LONGEST + 4 clocks of the reference after the last edge of the divided clock at the latest, or
+-- Formats: times in clocks of the oscillator.
+-- Latency: alive falls LONGEST + 4 clocks of the oscillator after the last edge of the divided clock at the latest, or
 -- with the first time that is too short.  It rises with the end of the first time that fits, so that the watched clock
 -- has had 2**DIVIDE_BITS edges by then.
 -- Overflow: none; the count stops at LONGEST.
@@ -26,13 +26,13 @@ library work;
 entity clock_monitor is
   generic (
     DIVIDE_BITS : positive := 6;  -- the divided clock changes every 2**DIVIDE_BITS clocks
-    SHORTEST    : positive := 8;  -- clocks of the reference between two changes, at least
-    LONGEST     : positive := 40  -- clocks of the reference between two changes, at most; above SHORTEST
+    SHORTEST    : positive := 8;  -- clocks of the oscillator between two changes, at least
+    LONGEST     : positive := 40  -- clocks of the oscillator between two changes, at most; above SHORTEST
   );
   port (
-    clk       : in    std_logic; -- watched, rising edge
-    reference : in    std_logic; -- second oscillator, rising edge
-    alive     : out   std_logic  -- '1': clk runs; synchronous to reference
+    clk        : in    std_logic; -- watched, rising edge
+    oscillator : in    std_logic; -- second oscillator, rising edge
+    alive      : out   std_logic  -- '1': clk runs; synchronous to oscillator
   );
 end entity clock_monitor;
 
@@ -44,7 +44,7 @@ architecture rtl of clock_monitor is
   signal since   : natural range 0 to LONGEST     := LONGEST; -- clocks since the last change, stops at LONGEST
   signal runs    : std_logic                      := '0';
   -- vsg_on signal_007
-  signal beat    : std_logic; -- divided clock, synchronous to reference
+  signal beat    : std_logic; -- divided clock, synchronous to oscillator
   signal before  : std_logic; -- a clock ago
   signal change  : std_logic;
 
@@ -69,17 +69,17 @@ begin
       STAGES => 2
     )
     port map (
-      clk             => reference,
+      clk             => oscillator,
       asynchronous(0) => divided(DIVIDE_BITS),
       synchronous(0)  => beat
     );
 
   change <= beat xor before;
 
-  p_watch : process (reference) is
+  p_watch : process (oscillator) is
   begin
 
-    if rising_edge(reference) then
+    if rising_edge(oscillator) then
       before <= beat;
 
       if (change = '1') then

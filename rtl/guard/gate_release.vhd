@@ -1,12 +1,12 @@
 -- Lets gates reach the pins while that is permitted; works without a clock.
 --
 -- permit = '0' turns all pins off through gates alone: no clock, no reset and no register has a part in it.  It also
--- clears two flip-flops, which keep the pins off until permit has been '1' for two rising edges.  So a permit that
--- comes back while the clock stands lets nothing through, and the guard behind sees every loss of permit, however
--- short.
+-- clears six flip-flops, which keep the pins off until permit has been '1' for six rising edges.  The guard behind
+-- sees every loss of permit, however short, and has turned its gates off by the fourth edge.  So a permit that comes
+-- back, with the clock or while it stands, lets nothing through that was decided before.
 --
 -- Formats: none.
--- Latency: pins follow gates and the fall of permit at once, and its rise after two rising edges.  permitted falls two
+-- Latency: pins follow gates and the fall of permit at once, and its rise after six rising edges.  permitted falls two
 -- or three edges after permit, stays '0' for two clocks at least, and rises four edges after permit.
 -- Overflow: none.
 -- Power-up: off.
@@ -34,7 +34,7 @@ architecture rtl of gate_release is
 
   -- off from configuration on, before there is a clock
   -- vsg_off signal_007
-  signal held    : std_logic_vector(1 downto 0) := "00"; -- '1': permit has been there for an edge, for two
+  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit has been there for edges 1 to 6
   -- vsg_on signal_007
   signal allowed : std_logic;
 
@@ -44,14 +44,14 @@ begin
   begin
 
     if (permit = '0') then
-      held <= "00";
+      held <= (others => '0');
     elsif rising_edge(clk) then
-      held <= held(0) & '1';
+      held <= held(4 downto 0) & '1';
     end if;
 
   end process p_held;
 
-  allowed <= permit and held(1);
+  allowed <= permit and held(5);
 
   g_pins : for i in 0 to WIDTH - 1 generate
     pins(i) <= gates(i) and allowed;

@@ -16,9 +16,9 @@ class Clocks:
     def __init__(self, dut, reference: int) -> None:
         self.dut, self.reference = dut, reference
         self.now = 0
-        self.at = {"clk": 0, "reference": 0}  # next change
-        self.level = {"clk": 0, "reference": 0}
-        dut.clk.value = dut.reference.value = 0
+        self.at = {"clk": 0, "oscillator": 0}  # next change
+        self.level = {"clk": 0, "oscillator": 0}
+        dut.clk.value = dut.oscillator.value = 0
 
     async def run(self, period: int | None, edges: int) -> int:
         """So many rising edges of the reference, the watched clock with a period or standing.
@@ -28,16 +28,16 @@ class Clocks:
         dut, seen = self.dut, 0
         self.at["clk"] = max(self.at["clk"], self.now)
         while edges:
-            names = ["reference"] if period is None else ["reference", "clk"]
+            names = ["oscillator"] if period is None else ["oscillator", "clk"]
             name = min(names, key=self.at.__getitem__)
             if self.at[name] > self.now:
                 await Timer(self.at[name] - self.now, "ps")
                 self.now = self.at[name]
             self.level[name] ^= 1
             getattr(dut, name).value = self.level[name]
-            half = (self.reference if name == "reference" else period) // 2
+            half = (self.reference if name == "oscillator" else period) // 2
             self.at[name] = self.now + half
-            if name == "reference" and self.level[name]:
+            if name == "oscillator" and self.level[name]:
                 await Timer(1, "ps")
                 self.now += 1
                 edges -= 1
