@@ -282,10 +282,10 @@ begin
         end if;
       end loop;
 
-      -- MPFC: bring w and the torque reference to full size
+      -- MPFC: bring w and the torque reference to full size; no shift makes |w|**2 one half or more
       if (FLUX_CONTROL and events.normalise = '1') then
-        if (overflows(results(RESULT_ROTOR_ALPHA), WORD_WIDTH - 2) = '0'
-            and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 2) = '0') then
+        if (overflows(results(RESULT_ROTOR_ALPHA), WORD_WIDTH - 3) = '0'
+            and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 3) = '0') then
           results(RESULT_ROTOR_ALPHA) <= shift_left(results(RESULT_ROTOR_ALPHA), 2);
           results(RESULT_ROTOR_BETA)  <= shift_left(results(RESULT_ROTOR_BETA), 2);
           results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & "00", WORD_WIDTH);
@@ -296,10 +296,19 @@ begin
         end if;
       end if;
 
-      -- without rotor flux take it to lie along alpha
+      -- a last shift by one bit; without rotor flux take it to lie along alpha
       if (FLUX_CONTROL and events.orient = '1') then
         if (results(RESULT_ROTOR_ALPHA) = 0 and results(RESULT_ROTOR_BETA) = 0) then
           results(RESULT_ROTOR_ALPHA)(WORD_WIDTH - 1 downto WORD_WIDTH - 2) <= "11";
+        elsif (overflows(results(RESULT_ROTOR_ALPHA), WORD_WIDTH - 2) = '0'
+               and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 2) = '0') then
+          results(RESULT_ROTOR_ALPHA) <= shift_left(results(RESULT_ROTOR_ALPHA), 1);
+          results(RESULT_ROTOR_BETA)  <= shift_left(results(RESULT_ROTOR_BETA), 1);
+          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & '0', WORD_WIDTH);
+
+          if (overflows(results(RESULT_MOMENT), WORD_WIDTH - 1) = '1') then
+            flagged <= '1';
+          end if;
         end if;
       end if;
     end if;

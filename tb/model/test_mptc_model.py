@@ -13,6 +13,7 @@ Does not prove: the RTL, see test_mptc_core.
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 import time
 from pathlib import Path
@@ -26,7 +27,7 @@ from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS, STATES, UNIT, ZERO_FROM
-from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.plant import plant_parameters, steady_state
 from directmpc.mptc.trace import (
     MptcDecisions,
     TraceError,
@@ -243,6 +244,44 @@ def test_torque_reference_out_of_reach_is_flagged() -> None:
         by_twin, by_ideal = bit_true.decide(q, *inputs), ideal.decide(p, *inputs)
         assert by_twin[2] == by_ideal[2] == 1
         assert by_twin[0] == by_ideal[0]
+
+
+def test_mpfc_serves_its_whole_range_of_flux() -> None:
+    drive = core.shipped("induction_2kw2").with_control(method="MPFC")
+    p, q = ideal.ideal_parameters(drive), bit_true.parameters(drive)
+    rng = np.random.default_rng(5)
+    leads = []
+    rows = 0
+    for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
+        most = min(35.0, 0.8 * breakdown(drive, psi_ref))
+        for omega_r, torque in itertools.product(
+            (-450.0, -20.0, 0.0, 150.0, 480.0), (-most, 0.0, 0.1 * most, most)
+        ):
+            current, flux = steady_state(drive, omega_r, torque, psi_ref)
+            for angle in rng.uniform(0.0, 2.0 * math.pi, 6):
+                turn = cmath.exp(1j * angle)
+                inputs = (
+                    current * turn + complex(*rng.normal(0.0, 0.1, 2)),
+                    flux * turn + complex(*rng.normal(0.0, 0.003, 2)),
+                    omega_r, int(rng.integers(8)), drive.inverter.vdc, torque, float(psi_ref),
+                )  # fmt: skip
+                u, saturated, clamped = bit_true.decide(q, *inputs)
+                wanted, _, wanted_clamp = ideal.decide(p, *inputs)
+                rows += 1
+                assert saturated == 0, inputs
+                assert clamped == wanted_clamp, inputs
+                if u != wanted:
+                    leads.append(ideal.margin(p, *inputs))
+    assert rows == 1800
+    assert len(leads) <= 0.01 * rows
+    assert max(leads, default=0.0) < 1e-3  # Wb
+
+
+def breakdown(drive: MptcDrive, psi_ref: float) -> float:
+    """Largest steady torque at a flux, N*m."""
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ _COST_DROPPED = f.COST_DROPPED
 _SQRT3_2 = f.SQRT3_2
 _NORMALISE_STEPS = f.NORMALISE_STEPS
 _ROOT_WIDTH = f.ROOT_WIDTH
-_NORMAL = 2 ** (f.FRACTION - 2)
+_NORMAL = 2 ** (f.FRACTION - 3)
 _START = -(2 ** (f.FRACTION - 1))
 #: Components of u_1 to u_6 and u_0: alpha in halves of voltage_alpha's step, beta in whole ones.
 VECTOR_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
@@ -197,7 +197,9 @@ def square_root(radicand):
 def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     """What MPFC compares (Paper B, eqs. 18 to 21): N*|step|/4 and N*(base - psi_s,ref).
 
-    N is the gain of the magnitude times |w|^2.
+    N is the gain of the magnitude times |w|^2. w is brought to full size first: shifts by two bits
+    until a component is an eighth or more, then one by one bit if none is a quarter. No shift
+    brings |w|^2 to one half or more.
 
     Parameters
     ----------
@@ -236,6 +238,11 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
             saturated |= over
     if v_a == 0 and v_b == 0:
         v_a = _START
+    elif -2 * _NORMAL <= v_a < 2 * _NORMAL and -2 * _NORMAL <= v_b < 2 * _NORMAL:
+        v_a <<= 1
+        v_b <<= 1
+        t, over = saturate(t << 1, f.WORD_WIDTH)
+        saturated |= over
     n, s4 = to_word(v_a * v_a + v_b * v_b)
     total = square * n
     radicand = total + ~t * t
