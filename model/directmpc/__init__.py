@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         MptcDecision,
         MptcState,
         StateError,
+        VectorSequence,
     )
 
 __version__ = "0.1.0"
@@ -40,6 +41,7 @@ _HOMES = {
     "mptc.drive": ("MptcDrive",),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
+        "VectorSequence",
     ),
 }
 _HOME = {name: f"directmpc.{module}" for module, names in _HOMES.items() for name in names}
@@ -58,6 +60,7 @@ __all__ = [
     "MptcState",
     "SimulationResult",
     "StateError",
+    "VectorSequence",
     "decide",
     "load_drive",
     "shipped_drives",

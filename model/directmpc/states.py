@@ -9,13 +9,34 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 POSITIONS = range(8)
 
 
+FRACTION = "a fraction of the period, 0 to 1,"
+
+
 class StateError(ValueError):
     """A state or a decision has a value that cannot be; the message names it and what is needed."""
+
+
+class VectorSequence(NamedTuple):
+    """Vectors of a control period and their times.
+
+    Attributes
+    ----------
+    u1, u2, u3 : int
+        Numbers of the vectors in the order applied, 0 to 7.
+    t1, t2 : float
+        Fractions of the period of the first and the second; the third has the rest.
+    """
+
+    u1: int
+    u2: int
+    u3: int
+    t1: float
+    t2: float
 
 
 def _shown(value: Any) -> str:
@@ -89,6 +110,46 @@ def three_positions(name: str, value: Any) -> tuple[int, int, int]:
     """
     a, b, c = _three(name, value, "three switch positions, 0 to 7,")
     return _position(f"{name}[0]", a), _position(f"{name}[1]", b), _position(f"{name}[2]", c)
+
+
+def _sequence(name: str, value: Any) -> VectorSequence:
+    """Three vectors and two times, or a sentence."""
+    needed = "the number of a vector, or u1, u2, u3, t1, t2, is needed"
+    if not hasattr(value, "__len__") or isinstance(value, str) or len(value) != 5:
+        raise StateError(f"{name}: got {_shown(value)}; {needed}")
+    vectors = [_position(f"{name}.u{n}", u) for n, u in enumerate(value[:3], start=1)]
+    times = [_number(f"{name}.t{n}", t, "periods") for n, t in enumerate(value[3:], start=1)]
+    for n, time in enumerate(times, start=1):
+        if not 0.0 <= time <= 1.0:
+            raise StateError(f"{name}.t{n}: got {time:g}; {FRACTION} is needed")
+    if sum(times) > 1.0 + 1e-9:
+        raise StateError(f"{name}: t1 + t2 is {sum(times):g}; 1 at most is needed")
+    return VectorSequence(vectors[0], vectors[1], vectors[2], times[0], times[1])
+
+
+def vector_or_sequence(name: str, value: Any) -> int | VectorSequence:
+    """Check what a two-level inverter applies in a period.
+
+    Parameters
+    ----------
+    name : str
+        What the value is called in an error.
+    value : any
+        Number of a vector, or u1, u2, u3, t1, t2.
+
+    Returns
+    -------
+    int or VectorSequence
+        The number, or the sequence.
+
+    Raises
+    ------
+    StateError
+        If it is neither; the message says what is needed.
+    """
+    if hasattr(value, "__len__") and not isinstance(value, str):
+        return _sequence(name, value)
+    return _position(name, value)
 
 
 def _column(row: Mapping[str, Any], name: str) -> Any:
@@ -189,7 +250,7 @@ class MpdccState:
 
 @dataclass(frozen=True)
 class MptcState:
-    """What an MPTC or MPFC controller sees at step k, SI.
+    """What a two-level controller sees at step k, SI.
 
     Attributes
     ----------
@@ -203,8 +264,9 @@ class MptcState:
         Torque reference, N*m.
     psi_ref : float
         Reference of the stator flux's magnitude, Wb.
-    applied : int
-        Number of the voltage vector that is being applied, u(k), 0 to 7.
+    applied : int or VectorSequence
+        Number of the voltage vector that is being applied, u(k), 0 to 7; with the methods of two
+        and three vectors also u1, u2, u3, t1, t2.
 
     Raises
     ------
@@ -217,7 +279,7 @@ class MptcState:
     omega_r: float
     torque_ref: float
     psi_ref: float
-    applied: int = 0
+    applied: int | VectorSequence = 0
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -226,7 +288,7 @@ class MptcState:
         put(self, "omega_r", _number("omega_r", self.omega_r, "rad/s"))
         put(self, "torque_ref", _number("torque_ref", self.torque_ref, "N*m"))
         put(self, "psi_ref", _number("psi_ref", self.psi_ref, "Wb"))
-        put(self, "applied", _position("applied", self.applied))
+        put(self, "applied", vector_or_sequence("applied", self.applied))
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> Self:
@@ -235,7 +297,7 @@ class MptcState:
         Parameters
         ----------
         row : mapping of str to number or str
-            Columns of the trace file to values, SI.
+            Columns of the trace file to values, SI. With u1, u2, u3, t1, t2 `u` has no meaning.
 
         Returns
         -------
@@ -253,7 +315,9 @@ class MptcState:
             omega_r=_column(row, "omega_r"),
             torque_ref=_column(row, "torque_ref"),
             psi_ref=_column(row, "psi_ref"),
-            applied=_column(row, "u"),
+            applied=_column(row, "u")
+            if "u1" not in row
+            else [_column(row, name) for name in VectorSequence._fields],
         )
 
 
@@ -284,19 +348,20 @@ class MpdccDecision:
 
 @dataclass(frozen=True)
 class MptcDecision:
-    """What an MPTC or MPFC controller decides.
+    """What a two-level controller decides.
 
     Attributes
     ----------
-    apply : int
-        Number of the voltage vector to apply from k+1 on, 0 to 7.
+    apply : int or VectorSequence
+        Number of the voltage vector to apply from k+1 on, 0 to 7; with the methods of two and three
+        vectors u1, u2, u3, t1, t2.
     saturated
         Whether a value left its number format.
     clamped
-        MPFC: whether the torque asked for is beyond what the flux can make.
+        Flux methods: whether the torque asked for is beyond what the flux can make.
     """
 
-    apply: int
+    apply: int | VectorSequence
     saturated: bool = False
     clamped: bool = False
 
@@ -359,8 +424,8 @@ def mptc_decision(answer: Any, step: int) -> MptcDecision:
 
     Parameters
     ----------
-    answer : MptcDecision or int
-        The decision, or the number of its vector alone.
+    answer : MptcDecision, int or VectorSequence
+        The decision, or what it holds in `apply` alone.
     step : int
         Number of the step, for the message.
 
@@ -372,10 +437,10 @@ def mptc_decision(answer: Any, step: int) -> MptcDecision:
     Raises
     ------
     StateError
-        If the vector's number is not from 0 to 7.
+        If a vector's number is not from 0 to 7, or a time not from 0 to 1.
     """
     name = f"step {step}: decision"
     if isinstance(answer, MptcDecision):
-        _position(name, answer.apply)
+        vector_or_sequence(name, answer.apply)
         return answer
-    return MptcDecision(_position(name, answer))
+    return MptcDecision(vector_or_sequence(name, answer))

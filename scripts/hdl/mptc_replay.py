@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from directmpc.mptc import bit_true, ideal
+from directmpc.mptc import bit_true, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
@@ -47,7 +47,8 @@ def decide(
         If the simulation fails.
     """
     if engine == "ideal":
-        return ideal.run(drive, trace)
+        run = ideal_sequences.run if drive.control.sequences else ideal.run
+        return run(drive, trace)
     if engine == "model":
         return bit_true.run(drive, trace)
     measurements, clipped = bit_true.encode(drive, trace)

@@ -117,7 +117,7 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
 
 def _replay_mptc(drive: MptcDrive, request: Request) -> None:
     """Read an MPTC trace, decide with the drive's method, and write the decisions."""
-    rows = mptc_trace.read_trace(request.trace)
+    rows = mptc_trace.read_trace(request.trace, sequences=drive.control.sequences)
     if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
         print(
             f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",

@@ -149,10 +149,17 @@ def test_every_column_is_specified(tmp_path: Path) -> None:
     trace.write_decisions(path, decisions)
     assert header(path) == columns("decisions of mpdcc")
     vectors = np.zeros((1, 2))
-    mptc_trace.write_trace(path, mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag))
+    applied = np.zeros((1, 3), np.int64), vectors
+    seen = mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag, *applied)
+    mptc_trace.write_trace(path, seen)
     assert header(path) == columns("trace of mptc")
+    mptc_trace.write_trace(path, mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag))
+    assert header(path) == columns("trace of mptc")[:-5]
+    mptc_trace.write_decisions(path, mptc_trace.MptcDecisions(flag, flag, flag, *applied))
+    several = header(path)
+    assert several == columns("decisions of mptc")[1:]
     mptc_trace.write_decisions(path, mptc_trace.MptcDecisions(flag, flag, flag))
-    assert header(path) == columns("decisions of mptc")
+    assert header(path) == ["u", *several[-2:]] == [columns("decisions of mptc")[0], *several[-2:]]
 
 
 def test_every_public_name_is_specified() -> None:

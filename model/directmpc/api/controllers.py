@@ -13,8 +13,19 @@ from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import ideal as mptc_ideal
+from directmpc.mptc import ideal_sequences
 from directmpc.mptc.drive import MptcDrive
-from directmpc.states import Decision, MpdccDecision, MpdccState, MptcDecision, MptcState, State
+from directmpc.mptc.sequence import whole
+from directmpc.states import (
+    Decision,
+    MpdccDecision,
+    MpdccState,
+    MptcDecision,
+    MptcState,
+    State,
+    StateError,
+    VectorSequence,
+)
 
 ENGINES = ("ideal", "model")
 
@@ -188,6 +199,8 @@ def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any,
         if engine == "ideal":
             return mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
         return VARIANTS[variant].decide, VARIANTS[variant].registers(drive).array()
+    if engine == "ideal" and drive.control.sequences:
+        return ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
     if engine == "ideal":
         return mptc_ideal.decide, mptc_ideal.ideal_parameters(drive)
     return mptc_bit_true.decide, mptc_bit_true.parameters(drive)
@@ -203,11 +216,26 @@ def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: Sta
         )  # fmt: skip
         apply = (int(s_a), int(s_b), int(s_c))
         return MpdccDecision(apply, bool(held), bool(deadlock), int(length), bool(saturated))
+    assert isinstance(drive, MptcDrive)
     u, saturated, clamped = decide(
-        parameters, state.current, state.flux, state.omega_r, state.applied, drive.inverter.vdc,
-        state.torque_ref, state.psi_ref,
+        parameters, state.current, state.flux, state.omega_r, _applied(drive, state),
+        drive.inverter.vdc, state.torque_ref, state.psi_ref,
     )  # fmt: skip
-    return MptcDecision(int(u), bool(saturated), bool(clamped))
+    chosen = VectorSequence(*u) if drive.control.sequences else int(u)
+    return MptcDecision(chosen, bool(saturated), bool(clamped))
+
+
+def _applied(drive: MptcDrive, state: MptcState) -> int | VectorSequence:
+    """What is being applied, as the drive's method takes it."""
+    applied = state.applied
+    if drive.control.sequences:
+        return whole(applied) if isinstance(applied, int) else applied
+    if not isinstance(applied, int):
+        raise StateError(
+            f"applied: got {tuple(applied)}; {drive.control.method} applies one vector a period, "
+            "its number is needed"
+        )
+    return applied
 
 
 def mpdcc_row(drive: Drive | MptcDrive, state: MpdccState) -> MpdccTrace:

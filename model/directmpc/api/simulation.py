@@ -20,10 +20,12 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
+from directmpc.mptc import sequence_loop
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import plant_parameters, slip
-from directmpc.states import Controller
+from directmpc.mptc.sequence_loop import SequenceRun
+from directmpc.states import Controller, VectorSequence
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -60,12 +62,14 @@ class SimulationResult:
         Electromagnetic torque.
     omega_r : (n,)
         Electrical rotor speed.
-    applied : (n, 3) or (n,)
-        Switch positions, or the voltage vector's number, during each step.
+    applied : (n, 3), (n,) or (n, 5)
+        Switch positions, the voltage vector's number, or u1, u2, u3, t1, t2, during each step.
     trace : MpdccTrace or MptcTrace
         What the controller saw.
     decisions : Decisions or MptcDecisions
         What it decided on it.
+    current_inside : (n * m,) complex, or None
+        Methods of two and three vectors: stator current at m equal distances in every step.
     """
 
     drive: Drive | MptcDrive
@@ -76,9 +80,10 @@ class SimulationResult:
     flux: ComplexArray
     torque: FloatArray
     omega_r: FloatArray
-    applied: IntArray
+    applied: IntArray | FloatArray
     trace: trace.MpdccTrace | mptc_trace.MptcTrace
     decisions: trace.Decisions | mptc_trace.MptcDecisions
+    current_inside: ComplexArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -92,11 +97,12 @@ class SimulationResult:
         ndarray of float64, shape (n, 3)
             In the unit of `current`.
         """
-        turns = np.exp(-2j * np.pi / 3 * np.arange(3))
-        return np.real(self.current[:, None] * turns)
+        return _phases(self.current)
 
     def thd(self) -> float:
         """Total harmonic distortion of the phase currents, a ratio, rms of the three phases.
+
+        Sampled once a step; with `current_inside` at all of its samples.
 
         Returns
         -------
@@ -109,7 +115,11 @@ class SimulationResult:
             If the run does not cover one period of the stator frequency.
         """
         ts = self.drive.ts_pu if isinstance(self.drive, Drive) else self.drive.control.ts
-        found = thd(self.phase_currents, self.speed, ts)
+        samples = self.phase_currents
+        if self.current_inside is not None:
+            ts *= len(self) / len(self.current_inside)
+            samples = _phases(self.current_inside)
+        found = thd(samples, self.speed, ts)
         return float(np.sqrt(np.mean(found**2)))
 
     def table(self) -> dict[str, NDArray[Any]]:
@@ -139,7 +149,12 @@ class SimulationResult:
             columns |= {"is_alpha": t.i_s[:, 0], "is_beta": t.i_s[:, 1]}
             columns |= {"psis_alpha": t.psi_s[:, 0], "psis_beta": t.psi_s[:, 1]}
             columns |= {"omega_r": t.omega_r, "torque_ref": t.torque_ref, "psi_ref": t.psi_ref}
-            columns |= {"u": t.u, "torque": self.torque, "next_u": d.u}
+            columns |= {"u": t.u}
+            if t.vectors is not None and t.times is not None:
+                columns |= _sequence_columns("", t.vectors, t.times)
+            columns |= {"torque": self.torque, "next_u": d.u}
+            if d.vectors is not None and d.times is not None:
+                columns |= _sequence_columns("next_", d.vectors, d.times)
         columns["next_saturated"] = d.saturated
         return columns
 
@@ -160,6 +175,18 @@ class SimulationResult:
             trace.write_trace(path, self.trace)
         else:
             mptc_trace.write_trace(path, self.trace)
+
+
+def _phases(current: ComplexArray) -> FloatArray:
+    """Currents of the phases a, b, c, shape (n, 3)."""
+    turns = np.exp(-2j * np.pi / 3 * np.arange(3))
+    return np.real(current[:, None] * turns)
+
+
+def _sequence_columns(prefix: str, vectors: IntArray, times: FloatArray) -> dict[str, NDArray[Any]]:
+    """Columns u1, u2, u3, t1, t2."""
+    columns = [*vectors.T, *times.T]
+    return {f"{prefix}{n}": c for n, c in zip(VectorSequence._fields, columns, strict=True)}
 
 
 def simulate(
@@ -364,6 +391,16 @@ def _run_mptc(
     turn = cmath.exp(1j * (angle - cmath.phase(scenario.current)))
     scenario = mptc_loop.turned(scenario, turn, omega_r)
     parameters = plant_parameters(plant)
+    if c.sequences:
+        return _of_sequences(
+            drive,
+            engine,
+            sequence_loop.simulate(drive, scenario, engine=controller, plant=parameters)
+            if isinstance(controller, str)
+            else sequence_loop.drive_controller(drive, controller, scenario, plant=parameters),
+            omega_s,
+            settle,
+        )
     if isinstance(controller, str):
         run = mptc_loop.simulate(drive, scenario, engine=controller, plant=parameters)
     else:
@@ -383,4 +420,30 @@ def _run_mptc(
         applied=seen.u,
         trace=seen,
         decisions=mptc_trace.MptcDecisions(run.u[keep], None, saturated[keep]),
+    )
+
+
+def _of_sequences(
+    drive: MptcDrive, engine: str, run: SequenceRun, omega_s: float, settle: int
+) -> SimulationResult:
+    """A run of a method of two or three vectors without its first steps."""
+    keep = slice(settle, None)
+    seen = run.trace.rows(keep)
+    applied, decided = seen.sequences(), run.decided
+    vectors, times = decided.vectors[keep], decided.times[keep]
+    saturated = run.saturated | run.clamped if engine == "model" else run.saturated
+    per_step = len(run.current_inside) // len(run.torque)
+    return SimulationResult(
+        drive=drive,
+        controller=engine,
+        speed=omega_s,
+        time=run.ts * np.arange(len(seen)),
+        current=seen.i_s[:, 0] + 1j * seen.i_s[:, 1],
+        flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
+        torque=run.torque[keep],
+        omega_r=seen.omega_r,
+        applied=np.column_stack([applied.vectors, applied.times]),
+        trace=seen,
+        decisions=mptc_trace.MptcDecisions(vectors[:, 0], None, saturated[keep], vectors, times),
+        current_inside=run.current_inside[settle * per_step :],
     )

@@ -1,4 +1,4 @@
-"""The drive of an MPTC or MPFC controller: keys, ranges and defaults of its file.
+"""The drive of a two-level controller (Paper B): keys, ranges and defaults of its file.
 
 Keys and units: docs/specification.md, section 4.1.
 """
@@ -6,11 +6,21 @@ Keys and units: docs/specification.md, section 4.1.
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 from pydantic import model_validator
 
 from directmpc.drive_tables import AnyDrive, Section, integer, number, refused
+
+DutyRule = Literal["deadbeat", "mean", "best"]
+Method = Literal["MPTC", "MPFC", "MPTC1", "MPTC2", "GTV", "MPFC2", "MPFC3", "MPC2", "SVM"]
+
+#: How MPTC1 and MPTC2 find a duty.
+DUTY_RULES: tuple[str, ...] = get_args(DutyRule)
+#: Methods that apply one vector a period.
+SINGLE_METHODS: tuple[str, ...] = ("MPTC", "MPFC")
+#: Methods that apply two or three.
+SEQUENCE_METHODS: tuple[str, ...] = tuple(m for m in get_args(Method) if m not in SINGLE_METHODS)
 
 LEAKAGE_MIN = 1e-9
 """Least 1 - lm**2/(ls*lr): below it the rounding of the file's numbers is the leakage."""
@@ -50,7 +60,7 @@ class MptcInverter(Section):
 
 
 class MptcControl(Section):
-    """Settings and full scales of the MPTC controller, SI."""
+    """Settings and full scales of the controller, SI."""
 
     ts: number(1e-6, 1e-2, "s")
     k_psi: number(0.0, 1e6, "N*m/Wb")
@@ -58,11 +68,23 @@ class MptcControl(Section):
     current_max: number(1e-3, 1e6, "A")
     torque_max: number(1e-4, 1e8, "N*m")
     speed_max: number(1.0, 1e5, "rad/s (electrical)")
-    method: Literal["MPTC", "MPFC"] = "MPTC"
+    method: Method = "MPTC"
+    duty_rule: DutyRule = "deadbeat"
+
+    @property
+    def sequences(self) -> bool:
+        """Whether the method applies two or three vectors a period.
+
+        Returns
+        -------
+        bool
+            False for MPTC and MPFC.
+        """
+        return self.method in SEQUENCE_METHODS
 
 
 class MptcDrive(AnyDrive):
-    """An MPTC drive as its file describes it, SI."""
+    """A two-level drive as its file describes it, SI."""
 
     controller: Literal["mptc"]
     machine: MptcMachine

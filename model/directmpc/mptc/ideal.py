@@ -99,6 +99,32 @@ def heun(p, i, psi, omega_r, u):
 
 
 @njit
+def start_current(p, i, psi, omega_r):
+    """i_s0: the current at k+2 less what psi_s(k+2) adds to it (Paper B, eq. 14, from k+1 on).
+
+    Parameters
+    ----------
+    p : IdealParameters
+        From `ideal_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k+1.
+    omega_r : float
+        Electrical speed, rad/s.
+
+    Returns
+    -------
+    complex
+        A.
+    """
+    lam = inverse_determinant(p)
+    return (
+        (1.0 - lam * p.rr * p.ls * p.ts) * i
+        + lam * (p.rr * p.ts - p.lr) * psi
+        + 1j * omega_r * p.ts * (i - lam * p.lr * psi)
+    )
+
+
+@njit
 def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
     """Reference vector of the stator flux at k+2 (Paper B, eqs. 6 and 18 to 21).
 
@@ -160,13 +186,8 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     clamped : bool
         True where the arcsine's argument was.
     """
-    lam = inverse_determinant(p)
     i1, psi1 = heun(p, i, psi, omega_r, p.unit[u] * vdc)
-    i0 = (
-        (1.0 - lam * p.rr * p.ls * p.ts) * i1
-        + lam * (p.rr * p.ts - p.lr) * psi1
-        + 1j * omega_r * p.ts * (i1 - lam * p.lr * psi1)
-    )
+    i0 = start_current(p, i1, psi1, omega_r)
     cost = np.empty(7)
     reference = 0j
     clamped = False

@@ -166,6 +166,67 @@ def step(p, i, psi, omega_r, u, load):
     return i1, psi1, mechanical * p.pole_pairs
 
 
+@njit
+def step_sequence(p, i, psi, omega_r, vectors, lengths, load, current, made):
+    """One control period of several vectors (Paper B, eqs. 2 and 4), with samples inside it.
+
+    Parameters
+    ----------
+    p : PlantParameters
+        From `plant_parameters`.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed at k, rad/s.
+    vectors : ndarray of int64, shape (m,)
+        Numbers of the voltage vectors in the order applied.
+    lengths : ndarray of float64, shape (m,)
+        Their fractions of the period; what is left of it belongs to the last.
+    load : float
+        Load torque, N*m.
+    current : ndarray of complex128, shape (s,)
+        Filled with the current at s equal distances, from k on, A.
+    made : ndarray of float64, shape (s,)
+        Filled with the electromagnetic torque there, N*m.
+
+    Returns
+    -------
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k+1.
+    omega_r : float
+        Electrical speed at k+1, rad/s.
+    """
+    samples, last = len(current), len(vectors) - 1
+    distance = p.ts / samples
+    nothing = 1e-9 * distance
+    from_current, from_flux, from_voltage = current_row(p, omega_r)
+    e, g = _flow(from_current, from_flux, complex(-p.rs, 0.0), 0j, distance)
+    at, left = 0, lengths[0] * p.ts
+    for n in range(samples):
+        current[n], made[n] = i, torque(p, i, psi)
+        rest = distance
+        while rest > nothing:
+            while at < last and left <= nothing:
+                at += 1
+                left += lengths[at] * p.ts
+            v = p.unit[vectors[at]] * p.vdc
+            if rest == distance and (at == last or left >= rest):
+                part = rest
+                i, psi = (
+                    e[0, 0] * i + e[0, 1] * psi + (g[0, 0] * from_voltage + g[0, 1]) * v,
+                    e[1, 0] * i + e[1, 1] * psi + (g[1, 0] * from_voltage + g[1, 1]) * v,
+                )
+            else:
+                part = rest if at == last else min(rest, left)
+                i, psi = advance(p, i, psi, omega_r, vectors[at], part)
+            rest -= part
+            left -= part
+    mean = (made.sum() + 0.5 * (torque(p, i, psi) - made[0])) / samples
+    mechanical = omega_r / p.pole_pairs
+    mechanical += p.ts / p.inertia * (mean - load - p.friction * mechanical)
+    return i, psi, mechanical * p.pole_pairs
+
+
 def steady_state(
     drive: MptcDrive, omega_r: float, load: float, psi_ref: float
 ) -> tuple[complex, complex]:

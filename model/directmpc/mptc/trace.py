@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from directmpc.csv_table import (
     read_table,
     write_table,
 )
+from directmpc.mptc.sequence import TIME_STEPS
 
 __all__ = [
     "FloatArray",
@@ -28,6 +30,7 @@ __all__ = [
     "MptcDecisions",
     "MptcTrace",
     "PathLike",
+    "Sequences",
     "TraceError",
     "read_decisions",
     "read_trace",
@@ -36,8 +39,28 @@ __all__ = [
 ]
 
 _REAL = (*("is_alpha", "is_beta", "psis_alpha", "psis_beta", "omega_r", "torque_ref", "psi_ref"),)
-_TRACE_COLUMNS = (*(Column(name) for name in _REAL), Column("u", 0, 7))
+_VECTORS = ("u1", "u2", "u3")
+_TIMES = ("t1", "t2")
+_MEASURED = tuple(Column(name) for name in _REAL)
+_TRACE_COLUMNS = (*_MEASURED, Column("u", 0, 7))
+_SEQUENCE_COLUMNS = (*(Column(name, 0, 7) for name in _VECTORS), *map(Column, _TIMES))
 _DECISION_COLUMNS = (Column("u", 0, 7), CYCLES, Column("saturated", 0, 1))
+_SEQUENCE_DECISION_COLUMNS = (*_SEQUENCE_COLUMNS, CYCLES, Column("saturated", 0, 1))
+
+
+class Sequences(NamedTuple):
+    """Vectors and times of n periods.
+
+    Attributes
+    ----------
+    vectors : (n, 3)
+        Numbers in the order applied.
+    times : (n, 2)
+        Fractions of the period of the first two; the third has the rest.
+    """
+
+    vectors: IntArray
+    times: FloatArray
 
 
 @dataclass(frozen=True)
@@ -55,7 +78,11 @@ class MptcTrace:
     torque_ref, psi_ref : (n,)
         References, N*m and Wb.
     u : (n,)
-        Number of the voltage vector that is being applied, u(k).
+        Number of the voltage vector that is being applied, u(k); with `vectors` without meaning.
+    vectors : (n, 3) or None
+        Vectors that are being applied in this period, in order; None: `u` for all of it.
+    times : (n, 2) or None
+        Fractions of the period of the first two.
     """
 
     i_s: FloatArray
@@ -64,6 +91,8 @@ class MptcTrace:
     torque_ref: FloatArray
     psi_ref: FloatArray
     u: IntArray
+    vectors: IntArray | None = None
+    times: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.u)
@@ -93,7 +122,22 @@ class MptcTrace:
             self.torque_ref[selection],
             self.psi_ref[selection],
             self.u[selection],
+            None if self.vectors is None else self.vectors[selection],
+            None if self.times is None else self.times[selection],
         )
+
+    def sequences(self) -> Sequences:
+        """What is being applied, as vectors and times.
+
+        Returns
+        -------
+        Sequences
+            Of every row; where the trace has none, `u` for all of the period.
+        """
+        if self.vectors is not None and self.times is not None:
+            return Sequences(self.vectors, self.times)
+        u = np.asarray(self.u, dtype=np.int64)
+        return Sequences(np.column_stack([u, u, u]), np.tile([1.0, 0.0], (len(u), 1)))
 
 
 @dataclass(frozen=True)
@@ -103,28 +147,61 @@ class MptcDecisions:
     Attributes
     ----------
     u : (n,)
-        Number of the voltage vector to apply next.
+        Number of the voltage vector to apply next; with `vectors` the first of them.
     cycles : (n,) or None
         Clock cycles of the decision; None where no clock is modelled.
     saturated : (n,)
         Flag, 0 or 1.
+    vectors : (n, 3) or None
+        Methods of two and three vectors: numbers in the order in which they are applied.
+    times : (n, 2) or None
+        Fractions of the period of the first two; the third has the rest.
     """
 
     u: IntArray
     cycles: IntArray | None
     saturated: IntArray
+    vectors: IntArray | None = None
+    times: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.u)
 
 
-def read_trace(path: PathLike) -> MptcTrace:
+def _time_error(path: PathLike, line: int, name: str, got: str, allowed: str) -> TraceError:
+    return TraceError(f'{path}, line {line}, column {name}: got "{got}"; it must be {allowed}')
+
+
+def _read_sequences(path: PathLike, table: dict[str, list[str]]) -> Sequences:
+    """Vectors and times of a table, the times rounded to the nearest 1/4096."""
+    for name in _TIMES:
+        for line, field in enumerate(table[name], start=2):
+            if not 0.0 <= float(field) <= 1.0:
+                raise _time_error(path, line, name, field, "a fraction of the period, 0 to 1")
+    steps = np.rint(floats(table, _TIMES) * TIME_STEPS).astype(np.int64)
+    # each of the two may have been rounded up
+    over = steps.sum(axis=1) > TIME_STEPS + 1
+    if over.any():
+        row = int(np.argmax(over))
+        left = 1.0 - float(table["t1"][row])
+        raise _time_error(
+            path, row + 2, "t2", table["t2"][row], f"at most {left:g}: t1 + t2 is 1 at most"
+        )
+    steps[:, 1] = np.minimum(steps[:, 1], TIME_STEPS - steps[:, 0])
+    vectors = np.column_stack([integers(table, name) for name in _VECTORS])
+    return Sequences(vectors, steps / TIME_STEPS)
+
+
+def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
     """Read an MPTC trace; the columns of `docs/specification.md` in any order.
 
     Parameters
     ----------
     path : str or path
         CSV file.
+    sequences : bool
+        Whether the columns u1, u2, u3, t1, t2 are allowed: the drive's method applies two or three
+        vectors a period. Times are rounded to the nearest 1/4096.
 
     Returns
     -------
@@ -136,7 +213,20 @@ def read_trace(path: PathLike) -> MptcTrace:
     TraceError
         If anything is malformed: file, line (the header is line 1), column, what is allowed.
     """
-    table = read_table(path, _TRACE_COLUMNS)
+    columns = _TRACE_COLUMNS
+    if sequences:
+        columns += tuple(replace(column, optional=True) for column in _SEQUENCE_COLUMNS)
+    table = read_table(path, columns)
+    applied = None
+    given = [column.name for column in _SEQUENCE_COLUMNS if column.name in table]
+    if given:
+        for name in (*_VECTORS, *_TIMES):
+            if name not in given:
+                raise TraceError(
+                    f"{path}, line 1: column {name} is missing; u1,u2,u3,t1,t2 stand together or "
+                    "not at all"
+                )
+        applied = _read_sequences(path, table)
     return MptcTrace(
         i_s=floats(table, ["is_alpha", "is_beta"]),
         psi_s=floats(table, ["psis_alpha", "psis_beta"]),
@@ -144,7 +234,17 @@ def read_trace(path: PathLike) -> MptcTrace:
         torque_ref=floats(table, ["torque_ref"])[:, 0],
         psi_ref=floats(table, ["psi_ref"])[:, 0],
         u=integers(table, "u"),
+        vectors=None if applied is None else applied.vectors,
+        times=None if applied is None else applied.times,
     )
+
+
+def _sequence_fields(vectors: IntArray, times: FloatArray) -> list[list[str]]:
+    """Fields u1, u2, u3, t1, t2 of every row."""
+    return [
+        [*map(str, map(int, u)), *(repr(float(t)) for t in part)]
+        for u, part in zip(vectors, times, strict=True)
+    ]
 
 
 def write_trace(path: PathLike, trace: MptcTrace) -> None:
@@ -155,7 +255,7 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
     path : str or path
         File to write or to replace.
     trace : MptcTrace
-        n rows, SI.
+        n rows, SI. Times are written whole; reading rounds them to 1/4096.
 
     Raises
     ------
@@ -165,20 +265,27 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
     real = np.column_stack(
         [trace.i_s, trace.psi_s, trace.omega_r, trace.torque_ref, trace.psi_ref]
     ).tolist()
-    rows = (
+    header = [column.name for column in _TRACE_COLUMNS]
+    rows = [
         [*map(repr, values), str(int(u))]
         for values, u in zip(real, np.asarray(trace.u).tolist(), strict=True)
-    )
-    write_table(path, [column.name for column in _TRACE_COLUMNS], rows)
+    ]
+    if trace.vectors is not None and trace.times is not None:
+        header += [*_VECTORS, *_TIMES]
+        more = _sequence_fields(trace.vectors, trace.times)
+        rows = [[*row, *fields] for row, fields in zip(rows, more, strict=True)]
+    write_table(path, header, rows)
 
 
-def read_decisions(path: PathLike) -> MptcDecisions:
+def read_decisions(path: PathLike, *, sequences: bool = False) -> MptcDecisions:
     """Read the decisions of an MPTC controller.
 
     Parameters
     ----------
     path : str or path
         CSV file with the columns of `docs/specification.md` in any order.
+    sequences : bool
+        Whether the method that decided applies two or three vectors a period.
 
     Returns
     -------
@@ -190,12 +297,12 @@ def read_decisions(path: PathLike) -> MptcDecisions:
     TraceError
         As `read_trace`; also if `cycles` is empty in some rows and not in others.
     """
-    table = read_table(path, _DECISION_COLUMNS)
-    return MptcDecisions(
-        u=integers(table, "u"),
-        cycles=read_cycles(path, table),
-        saturated=integers(table, "saturated"),
-    )
+    table = read_table(path, _SEQUENCE_DECISION_COLUMNS if sequences else _DECISION_COLUMNS)
+    cycles, saturated = read_cycles(path, table), integers(table, "saturated")
+    if not sequences:
+        return MptcDecisions(u=integers(table, "u"), cycles=cycles, saturated=saturated)
+    vectors = np.column_stack([integers(table, name) for name in _VECTORS])
+    return MptcDecisions(vectors[:, 0], cycles, saturated, vectors, floats(table, _TIMES))
 
 
 def write_decisions(path: PathLike, decisions: MptcDecisions) -> None:
@@ -214,8 +321,14 @@ def write_decisions(path: PathLike, decisions: MptcDecisions) -> None:
         If the file cannot be written; nothing is left behind then.
     """
     cycles = cycle_fields(decisions.cycles, len(decisions))
+    if decisions.vectors is not None and decisions.times is not None:
+        columns = _SEQUENCE_DECISION_COLUMNS
+        applied = _sequence_fields(decisions.vectors, decisions.times)
+    else:
+        columns = _DECISION_COLUMNS
+        applied = [[str(int(u))] for u in decisions.u]
     rows = (
-        [str(int(u)), cycle, str(int(saturated))]
-        for u, cycle, saturated in zip(decisions.u, cycles, decisions.saturated, strict=True)
+        [*fields, cycle, str(int(saturated))]
+        for fields, cycle, saturated in zip(applied, cycles, decisions.saturated, strict=True)
     )
-    write_table(path, [column.name for column in _DECISION_COLUMNS], rows)
+    write_table(path, [column.name for column in columns], rows)

@@ -1,0 +1,482 @@
+"""The methods of two and three vectors: ideal controllers, files, closed loops.
+
+Sweep: all seven methods, three duty rules; both drives that ship; -1500 to 1500 r/min.
+Stimulus: random states and running sequences; states that several choices serve alike; closed loops
+at the operating points that Paper B names; files that are wrong in one way each.
+Checks: torque, flux and mean torque that a decision makes, by formulas of their own; every decision
+against a search over a grid of times; distortion and ripple against docs/mptc.md's figures.
+Does not prove: what the gates compute.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc import MptcState, StateError, VectorSequence, decide, simulate
+from directmpc.mptc import closed_loop, ideal, ideal_sequences, sequence_loop
+from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
+from directmpc.mptc.inverter import COMMUTATIONS, UNIT, ZERO_FROM
+from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.sequence import last_active_of, last_of, mean_voltage, segments, whole
+from directmpc.mptc.trace import (
+    MptcDecisions,
+    TraceError,
+    read_decisions,
+    read_trace,
+    write_decisions,
+    write_trace,
+)
+from tb.helpers import mptc_rows as core
+from tb.helpers.commands import command
+
+VDC = 540.0
+
+
+def any_sequence(rng: np.random.Generator) -> VectorSequence:
+    """A sequence, with times of zero and one among them."""
+    t1 = float(rng.choice([0.0, 1.0, rng.random()]))
+    t2 = (1.0 - t1) * float(rng.choice([0.0, 1.0, rng.random()]))
+    return VectorSequence(*(int(u) for u in rng.integers(0, 8, 3)), t1, t2)
+
+
+def any_state(rng: np.random.Generator) -> tuple[complex, complex, float, VectorSequence, float]:
+    """Current, flux, speed, what is applied, torque reference."""
+    flux = 0.9 * cmath.exp(1j * rng.uniform(0, 2 * math.pi)) * rng.uniform(0.98, 1.02)
+    current = flux * complex(4.0, rng.uniform(-6, 6)) + complex(*rng.normal(0, 0.5, 2))
+    wanted = 3.0 * (flux.conjugate() * current).imag + rng.normal(0.0, 1.5)
+    return current, flux, rng.uniform(-330, 330), any_sequence(rng), wanted
+
+
+def drive_of(method: str, rule: str = "deadbeat", ts: float = 100e-6) -> MptcDrive:
+    drive = core.shipped("induction_2kw2")
+    return drive.with_control(method=method, duty_rule=rule, ts=ts)
+
+
+class Period:
+    """What a sequence makes of a state, by formulas that the controllers do not use."""
+
+    def __init__(self, drive: MptcDrive, i: complex, psi: complex, omega: float, applied) -> None:
+        m, self.drive = drive.machine, drive
+        self.ts = drive.control.ts
+        inductances = np.array([[m.ls, m.lm], [m.lm, m.lr]])
+        a = -np.diag([m.rs, m.rr]) @ np.linalg.inv(inductances) + np.diag([0, 1j * omega])
+        times = (applied.t1, applied.t2, 1.0 - applied.t1 - applied.t2)
+        u = sum(t * UNIT[n] for t, n in zip(times, applied[:3], strict=True)) * VDC
+        x = np.array([psi, m.lm * i + m.lr * (psi - m.ls * i) / m.lm])
+        first = x + self.ts * (a @ x + [u, 0])
+        x = first + self.ts / 2 * a @ (first - x)
+        self.current, _ = np.linalg.solve(inductances, x)
+        self.flux = complex(x[0])
+        self.base = self.flux - self.ts * m.rs * self.current
+        lam = 1.0 / (m.ls * m.lr - m.lm**2)
+        # eq. 12 with u_s from eq. 1, forwards by one period: what is left without psi_s(k+2)
+        self.current_0 = (
+            self.current
+            + self.ts * (-lam * m.rr * m.ls + 1j * omega) * self.current
+            + (self.ts * lam * (m.rr - 1j * m.lr * omega) - lam * m.lr) * self.flux
+        )
+
+    def flux_with(self, s: VectorSequence) -> complex:
+        """Flux at k+2, Wb."""
+        return self.base + self.ts * VDC * mean_voltage(s, UNIT)
+
+    def torque_of(self, flux: complex) -> float:
+        """Torque at k+2 with a flux, N*m."""
+        pairs = self.drive.machine.pole_pairs
+        return 1.5 * pairs * (flux.conjugate() * self.current_0).imag
+
+    def cost(self, s: VectorSequence, torque_ref: float, psi_ref: float) -> float:
+        """G of eq. 11, N*m."""
+        flux = self.flux_with(s)
+        k_psi = self.drive.control.k_psi
+        return abs(torque_ref - self.torque_of(flux)) + k_psi * abs(psi_ref - abs(flux))
+
+
+def two(a: int, b: int, d: float) -> VectorSequence:
+    return VectorSequence(a, b, b, d, 1.0 - d)
+
+
+def decisions(drive: MptcDrive, seed: int, count: int):
+    """Random periods with what the ideal controller decides in them."""
+    rng = np.random.default_rng(seed)
+    p = ideal_sequences.sequence_parameters(drive)
+    for _ in range(count):
+        i, psi, omega, applied, torque_ref = any_state(rng)
+        chosen, saturated, _ = ideal_sequences.decide(
+            p, i, psi, omega, applied, VDC, torque_ref, 0.9
+        )
+        assert saturated == 0
+        assert min(chosen[3:]) >= 0.0
+        assert chosen.t1 + chosen.t2 <= 1.0 + 1e-12
+        period = Period(drive, i, psi, omega, applied)
+        p1, _ = ideal.flux_reference(
+            p.machine, complex(period.current), period.flux, omega, torque_ref, 0.9
+        )
+        yield period, chosen, applied, torque_ref, p1
+
+
+PAIRS = {
+    "MPTC2": [(a, int(ZERO_FROM[a])) for a in range(1, 7)],
+    "GTV": [
+        pair
+        for a in range(1, 7)
+        for pair in [
+            (a, int(ZERO_FROM[a])),
+            *((a, b) for b in (a % 6 + 1, (a + 4) % 6 + 1) if b > a),
+        ]
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", PAIRS)
+def test_the_cheapest_pair_wins(method: str) -> None:
+    assert len(PAIRS[method]) in (6, 12)
+    clipped = 0
+    for period, chosen, _, torque_ref, _ in decisions(drive_of(method), 1, 200):
+        costs = {}
+        for a, b in PAIRS[method]:
+            by_a, by_b = (period.torque_of(period.flux_with(whole(u))) for u in (a, b))
+            d = min(max((torque_ref - by_b) / (by_a - by_b), 0.0), 1.0)
+            costs[a, b] = period.cost(two(a, b, d), torque_ref, 0.9), d
+        best = min(costs, key=lambda pair: costs[pair][0])
+        assert (chosen.u1, chosen.u2, chosen.u3) == (*best, best[1])
+        assert chosen.t1 == pytest.approx(costs[best][1], abs=1e-8)
+        clipped += chosen.t1 in (0.0, 1.0)
+    assert 0 < clipped < 200
+
+
+def test_mptc1_takes_the_vector_of_mptc_and_the_torques_duty() -> None:
+    inside = 0
+    for period, chosen, _, torque_ref, _ in decisions(drive_of("MPTC1"), 2, 200):
+        costs = [period.cost(whole(a), torque_ref, 0.9) for a in range(1, 7)]
+        assert chosen.u1 == 1 + int(np.argmin(costs))
+        assert chosen.u2 == ZERO_FROM[chosen.u1]
+        if 0.0 < chosen.t1 < 1.0:
+            inside += 1
+            made = period.torque_of(period.flux_with(chosen))
+            assert made == pytest.approx(torque_ref, abs=1e-7)
+    assert inside > 50
+
+
+def test_the_mean_rule_makes_the_mean_torque() -> None:
+    inside = 0
+    for period, chosen, _, torque_ref, _ in decisions(drive_of("MPTC1", "mean"), 3, 200):
+        if not 0.0 < chosen.t1 < 1.0:
+            continue
+        inside += 1
+        pairs, d = period.drive.machine.pole_pairs, chosen.t1
+        begin = 1.5 * pairs * (period.flux.conjugate() * period.current).imag
+        by_a, by_0 = (period.torque_of(period.flux_with(whole(u))) for u in (chosen.u1, 0))
+        middle = begin + d * (by_a - begin)
+        end = middle + (1.0 - d) * (by_0 - begin)
+        mean = d * (begin + middle) / 2 + (1.0 - d) * (middle + end) / 2
+        assert mean == pytest.approx(torque_ref, abs=1e-6)
+    assert inside > 30
+
+
+def test_best_of_two_is_never_dearer_than_deadbeat() -> None:
+    cheaper = 0
+    pairs = zip(
+        decisions(drive_of("MPTC2", "best"), 4, 200), decisions(drive_of("MPTC2"), 4, 200),
+        strict=True,
+    )  # fmt: skip
+    for (period, best, _, torque_ref, _), (_, deadbeat, *_) in pairs:
+        difference = period.cost(deadbeat, torque_ref, 0.9) - period.cost(best, torque_ref, 0.9)
+        assert difference > -1e-9
+        cheaper += difference > 1e-6
+    assert cheaper > 20
+
+
+def nearest(period: Period, reference: complex, choices) -> float:
+    """Least distance from the reference over a grid of times, Wb."""
+    found = math.inf
+    for a, b in choices:
+        d = np.linspace(0.0, 1.0, 2049)
+        flux = period.base + period.ts * VDC * (d * UNIT[a] + (1.0 - d) * UNIT[b])
+        found = min(found, float(np.abs(reference - flux).min()))
+    return found
+
+
+def test_mpfc2_takes_the_nearest_point() -> None:
+    for period, chosen, applied, _, reference in decisions(drive_of("MPFC2"), 5, 200):
+        last = last_of(applied)
+        assert chosen.u1 == last
+        away = abs(reference - period.flux_with(chosen))
+        assert away <= nearest(period, reference, [(last, b) for b in range(7)]) + 1e-9
+        # a point of the way through zero is reached by zero, with fewer commutations
+        if COMMUTATIONS[last, chosen.u2] == 3 and 1 <= last <= 6 and chosen.t1 > 0.5:
+            raise AssertionError(chosen)
+
+
+def test_mpc2_takes_the_nearest_point_around_the_best_vector() -> None:
+    turned = 0
+    for period, chosen, applied, _, reference in decisions(drive_of("MPC2"), 6, 300):
+        ends = [abs(reference - period.flux_with(whole(a))) for a in range(1, 7)]
+        a = 1 + int(np.argmin(ends))
+        near = [
+            (a, b) for b in range(7) if COMMUTATIONS[a, int(ZERO_FROM[a]) if b == 0 else b] <= 1
+        ]
+        assert len(near) == 4
+        away = abs(reference - period.flux_with(chosen))
+        assert away <= nearest(period, reference, near) + 1e-9
+        other = chosen.u2 if chosen.u1 == a else chosen.u1
+        last = last_of(applied)
+        first_is_other = chosen.u1 == other and chosen.u1 != a
+        assert first_is_other == (COMMUTATIONS[last, other] < COMMUTATIONS[last, a])
+        turned += first_is_other
+    assert turned > 30
+
+
+@pytest.mark.parametrize("method", ["MPFC3", "SVM"])
+def test_three_vectors_reach_what_the_hexagon_holds(method: str) -> None:
+    reached = 0
+    for period, chosen, applied, _, reference in decisions(drive_of(method), 7, 300):
+        away = abs(reference - period.flux_with(chosen))
+        way = 2.0 / 3.0 * VDC * period.ts
+        e = (reference - period.base) / way
+        if method == "MPFC3":
+            last = last_active_of(applied)
+            assert chosen.u1 == last
+            assert COMMUTATIONS[last, chosen.u2] + COMMUTATIONS[chosen.u2, chosen.u3] == min(
+                COMMUTATIONS[last, z] + COMMUTATIONS[z, chosen.u3] for z in (0, 7)
+            )
+            sector = abs(cmath.phase(e / (1.5 * UNIT[last])))
+            inside = abs(e) < math.sqrt(3) / 2 and sector < math.pi / 3
+        else:
+            assert chosen.u2 == chosen.u1 % 6 + 1
+            assert chosen.u3 == 0
+            inside = abs(e) < math.sqrt(3) / 2
+        if inside:
+            reached += 1
+            assert away < 1e-9
+        else:
+            assert abs(reference - period.base) - way < away + 1e-9
+    assert reached > 10
+
+
+def test_of_vectors_that_reach_alike_the_nearest_is_taken() -> None:
+    p = ideal_sequences.sequence_parameters(drive_of("MPFC3"))
+    e = 0.5 * cmath.exp(1j * math.radians(30.0))
+    chosen = ideal_sequences._mpfc3(p, e, whole(1))
+    assert (chosen.u1, chosen.u3) == (1, 2)  # u_3 at 120 degrees would reach it too
+    chosen = ideal_sequences._mpfc3(p, 0.4 + 0j, whole(1))
+    assert (chosen.u3, chosen.t1) == (1, 0.0)
+    p = ideal_sequences.sequence_parameters(drive_of("MPFC2"))
+    chosen = ideal_sequences._mpfc2(p, 0.4 + 0j, whole(1))
+    assert (chosen.u1, chosen.u2) == (1, 0)  # u_4 makes the same line
+    assert chosen.t1 == pytest.approx(0.4)
+    assert ideal_sequences._mpfc2(p, 3.0 + 0j, whole(1))[:4] == (1, 1, 1, 0.0)
+    assert ideal_sequences._svm(p, 0j) == (1, 2, 0, 0.0, 0.0)
+
+
+def test_last_vectors_have_time() -> None:
+    assert last_of(VectorSequence(1, 2, 3, 0.5, 0.5)) == 2
+    assert last_of(VectorSequence(1, 2, 3, 1.0, 0.0)) == 1
+    assert last_of(VectorSequence(1, 2, 3, 0.2, 0.3)) == 3
+    assert last_active_of(VectorSequence(1, 2, 0, 0.5, 0.0)) == 1
+    assert last_active_of(VectorSequence(0, 7, 4, 0.5, 0.5)) == 4
+    assert last_active_of(VectorSequence(0, 7, 0, 0.5, 0.5)) == 1
+
+
+def test_space_vector_modulation_is_seven_segments() -> None:
+    vectors, lengths = np.zeros(7, np.int64), np.zeros(7)
+    for u in range(1, 7):
+        s = VectorSequence(u, u % 6 + 1, 0, 0.3, 0.5)
+        assert segments(s, True, vectors, lengths) == 7
+        assert COMMUTATIONS[vectors[:-1], vectors[1:]].tolist() == [1] * 6
+        assert lengths.sum() == pytest.approx(1.0)
+        assert (lengths * UNIT[vectors]).sum() == pytest.approx(mean_voltage(s, UNIT))
+        np.testing.assert_allclose(lengths, lengths[::-1])
+    assert segments(VectorSequence(1, 7, 2, 0.3, 0.5), False, vectors, lengths) == 3
+
+
+# --- closed loops ---------------------------------------------------------------------------------
+
+
+def low_speed(drive: MptcDrive, seconds: float) -> sequence_loop.SequenceRun:
+    """150 r/min without load behind a speed PI, 0.986 Wb."""
+    steps = round(seconds / drive.control.ts)
+    scenario = replace(
+        closed_loop.constant(drive, 150.0, 0.0, 0.986, steps),
+        speed_ref=np.full(steps, 150.0 * RPM),
+    )
+    plant = plant_parameters(drive, 0.015)
+    return sequence_loop.simulate(drive, scenario, engine="ideal", plant=plant)
+
+
+def loaded(method: str, rpm: float) -> dict[str, float]:
+    """14 N*m at 0.9 Wb behind a speed PI."""
+    drive = drive_of(method)
+    steps = round(0.8 / drive.control.ts)
+    scenario = closed_loop.constant(drive, rpm, 14.0, 0.9, steps)
+    scenario = replace(scenario, speed_ref=np.full(steps, rpm * RPM))
+    plant = plant_parameters(drive, 0.015)
+    return sequence_loop.simulate(drive, scenario, engine="ideal", plant=plant).figures()
+
+
+def test_distortion_at_low_speed_is_as_published() -> None:
+    found = {
+        (method, rule): low_speed(drive_of(method, rule, ts), 3.0).figures()["thd_pct"]
+        for method, rule, ts in (
+            ("MPTC1", "deadbeat", 50e-6), ("MPTC2", "deadbeat", 100e-6), ("MPTC2", "mean", 100e-6),
+            ("MPTC2", "best", 100e-6),
+        )
+    }  # fmt: skip
+    assert found["MPTC1", "deadbeat"] == pytest.approx(11.2, abs=0.2)
+    assert found["MPTC2", "deadbeat"] == pytest.approx(3.1, abs=0.2)
+    assert 3.5 <= found["MPTC2", "mean"] <= 4.0
+    assert found["MPTC2", "best"] < 2.3
+
+
+@pytest.mark.parametrize("rpm", [600.0, 1000.0])
+def test_three_vectors_make_less_ripple(rpm: float) -> None:
+    found = {m: loaded(m, rpm) for m in ("MPFC2", "MPFC3", "SVM")}
+    ripple = {m: figures["torque_ripple_nm"] for m, figures in found.items()}
+    assert ripple["MPFC3"] <= 1.3 * 0.5 * ripple["MPFC2"]
+    assert ripple["SVM"] < 0.5 * ripple["MPFC3"]
+    assert found["MPFC3"]["switching_hz"] == pytest.approx(5000.0, rel=0.02)
+    assert found["MPFC2"]["switching_hz"] == pytest.approx(2760.0, rel=0.05)
+
+
+def test_a_loop_step_by_step_is_the_compiled_one() -> None:
+    drive = drive_of("GTV")
+    result = simulate(drive, steps=300, speed=250.0, torque=5.0, flux=0.9)
+    p = ideal_sequences.sequence_parameters(drive)
+    for k in (0, 17, 299):
+        row = {name: column[k] for name, column in result.table().items()}
+        chosen = decide(drive, row).apply
+        assert isinstance(chosen, VectorSequence)
+        assert chosen == tuple(row[f"next_{n}"] for n in VectorSequence._fields)
+        args = (result.current[k], result.flux[k], result.omega_r[k], VectorSequence(*row_of(row)))
+        again, *_ = ideal_sequences.decide(p, *args, VDC, 5.0, 0.9)
+        assert again == chosen
+    assert result.current_inside is not None
+    assert len(result.current_inside) == 300 * 20
+    assert result.thd() > 0.0
+
+
+def row_of(row: dict[str, float]) -> tuple[int, int, int, float, float]:
+    return (int(row["u1"]), int(row["u2"]), int(row["u3"]), float(row["t1"]), float(row["t2"]))
+
+
+def test_states_that_cannot_be() -> None:
+    drive = drive_of("MPC2")
+    usual = (5 + 1j, 0.9 + 0j, 100.0, 5.0, 0.9)
+    assert decide(drive, MptcState(*usual, 3)).apply == decide(
+        drive, MptcState(*usual, (3, 3, 3, 1.0, 0.0))
+    ).apply  # fmt: skip
+    for applied, word in (
+        ((1, 2, 3, 0.6, 0.6), "t1 + t2"),
+        ((1, 2, 3, -0.1, 0.6), "t1"),
+        ((1, 2, 9, 0.1, 0.6), "u3"),
+        ((1, 2, 3), "u1, u2, u3, t1, t2"),
+    ):
+        with pytest.raises(StateError, match=word.replace("+", r"\+")):
+            MptcState(*usual, applied)
+    with pytest.raises(StateError, match="one vector a period"):
+        decide(core.shipped("induction_2kw2"), MptcState(*usual, (1, 2, 3, 0.1, 0.2)))
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def small(folder: Path, method: str) -> tuple[Path, Path]:
+    """A drive file and a trace with sequences, 40 rows."""
+    text = (core.DRIVES / "induction_2kw2.toml").read_text(encoding="utf-8")
+    drive, trace = folder / "drive.toml", folder / "trace.csv"
+    drive.write_text(text.replace('method = "MPTC"', f'method = "{method}"'), encoding="utf-8")
+    result = simulate(drive_of(method, ts=50e-6), steps=40, speed=250.0, torque=5.0, flux=0.9)
+    result.write_trace(trace)
+    return drive, trace
+
+
+@pytest.mark.parametrize("method", SEQUENCE_METHODS)
+def test_replay_of_the_ideal_controller(method: str, tmp_path: Path) -> None:
+    drive, trace = small(tmp_path, method)
+    out = tmp_path / "out.csv"
+    done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", "ideal")
+    assert done.returncode == 0, done.stderr
+    assert out.read_text(encoding="utf-8").startswith("u1,u2,u3,t1,t2,cycles,saturated\n")
+    found = read_decisions(out, sequences=True)
+    rows = read_trace(trace, sequences=True)
+    p = ideal_sequences.sequence_parameters(drive_of(method, ts=50e-6))
+    assert found.vectors is not None
+    assert found.times is not None
+    assert rows.vectors is not None
+    assert rows.times is not None
+    for k in range(40):
+        applied = VectorSequence(*rows.vectors[k], *rows.times[k])
+        wanted, *_ = ideal_sequences.decide(
+            p, complex(*rows.i_s[k]), complex(*rows.psi_s[k]), rows.omega_r[k], applied, VDC,
+            rows.torque_ref[k], rows.psi_ref[k],
+        )  # fmt: skip
+        assert (*found.vectors[k], *found.times[k]) == wanted
+
+
+def test_sequences_survive_the_file(tmp_path: Path) -> None:
+    _, path = small(tmp_path, "GTV")
+    rows = read_trace(path, sequences=True)
+    assert rows.times is not None
+    np.testing.assert_array_equal(rows.times * 4096 % 1, 0.0)
+    write_trace(tmp_path / "again.csv", rows)
+    again = read_trace(tmp_path / "again.csv", sequences=True)
+    np.testing.assert_array_equal(again.times, rows.times)
+    np.testing.assert_array_equal(again.vectors, rows.vectors)
+    some = MptcDecisions(rows.u, None, np.zeros(40, np.int64), rows.vectors, rows.times)
+    write_decisions(tmp_path / "d.csv", some)
+    back = read_decisions(tmp_path / "d.csv", sequences=True)
+    np.testing.assert_array_equal(back.times, rows.times)
+    with pytest.raises(TraceError, match=r'column 9: unknown column "u1"'):
+        read_trace(path)
+    without = rows.sequences()
+    assert rows.rows(slice(0, 3)).sequences().times.shape == (3, 2)
+    assert without.vectors is rows.vectors
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.replace(",t2\n", ",t3\n", 1), ["line 1", "t3"]),
+        (lambda t: "\n".join(x.rsplit(",", 1)[0] for x in t.splitlines()) + "\n",
+         ["line 1", "t2", "together"]),
+        (lambda t: _last(t, 3, ["0.7", "0.4"]), ["line 3", "t2", "0.3"]),
+        (lambda t: _last(t, 4, ["1.1", "0.0"]), ["line 4", "t1", "0 to 1"]),
+        (lambda t: _last(t, 5, ["0.1", "-0.1"]), ["line 5", "t2", "0 to 1"]),
+        (lambda t: _last(t, 6, ["8", "0.5", "0.5"]), ["line 6", "u3", "0 to 7"]),
+    ],
+)  # fmt: skip
+def test_bad_sequences(tmp_path: Path, change, words: list[str]) -> None:
+    _, path = small(tmp_path, "GTV")
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(TraceError) as error:
+        read_trace(path, sequences=True)
+    for word in (str(path), *words):
+        assert word in str(error.value)
+
+
+def _last(text: str, line: int, fields: list[str]) -> str:
+    lines = text.splitlines()
+    lines[line - 1] = ",".join(lines[line - 1].split(",")[: -len(fields)] + fields)
+    return "\n".join(lines) + "\n"
+
+
+def test_a_wrong_method_or_rule_names_the_key(tmp_path: Path) -> None:
+    drive, trace = small(tmp_path, "GTV")
+    text = drive.read_text(encoding="utf-8")
+    usual = ("--drive", drive, "--trace", trace, "--out", tmp_path / "out.csv")
+    for old, new, key in (
+        ('"GTV"', '"GTV2"', "control.method"),
+        ("[control]", '[control]\nduty_rule = "least"', "control.duty_rule"),
+    ):
+        drive.write_text(text.replace(old, new), encoding="utf-8")
+        done = command(*usual)
+        assert done.returncode == 2
+        assert key in done.stderr
+        assert not (tmp_path / "out.csv").exists()
