@@ -82,7 +82,7 @@ package mptc_types is
     word_writes  : std_logic_vector(WORD_WRITES'length(1) - 1 downto 0); -- row of WORD_WRITES
     term_writes  : std_logic_vector(TERM_WRITES'length(1) - 1 downto 0); -- row of TERM_WRITES
     normalise    : std_logic;                                            -- MPFC: bring w to full size, one shift
-    orient       : std_logic;                                            -- MPFC: last shift; w without size lies along alpha
+    orient       : std_logic;                                            -- MPFC: last shift, w without size
     square       : std_logic; -- MPFC: the square of the reference's length is in the last block's accumulator
     rest         : std_logic; -- MPFC: the same less the torque's part
     begin_stream : std_logic;                                            -- the first vector follows

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from directmpc.mptc import bit_true, ideal, ideal_sequences
+from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
@@ -50,7 +50,12 @@ def decide(
         run = ideal_sequences.run if drive.control.sequences else ideal.run
         return run(drive, trace)
     if engine == "model":
-        return bit_true.run(drive, trace)
+        twin = bit_true_sequences.run if drive.control.sequences else bit_true.run
+        return twin(drive, trace)
+    if drive.control.sequences:
+        raise ValueError(
+            f"control.method: {drive.control.method} has no RTL; the engine ideal serves it"
+        )
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
 

@@ -12,8 +12,8 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
+from directmpc.mptc import bit_true_sequences, ideal_sequences
 from directmpc.mptc import ideal as mptc_ideal
-from directmpc.mptc import ideal_sequences
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import whole
 from directmpc.states import (
@@ -203,6 +203,8 @@ def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any,
         return ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
     if engine == "ideal":
         return mptc_ideal.decide, mptc_ideal.ideal_parameters(drive)
+    if drive.control.sequences:
+        return bit_true_sequences.decide, bit_true_sequences.parameters(drive)
     return mptc_bit_true.decide, mptc_bit_true.parameters(drive)
 
 

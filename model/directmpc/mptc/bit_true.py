@@ -12,6 +12,8 @@ All functions are compiled; everything is int64, whose range no intermediate res
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -147,7 +149,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     q : int
         T_s*omega_r, a word.
     step_a, step_b : int
-        T_s*u(k) in a quarter (alpha) and in half (beta) of a word's LSB.
+        T_s*u(k), 2*FRACTION fractional bits.
 
     Returns
     -------
@@ -160,8 +162,8 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
     w_b, s1 = to_word(i_b * c.current + psi_b * c.flux)
     dw_a, s2 = to_word(w_a * c.rotor + psi_a * c.rotor_flux + ~w_b * q)
     dw_b, s3 = to_word(w_b * c.rotor + psi_b * c.rotor_flux + w_a * q)
-    dp_a, s4 = to_word(i_a * c.drop_current + (step_a << (_FRACTION - 2)))
-    dp_b, s5 = to_word(i_b * c.drop_current + (step_b << (_FRACTION - 1)))
+    dp_a, s4 = to_word(i_a * c.drop_current + step_a)
+    dp_b, s5 = to_word(i_b * c.drop_current + step_b)
     lead, half, turn = one_plus_half(c.rotor), c.rotor_flux >> 1, q >> 1
     w1_a, s6 = to_word((w_a << _FRACTION) + dw_a * lead + dp_a * half + ~dw_b * turn)
     w1_b, s7 = to_word((w_b << _FRACTION) + dw_b * lead + dp_b * half + dw_a * turn)
@@ -269,6 +271,181 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     )
 
 
+class Outlook(NamedTuple):
+    """What both methods decide on; words unless stated otherwise.
+
+    Attributes
+    ----------
+    w_a, w_b, p_a, p_b : int
+        w and psi_s at k+1.
+    base_a, base_b : int
+        psi_s(k+2) without voltage.
+    q : int
+        T_s*omega_r.
+    step_a, step_b : int
+        Twice the whole steps of u_1 along alpha and of u_2 along beta.
+    torque : int
+        Torque reference, a sum of products.
+    reference : int
+        psi_ref times half of the magnitude's gain.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+
+    w_a: int
+    w_b: int
+    p_a: int
+    p_b: int
+    base_a: int
+    base_b: int
+    q: int
+    step_a: int
+    step_b: int
+    torque: int
+    reference: int
+    saturated: int
+
+
+@njit
+def outlook(c, m, share_a, share_b):
+    """The state at k+1, and at k+2 without voltage (Paper B, eqs. 4, 5 and 13).
+
+    Parameters
+    ----------
+    c : coefficients.Words
+        Of ``coefficients.words``.
+    m : ndarray of int64, shape (8,)
+        In the order of ``formats.MEASUREMENTS``.
+    share_a, share_b : int
+        Mean share of u in the steps, words.
+
+    Returns
+    -------
+    Outlook
+        Integers.
+    """
+    i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
+    psi_a, psi_b = m[2] << _SHIFT, m[3] << _SHIFT
+    q, s0 = to_word((m[4] << _SHIFT) * c.speed)
+    d, s1 = to_word((m[5] << _LINK_SHIFT) * c.voltage_alpha)
+    s, s2 = to_word((m[5] << _LINK_SHIFT) * c.voltage_beta)
+    w_a, w_b, p_a, p_b, s3 = prediction(c, i_a, i_b, psi_a, psi_b, q, share_a * d, share_b * s)
+    base_a, s4 = to_word((p_a << _FRACTION) + w_a * c.drop + p_a * c.drop_flux)
+    base_b, s5 = to_word((p_b << _FRACTION) + w_b * c.drop + p_b * c.drop_flux)
+    return Outlook(
+        w_a, w_b, p_a, p_b, base_a, base_b, q, d, s, (m[6] << _SHIFT) * c.torque, m[7] << _SHIFT,
+        s0 | s1 | s2 | s3 | s4 | s5,
+    )  # fmt: skip
+
+
+@njit
+def torque_terms(c, o):
+    """Torque reference less torque without voltage, and torque per step (Paper B, eqs. 14, 15).
+
+    Parameters
+    ----------
+    c : coefficients.Words
+        Of ``coefficients.words``.
+    o : Outlook
+        Of ``outlook``.
+
+    Returns
+    -------
+    level, along, across : int
+        Torque terms' format; along and across of a step in ``o``.
+    tau_a : int
+        i_s0 along alpha, a word: what the one's complement in `level` is off, in its last place.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    tau_a, s0 = to_word(
+        (o.w_a << _FRACTION) + o.w_a * c.rotor + o.p_a * c.rotor_flux + ~o.w_b * o.q
+    )
+    tau_b, s1 = to_word((o.w_b << _FRACTION) + o.w_b * c.rotor + o.p_b * c.rotor_flux + o.w_a * o.q)
+    level = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+    level -= (tau_b * o.base_a + tau_a * ~o.base_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+    along = (o.step_a * tau_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+    across = (o.step_b * tau_a + _TORQUE_HALF) >> _TORQUE_SHIFT
+    return level, along, across, tau_a, s0 | s1
+
+
+@njit
+def torque_change(j, along, across):
+    """Torque of a vector (Paper B, eq. 15), or its part in MPFC's cost.
+
+    Parameters
+    ----------
+    j : int
+        Number of the vector, 0 to 6.
+    along, across : int
+        Of ``torque_terms``.
+
+    Returns
+    -------
+    int
+        Torque terms' format.
+    """
+    change = 0
+    if VECTOR_ALPHA[j] == 2 or VECTOR_ALPHA[j] == -2:
+        change = along >> 1
+    elif j != 0:
+        change = along >> 2
+    if VECTOR_ALPHA[j] < 0:
+        change = -change
+    return change - VECTOR_BETA[j] * (across >> 1)
+
+
+@njit
+def cost_of(term, difference, gain):
+    """Cost of eq. 11 as it is compared.
+
+    Parameters
+    ----------
+    term : int
+        Error of the torque, torque terms' format.
+    difference : int
+        Of ``flux_difference``.
+    gain : int
+        k_psi's coefficient.
+
+    Returns
+    -------
+    int
+        Not negative.
+    """
+    size = term if term >= 0 else ~term
+    return ((size << _COST_SHIFT) + difference * gain) >> _COST_DROPPED
+
+
+@njit
+def vector_cost(c, o, level, along, across, j):
+    """Cost of a vector for the whole period (Paper B, eq. 11).
+
+    Parameters
+    ----------
+    c : coefficients.Words
+        Of ``coefficients.words``.
+    o : Outlook
+        Of ``outlook``.
+    level, along, across : int
+        Of ``torque_terms``.
+    j : int
+        Number of the vector, 0 to 6.
+
+    Returns
+    -------
+    cost : int
+        As ``cost_of``.
+    saturated : int
+        1 where the error of the flux did not fit.
+    """
+    x = (abs(VECTOR_ALPHA[j]) * o.step_a) >> (2 - _GUARD)
+    x = (o.base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
+    y = (o.base_b << _GUARD) + ((VECTOR_BETA[j] * o.step_b) << (_GUARD - 1))
+    difference, saturated = flux_difference(x, y, o.reference)
+    return cost_of(level - torque_change(j, along, across), difference, c.weight), saturated
+
+
 @njit
 def decide_words(register, m, u):
     """One decision (Paper B, eqs. 4, 5, 11, 14 and 15; MPFC: eqs. 18 to 21).
@@ -290,63 +467,29 @@ def decide_words(register, m, u):
         1 where a word did not hold its value; where the arcsine's argument was clamped.
     """
     c = words(register)
-    i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
-    psi_a, psi_b = m[2] << _SHIFT, m[3] << _SHIFT
-    q, s0 = to_word((m[4] << _SHIFT) * c.speed)
-    d, s1 = to_word((m[5] << _LINK_SHIFT) * c.voltage_alpha)
-    s, s2 = to_word((m[5] << _LINK_SHIFT) * c.voltage_beta)
-    torque = (m[6] << _SHIFT) * c.torque
-    reference = m[7] << _SHIFT
-    saturated = s0 | s1 | s2
-    w_a, w_b, p_a, p_b, s3 = prediction(
-        c, i_a, i_b, psi_a, psi_b, q, VECTOR_ALPHA[u] * d, VECTOR_BETA[u] * s
-    )
-    base_a, s4 = to_word((p_a << _FRACTION) + w_a * c.drop + p_a * c.drop_flux)
-    base_b, s5 = to_word((p_b << _FRACTION) + w_b * c.drop + p_b * c.drop_flux)
-    saturated |= s3 | s4 | s5
+    o = outlook(c, m, VECTOR_ALPHA[u] << (_FRACTION - 2), VECTOR_BETA[u] << (_FRACTION - 1))
+    saturated = o.saturated
     clamped = 0
-    length, gain, flux_control = 0, c.weight, c.flux_control
-    if flux_control:
-        t, s6 = to_word(torque)
-        length, along, across, s7, clamped = flux_terms(
-            w_a, w_b, base_a, base_b, q, reference, t, d
+    if c.flux_control:
+        t, s0 = to_word(o.torque)
+        level, along, across, s1, clamped = flux_terms(
+            o.w_a, o.w_b, o.base_a, o.base_b, o.q, o.reference, t, o.step_a
         )
-        saturated |= s6 | s7
-        start = length
+        saturated |= s0 | s1
     else:
-        tau_a, s6 = to_word((w_a << _FRACTION) + w_a * c.rotor + p_a * c.rotor_flux + ~w_b * q)
-        tau_b, s7 = to_word((w_b << _FRACTION) + w_b * c.rotor + p_b * c.rotor_flux + w_a * q)
-        start = (torque + _TORQUE_HALF) >> _TORQUE_SHIFT
-        start -= (tau_b * base_a + tau_a * ~base_b + _TORQUE_HALF) >> _TORQUE_SHIFT
-        along = (d * tau_b + _TORQUE_HALF) >> _TORQUE_SHIFT
-        across = (s * tau_a + _TORQUE_HALF) >> _TORQUE_SHIFT
-        saturated |= s6 | s7
+        level, along, across, _, s0 = torque_terms(c, o)
+        saturated |= s0
     best = 0
     best_cost = np.int64(0)
     zero = _ZERO_FROM[u]
     for n in range(1, 8):
         j = n % 7
-        change = 0
-        if VECTOR_ALPHA[j] == 2 or VECTOR_ALPHA[j] == -2:
-            change = along >> 1
-        elif j != 0:
-            change = along >> 2
-        if VECTOR_ALPHA[j] < 0:
-            change = -change
-        change -= VECTOR_BETA[j] * (across >> 1)
-        if flux_control:
-            term = start + change if j != 0 else np.int64(0)
-            cost = term << _COST_SHIFT
+        if c.flux_control:
+            term = level + torque_change(j, along, across) if j != 0 else np.int64(0)
+            cost = (term << _COST_SHIFT) >> _COST_DROPPED
         else:
-            x = (abs(VECTOR_ALPHA[j]) * d) >> (2 - _GUARD)
-            x = (base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
-            y = (base_b << _GUARD) + ((VECTOR_BETA[j] * s) << (_GUARD - 1))
-            difference, s8 = flux_difference(x, y, reference)
-            saturated |= s8
-            term = start - change
-            cost = (term if term >= 0 else ~term) << _COST_SHIFT
-            cost += difference * gain
-        cost >>= _COST_DROPPED
+            cost, s2 = vector_cost(c, o, level, along, across, j)
+            saturated |= s2
         number = zero if j == 0 else j
         if n == 1 or cost < best_cost or (cost == best_cost and number < best):
             best, best_cost = number, cost

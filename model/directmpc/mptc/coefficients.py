@@ -33,7 +33,7 @@ from directmpc.mptc import formats as f
 from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
 
 #: Methods that the core has.
-BUILT_METHODS: tuple[str, ...] = SINGLE_METHODS
+BUILT_METHODS: tuple[str, ...] = (*SINGLE_METHODS, "MPTC1", "MPTC2", "GTV")
 
 #: Coefficient ports in port order; all 18 bits signed.
 COEFFICIENTS: tuple[str, ...] = (
@@ -191,6 +191,11 @@ def registers(drive: MptcDrive) -> Registers:
         raise ValueError(
             f"control.method: {c.method} has no bit-true model and no RTL; the engine ideal serves "
             f"it; the others serve {', '.join(BUILT_METHODS)}"
+        )
+    if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
+        raise ValueError(
+            f'control.duty_rule: "{c.duty_rule}" has no bit-true model and no RTL; the engine '
+            'ideal serves it; the others serve "deadbeat"'
         )
     lam = 1.0 / (m.ls * m.lr - m.lm * m.lm)
     current, flux = c.current_max * _FULL, c.psi_max * _FULL

@@ -73,6 +73,13 @@ COST_SHIFT = TORQUE_SHIFT - WEIGHT_SHIFT  # a torque term's place in a cost
 COST_WIDTH = 36  # bits of a cost: five torque bases and the weighted flux error stay below 2^35
 COST_DROPPED = 8  # low bits of a cost that are not compared
 
+TIME_WIDTH = 12  # bits of a duty, one for each step of its search
+#: Bits of a time: 0 to 4096 steps of a period.
+TIME_PORT_WIDTH = TIME_WIDTH + 1
+DUTY_GUARD = 4  # bits below a vector's LSB while T*u is added up along the search
+#: Torque differences of a search count a quarter of a torque term: u_2's share is a quarter.
+DUTY_SHIFT = 2
+
 SQRT3_2 = round(math.sqrt(3.0) / 2.0 * 2**FRACTION)  # a word
 NORMALISE_STEPS = 7  # of two bits each, for the rotor flux of MPFC
 ROOT_WIDTH = FRACTION  # bits of the square root in MPFC, one a clock

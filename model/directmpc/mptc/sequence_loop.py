@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.distortion import thd
-from directmpc.mptc import bit_true, ideal, ideal_sequences
+from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import Scenario
-from directmpc.mptc.coefficients import Registers, registers
+from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.machine import torque
@@ -233,7 +233,7 @@ def _controllers(drive: MptcDrive, engine: str, values: Registers | None) -> tup
         )
         if engine == "ideal":
             return (*wanted, *wanted)
-        registers(drive)  # says that the method has no twin
+        return bit_true_sequences.decide, bit_true_sequences.parameters(drive, values), *wanted
     wanted = decide_one, ideal.ideal_parameters(drive)
     if engine == "ideal":
         return (*wanted, *wanted)
@@ -308,7 +308,7 @@ def drive_controller(
     """
     made = 0
 
-    def decide(
+    def _decide(
         _: None, i: complex, psi: complex, omega_r: float, applied: VectorSequence, vdc: float,
         torque_ref: float, psi_ref: float,
     ) -> tuple[VectorSequence, int, int]:  # fmt: skip
@@ -321,7 +321,7 @@ def drive_controller(
         return sequence, int(decision.saturated), int(decision.clamped)
 
     return _recorded(
-        _steps, drive, scenario, (decide, None, *_controllers(drive, "ideal", None)[2:]), plant
+        _steps, drive, scenario, (_decide, None, *_controllers(drive, "ideal", None)[2:]), plant
     )
 
 

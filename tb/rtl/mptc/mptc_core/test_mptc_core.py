@@ -143,7 +143,11 @@ FAULTS = {
         "(SEED_PSIS_BETA)    <= seed_word(signed(words(OPERAND_PSIS_BETA",
         "(SEED_PSIS_BETA)    <= seed_word(signed(words(OPERAND_PSIS_ALPHA",
     ),
-    "last shift": ("mptc_datapath", "RESULT_MOMENT) & '0', WORD", "RESULT_MOMENT) & '1', WORD"),
+    "last shift": (
+        "mptc_datapath",
+        "shift_left(results(RESULT_ROTOR_BETA), 1)",
+        "shift_left(results(RESULT_ROTOR_BETA), 0)",
+    ),
     "one adder": ("mptc_types", "      b := not b;", "      b := b;"),
     "voltage": ("mptc_vectors", 'number = "001" or number = "100"', 'number = "001"'),
     "sample": ("mptc_controller", "if (accept = '1') then", "if (start = '1') then"),

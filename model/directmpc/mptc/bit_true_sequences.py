@@ -1,0 +1,388 @@
+"""The bit-true twin of ``mptc_core`` with ``FAMILY``: methods that apply two vectors a period.
+
+As `bit_true`, whose state and torque terms it shares. A pair is a first vector for the duty and a
+second for the rest. The difference of two vectors one leg apart is an active vector itself, and so
+is a vector's difference from zero: every pair is a start (its second vector) and a direction, an
+active vector. The torque is linear in the duty, so the duty is a quotient of two torque terms. It
+is found bit by bit, and the flux is added up with it: no product and no divider.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from directmpc import fixed_point
+from directmpc.compiled import njit
+from directmpc.mptc import bit_true
+from directmpc.mptc import formats as f
+from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, encode, encode_row
+from directmpc.mptc.coefficients import Registers, registers, words
+from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
+from directmpc.mptc.inverter import ZERO_FROM
+from directmpc.mptc.sequence import TIME_STEPS, VectorSequence
+from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
+
+MPTC1, MPTC2, GTV = (SEQUENCE_METHODS.index(name) for name in ("MPTC1", "MPTC2", "GTV"))
+
+#: Pairs of GTV in the order in which they are tried: first vector, second (0: zero), direction.
+EDGE_PAIRS = np.array(
+    [
+        [1, 0, 1], [1, 2, 6], [1, 6, 2], [2, 0, 2], [2, 3, 1], [3, 0, 3], [3, 4, 2], [4, 0, 4],
+        [4, 5, 3], [5, 0, 5], [5, 6, 4], [6, 0, 6],
+    ],
+    dtype=np.int64,
+)  # fmt: skip
+#: Pairs of MPTC1 and MPTC2.
+ZERO_PAIRS = np.array([[a, 0, a] for a in range(1, 7)], dtype=np.int64)
+
+_SHARE_ALPHA = f.FRACTION - 2 - f.TIME_WIDTH
+_SHARE_BETA = f.FRACTION - 1 - f.TIME_WIDTH
+_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION + f.DUTY_GUARD
+_DUTY_GUARD = f.DUTY_GUARD
+_TIME_WIDTH = f.TIME_WIDTH
+_DUTY_SHIFT = f.DUTY_SHIFT
+_COMPLEMENT_SHIFT = f.TORQUE_SHIFT - f.DUTY_SHIFT
+
+
+@njit
+def shares(applied):
+    """Mean share of a running sequence in the steps along alpha and beta.
+
+    Parameters
+    ----------
+    applied : ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2; times in steps of the period.
+
+    Returns
+    -------
+    share_a, share_b : int
+        Words; exact.
+    """
+    third = TIME_STEPS - applied[3] - applied[4]
+    a = applied[3] * VECTOR_ALPHA[applied[0]] + applied[4] * VECTOR_ALPHA[applied[1]]
+    b = applied[3] * VECTOR_BETA[applied[0]] + applied[4] * VECTOR_BETA[applied[1]]
+    a += third * VECTOR_ALPHA[applied[2]]
+    b += third * VECTOR_BETA[applied[2]]
+    return a << _SHARE_ALPHA, b << _SHARE_BETA
+
+
+@njit
+def fine_change(j, along, across):
+    """Torque of a vector in quarters of a torque term: nothing is dropped.
+
+    Parameters
+    ----------
+    j : int
+        Number of the vector, 0 to 6.
+    along, across : int
+        Of ``bit_true.torque_terms``.
+
+    Returns
+    -------
+    int
+        DUTY_SHIFT bits more than a torque term.
+    """
+    return VECTOR_ALPHA[j] * along - 2 * VECTOR_BETA[j] * across
+
+
+@njit
+def search(error, span):
+    """Duty that takes a torque error away, and what is left of it (docs/specification.md, 3.6).
+
+    Parameters
+    ----------
+    error : int
+        Torque reference less torque with the second vector, in quarters of a torque term.
+    span : int
+        Torque with the first vector less torque with the second, the same.
+
+    Returns
+    -------
+    duty : int
+        0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
+    left : int
+        Torque error at the end of the period, torque terms' format.
+    """
+    if span < 0:
+        error, span = ~error, ~span
+    if span == 0 or error >= span:
+        return TIME_STEPS - 1, (error - span) >> _DUTY_SHIFT
+    if error < 0:
+        return 0, error >> _DUTY_SHIFT
+    duty = 0
+    for _ in range(_TIME_WIDTH):
+        error = 2 * error - span
+        duty <<= 1
+        if error >= 0:
+            duty |= 1
+        else:
+            error += span
+    return duty, error >> (_DUTY_SHIFT + _TIME_WIDTH)
+
+
+@njit
+def pair(o, level, along, across, tau_a, second, direction):
+    """Duty of a pair, its torque error, and the flux at k+2 (Paper B, eqs. 13 and 15).
+
+    Parameters
+    ----------
+    o : bit_true.Outlook
+        Of this period.
+    level, along, across, tau_a : int
+        Of ``bit_true.torque_terms``.
+    second, direction : int
+        Vectors, 0 to 6.
+
+    Returns
+    -------
+    duty : int
+        0 to 4095 steps of the period.
+    left : int
+        Torque error, torque terms' format.
+    x, y : int
+        psi_s, MAGNITUDE_FRACTION fractional bits.
+    """
+    error = (level << _DUTY_SHIFT) - (tau_a >> _COMPLEMENT_SHIFT)
+    error -= fine_change(second, along, across)
+    duty, left = search(error, fine_change(direction, along, across))
+    x = (o.base_a << _GUARD) + VECTOR_ALPHA[second] * (o.step_a << (_DUTY_GUARD - 1))
+    y = (o.base_b << _GUARD) + VECTOR_BETA[second] * (o.step_b << _DUTY_GUARD)
+    step_x = VECTOR_ALPHA[direction] * (o.step_a << (_DUTY_GUARD - 1))
+    step_y = VECTOR_BETA[direction] * (o.step_b << _DUTY_GUARD)
+    for k in range(1, _TIME_WIDTH + 1):
+        if duty >> (_TIME_WIDTH - k) & 1:
+            x += step_x >> k
+            y += step_y >> k
+    return duty, left, x >> _DUTY_GUARD, y >> _DUTY_GUARD
+
+
+@njit
+def decide_words(register, method, m, applied):
+    """One decision (docs/specification.md, section 3.6).
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    method : int
+        Place in `SEQUENCE_METHODS`.
+    m : ndarray of int64, shape (8,)
+        In the order of ``formats.MEASUREMENTS``.
+    applied : ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2 that are being applied; times in steps, their sum 4096 at most.
+
+    Returns
+    -------
+    first, second : int
+        Vectors to apply, 0 to 7.
+    duty : int
+        Steps of the period of the first; the second has the rest.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    c = words(register)
+    share_a, share_b = shares(applied)
+    o = bit_true.outlook(c, m, share_a, share_b)
+    level, along, across, tau_a, s0 = bit_true.torque_terms(c, o)
+    saturated = o.saturated | s0
+    best, best_cost, best_duty = -1, np.int64(0), 0
+    pairs = EDGE_PAIRS if method == GTV else ZERO_PAIRS
+    if method == MPTC1:
+        for n in range(1, 8):
+            cost, s1 = bit_true.vector_cost(c, o, level, along, across, n % 7)
+            saturated |= s1
+            if n < 7 and (best < 0 or cost < best_cost):
+                best, best_cost = n - 1, cost
+        best_duty = pair(o, level, along, across, tau_a, 0, pairs[best, 2])[0]
+    else:
+        for n in range(len(pairs)):
+            duty, left, x, y = pair(o, level, along, across, tau_a, pairs[n, 1], pairs[n, 2])
+            difference, s1 = bit_true.flux_difference(x, y, o.reference)
+            saturated |= s1
+            cost = bit_true.cost_of(left, difference, c.weight)
+            if best < 0 or cost < best_cost:
+                best, best_cost, best_duty = n, cost, duty
+    first, second = pairs[best, 0], pairs[best, 1]
+    return first, ZERO_FROM[first] if second == 0 else second, best_duty, saturated
+
+
+@njit
+def in_steps(sequence):
+    """A sequence with times in steps of the period, rounded to the nearest.
+
+    Parameters
+    ----------
+    sequence : VectorSequence
+        Vectors and times.
+
+    Returns
+    -------
+    ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2; the times' sum is 4096 at most.
+    """
+    out = np.empty(5, dtype=np.int64)
+    out[0], out[1], out[2] = sequence.u1, sequence.u2, sequence.u3
+    out[3] = min(TIME_STEPS, max(0, round(sequence.t1 * TIME_STEPS)))
+    out[4] = min(TIME_STEPS - out[3], max(0, round(sequence.t2 * TIME_STEPS)))
+    return out
+
+
+def parameters(
+    drive: MptcDrive, values: Registers | None = None
+) -> tuple[IntArray, int, FloatArray, FloatArray, FloatArray]:
+    """Registers, method and formats of a drive, as `decide` takes them.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Full scales and method, and the registers unless ``values`` is given.
+    values : Registers, optional
+        Registers to use instead of the drive's.
+
+    Returns
+    -------
+    register : ndarray of int64, shape (13,)
+        ``Registers.array()``.
+    method : int
+        Place in `SEQUENCE_METHODS`.
+    scales, lows, highs : ndarray of float64, shape (8,)
+        Of the measurement ports, see ``fixed_point.limits``.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a value of the drive cannot be represented or the core has not the
+        method.
+    """
+    scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
+    method = SEQUENCE_METHODS.index(drive.control.method)
+    return (values or registers(drive)).array(), method, scales, lows, highs
+
+
+@njit
+def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
+    """``decide_words`` on real numbers: the signature of ``ideal_sequences.decide``.
+
+    Parameters
+    ----------
+    p : tuple
+        As ``parameters`` returns it.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) at k.
+    omega_r : float
+        Electrical speed, rad/s.
+    applied : VectorSequence
+        What is being applied; times are rounded to the nearest step.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
+
+    Returns
+    -------
+    sequence : VectorSequence
+        What to apply from k+1 on.
+    saturated, clamped : int
+        `saturated` covers the inputs; `clamped` is 0: these methods have no arcsine.
+    """
+    seen, clipped = encode_row(p[2], p[3], p[4], i, psi, omega_r, vdc, torque_ref, psi_ref)
+    first, second, duty, saturated = decide_words(p[0], p[1], seen, in_steps(applied))
+    t1 = duty / TIME_STEPS
+    return VectorSequence(first, second, second, t1, 1.0 - t1), saturated | clipped, 0
+
+
+@njit
+def run_words(register, method, measurements, applied, out):
+    """``decide_words`` for every row.
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    method : int
+        Place in `SEQUENCE_METHODS`.
+    measurements : ndarray of int64, shape (n, 8)
+        In the order of ``formats.MEASUREMENTS``.
+    applied : ndarray of int64, shape (n, 5)
+        u1, u2, u3, t1, t2 that are being applied.
+    out : ndarray of int64, shape (n, 4)
+        Filled with first, second, duty, saturated.
+    """
+    for k in range(measurements.shape[0]):
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = decide_words(
+            register, method, measurements[k], applied[k]
+        )
+
+
+def applied_words(trace: MptcTrace) -> IntArray:
+    """Running sequences of a trace as the core takes them.
+
+    Parameters
+    ----------
+    trace : MptcTrace
+        n rows.
+
+    Returns
+    -------
+    ndarray of int64, shape (n, 5)
+        u1, u2, u3, t1, t2; times in steps of the period.
+    """
+    vectors, times = trace.sequences()
+    steps = np.rint(times * TIME_STEPS).astype(np.int64)
+    steps[:, 1] = np.minimum(steps[:, 1], TIME_STEPS - steps[:, 0])
+    return np.column_stack([vectors, steps])
+
+
+def decisions(out: IntArray, clipped: IntArray, cycles: IntArray | None) -> MptcDecisions:
+    """Words of decisions as decisions.
+
+    Parameters
+    ----------
+    out : ndarray of int64, shape (n, 4)
+        first, second, duty, saturated.
+    clipped : ndarray of int64, shape (n,)
+        1 where an input lay outside its word.
+    cycles : ndarray of int64, shape (n,), or None
+        Clock cycles.
+
+    Returns
+    -------
+    MptcDecisions
+        With vectors and times.
+    """
+    t1 = out[:, 2] / TIME_STEPS
+    return MptcDecisions(
+        u=out[:, 0],
+        cycles=cycles,
+        saturated=out[:, 3] | clipped,
+        vectors=out[:, [0, 1, 1]],
+        times=np.column_stack([t1, 1.0 - t1]),
+    )
+
+
+def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> MptcDecisions:
+    """Decisions for every row of a trace.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Supplies the formats and the method, and the registers unless ``values`` is given.
+    trace : MptcTrace
+        n independent rows.
+    values : Registers, optional
+        Registers to use instead of the drive's.
+
+    Returns
+    -------
+    MptcDecisions
+        ``cycles`` is None: the model has no clock.
+
+    Raises
+    ------
+    ValueError
+        Without ``values``, where a value of the drive cannot be represented or the core has not the
+        method.
+    """
+    register, method, *_ = parameters(drive, values)
+    measurements, clipped = encode(drive, trace)
+    out = np.empty((len(trace), 4), dtype=np.int64)
+    run_words(register, method, measurements, applied_words(trace), out)
+    return decisions(out, clipped.astype(np.int64), None)
