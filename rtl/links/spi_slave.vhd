@@ -7,6 +7,7 @@
 -- the byte after the one that is beginning.
 -- While CS_n is high the output register is held at zero: the first byte of every transaction is 0x00,
 -- which is what the frame protocol sends between frames, so nothing has to be ready in advance.
+-- Clocks while CS_n is high belong to another slave: nothing is received, and nothing is taken.
 --
 -- Formats: bytes. Rate: a byte has to last at least 6 periods of clk, that is SCK up to 4/3 of clk; CS_n
 -- has to stay high for at least 6 periods of clk.
@@ -111,7 +112,7 @@ begin
   begin
 
     if falling_edge(sck) then
-      if (count = 0) then
+      if (count = 0 and cs_n = '0') then
         tx_toggle <= not tx_toggle;
       end if;
     end if;
