@@ -1,11 +1,15 @@
 -- AXI4-Lite master for single accesses: one read or write at a time.
 --
 -- Address and data of a write are offered together and each is withdrawn when it has been accepted.
+-- An address that is no multiple of 4 or lies beyond ADDRESS_WIDTH bits is no alias of a register: it is answered
+-- here and never reaches the bus.
 --
--- Formats: addresses of ADDRESS_WIDTH bits in bytes, words of 32 bits, all four strobes set.
--- Latency: done two clocks after the slave's response is accepted; no access while another is under way.
--- Overflow: none.  If the slave does not answer within LIMIT clocks of start, the master gives up with the
--- response SLVERR and stays off the bus until reset, because AXI cannot take an access back.
+-- Formats: addresses in bytes, ADDRESS_WIDTH bits of them on the bus; words of 32 bits, all four strobes set.
+-- Latency: done two clocks after the slave's response is accepted, three after start for an address that is refused.
+-- No access while another is under way.
+-- Overflow: none.  If the slave does not answer within LIMIT clocks of start, the access is given up with the
+-- response SLVERR. AXI cannot take it back: it stays on the bus until the slave has answered, its answer is dropped,
+-- and accesses until then are answered with SLVERR at once. The bus then goes on.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -15,8 +19,8 @@ library ieee;
 
 entity axi_lite_master is
   generic (
-    ADDRESS_WIDTH : positive := 12; -- bits of a byte address
-    LIMIT         : positive := 255 -- clocks an access may take
+    ADDRESS_WIDTH : positive range 2 to 15 := 12; -- bits of a byte address on the bus
+    LIMIT         : positive               := 255 -- clocks an access may take
   );
   port (
     clk      : in    std_logic; -- rising edge
@@ -24,11 +28,11 @@ entity axi_lite_master is
     -- access
     start    : in    std_logic;                                    -- '1' for one clock; ignored while busy
     write    : in    std_logic;                                    -- '1': write, '0': read; with start
-    address  : in    std_logic_vector(ADDRESS_WIDTH - 1 downto 0); -- bytes, with start
+    address  : in    std_logic_vector(15 downto 0);                -- bytes, with start
     wdata    : in    std_logic_vector(31 downto 0);                -- with start
     done     : out   std_logic;                                    -- '1' for one clock: access has ended
     rdata    : out   std_logic_vector(31 downto 0);                -- word read; stable until the next done
-    response : out   std_logic_vector(1 downto 0);                 -- "00": okay, else as AXI's RESP
+    response : out   std_logic_vector(1 downto 0);                 -- "00": okay, else as AXI's RESP; from done on
     -- AXI4-Lite, names as in the standard
     awready  : in    std_logic;                                    -- slave takes the address
     awvalid  : out   std_logic;                                    -- write address is there
@@ -56,7 +60,8 @@ architecture rtl of axi_lite_master is
 
   type state_t is record
     busy    : std_logic;
-    dead    : std_logic; -- an access was given up
+    refused : std_logic; -- this access is answered from here
+    owed    : std_logic; -- an access that was given up has not been answered
     awvalid : std_logic;
     wvalid  : std_logic;
     bready  : std_logic;
@@ -67,7 +72,8 @@ architecture rtl of axi_lite_master is
 
   constant STATE_INIT : state_t := (
     busy    => '0',
-    dead    => '0',
+    refused => '0',
+    owed    => '0',
     awvalid => '0',
     wvalid  => '0',
     bready  => '0',
@@ -77,16 +83,25 @@ architecture rtl of axi_lite_master is
   );
 
   constant RESP_SLVERR : std_logic_vector(1 downto 0) := "10";
+  constant RESP_DECERR : std_logic_vector(1 downto 0) := "11";
 
-  signal r     : state_t;
-  signal place : std_logic_vector(ADDRESS_WIDTH - 1 downto 0);
-  signal timer : natural range 0 to LIMIT;
+  signal r       : state_t;
+  signal outside : std_logic; -- the address lies beyond the bus
+  signal crooked : std_logic; -- it is no multiple of 4
+  signal place   : std_logic_vector(ADDRESS_WIDTH - 1 downto 0);
+  signal timer   : natural range 0 to LIMIT;
 
 begin
 
+  outside <= '0' when unsigned(address(15 downto ADDRESS_WIDTH)) = 0 else
+             '1';
+  crooked <= '0' when address(1 downto 0) = "00" else
+             '1';
+
   p_access : process (clk) is
 
-    variable v : state_t;
+    variable v    : state_t;
+    variable ends : std_logic; -- the slave answers
 
   begin
 
@@ -98,17 +113,32 @@ begin
         timer <= 0;
 
         if (start = '1') then
-          place     <= address;
-          wword     <= wdata;
-          v.busy    := '1';
-          v.awvalid := write and not r.dead;
-          v.wvalid  := write and not r.dead;
-          v.bready  := write and not r.dead;
-          v.arvalid := not write and not r.dead;
-          v.rready  := not write and not r.dead;
+          v.busy := '1';
+
+          if (outside = '1' or crooked = '1' or r.owed = '1') then
+            v.refused := '1';
+            response  <= RESP_SLVERR;
+
+            if (outside = '1') then
+              response <= RESP_DECERR;
+            end if;
+          else
+            place     <= address(ADDRESS_WIDTH - 1 downto 0);
+            wword     <= wdata;
+            v.awvalid := write;
+            v.wvalid  := write;
+            v.bready  := write;
+            v.arvalid := not write;
+            v.rready  := not write;
+          end if;
         end if;
-      elsif (timer = LIMIT or r.dead = '1') then
-        v.dead   := '1';
+      elsif (r.refused = '1') then
+        v.refused := '0';
+        v.busy    := '0';
+        v.done    := '1';
+        rdata     <= (others => '0');
+      elsif (timer = LIMIT) then
+        v.owed   := '1';
         v.busy   := '0';
         v.done   := '1';
         response <= RESP_SLVERR;
@@ -129,20 +159,25 @@ begin
         v.arvalid := v.arvalid and not r.arvalid;
       end if;
 
-      if (r.bready = '1' and bvalid = '1' and r.dead = '0') then
-        v.bready := '0';
-        v.busy   := '0';
-        v.done   := '1';
-        response <= bresp;
-        rdata    <= (others => '0');
-      end if;
+      ends := (r.bready and bvalid) or (r.rready and rvalid);
 
-      if (r.rready = '1' and rvalid = '1' and r.dead = '0') then
+      if (ends = '1') then
+        v.bready := '0';
         v.rready := '0';
-        v.busy   := '0';
-        v.done   := '1';
-        response <= rresp;
-        rdata    <= rword;
+        v.owed   := '0';
+
+        -- the answer to an access that was given up is dropped
+        if (r.owed = '0') then
+          v.busy   := '0';
+          v.done   := '1';
+          response <= bresp;
+          rdata    <= (others => '0');
+
+          if (r.rready = '1') then
+            response <= rresp;
+            rdata    <= rword;
+          end if;
+        end if;
       end if;
 
       if (rst = '1') then

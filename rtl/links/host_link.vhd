@@ -117,12 +117,6 @@ architecture rtl of host_link is
   signal bus_done     : std_logic;
   signal bus_rdata    : std_logic_vector(31 downto 0);
   signal bus_response : std_logic_vector(1 downto 0);
-  signal axi_start    : std_logic;
-  signal axi_done     : std_logic;
-  signal axi_rdata    : std_logic_vector(31 downto 0);
-  signal axi_response : std_logic_vector(1 downto 0);
-  signal outside      : std_logic;
-  signal outside_done : std_logic;
 
 begin
 
@@ -274,26 +268,6 @@ begin
       gates           => gates
     );
 
-  -- an address beyond the registers' is no alias of another: it is answered here, as AXI's DECERR
-  outside <= '0' when unsigned(bus_address(15 downto ADDRESS_WIDTH)) = 0 else
-             '1';
-
-  p_outside : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      outside_done <= bus_start and outside and not rst;
-    end if;
-
-  end process p_outside;
-
-  axi_start    <= bus_start and not outside;
-  bus_done     <= axi_done or outside_done;
-  bus_rdata    <= axi_rdata when outside = '0' else
-                  (others => '0');
-  bus_response <= axi_response when outside = '0' else
-                  "11";
-
   i_axi_lite_master : entity work.axi_lite_master
     generic map (
       ADDRESS_WIDTH => ADDRESS_WIDTH
@@ -301,13 +275,13 @@ begin
     port map (
       clk      => clk,
       rst      => rst,
-      start    => axi_start,
+      start    => bus_start,
       write    => bus_write,
-      address  => bus_address(ADDRESS_WIDTH - 1 downto 0),
+      address  => bus_address,
       wdata    => bus_wdata,
-      done     => axi_done,
-      rdata    => axi_rdata,
-      response => axi_response,
+      done     => bus_done,
+      rdata    => bus_rdata,
+      response => bus_response,
       awready  => awready,
       awvalid  => awvalid,
       awaddr   => awaddr,

@@ -88,7 +88,9 @@ architecture rtl of mptc_system is
   signal gated_awready  : std_logic;
   signal gated_wvalid   : std_logic;
   signal gated_wready   : std_logic;
-  signal response       : std_logic;
+  signal gated_bready   : std_logic;
+  signal gated_bvalid   : std_logic;
+  signal gated_bresp    : std_logic_vector(1 downto 0);
   signal take           : std_logic; -- measurements come from the ports
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
@@ -135,9 +137,9 @@ begin
       s_axil_wvalid  => gated_wvalid,
       s_axil_wdata   => s_axil_wdata,
       s_axil_wstrb   => s_axil_wstrb,
-      s_axil_bready  => s_axil_bready,
-      s_axil_bvalid  => response,
-      s_axil_bresp   => s_axil_bresp,
+      s_axil_bready  => gated_bready,
+      s_axil_bvalid  => gated_bvalid,
+      s_axil_bresp   => gated_bresp,
       s_axil_arready => s_axil_arready,
       s_axil_arvalid => s_axil_arvalid,
       s_axil_araddr  => s_axil_araddr,
@@ -149,8 +151,6 @@ begin
       hwif_in        => from_hardware,
       hwif_out       => to_hardware
     );
-
-  s_axil_bvalid <= response;
 
   sample <= to_hardware.measurements;
 
@@ -170,11 +170,18 @@ begin
       m_wvalid           => s_axil_wvalid,
       m_wready           => s_axil_wready,
       m_bready           => s_axil_bready,
+      m_awaddr           => s_axil_awaddr,
+      m_wdata            => s_axil_wdata,
+      m_wstrb            => s_axil_wstrb,
+      m_bvalid           => s_axil_bvalid,
+      m_bresp            => s_axil_bresp,
       s_awvalid          => gated_awvalid,
       s_awready          => gated_awready,
       s_wvalid           => gated_wvalid,
       s_wready           => gated_wready,
-      s_bvalid           => response,
+      s_bready           => gated_bready,
+      s_bvalid           => gated_bvalid,
+      s_bresp            => gated_bresp,
       written            => to_hardware.system,
       settings           => to_hardware.guard,
       capabilities       => capabilities,

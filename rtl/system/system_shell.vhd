@@ -1,7 +1,7 @@
 -- What every system has around its controller: start and commit, counters, gate guard, shared registers.
 --
 -- A system consists of its register block, its observer, its core and this shell. The shell gates the bus writes
--- (write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and drives the
+-- (write_rules, write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and drives the
 -- gates (gate_guard). It fills all of the shared registers' inputs.
 --
 -- The guard's settings are shadows: they are taken over with load, as the parameters are by the system.
@@ -38,11 +38,18 @@ entity system_shell is
     m_wvalid           : in    std_logic;                     -- '1': data there
     m_wready           : out   std_logic;                     -- '1': data taken
     m_bready           : in    std_logic;                     -- '1': response taken
+    m_awaddr           : in    std_logic_vector(9 downto 0);  -- byte address
+    m_wdata            : in    std_logic_vector(31 downto 0); -- data
+    m_wstrb            : in    std_logic_vector(3 downto 0);  -- '1': byte is written
+    m_bvalid           : out   std_logic;                     -- '1': response there
+    m_bresp            : out   std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
     s_awvalid          : out   std_logic;                     -- '1': address there
     s_awready          : in    std_logic;                     -- '1': address taken
     s_wvalid           : out   std_logic;                     -- '1': data there
     s_wready           : in    std_logic;                     -- '1': data taken
+    s_bready           : out   std_logic;                     -- '1': response taken
     s_bvalid           : in    std_logic;                     -- '1': response there
+    s_bresp            : in    std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
     -- registers
     written            : in    system_registers_out_t;        -- what software has written
     settings           : in    guard_registers_out_t;         -- shadows of the guard's settings
@@ -81,7 +88,10 @@ architecture rtl of system_shell is
   subtype faults_t is std_logic_vector(FAULT_COUNT - 1 downto 0);
 
   signal in_force     : guard_registers_out_t; -- settings of the guard
-  signal hold         : std_logic;             -- a commit has not taken effect
+  signal hold         : std_logic;             -- a write waits
+  signal refuse       : std_logic;             -- a write is refused
+  signal passed       : std_logic;             -- a write goes to the registers
+  signal sets         : std_logic;             -- bit 0 of its word
   signal begun        : std_logic;
   signal busy         : std_logic;
   signal ignored      : std_logic;             -- a start, of either kind
@@ -107,23 +117,44 @@ begin
   -- Bus writes, start, commit
   ---------------------------------------------------------------------------------------------
 
-  hold <= written.command.commit.value or pending;
+  sets <= m_wdata(0) and m_wstrb(0);
+
+  i_rules : entity work.write_rules
+    port map (
+      clk     => clk,
+      rst     => rst,
+      address => m_awaddr,
+      sets    => sets,
+      passed  => passed,
+      enabled => written.control.enable.value,
+      commit  => written.command.commit.value,
+      pending => pending,
+      load    => taking_over,
+      hold    => hold,
+      refuse  => refuse
+    );
 
   i_gate : entity work.write_gate
     port map (
       clk       => clk,
       rst       => rst,
       hold      => hold,
+      refuse    => refuse,
+      passed    => passed,
       m_awvalid => m_awvalid,
       m_awready => m_awready,
       m_wvalid  => m_wvalid,
       m_wready  => m_wready,
       m_bready  => m_bready,
+      m_bvalid  => m_bvalid,
+      m_bresp   => m_bresp,
       s_awvalid => s_awvalid,
       s_awready => s_awready,
       s_wvalid  => s_wvalid,
       s_wready  => s_wready,
-      s_bvalid  => s_bvalid
+      s_bready  => s_bready,
+      s_bvalid  => s_bvalid,
+      s_bresp   => s_bresp
     );
 
   i_sequencer : entity work.decision_sequencer

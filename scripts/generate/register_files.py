@@ -71,6 +71,18 @@ after `command.commit` is written. Until then decisions and gate guard use the o
 values take effect by themselves. `status.commit_pending` is 1 while a commit waits for the decision
 under way; `commits.count` counts the commits done.
 
+**Refused writes.** These writes are answered with SLVERR and change nothing:
+
+- a register marked [committed], while a commit waits. Wait until `status.commit_pending` is 0;
+- a register of the guard, while `control.enable` is 1. Limits and times are locked while the gates
+  may be on;
+- `control` with `enable` = 1, while a guard register holds a value that no commit has brought into
+  force.
+
+**Time of an access.** Every read and every write is answered within 12 clocks, whatever decision or
+commit is under way: 480 ns at 25 MHz, 120 ns at 100 MHz. So `control` = 0, the clearing of a fault
+and `status` never wait.
+
 **Clearing.** `flags` and `faults` are latched. Write 1 to a bit to clear it.
 
 An access to an address without a register, a write to a read-only one and a read of a write-only
@@ -325,6 +337,12 @@ library ieee;
 use ieee.std_logic_1164.all;
 
 package {name} is
+
+    -- byte address of system.control
+    constant CONTROL_ADDRESS : std_logic_vector(9 downto 0) := "{control:010b}";
+    -- upper bits of the addresses of the guard's registers, and of the parameters'
+    constant GUARD_BLOCK     : std_logic_vector(9 downto 6) := "{guard:04b}";
+    constant PARAMETER_BLOCK : std_logic_vector(9 downto 8) := "{parameters:02b}";
 {types}end package;
 """
 
@@ -391,7 +409,7 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
         if path.stem == f"{name}_pkg":
             text, types = _without_shared(text)
             found[VHDL / f"{_SHARED_PACKAGE}.vhd"] = _SHARED_TEXT.format(
-                by=note.strip(), name=_SHARED_PACKAGE, types=types
+                by=note.strip(), name=_SHARED_PACKAGE, types=types, **_places(top)
             )
         found[VHDL / path.name] = note + text
     return found
@@ -399,6 +417,27 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
 
 def _registers(top: AddrmapNode) -> list[RegNode]:
     return [node for node in top.descendants() if isinstance(node, RegNode)]
+
+
+def _places(top: AddrmapNode) -> dict[str, int]:
+    """Address of the control register, and the upper bits of the blocks that are shadows.
+
+    Raises
+    ------
+    ValueError
+        If a block's upper bits are not its own.
+    """
+    found = {}
+    addresses = {
+        node.get_path().partition(".")[2]: node.absolute_address for node in _registers(top)
+    }
+    for block, low in (("guard", 6), ("parameters", 8)):
+        own = {a >> low for name, a in addresses.items() if name.startswith(f"{block}.")}
+        others = {a >> low for name, a in addresses.items() if not name.startswith(f"{block}.")}
+        if len(own) != 1 or own & others:
+            raise ValueError(f"registers of {block} do not have {1 << low} bytes for themselves")
+        found[block] = own.pop()
+    return found | {"control": addresses["system.control"]}
 
 
 def _table(tops: dict[str, AddrmapNode]) -> str:

@@ -9,7 +9,10 @@ from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Identity, Outcome, Type
 from directmpc.host.registers import RegisterValues, packed, registers_of
 
-_RESPONSES = {2: "there is no such register, or not for that access", 3: "beyond the registers"}
+_RESPONSES = {
+    2: "there is no such register, or not for that access, or it is locked now (docs/registers.md)",
+    3: "beyond the registers",
+}
 
 
 #: Registers that a board without the option takes and ignores, and the capability they need.

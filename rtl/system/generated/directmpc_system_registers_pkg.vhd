@@ -5,6 +5,12 @@ use ieee.std_logic_1164.all;
 
 package directmpc_system_registers_pkg is
 
+    -- byte address of system.control
+    constant CONTROL_ADDRESS : std_logic_vector(9 downto 0) := "0000001100";
+    -- upper bits of the addresses of the guard's registers, and of the parameters'
+    constant GUARD_BLOCK     : std_logic_vector(9 downto 6) := "0001";
+    constant PARAMETER_BLOCK : std_logic_vector(9 downto 8) := "01";
+
     type \system_registers.capabilities.controller_in_t\ is record
         next_q : std_logic_vector(3 downto 0);
     end record;

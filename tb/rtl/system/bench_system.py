@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Coroutine
 from typing import Any
 
 import cocotb
@@ -89,7 +90,11 @@ class System:
         names = list(values)
         self.rng.shuffle(names)
         for name in names[: int(share * len(names))]:
-            await self.bus.write(f"parameters.{name}", value=values[name])
+            address, fields = self.bus.registers[f"parameters.{name}"]
+            word = values[name] & (1 << fields["value"][1]) - 1
+            while await self.bus.write_word(address, word) != OKAY:
+                # a commit waits: nothing else may have refused it
+                self.board.cover("busy")
 
     async def decide(self, m: dict[str, int]) -> int:
         """Start from the ports and wait; clocks from start to valid. Scrambles the ports."""
@@ -409,7 +414,7 @@ async def unmeasured(system: System) -> None:
     """Gates enabled while a decision runs whose measurement nobody has compared."""
     bus, board, dut = system.bus, system.board, system.dut
     dut.enable.value = 0
-    await bus.write("system.control", enable=1)
+    await bus.write("system.control", enable=0)
     await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
     # limits that no measurement keeps
     await bus.write("guard.current_limit", value=0)
@@ -418,6 +423,7 @@ async def unmeasured(system: System) -> None:
     await bus.write("system.command", commit=1)
     while await bus.read("system.status", "commit_pending"):
         pass
+    await bus.write("system.control", enable=1)
     trips = [FAULTS.index(name) for name in ("over_current", "link_low")]
     m = dict.fromkeys(system.inputs, 0) | {"is_alpha": 200}
     for _ in range(2):
@@ -443,6 +449,80 @@ async def unmeasured(system: System) -> None:
         await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
 
 
+async def locks(system: System) -> None:
+    """A commit that waits keeps shadows alone; settings are locked while enabled."""
+    bus, board, dut = system.bus, system.board, system.dut
+    guard = dut.i_shell.i_guard
+    enable_word = 1
+
+    async def timed(access: Coroutine[Any, Any, Any]) -> Any:
+        """An access and the clocks that it takes."""
+        clocks = 0
+
+        async def count() -> None:
+            nonlocal clocks
+            while True:
+                await RisingEdge(dut.clk)
+                clocks += 1
+
+        counter = cocotb.start_soon(count())
+        found = await access
+        counter.cancel()
+        board.longest("access", clocks)
+        return found
+
+    # a decision, a commit that has to wait for it, then everything that must not wait
+    control, _ = bus.registers["system.control"]
+    faults_at, _ = bus.registers["system.faults"]
+    shadow, _ = bus.registers[f"parameters.{next(iter(system.words))}"]
+    for access in range(4):
+        await bus.write_word(control, enable_word)
+        kept = await bus.read_word(shadow)
+        deciding = cocotb.start_soon(system.decide(system.any_measurements()))
+        await FallingEdge(dut.clk)
+        assert await timed(bus.write("system.command", commit=1)) is None
+        if access == 0:
+            response = await timed(bus.write_word(shadow, 0x1234))
+            board.check("busy", response, SLVERR)
+        elif access == 1:
+            board.check("not busy", await timed(bus.write_word(control, 0)), OKAY)
+            board.check("disabled", number(dut.i_shell.enabled), 0)
+        elif access == 2:
+            board.check("not busy", await timed(bus.write_word(faults_at, 0x1FF)), OKAY)
+        shown = await timed(bus.read("system.status", "commit_pending"))
+        board.check("pending", shown, 1, f"access {access}")
+        await deciding
+        while await bus.read("system.status", "commit_pending"):
+            pass
+        if access == 0:
+            board.check("kept", await bus.read_word(shadow), kept)
+        board.check("after", await bus.write_word(shadow, kept[0]), OKAY)
+    # settings while enabled: refused, whatever is committed
+    await bus.write_word(control, enable_word)
+    names = [name for name in bus.registers if name.startswith("guard.")]
+    before = {name: number(getattr(guard, name.partition(".")[2])) for name in names}
+    for name in names:
+        address, _ = bus.registers[name]
+        word, _ = await bus.read_word(address)
+        board.check("locked", await bus.write_word(address, ~word & 0xFFF), SLVERR, name)
+        board.check("locked", await bus.read_word(address), (word, OKAY), name)
+    await bus.write("system.command", commit=1)
+    while await bus.read("system.status", "commit_pending"):
+        pass
+    for name in names:
+        board.check("locked", number(getattr(guard, name.partition(".")[2])), before[name], name)
+    # settings that no commit has brought into force: no enable
+    await bus.write_word(control, 0)
+    await bus.write("guard.watchdog", clocks=1234)
+    board.check("not in force", await bus.write_word(control, enable_word), SLVERR)
+    board.check("not in force", await bus.read("system.status", "enabled"), 0)
+    board.check("not in force", await bus.write_word(control, 2), OKAY)
+    await bus.write("system.command", commit=1)
+    board.check("in force", await bus.write_word(control, enable_word), OKAY)
+    board.check("in force", number(guard.watchdog), 1234)
+    await bus.write_word(control, 0)
+
+
 @cocotb.test()
 async def system(dut) -> None:
     """Everything a host does."""
@@ -455,6 +535,8 @@ async def system(dut) -> None:
     await decisions_and_flags(under_test, given["decisions"])
     await faults(under_test)
     await unmeasured(under_test)
+    dut.enable.value = 1
+    await locks(under_test)
     under_test.board.finish(
         {
             "word": 60 * given["registers"],
@@ -464,6 +546,9 @@ async def system(dut) -> None:
             "setting": 8,
             "trip": 1,
             "unmeasured": 600,
+            "pending": 4,
+            "locked": 24,
+            "not in force": 3,
         },
         {"new set": 4, "commits": 4, "flags": 1},
     )

@@ -1,10 +1,13 @@
 """Single accesses on AXI4-Lite, and what becomes of them when a slave never answers.
 
-Stimulus: reads and writes of random words to a slave that takes its time on every channel; a slave
-that never answers, accesses after it, resets.
+Stimulus: random reads and writes to a slave that takes its time on every channel; addresses
+outside the bus and between two words; a slave that does not answer for longer than LIMIT, accesses
+meanwhile, its late answer, accesses after it; resets.
 Checks: address and word on the bus, each offered until it is taken and not again; the answer; an
-access that is given up after LIMIT clocks; no offer after it until a reset, and SLVERR at once.
-Faults: a master that goes on after an access was given up, one that waits for ever, and others.
+access that is given up after LIMIT clocks, and stays on the bus; SLVERR at once until the slave has
+answered, its late answer to nobody, and a bus that goes on.
+Faults: a master that stays dead, that gives a late answer to the next access, that waits for
+ever, addresses that are aliases, and others.
 """
 
 from __future__ import annotations
@@ -36,11 +39,19 @@ def test_accesses_end() -> None:
 
 
 FAULTS = [
-    Fault(NAME, "(timer = LIMIT or r.dead = '1')", "(timer = LIMIT)", "dead"),
-    Fault(NAME, "v.awvalid := write and not r.dead;", "v.awvalid := write;", "dead"),
-    Fault(NAME, "v.dead   := '1';", "null;", "dead"),
+    Fault(NAME, "or crooked = '1' or r.owed = '1') then", "or crooked = '1') then", "owed"),
+    Fault(NAME, "v.owed   := '1';", "null;", "(owed|dropped)"),
+    Fault(NAME, "        v.owed   := '0';\n", "", "goes on"),
+    Fault(NAME, "if (r.owed = '0') then", "if (true) then", "dropped"),
     Fault(NAME, "timer = LIMIT", "timer = LIMIT - 1", "time"),
-    Fault(NAME, "place     <= address;", "place <= (others => '0');", "offer"),
+    Fault(NAME, "or crooked = '1'", "", "(no register|offer)"),
+    Fault(NAME, "(outside = '1' or crooked", "(crooked", "(no register|offer)"),
+    Fault(
+        NAME,
+        "place     <= address(ADDRESS_WIDTH - 1 downto 0);",
+        "place <= (others => '0');",
+        "offer",
+    ),
     Fault(NAME, "response <= rresp;", 'response <= bresp and "00";', "answer"),
 ]
 

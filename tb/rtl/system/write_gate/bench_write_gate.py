@@ -12,35 +12,43 @@ from tb.helpers.stepping import compare
 
 
 class WriteGate:
-    """One write at a time, address and data together, none while hold is up."""
+    """One write at a time, address and data together, none while hold is up; some are refused."""
 
     def __init__(self) -> None:
-        self.under_way = 0
+        self.under_way = self.refused = 0
 
     def outputs(self, given: Mapping[str, int]) -> dict[str, int]:
         """Outputs before the edge, by name."""
-        names = ("m_awvalid", "m_wvalid", "s_awready", "s_wready")
-        passes = int(all(given[n] for n in names) and not given["hold"] and not self.under_way)
-        return dict.fromkeys(("m_awready", "m_wready", "s_awvalid", "s_wvalid"), passes)
+        free = given["m_awvalid"] and given["m_wvalid"] and not given["hold"] and not self.under_way
+        stops = int(bool(free and given["refuse"]))
+        ready = given["s_awready"] and given["s_wready"]
+        passes = int(bool(free and ready and not given["refuse"]))
+        found = dict.fromkeys(("m_awready", "m_wready"), passes | stops)
+        found |= dict.fromkeys(("s_awvalid", "s_wvalid", "passed"), passes)
+        found["m_bvalid"] = self.refused | given["s_bvalid"]
+        found["m_bresp"] = 2 if self.refused else given["s_bresp"]
+        found["s_bready"] = int(given["m_bready"] and not self.refused)
+        return found
 
     def edge(self, given: Mapping[str, int]) -> None:
         """One clock."""
-        if self.outputs(given)["m_awready"]:
-            self.under_way = 1
-        elif given["s_bvalid"] and given["m_bready"]:
-            self.under_way = 0
+        found = self.outputs(given)
+        if found["m_awready"]:
+            self.under_way, self.refused = 1, 1 - found["passed"]
+        elif found["m_bvalid"] and given["m_bready"]:
+            self.under_way = self.refused = 0
         if given["rst"]:
-            self.under_way = 0
+            self.under_way = self.refused = 0
 
 
 @cocotb.test()
 async def random_writes(dut) -> None:
-    """Both channels, responses and hold in any order."""
+    """Both channels, responses, refusals and hold in any order."""
     clocks = arguments()["clocks"]
     inputs = {
-        "hold": 0.3, "m_awvalid": 0.8, "m_wvalid": 0.8, "m_bready": 0.6,
-        "s_awready": 0.8, "s_wready": 0.8, "s_bvalid": 0.5,
+        "hold": 0.2, "refuse": 0.3, "m_awvalid": 0.8, "m_wvalid": 0.8, "m_bready": 0.6,
+        "s_awready": 0.8, "s_wready": 0.8, "s_bvalid": 0.5, "s_bresp": -2,
     }  # fmt: skip
     board = await compare(dut, WriteGate(), inputs, rng=random.Random(3), clocks=clocks)
-    names = ("m_awready", "m_wready", "s_awvalid", "s_wvalid")
-    board.finish(dict.fromkeys(names, clocks - 2), dict.fromkeys(names, clocks // 20))
+    names = ("m_awready", "m_wready", "s_awvalid", "s_wvalid", "passed", "m_bvalid", "s_bready")
+    board.finish(dict.fromkeys(names, clocks - 2), dict.fromkeys(names, clocks // 30))

@@ -1,8 +1,9 @@
-"""Writes pass one at a time, and none while a commit waits.
+"""Writes pass one at a time, and those that are refused are answered.
 
-Stimulus: valid, ready, response and hold in any order; resets.
-Checks: all four handshakes in every clock, against a model in Python.
-Faults: a write that passes hold, a second one under way, half a write.
+Stimulus: valid, ready, response, refusal and hold in any order; resets.
+Checks: all handshakes and the response in every clock, against a model in Python.
+Faults: a write that passes hold or a refusal, a second one under way, half a write, a refused one
+without an answer, or with the registers'.
 """
 
 from __future__ import annotations
@@ -33,8 +34,12 @@ def test_writes_pass_one_at_a_time() -> None:
 FAULTS = [
     Fault("write_gate", "not (hold or under_way)", "not under_way", "[ms]_"),
     Fault("write_gate", "not (hold or under_way)", "not hold", "[ms]_"),
-    Fault("write_gate", "s_bvalid = '1' and m_bready = '1'", "s_bvalid = '1'", "[ms]_"),
+    Fault("write_gate", "answered = '1' and m_bready = '1'", "answered = '1'", "([ms]_|passed)"),
     Fault("write_gate", "m_awvalid and m_wvalid and", "m_awvalid and", "[ms]_"),
+    Fault("write_gate", "s_wready and not refuse", "s_wready", "([ms]_|passed)"),
+    Fault("write_gate", "<= refused or s_bvalid", "<= s_bvalid", "m_bvalid"),
+    Fault("write_gate", "m_bready and not refused", "m_bready", "s_bready"),
+    Fault("write_gate", "SLVERR when refused = '1'", "SLVERR when rst = '1'", "m_bresp"),
 ]
 
 

@@ -1,0 +1,77 @@
+-- Says which register writes are refused.
+--
+-- Refused are
+--   shadows (guard and parameters) while a commit waits: they stay as they were when it was asked for;
+--   the guard's limits and times while control.enable is set: they are locked;
+--   control with enable set while the guard has settings that no commit has brought into force.
+-- So the guard's settings in force are those of its registers whenever the gates may be on. Every other write
+-- passes at any time: control, command, flags and faults never wait for a decision.
+--
+-- A commit that takes effect at once is not refused but waited for: hold is up for two clocks at most, that of the
+-- command and that in which the shadows take effect.
+--
+-- Formats: byte addresses; blocks of registers as in directmpc_system_registers_pkg.
+-- Latency: none; a setting counts as uncommitted from the clock after its write.
+-- Overflow: none.
+-- Considered and rejected: docs/alternatives.md.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+library work;
+  use work.directmpc_system_registers_pkg.all;
+
+entity write_rules is
+  port (
+    clk     : in    std_logic;                    -- rising edge
+    rst     : in    std_logic;                    -- synchronous, active high
+    address : in    std_logic_vector(9 downto 0); -- of the write that is there, bytes
+    sets    : in    std_logic;                    -- bit 0 of its word, '0' where that byte is not written
+    passed  : in    std_logic;                    -- '1': it goes to the registers
+    enabled : in    std_logic;                    -- control.enable
+    commit  : in    std_logic;                    -- '1' for one clock: a commit is asked for
+    pending : in    std_logic;                    -- '1': a commit waits
+    load    : in    std_logic;                    -- '1' for one clock: the shadows take effect
+    hold    : out   std_logic;                    -- '1': the write waits
+    refuse  : out   std_logic                     -- '1': the write is refused
+  );
+end entity write_rules;
+
+architecture rtl of write_rules is
+
+  signal of_guard    : std_logic;
+  signal of_shadows  : std_logic;
+  signal enables     : std_logic;
+  signal uncommitted : std_logic; -- a setting of the guard has not taken effect
+
+begin
+
+  of_guard   <= '1' when address(GUARD_BLOCK'range) = GUARD_BLOCK else
+                '0';
+  of_shadows <= '1' when address(PARAMETER_BLOCK'range) = PARAMETER_BLOCK else
+                of_guard;
+  enables    <= sets when address(9 downto 2) = CONTROL_ADDRESS(9 downto 2) else
+                '0';
+
+  hold   <= commit or load;
+  refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and uncommitted);
+
+  p_settings : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (passed = '1' and of_guard = '1') then
+        uncommitted <= '1';
+      elsif (load = '1') then
+        uncommitted <= '0';
+      end if;
+
+      if (rst = '1') then
+        uncommitted <= '0';
+      end if;
+    end if;
+
+  end process p_settings;
+
+end architecture rtl;

@@ -1,0 +1,52 @@
+"""Which register writes are refused, and that all others pass at any time.
+
+Sweep: the maps of both controllers.
+Stimulus: writes to every register, the guard's and control more often, while commits wait and take
+effect, enabled and not; resets.
+Checks: refusal and hold in every clock, against the names of the register map.
+Faults: a setting that is not locked, one that is forgotten, a shadow that changes under a commit.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "write_rules"
+
+
+def bench(rtl: Path = RTL, controller: str = "mpdcc") -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.system.{NAME}.bench_{NAME}",
+        units=[NAME],
+        arguments={"clocks": 3000, "controller": controller},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_shadows_and_settings_are_kept_and_nothing_else(controller: str) -> None:
+    bench(controller=controller)
+
+
+FAULTS = [
+    Fault(NAME, "(of_guard and enabled)", "(of_shadows and enabled)", "refuse"),
+    Fault(NAME, "(of_guard and enabled) or ", "", "refuse"),
+    Fault(NAME, "(of_shadows and pending)", "(of_guard and pending)", "refuse"),
+    Fault(NAME, "(enables and uncommitted)", "enables", "refuse"),
+    Fault(NAME, "enables    <= sets when", "enables    <= '1' when", "refuse"),
+    Fault(NAME, "elsif (load = '1') then", "elsif (pending = '1') then", "refuse"),
+    Fault(NAME, "passed = '1' and of_guard = '1'", "of_guard = '1'", "refuse"),
+    Fault(NAME, "hold   <= commit or load;", "hold   <= commit;", "hold"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
