@@ -6,7 +6,8 @@
 --   "distributed"  RAM in LUTs
 -- and reaches Vivado and XST as ram_style, Quartus as ramstyle, and Diamond (Synplify, LSE) as
 -- syn_ramstyle. Quartus has no word for a block RAM of any family: "block" leaves it the choice.
--- Yosys chooses by size; GHDL's conversion to Verilog drops attributes.
+-- Yosys chooses by size; GHDL's conversion to Verilog drops attributes. So "block" makes at least 512 words, as many as
+-- a block RAM of any family has: what is not addressed costs nothing there, and Yosys chooses block RAM.
 --
 -- Formats: any.
 -- Latency: LATENCY clocks from read_address to read_word.
@@ -47,9 +48,22 @@ end entity ram;
 architecture rtl of ram is
 
   constant WORDS : positive := 2 ** ADDRESS_WIDTH;
+  constant LEAST : positive := 512; -- words of a block RAM, in any family
+
+  -- words that are made
+  function places return positive is
+  begin
+
+    if (STYLE = "block" and WORDS < LEAST) then
+      return LEAST;
+    else
+      return WORDS;
+    end if;
+
+  end function places;
 
   -- descending: GHDL 2.0 reverses the addresses of an ascending one that has contents
-  type memory_t is array (WORDS - 1 downto 0) of std_logic_vector(WIDTH - 1 downto 0);
+  type memory_t is array (places - 1 downto 0) of std_logic_vector(WIDTH - 1 downto 0);
 
   -- contents at power-up, unknown where none are given
   function initial return memory_t is
@@ -62,7 +76,7 @@ architecture rtl of ram is
     result := (others => (others => 'U'));
 
     if (CONTENTS'length = WORDS * WIDTH) then
-      for i in memory_t'range loop
+      for i in WORDS - 1 downto 0 loop
         result(i) := GIVEN((i + 1) * WIDTH - 1 downto i * WIDTH);
       end loop;
     end if;

@@ -31,7 +31,7 @@ entity axi_lite_master is
     address  : in    std_logic_vector(15 downto 0);                -- bytes, with start
     wdata    : in    std_logic_vector(31 downto 0);                -- with start
     done     : out   std_logic;                                    -- '1' for one clock: access has ended
-    rdata    : out   std_logic_vector(31 downto 0);                -- word read; stable until the next done
+    rdata    : out   std_logic_vector(31 downto 0);                -- word read, else zero; from done on
     response : out   std_logic_vector(1 downto 0);                 -- "00": okay, else as AXI's RESP; from done on
     -- AXI4-Lite, names as in the standard
     awready  : in    std_logic;                                    -- slave takes the address
@@ -114,6 +114,7 @@ begin
 
         if (start = '1') then
           v.busy := '1';
+          rdata  <= (others => '0');
 
           if (outside = '1' or crooked = '1' or r.owed = '1') then
             v.refused := '1';
@@ -136,13 +137,11 @@ begin
         v.refused := '0';
         v.busy    := '0';
         v.done    := '1';
-        rdata     <= (others => '0');
       elsif (timer = LIMIT) then
         v.owed   := '1';
         v.busy   := '0';
         v.done   := '1';
         response <= RESP_SLVERR;
-        rdata    <= (others => '0');
       else
         timer <= timer + 1;
       end if;
@@ -171,7 +170,6 @@ begin
           v.busy   := '0';
           v.done   := '1';
           response <= bresp;
-          rdata    <= (others => '0');
 
           if (r.rready = '1') then
             response <= rresp;

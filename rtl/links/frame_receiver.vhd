@@ -1,15 +1,19 @@
--- Receives frames from a stream of bytes: takes off the stuffing, checks everything that the bytes alone
--- can tell, and keeps a good frame until it is released.
+-- Receives frames from two streams of bytes: takes off the stuffing, checks everything that the bytes alone
+-- can tell, and keeps a good frame of each until it is released.
 --
 -- COBS: each code byte says how many bytes follow until the next zero of the frame, or its end; a zero
 -- byte on the line ends the frame in any state, so one frame at most is lost to whatever happened.
 -- Checks in the order of the protocol page: broken line, more than MAX_FRAME bytes, stuffing, fewer
 -- than OVERHEAD bytes, length byte, CRC-32, time, and whether the frame before is still here; the first
--- that fails is the outcome. The memory is written while no frame waits in it, and a frame is shown to
+-- that fails is the outcome. A link's memory is written while no frame waits in it, and a frame is shown to
 -- the outside only after its last check.
 --
--- Formats: the frame's bytes in order, type first, at addresses 0 to MAX_FRAME - 1.
--- Latency: pending or rejected one clock after the delimiter's valid; a byte every second clock at most.
+-- One logic serves both links, each in every second clock: their states go round through two registers. On the way
+-- the byte is added to the CRC, and what a check needs is made. Neither link can delay the other.
+--
+-- Formats: the frame's bytes in order, type first, at addresses 0 to MAX_FRAME - 1 of the link's half.
+-- Latency: pending or rejected two to four clocks after the delimiter's valid; a byte of each link in every fourth
+-- clock at most. content one clock after address.
 -- Overflow: see the checks; bytes beyond MAX_FRAME are counted nowhere and written nowhere.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -19,108 +23,187 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.link_constants.all;
 
 entity frame_receiver is
   generic (
-    LIMIT : positive := 125_000 -- clocks a frame may take from its first byte to its end
+    LIMIT : positive := 125_000 -- clocks a frame may take from its first byte to its end, rounded down to even
   );
   port (
     clk      : in    std_logic;                    -- rising edge
     rst      : in    std_logic;                    -- synchronous, active high
-    -- from the line
-    valid    : in    std_logic;                    -- '1' for one clock: data is a new byte
-    data     : in    byte_t;                       -- stuffed
-    broken   : in    std_logic;                    -- '1' for one clock: a byte was lost
-    ended    : in    std_logic;                    -- '1' for one clock: a frame under way is cut off here
-    -- a frame that passed
-    pending  : out   std_logic;                    -- '1': there is one
+    turn     : in    std_logic;                    -- link of this clock; toggles in every one
+    -- from the lines, link 0 on the right
+    valid    : in    std_logic_vector(1 downto 0); -- '1' for one clock: the link's data is a new byte
+    data_0   : in    byte_t;                       -- stuffed, stable for three clocks from valid on
+    data_1   : in    byte_t;                       -- stuffed, stable for three clocks from valid on
+    broken   : in    std_logic_vector(1 downto 0); -- '1' for one clock: a byte was lost
+    ended    : in    std_logic_vector(1 downto 0); -- '1' for one clock: a frame under way is cut off here
+    -- frames that passed
+    pending  : out   std_logic_vector(1 downto 0); -- '1': there is one
+    link     : in    std_logic;                    -- whose is read
     address  : in    std_logic_vector(5 downto 0); -- of a byte of it
-    content  : out   byte_t;                       -- that byte, same clock
-    served  : in    std_logic;                    -- '1' for one clock: done with it
-    -- a frame that did not
-    rejected : out   std_logic;                    -- '1' for one clock
+    content  : out   byte_t;                       -- that byte, a clock later
+    served   : in    std_logic_vector(1 downto 0); -- '1' for one clock: done with it
+    -- frames that did not
+    rejected : out   std_logic_vector(1 downto 0); -- '1' for one clock, one link at a time
     outcome  : out   outcome_t                     -- why; valid with rejected
   );
 end entity frame_receiver;
 
 architecture rtl of frame_receiver is
 
+  constant TURNS : positive := maximum_of(LIMIT / 2, 1); -- a frame may take
+
+  -- what is known of a link
   type state_t is record
-    inside   : std_logic;            -- a byte has come since the last delimiter
-    left     : unsigned(7 downto 0); -- bytes until the next code
-    size     : unsigned(5 downto 0); -- bytes taken off, up to MAX_FRAME
-    line     : std_logic;            -- a byte was lost
-    over     : std_logic;            -- more than MAX_FRAME
-    late     : std_logic;            -- beyond LIMIT
-    blocked  : std_logic;            -- the memory was not free
-    pending  : std_logic;
-    rejected : std_logic;
+    inside  : std_logic;            -- a byte has come since the last delimiter
+    left    : unsigned(7 downto 0); -- bytes until the next code
+    size    : unsigned(5 downto 0); -- bytes taken off, up to MAX_FRAME
+    length  : unsigned(7 downto 0); -- the frame's length byte
+    line    : std_logic;            -- a byte was lost
+    over    : std_logic;            -- more than MAX_FRAME
+    late    : std_logic;            -- beyond LIMIT
+    blocked : std_logic;            -- the memory was not free
+    crc     : crc_t;
+    adds    : std_logic;            -- a byte is to be added to the CRC
   end record state_t;
 
   constant STATE_INIT : state_t := (
-    inside   => '0',
-    left     => (others => '0'),
-    size     => (others => '0'),
-    line     => '0',
-    over     => '0',
-    late     => '0',
-    blocked  => '0',
-    pending  => '0',
-    rejected => '0'
+    inside  => '0',
+    left    => (others => '0'),
+    size    => (others => '0'),
+    length  => (others => '0'),
+    line    => '0',
+    over    => '0',
+    late    => '0',
+    blocked => '0',
+    crc     => (others => '1'),
+    adds    => '0'
   );
 
-  signal r      : state_t;
-  signal crc    : crc_t;
-  signal length : unsigned(7 downto 0);                   -- the frame's length byte
-  signal timer  : natural range 0 to LIMIT;
-  signal plain  : byte_t;                                  -- byte without stuffing
-  signal keep   : std_logic;                               -- '1': plain is written to the memory
-  signal store  : std_logic;                               -- '1': plain belongs to the frame
-  signal found  : outcome_t;
+  -- what follows from a state, made while the other link has its turn
+  type view_t is record
+    at_code : std_logic; -- the next byte is a code
+    full    : std_logic; -- MAX_FRAME bytes are there
+    short   : std_logic; -- fewer than OVERHEAD are
+    wrong   : std_logic; -- the length byte is not that of the frame, which has at most MAX_FRAME bytes
+    sound   : std_logic; -- the CRC is right
+    old     : std_logic; -- the time is over
+  end record view_t;
+
+  constant VIEW_INIT : view_t := (
+    at_code => '1',
+    full    => '0',
+    short   => '1',
+    wrong   => '1',
+    sound   => '0',
+    old     => '0'
+  );
+
+  subtype timer_t is natural range 0 to TURNS;
+
+  -- what a state tells
+  function viewed (state : state_t; timer : timer_t) return view_t is
+  begin
+
+    return (
+      at_code => to_std_logic(state.left = 0),
+      full    => to_std_logic(state.size = MAX_FRAME),
+      short   => to_std_logic(state.size < OVERHEAD),
+      wrong   => to_std_logic(state.length + OVERHEAD /= resize(state.size, 9)),
+      sound   => to_std_logic(state.crc = CRC_RESIDUE),
+      old     => to_std_logic(timer = TURNS)
+    );
+
+  end function viewed;
+
+  signal r       : state_t; -- of the link in turn
+  signal view    : view_t;
+  signal timer   : timer_t; -- turns since its first byte
+  signal other   : state_t;
+  signal waiting : timer_t; -- timer of the other
+  signal come    : std_logic_vector(1 downto 0); -- a byte, not looked at
+  signal lost    : std_logic_vector(1 downto 0); -- broken, not looked at
+  signal cut     : std_logic_vector(1 downto 0); -- ended, not looked at
+  signal here    : std_logic_vector(1 downto 0); -- '1' at the link in turn
+  signal kept    : std_logic_vector(1 downto 0); -- a frame waits
+  signal byte_in : std_logic;                    -- of the link in turn, as the next three
+  signal loss    : std_logic;
+  signal stop    : std_logic;
+  signal busy    : std_logic;
+  signal data    : byte_t;
+  signal zero    : std_logic;
+  signal plain   : byte_t;                       -- byte without stuffing
+  signal store   : std_logic;                    -- '1': plain belongs to the frame
+  signal keep    : std_logic;                    -- '1': plain is written to the memory
+  signal index   : byte_t;                       -- of the CRC's table
+  signal added   : crc_t;                        -- what the other's byte adds to the CRC
+  signal found   : outcome_t;
+  signal place   : std_logic_vector(6 downto 0); -- where plain is written
+  signal wanted  : std_logic_vector(6 downto 0); -- where content is read
 
 begin
 
-  -- a code ends the zero before it, but for the first one
-  plain <= x"00" when r.left = 0 else
-           data;
-  store <= '1' when valid = '1' and data /= x"00" and r.line = '0' and not (r.left = 0 and r.inside = '0') else
-           '0';
+  here    <= turn & not turn;
+  byte_in <= to_std_logic((come and here) /= "00");
+  loss    <= to_std_logic((lost and here) /= "00") and not byte_in;
+  stop    <= to_std_logic((cut and here) /= "00") and not (byte_in or loss);
+  busy    <= to_std_logic((kept and here) /= "00");
+  data    <= data_0 when turn = '0' else
+             data_1;
+  zero    <= to_std_logic(data = x"00");
 
-  keep <= '1' when store = '1' and r.size /= MAX_FRAME and r.pending = '0' else
-          '0';
+  -- a code ends the zero before it, but for the first one
+  plain <= x"00" when view.at_code = '1' else
+           data;
+  store <= byte_in and not (zero or r.line or (view.at_code and not r.inside));
+  keep  <= store and not (view.full or busy);
+  place <= turn & std_logic_vector(r.size);
+
+  index <= r.crc(7 downto 0) xor plain;
+
+  i_table : entity work.crc_table
+    port map (
+      clk   => clk,
+      index => index,
+      word  => added
+    );
+
+  wanted <= link & address;
 
   i_memory : entity work.ram
     generic map (
-      ADDRESS_WIDTH => 6,
+      ADDRESS_WIDTH => 7,
       WIDTH         => 8,
-      LATENCY       => 0,
-      STYLE         => "distributed"
+      LATENCY       => 1,
+      STYLE         => "block"
     )
     port map (
       clk           => clk,
       write         => keep,
-      write_address => std_logic_vector(r.size),
+      write_address => place,
       write_word    => plain,
       read          => '1',
-      read_address  => address,
+      read_address  => wanted,
       read_word     => content
     );
 
-  p_judge : process (r, length, crc) is
+  p_judge : process (r, view) is
   begin
 
     if (r.line = '1') then
       found <= OUTCOME_LINE;
     elsif (r.over = '1') then
       found <= OUTCOME_OVERSIZED;
-    elsif (r.left /= 0) then
+    elsif (view.at_code = '0') then
       found <= OUTCOME_STUFFING;
-    elsif (r.size < OVERHEAD) then
+    elsif (view.short = '1') then
       found <= OUTCOME_SHORT;
-    elsif (length + OVERHEAD /= resize(r.size, 9) or length > MAX_PAYLOAD) then
+    elsif (view.wrong = '1') then
       found <= OUTCOME_LENGTH;
-    elsif (crc /= CRC_RESIDUE) then
+    elsif (view.sound = '0') then
       found <= OUTCOME_CRC;
     elsif (r.late = '1') then
       found <= OUTCOME_LATE;
@@ -139,59 +222,55 @@ begin
   begin
 
     if rising_edge(clk) then
-      v          := r;
-      v.rejected := '0';
-      outcome    <= found;
+      v        := r;
+      v.adds   := store;
+      rejected <= "00";
+      outcome  <= found;
 
-      if (served = '1') then
-        v.pending := '0';
-      end if;
+      come <= valid or (come and not here);
+      lost <= broken or (lost and not (here and (1 downto 0 => loss)));
+      cut  <= ended or (cut and not (here and (1 downto 0 => stop)));
+      kept <= kept and not served;
 
-      if (r.inside = '0') then
-        timer <= 0;
-      elsif (timer = LIMIT) then
+      if (r.inside = '1' and view.old = '1') then
         v.late := '1';
-      else
-        timer <= timer + 1;
       end if;
 
       if (store = '1') then
-        if (r.size = MAX_FRAME) then
+        if (view.full = '1') then
           v.over := '1';
         else
           v.size := r.size + 1;
         end if;
 
-        crc <= crc_next(crc, plain);
-
         if (r.size = 1) then
-          length <= unsigned(plain);
+          v.length := unsigned(plain);
         end if;
       end if;
 
-      if (broken = '1') then
+      if (loss = '1') then
         v.inside := '1';
         v.line   := '1';
-      elsif (ended = '1' and r.inside = '1') then
+      elsif (stop = '1' and r.inside = '1') then
         -- cut off: as a broken byte and a delimiter
-        v.rejected := '1';
-        outcome    <= OUTCOME_LINE;
-        v.inside   := '0';
-      elsif (valid = '1' and data = x"00") then
+        rejected <= here;
+        outcome  <= OUTCOME_LINE;
+        v.inside := '0';
+      elsif (byte_in = '1' and zero = '1') then
         v.inside := '0';
 
         if (r.inside = '1') then
           if (found = OUTCOME_ACCEPTED) then
-            v.pending := '1';
+            kept <= (kept and not served) or here;
           else
-            v.rejected := '1';
+            rejected <= here;
           end if;
         end if;
-      elsif (valid = '1') then
+      elsif (byte_in = '1') then
         v.inside  := '1';
-        v.blocked := r.blocked or r.pending;
+        v.blocked := r.blocked or busy;
 
-        if (r.left = 0) then
+        if (view.at_code = '1') then
           v.left := unsigned(data) - 1;
         else
           v.left := r.left - 1;
@@ -199,25 +278,44 @@ begin
       end if;
 
       if (v.inside = '0') then
-        v.left    := (others => '0');
-        v.size    := (others => '0');
-        v.line    := '0';
-        v.over    := '0';
-        v.late    := '0';
-        v.blocked := '0';
-        crc       <= (others => '1');
-      end if;
-
-      if (rst = '1') then
         v := STATE_INIT;
       end if;
 
-      r <= v;
+      other   <= v;
+      waiting <= 0;
+
+      if (v.inside = '1') then
+        waiting <= timer;
+
+        if (view.old = '0') then
+          waiting <= timer + 1;
+        end if;
+      end if;
+
+      r     <= other;
+
+      if (other.adds = '1') then
+        r.crc <= (x"00" & other.crc(31 downto 8)) xor added;
+      end if;
+
+      timer <= waiting;
+      view  <= viewed(other, waiting);
+
+      if (rst = '1') then
+        r       <= STATE_INIT;
+        other   <= STATE_INIT;
+        view    <= VIEW_INIT;
+        timer   <= 0;
+        waiting <= 0;
+        come    <= "00";
+        lost    <= "00";
+        cut     <= "00";
+        kept    <= "00";
+      end if;
     end if;
 
   end process p_receive;
 
-  pending  <= r.pending;
-  rejected <= r.rejected;
+  pending <= kept;
 
 end architecture rtl;

@@ -1,197 +1,134 @@
--- Sends a frame: takes its bytes one a clock, adds the CRC-32, stuffs them by COBS into a memory, and
--- gives them out between two delimiters as the line takes them.
+-- Sends frames on two links: one encoder for both, a memory with a half for each, a sender for each.
 --
--- The code of a block is known at its end: the place in front of the block stays free until a zero
--- closes it, and that one write is the zero's own, so that a byte takes one clock.
--- A frame that waits or is under way is given up when a new one begins: a host that asks again has done
--- so itself. A line that is cut off before the byte behind the frame was taken gets the whole frame
--- again; a host drops what it has had already by the sequence number.
---
--- Formats: bytes; a frame of at most MAX_FRAME bytes, one COBS block at most.
--- Latency: offered 6 clocks after the last byte came in.
--- Overflow: none; the caller keeps to MAX_PAYLOAD.
+-- Formats: bytes; a frame of at most MAX_FRAME bytes.
+-- Latency: offered 7 clocks after the last byte came in; a byte of a link in every fifth clock at most.
+-- Overflow: none; the caller keeps to MAX_PAYLOAD, and begins no frame while busy.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
   use ieee.std_logic_1164.all;
-  use ieee.numeric_std.all;
 
 library work;
   use work.link_constants.all;
 
 entity frame_transmitter is
   port (
-    clk     : in    std_logic; -- rising edge
-    rst     : in    std_logic; -- synchronous, active high
+    clk        : in    std_logic;                    -- rising edge
+    rst        : in    std_logic;                    -- synchronous, active high
+    turn       : in    std_logic;                    -- toggles in every clock
     -- a frame, type byte first, without CRC
-    begins  : in    std_logic; -- '1' for one clock, before the first byte: drops what is left of another
-    valid   : in    std_logic; -- '1': data is the next byte
-    data    : in    byte_t;    -- byte of the frame
-    last    : in    std_logic; -- '1' with the last byte
-    -- to the line
-    offered : out   std_logic; -- '1': next_out belongs to a frame
-    next_out : out   byte_t;   -- byte to send; 0x00 between frames
-    taken   : in    std_logic; -- '1' for one clock: next_out has been taken
-    ended   : in    std_logic  -- '1' for one clock: the line was cut off, byte taken last is lost
+    begins     : in    std_logic_vector(1 downto 0); -- '1' for one clock: a frame for that link follows
+    valid      : in    std_logic;                    -- '1': data is the next byte
+    data       : in    byte_t;                       -- byte of the frame
+    last       : in    std_logic;                    -- '1' with the last byte
+    busy       : out   std_logic;                    -- '1': a frame is being made
+    -- to the lines, link 0 on the right
+    offered    : out   std_logic_vector(1 downto 0); -- '1': the link's next byte belongs to a frame
+    next_out_0 : out   byte_t;                       -- byte to send; 0x00 between frames
+    next_out_1 : out   byte_t;                       -- byte to send; 0x00 between frames
+    taken      : in    std_logic_vector(1 downto 0); -- '1' for one clock: it has been taken
+    ended      : in    std_logic_vector(1 downto 0)  -- '1' for one clock: cut off, the byte taken last is lost
   );
 end entity frame_transmitter;
 
 architecture rtl of frame_transmitter is
 
-  type phase_t is (PHASE_IDLE, PHASE_FILL, PHASE_CRC, PHASE_CLOSE, PHASE_LEAD, PHASE_DATA, PHASE_TAIL, PHASE_GONE);
+  type bytes_t is array (0 to 1) of byte_t;
 
-  type state_t is record
-    phase : phase_t;
-    code  : unsigned(5 downto 0); -- place of the open block's code
-    place : unsigned(5 downto 0); -- of the next byte, written or read
-    bytes : unsigned(1 downto 0); -- of the CRC, written
-    size  : unsigned(5 downto 0); -- stuffed bytes
-  end record state_t;
+  type places_t is array (0 to 1) of std_logic_vector(5 downto 0);
 
-  constant STATE_INIT : state_t := (
-    phase => PHASE_IDLE,
-    code  => (others => '0'),
-    place => (others => '0'),
-    bytes => (others => '0'),
-    size  => (others => '0')
-  );
-
-  signal r       : state_t;
-  signal crc     : crc_t;
-  signal came    : std_logic; -- '1': byte_in is the next one of the frame
-  signal byte_in : byte_t;
-  signal spot    : unsigned(5 downto 0);
-  signal value   : byte_t;
-  signal write   : std_logic;
-  signal stored  : byte_t; -- at r.place
+  signal begun    : std_logic;
+  signal link     : std_logic; -- the frame that is being made is for
+  signal write    : std_logic;
+  signal place    : std_logic_vector(5 downto 0);
+  signal value    : byte_t;
+  signal filled   : std_logic;
+  signal full     : std_logic_vector(1 downto 0); -- filled, by link
+  signal size     : std_logic_vector(5 downto 0);
+  signal wanted   : places_t;
+  signal look     : std_logic_vector(1 downto 0);
+  signal content  : byte_t;
+  signal next_out : bytes_t;
+  signal write_at : std_logic_vector(6 downto 0);
+  signal read_at  : std_logic_vector(6 downto 0);
 
 begin
 
-  came    <= '1' when r.phase = PHASE_CRC or (r.phase = PHASE_FILL and valid = '1') else
-             '0';
-  byte_in <= data when r.phase = PHASE_FILL else
-             not crc(7 downto 0);
-  write   <= '1' when came = '1' or r.phase = PHASE_CLOSE else
-             '0';
+  begun <= begins(0) or begins(1);
 
-  -- a zero is not written: it closes the block in front of it
-  spot  <= r.place when came = '1' and byte_in /= x"00" else
-           r.code;
-  value <= byte_in when came = '1' and byte_in /= x"00" else
-           std_logic_vector(resize(r.place - r.code, 8));
+  p_link : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (begun = '1') then
+        link <= begins(1);
+      end if;
+    end if;
+
+  end process p_link;
+
+  i_encoder : entity work.frame_encoder
+    port map (
+      clk    => clk,
+      rst    => rst,
+      begins => begun,
+      valid  => valid,
+      data   => data,
+      last   => last,
+      busy   => busy,
+      write  => write,
+      place  => place,
+      value  => value,
+      filled => filled,
+      size   => size
+    );
+
+  look     <= turn & not turn;
+  write_at <= link & place;
+  read_at  <= turn & wanted(1) when turn = '1' else
+              turn & wanted(0);
 
   i_memory : entity work.ram
     generic map (
-      ADDRESS_WIDTH => 6,
+      ADDRESS_WIDTH => 7,
       WIDTH         => 8,
-      LATENCY       => 0,
-      STYLE         => "distributed"
+      LATENCY       => 1,
+      STYLE         => "block"
     )
     port map (
       clk           => clk,
       write         => write,
-      write_address => std_logic_vector(spot),
+      write_address => write_at,
       write_word    => value,
       read          => '1',
-      read_address  => std_logic_vector(r.place),
-      read_word     => stored
+      read_address  => read_at,
+      read_word     => content
     );
 
-  p_frame : process (clk) is
+  full <= (filled and link) & (filled and not link);
 
-    variable v : state_t;
+  g_links : for i in 0 to 1 generate
 
-  begin
+    i_sender : entity work.frame_sender
+      port map (
+        clk      => clk,
+        rst      => rst,
+        begins   => begins(i),
+        filled   => full(i),
+        size     => size,
+        place    => wanted(i),
+        look     => look(i),
+        content  => content,
+        offered  => offered(i),
+        next_out => next_out(i),
+        taken    => taken(i),
+        ended    => ended(i)
+      );
 
-    if rising_edge(clk) then
-      v := r;
+  end generate g_links;
 
-      if (came = '1') then
-        v.place := r.place + 1;
-
-        if (byte_in = x"00") then
-          v.code := r.place;
-        end if;
-      end if;
-
-      case r.phase is
-
-        when PHASE_FILL =>
-          if (valid = '1') then
-            crc <= crc_next(crc, data);
-
-            if (last = '1') then
-              v.phase := PHASE_CRC;
-            end if;
-          end if;
-
-        when PHASE_CRC =>
-          crc     <= x"FF" & crc(31 downto 8);
-          v.bytes := r.bytes + 1;
-
-          if (r.bytes = CRC_SIZE - 1) then
-            v.phase := PHASE_CLOSE;
-          end if;
-
-        when PHASE_CLOSE =>
-          v.size  := r.place;
-          v.place := (others => '0');
-          v.phase := PHASE_LEAD;
-
-        when PHASE_LEAD =>
-          if (taken = '1') then
-            v.phase := PHASE_DATA;
-          end if;
-
-        when PHASE_DATA =>
-          if (taken = '1') then
-            v.place := r.place + 1;
-
-            if (v.place = r.size) then
-              v.phase := PHASE_TAIL;
-            end if;
-          end if;
-
-        when PHASE_TAIL =>
-          if (taken = '1') then
-            v.phase := PHASE_GONE;
-          end if;
-
-        -- a line with a byte of its own in between has now sent the last one
-        when PHASE_GONE =>
-          if (taken = '1') then
-            v.phase := PHASE_IDLE;
-          end if;
-
-        when others =>
-          null;
-
-      end case;
-
-      if (ended = '1' and (r.phase = PHASE_DATA or r.phase = PHASE_TAIL or r.phase = PHASE_GONE)) then
-        v.phase := PHASE_LEAD;
-        v.place := (others => '0');
-      end if;
-
-      if (begins = '1' or rst = '1') then
-        v   := STATE_INIT;
-        crc <= (others => '1');
-      end if;
-
-      if (begins = '1' and rst = '0') then
-        v.phase := PHASE_FILL;
-        v.place := to_unsigned(1, v.place'length);
-      end if;
-
-      r <= v;
-    end if;
-
-  end process p_frame;
-
-  offered  <= '1' when r.phase = PHASE_LEAD or r.phase = PHASE_DATA or r.phase = PHASE_TAIL else
-              '0';
-  next_out <= stored when r.phase = PHASE_DATA else
-              x"00";
+  next_out_0 <= next_out(0);
+  next_out_1 <= next_out(1);
 
 end architecture rtl;

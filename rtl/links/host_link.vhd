@@ -1,8 +1,8 @@
 -- The host links of a board: UART and SPI, one frame protocol (docs/protocol.md), one executor.
 --
--- Each link has its receiver, transmitter and counters; the executor serves both, reaches the registers
--- through AXI4-Lite and hands the measurements of a step to the core. Link 0 is the UART, link 1 SPI;
--- `control` says whose steps count, the other one may set up and watch.
+-- One receiver, one transmitter and one set of counters serve both links, each in every second clock, with a memory
+-- each. The executor answers both, reaches the registers through AXI4-Lite and hands the measurements of a step to
+-- the core. Link 0 is the UART, link 1 SPI; `control` says which is in control, the other one may watch and disable.
 --
 -- Formats: see link_executor for the steps, docs/protocol.md for the frames.
 -- Latency: see link_executor; a frame of n payload bytes is n + 13 bytes on the line.
@@ -32,7 +32,7 @@ entity host_link is
   port (
     clk             : in    std_logic;                                      -- rising edge
     rst             : in    std_logic;                                      -- synchronous, active high
-    control         : in    std_logic;                                      -- whose steps count; '0': UART, '1': SPI
+    control         : in    std_logic;                                      -- link in control; '0': UART, '1': SPI
     -- lines, asynchronous
     uart_rx         : in    std_logic;                                      -- idle high
     uart_tx         : out   std_logic;                                      -- idle high
@@ -86,10 +86,7 @@ architecture rtl of host_link is
 
   type bytes_t is array (0 to 1) of byte_t;
 
-  type words_t is array (0 to 1) of std_logic_vector(31 downto 0);
-
-  type outcomes_t is array (0 to 1) of outcome_t;
-
+  signal turn         : std_logic; -- link of this clock
   signal rx_valid     : std_logic_vector(1 downto 0);
   signal rx_data      : bytes_t;
   signal rx_broken    : std_logic_vector(1 downto 0);
@@ -98,14 +95,18 @@ architecture rtl of host_link is
   signal tx_data      : bytes_t;
   signal tx_taken     : std_logic_vector(1 downto 0);
   signal pending      : std_logic_vector(1 downto 0);
-  signal content      : bytes_t;
-  signal rejected     : std_logic_vector(1 downto 0);
-  signal rejection    : outcomes_t;
+  signal link         : std_logic;
   signal address      : std_logic_vector(5 downto 0);
+  signal content      : byte_t;
+  signal rejected     : std_logic_vector(1 downto 0);
+  signal rejection    : outcome_t;
   signal served       : std_logic_vector(1 downto 0);
   signal outcome      : outcome_t;
-  signal counter      : std_logic_vector(3 downto 0);
-  signal counts       : words_t;
+  signal look         : std_logic;
+  signal index        : std_logic_vector(4 downto 0);
+  signal shown        : std_logic;
+  signal value        : std_logic_vector(31 downto 0);
+  signal reply_busy   : std_logic;
   signal reply_begins : std_logic_vector(1 downto 0);
   signal reply_valid  : std_logic;
   signal reply_data   : byte_t;
@@ -119,6 +120,19 @@ architecture rtl of host_link is
   signal bus_response : std_logic_vector(1 downto 0);
 
 begin
+
+  p_turn : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      turn <= not turn;
+
+      if (rst = '1') then
+        turn <= '0';
+      end if;
+    end if;
+
+  end process p_turn;
 
   i_uart_receiver : entity work.uart_receiver
     generic map (
@@ -167,54 +181,58 @@ begin
 
   rx_broken(SPI) <= '0';
 
-  g_links : for i in 0 to 1 generate
+  i_frame_receiver : entity work.frame_receiver
+    generic map (
+      LIMIT => LIMIT
+    )
+    port map (
+      clk      => clk,
+      rst      => rst,
+      turn     => turn,
+      valid    => rx_valid,
+      data_0   => rx_data(UART),
+      data_1   => rx_data(SPI),
+      broken   => rx_broken,
+      ended    => ended,
+      pending  => pending,
+      link     => link,
+      address  => address,
+      content  => content,
+      served   => served,
+      rejected => rejected,
+      outcome  => rejection
+    );
 
-    i_frame_receiver : entity work.frame_receiver
-      generic map (
-        LIMIT => LIMIT
-      )
-      port map (
-        clk      => clk,
-        rst      => rst,
-        valid    => rx_valid(i),
-        data     => rx_data(i),
-        broken   => rx_broken(i),
-        ended    => ended(i),
-        pending  => pending(i),
-        address  => address,
-        content  => content(i),
-        served   => served(i),
-        rejected => rejected(i),
-        outcome  => rejection(i)
-      );
+  i_frame_transmitter : entity work.frame_transmitter
+    port map (
+      clk        => clk,
+      rst        => rst,
+      turn       => turn,
+      begins     => reply_begins,
+      valid      => reply_valid,
+      data       => reply_data,
+      last       => reply_last,
+      busy       => reply_busy,
+      offered    => tx_offered,
+      next_out_0 => tx_data(UART),
+      next_out_1 => tx_data(SPI),
+      taken      => tx_taken,
+      ended      => ended
+    );
 
-    i_frame_transmitter : entity work.frame_transmitter
-      port map (
-        clk      => clk,
-        rst      => rst,
-        begins   => reply_begins(i),
-        valid    => reply_valid,
-        data     => reply_data,
-        last     => reply_last,
-        offered  => tx_offered(i),
-        next_out => tx_data(i),
-        taken    => tx_taken(i),
-        ended    => ended(i)
-      );
-
-    i_outcome_counters : entity work.outcome_counters
-      port map (
-        clk             => clk,
-        rst             => rst,
-        received        => rejected(i),
-        receive_outcome => rejection(i),
-        served          => served(i),
-        serve_outcome   => outcome,
-        index           => counter,
-        value           => counts(i)
-      );
-
-  end generate g_links;
+  i_outcome_counters : entity work.outcome_counters
+    port map (
+      clk             => clk,
+      rst             => rst,
+      received        => rejected,
+      receive_outcome => rejection,
+      served          => served,
+      serve_outcome   => outcome,
+      look            => look,
+      index           => index,
+      shown           => shown,
+      value           => value
+    );
 
   i_link_executor : entity work.link_executor
     generic map (
@@ -223,8 +241,7 @@ begin
       EXPLORERS      => EXPLORERS,
       OPTION         => OPTION,
       CLOCK_HZ       => CLOCK_HZ,
-      LIMIT_0        => LIMIT,
-      LIMIT_1        => LIMIT,
+      LIMIT          => LIMIT,
       DECISION_LIMIT => DECISION_LIMIT
     )
     port map (
@@ -232,14 +249,16 @@ begin
       rst             => rst,
       control         => control,
       pending         => pending,
+      link            => link,
       address         => address,
-      content_0       => content(UART),
-      content_1       => content(SPI),
+      content         => content,
       served          => served,
       outcome         => outcome,
-      counter         => counter,
-      count_0         => counts(UART),
-      count_1         => counts(SPI),
+      look            => look,
+      index           => index,
+      shown           => shown,
+      value           => value,
+      reply_busy      => reply_busy,
       reply_begins    => reply_begins,
       reply_valid     => reply_valid,
       reply_data      => reply_data,

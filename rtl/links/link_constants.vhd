@@ -14,7 +14,7 @@ package link_constants is
   constant OVERHEAD : natural := 10; -- bytes of a frame without payload
   constant MAX_PAYLOAD : natural := 32; -- bytes
   constant MAX_FRAME : natural := 42; -- bytes before stuffing
-  constant PROTOCOL_VERSION : natural := 1; -- of the protocol
+  constant PROTOCOL_VERSION : natural := 2; -- of the protocol
   constant OUTCOME_COUNT : natural := 16; -- counters
   constant COUNTERS_PER_REPLY : natural := 8; -- counters
   constant LONGEST_DECISION : natural := 4000; -- clocks after which a STEP is answered without a decision
@@ -64,6 +64,9 @@ package link_constants is
   constant STEP_WORDS_MPTC : natural := 8; -- measurements of a step
   constant CONTROLLER_MPDCC : natural := 1;
   constant CONTROLLER_MPTC : natural := 2;
+
+  -- byte address of system.control, whatever the controller
+  constant CONTROL_ADDRESS : natural := 12;
 
   constant OUTCOME_ACCEPTED : outcome_t := "0000";
   constant OUTCOME_LINE : outcome_t := "0001";

@@ -41,7 +41,7 @@ architecture rtl of uart_transmitter is
   -- vsg_off signal_007
   signal shift : std_logic_vector(FRAME_BITS - 1 downto 0) := (others => '1');
   -- vsg_on signal_007
-  signal left  : unsigned(3 downto 0); -- bits that are still on the way
+  signal left  : unsigned(3 downto 0); -- bits behind the one that is on the line
 
 begin
 
@@ -59,14 +59,12 @@ begin
       if (phase(PHASE_WIDTH) = '1') then
         shift <= '1' & shift(FRAME_BITS - 1 downto 1);
 
-        if (left > 1) then
+        if (left /= 0) then
           left <= left - 1;
         elsif (valid = '1') then
           shift <= '1' & data & '0';
-          left  <= to_unsigned(FRAME_BITS, 4);
+          left  <= to_unsigned(FRAME_BITS - 1, 4);
           taken <= '1';
-        else
-          left <= (others => '0');
         end if;
       end if;
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from directmpc.host import protocol as p
+from directmpc.host.registers import registers_of
 
 _PATH = Path(__file__).resolve().parents[2] / "rtl" / "links" / "link_constants.vhd"
 
@@ -95,7 +96,13 @@ def text() -> str:
         f"  constant CONTROLLER_{controller.name} : natural := {int(controller)};"
         for controller in p.Controller
     ]
-    lines += [""]
+    address, _ = registers_of("mpdcc")["system.control"]
+    lines += [
+        "",
+        "  -- byte address of system.control, whatever the controller",
+        f"  constant CONTROL_ADDRESS : natural := {address};",
+        "",
+    ]
     lines += [
         f'  constant OUTCOME_{outcome.name} : outcome_t := "{outcome:04b}";'
         for outcome in p.Outcome

@@ -97,12 +97,24 @@ def test_outcomes_are_told_apart() -> None:
 
 
 def test_sequence_numbers_wrap() -> None:
-    assert p.is_newer(1, 0)
-    assert p.is_newer(0, 2**32 - 1)
-    assert p.is_newer(2**31 - 1, 0)
-    assert not p.is_newer(2**31, 0)
-    assert not p.is_newer(5, 5)
-    assert not p.is_newer(4, 5)
+    for link in range(2):
+        first = p.first_sequence(link)
+        assert p.is_newer(first + 1, first)
+        assert p.is_newer(first, first + 2**31 - 1)
+        assert p.is_newer(first + 2**30, first)
+        assert not p.is_newer(first + 2**30 + 1, first)
+        assert not p.is_newer(first + 5, first + 5)
+        assert not p.is_newer(first + 4, first + 5)
+        assert p.next_sequence(first) == first + 1
+        assert p.next_sequence(first + 2**31 - 1) == first
+
+
+def test_a_number_of_the_other_link_is_never_newer() -> None:
+    rng = random.Random(3)
+    for _ in range(2000):
+        last = rng.getrandbits(32)
+        ahead = rng.choice([0, 1, 2, rng.getrandbits(31)])
+        assert not p.is_newer((last + ahead) % 2**31 | ~last & 1 << 31, last)
 
 
 class Line:
@@ -178,7 +190,7 @@ def test_a_reply_that_comes_twice_or_late_answers_nothing_else() -> None:
 
 
 def test_refusals_say_why() -> None:
-    with pytest.raises(RefusedError, match="gives the steps to its other link") as refused:
+    with pytest.raises(RefusedError, match="gives control to its other link") as refused:
         link_of(model(controls=False)).request(Type.STEP, bytes(18))
     assert refused.value.outcome is Outcome.LINK
 

@@ -49,7 +49,7 @@ def _facts(board: Board) -> Table:
         "version", f"{version['major']}.{version['minor']}.{version['patch']}, map {version['map']}"
     )
     table.add_row("clock", f"{identity.clock / 1e6:g} MHz")
-    table.add_row("steps", "on this link" if identity.options & 2 else "on the other link")
+    table.add_row("control", "this link" if identity.options & 2 else "the other link")
     table.add_row("frame limit", f"{1e3 * identity.limit / identity.clock:g} ms")
     table.add_row("last sequence number", str(identity.last_sequence))
     return table

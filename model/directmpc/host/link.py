@@ -50,8 +50,8 @@ class RefusedError(RuntimeError):
 REASONS = {
     Outcome.BUSY: "the board is still deciding",
     Outcome.TYPE: "this board does not know it, or not with a payload of that size",
-    Outcome.STALE: "its sequence number is not above the last one",
-    Outcome.LINK: "the switch on the board gives the steps to its other link",
+    Outcome.STALE: "its sequence number is not above the last one of this link",
+    Outcome.LINK: "the switch on the board gives control to its other link",
     Outcome.POSITION: "the gates are not at the position it says",
 }
 """What a REFUSED reply may say."""
@@ -237,7 +237,7 @@ class Link:
                 raise LinkError(f"no reply to {kind.name}, sent {times}")
 
     def _attempt(self, kind: Type, payload: bytes) -> bytes | None:
-        self.sequence = (self.sequence + 1) % 2**32
+        self.sequence = p.next_sequence(self.sequence)
         self._stream.write(Frame(kind, self.sequence, payload).wire())
         until = self._clock() + self._timeout
         answer: Frame | None = None

@@ -19,7 +19,7 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-VERSION = 1
+VERSION = 2
 """Of the protocol: counts up when a frame changes its meaning."""
 
 HEADER_SIZE = 6  # type, length, sequence
@@ -80,8 +80,8 @@ class Outcome(IntEnum):
     LATE = 7  # more time than the limit between its first byte and its end
     BUSY = 8  # the request before is still being served
     TYPE = 9  # unknown type, or a payload of another size than the type's
-    STALE = 10  # sequence number not above the last one: replayed or overtaken
-    LINK = 11  # STEP on the link that does not control
+    STALE = 10  # sequence number not above this link's last: replayed, overtaken, of the other link
+    LINK = 11  # STEP or WRITE on the link that is not in control, but for a disable
     POSITION = 12  # s(k-1) or u is not what the gates are at
 
 
@@ -287,8 +287,44 @@ def judge(stuffed: bytes) -> tuple[Outcome, Frame | None]:
     return Outcome.ACCEPTED, Frame(kind, sequence, bytes(body[HEADER_SIZE:-CRC_SIZE]))
 
 
+NUMBER_BITS = 31
+"""Bits of a sequence number below the one that is the link: 0 UART, 1 SPI."""
+
+
+def first_sequence(link: int) -> int:
+    """Last sequence number of a link on which nothing has acted yet.
+
+    Parameters
+    ----------
+    link : int
+        0 UART, 1 SPI.
+
+    Returns
+    -------
+    int
+        0 to 2**32 - 1.
+    """
+    return link << NUMBER_BITS
+
+
+def next_sequence(sequence: int) -> int:
+    """The sequence number after one, of the same link.
+
+    Parameters
+    ----------
+    sequence : int
+        0 to 2**32 - 1.
+
+    Returns
+    -------
+    int
+        One more; the link's first after its last.
+    """
+    return sequence >> NUMBER_BITS << NUMBER_BITS | (sequence + 1) % 2**NUMBER_BITS
+
+
 def is_newer(sequence: int, last: int) -> bool:
-    """Whether a sequence number lies ahead of the last one: by 1 to 2**31 - 1, modulo 2**32.
+    """Whether a sequence number is of the same link as the last one and lies ahead of it.
 
     Parameters
     ----------
@@ -298,9 +334,10 @@ def is_newer(sequence: int, last: int) -> bool:
     Returns
     -------
     bool
-        False for the same number.
+        True by 1 to 2**30, modulo 2**31; false for the same number and for the other link's.
     """
-    return 0 < (sequence - last) % 2**32 < 2**31
+    same = sequence >> NUMBER_BITS == last >> NUMBER_BITS
+    return same and 0 < (sequence - last) % 2**NUMBER_BITS <= 2 ** (NUMBER_BITS - 1)
 
 
 class Splitter:
@@ -350,9 +387,10 @@ class Identity:
     explorers
         Of MPDCC, 0 for MPTC.
     options
-        Bit 0: paper's explorers (FOLDED) or, for MPTC, MPFC built in; bit 1: this link controls.
+        Bit 0: paper's explorers (FOLDED) or, for MPTC, MPFC built in; bit 1: this link is in
+        control.
     last_sequence
-        Last sequence number that was acted upon on this link.
+        Last sequence number that was acted upon on this link; bit 31 is the link.
     clock
         Clock of the core, Hz.
     limit

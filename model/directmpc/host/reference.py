@@ -12,6 +12,9 @@ from dataclasses import dataclass, field
 
 from directmpc.host import protocol as p
 from directmpc.host.protocol import Controller, Decision, Frame, Identity, Outcome, Type
+from directmpc.host.registers import registers_of
+
+_SLVERR = 2  # no such register; also between two
 
 
 @dataclass
@@ -30,6 +33,8 @@ class LinkModel:
         Position the gates are at, None while they are at none.
     counters
         Frames by outcome.
+    last
+        Last sequence number that acted; `protocol.first_sequence` of the link to begin with.
     """
 
     identity: Identity
@@ -42,7 +47,7 @@ class LinkModel:
 
     @property
     def controls(self) -> bool:
-        """Whether this link's steps count.
+        """Whether this link is in control.
 
         Returns
         -------
@@ -50,6 +55,22 @@ class LinkModel:
             Bit 1 of the identity's options.
         """
         return bool(self.identity.options & 2)
+
+    def disables(self, frame: Frame) -> bool:
+        """Whether a frame writes zero to system.control: all that a link without control may write.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame with a right CRC and size.
+
+        Returns
+        -------
+        bool
+            False for every other frame.
+        """
+        address, _ = registers_of(self.identity.controller.name.lower())["system.control"]
+        return frame.kind == Type.WRITE and frame.payload == struct.pack("<HI", address, 0)
 
     def verdict(self, frame: Frame) -> Outcome:
         """What becomes of a frame that its receiver has passed.
@@ -73,9 +94,9 @@ class LinkModel:
             return Outcome.TYPE
         if kind in p.ACTING and not p.is_newer(frame.sequence, self.last):
             return Outcome.STALE
+        if kind in p.ACTING and not self.controls and not self.disables(frame):
+            return Outcome.LINK
         if kind == Type.STEP:
-            if not self.controls:
-                return Outcome.LINK
             mask = 0x1FF if self.identity.controller is Controller.MPDCC else 7
             applied = self.applied()
             asked = int.from_bytes(frame.payload[-2:], "little")
@@ -119,11 +140,12 @@ class LinkModel:
             payload = struct.pack(f"<{p.COUNTERS_PER_REPLY}I", *counts)
         elif kind is Type.READ:
             (address,) = struct.unpack("<H", frame.payload)
-            response, word = self.read(address)
+            response, word = (_SLVERR, 0) if address % 4 else self.read(address)
             payload = struct.pack("<HBI", address, response, word)
         elif kind is Type.WRITE:
             address, word = struct.unpack("<HI", frame.payload)
-            payload = struct.pack("<HB", address, self.write(address, word))
+            response = _SLVERR if address % 4 else self.write(address, word)
+            payload = struct.pack("<HB", address, response)
         else:
             payload = self.step(frame.payload).pack()
         self.counters[Outcome.ACCEPTED] += 1

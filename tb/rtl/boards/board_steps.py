@@ -63,7 +63,7 @@ class Hostile:
 
     def __init__(self, script: Script, spi: bool) -> None:
         self.script, self.spi = script, spi
-        self.number = 0
+        self.number = p.first_sequence(int(spi))
         script.steps_over_spi(spi)
         script.wait(40)
         script.run()
@@ -91,9 +91,18 @@ class Hostile:
 
     def write(self, name: str, word: int) -> None:
         """A register by name."""
+        assert self.response(name, word) == 0, name
+
+    def response(self, name: str, word: int) -> int:
+        """What a write of a register is answered with."""
         address = registers_of("mptc")[name][0]
-        reply = self.request(Type.WRITE, struct.pack("<HI", address, word))
+        return self.request(Type.WRITE, struct.pack("<HI", address, word))[2]
+
+    def read(self, name: str) -> int:
+        """The word of a register."""
+        reply = self.request(Type.READ, struct.pack("<H", registers_of("mptc")[name][0]))
         assert reply[2] == 0, name
+        return int.from_bytes(reply[3:], "little")
 
     def run_up(self) -> Decision:
         """Load a drive, enable the gates, decide twice: the gates are on now."""

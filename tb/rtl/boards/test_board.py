@@ -31,7 +31,7 @@ from directmpc.host import protocol as p
 from directmpc.host.board import Board
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
-from directmpc.host.registers import GuardSettings, values
+from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import Decisions, IntArray
 from scripts.hdl.clocks import worst_cycles
@@ -225,8 +225,10 @@ def test_hostile_frames_change_no_gate_and_cost_nothing_after_them(spi: bool, co
         assert on != 0
         # what has been acted upon: to be replayed
         position = decision.position & 7
-        good = [Frame(Type.STEP, n, p.step_payload([n] * 8, position)).wire() for n in (1, 8)]
-        good += [Frame(Type.WRITE, n, struct.pack("<HI", 0x0C, 0)).wire() for n in range(1, 9)]
+        # of this link, and of the other
+        numbers = [p.first_sequence(link) + n for link in (0, 1) for n in range(1, 9)]
+        good = [Frame(Type.STEP, n, p.step_payload([8] * 8, position)).wire() for n in numbers[::7]]
+        good += [Frame(Type.WRITE, n, struct.pack("<HI", 0x0C, 0)).wire() for n in numbers]
         expected = board.counters()
         expected[Outcome.ACCEPTED] += 2  # those that asked for the counters
         seen = 0
@@ -259,7 +261,7 @@ def test_hostile_frames_change_no_gate_and_cost_nothing_after_them(spi: bool, co
                 assert board.counters() == +expected
                 expected[Outcome.ACCEPTED] += 2
             # the guard's watchdog is alive all the while: the same decision again keeps it content
-            board.number = max(board.number, 1000)
+            board.number = max(board.number, p.first_sequence(int(spi)) + 1000)
             assert board.step(decision.position & 7).position == decision.position
             expected[Outcome.ACCEPTED] += 1
         assert seen == count
@@ -320,12 +322,122 @@ def test_a_step_on_the_other_link_or_from_another_position_is_refused() -> None:
         assert script_gates(board) == on
 
 
+def test_the_link_without_control_reads_and_disables_and_does_nothing_else() -> None:
+    with Script(generics("mptc")) as script:
+        board = Hostile(script, True)
+        decision = board.run_up()
+        on = script_gates(board)
+        assert on != 0
+        other = Hostile(script, False)
+        script.steps_over_spi(True)
+        script.wait(40)
+        script.run()
+        names = [name for name in registers_of("mptc") if name != "system.control"]
+        before = {n: board.read(n) for n in names if n.startswith(("guard.", "measurements."))}
+        for name in names:
+            with pytest.raises(RefusedError) as refused:
+                other.write(name, 0xFFFF)
+            assert refused.value.outcome is Outcome.LINK, name
+        for word in (1, 2, 0x100):
+            with pytest.raises(RefusedError) as refused:
+                other.write("system.control", word)
+            assert refused.value.outcome is Outcome.LINK
+        with pytest.raises(RefusedError) as refused:
+            other.step(decision.position & 7)
+        assert refused.value.outcome is Outcome.LINK
+        assert {name: board.read(name) for name in before} == before
+        assert script_gates(board) == on
+        # what the link in control has sent is stale here, with either switch
+        for control in (True, False):
+            script.steps_over_spi(control)
+            script.wait(40)
+            script.run()
+            own, other.number = other.number, board.number - 1
+            with pytest.raises(RefusedError) as refused:
+                other.step(decision.position & 7)
+            assert refused.value.outcome is Outcome.STALE
+            other.number = own
+        script.steps_over_spi(True)
+        script.wait(40)
+        # it reads, and it disables
+        assert other.read("system.status") == board.read("system.status")
+        assert other.read("system.gates") == on
+        assert script_gates(board) == on
+        other.write("system.control", 0)
+        assert script_gates(board) == 0
+        assert not board.read("system.control")
+
+
+def test_settings_are_locked_and_addresses_between_two_words_are_none() -> None:
+    with Script(generics("mptc")) as script:
+        board = Hostile(script, True)
+        board.run_up()
+        on = script_gates(board)
+        for name in (name for name in registers_of("mptc") if name.startswith("guard.")):
+            before = board.read(name)
+            assert board.response(name, before ^ 0x7FF) == 2, name
+            assert board.read(name) == before
+        control = registers_of("mptc")["system.control"][0]
+        for address in range(control + 1, control + 4):
+            reply = board.request(Type.WRITE, struct.pack("<HI", address, 0))
+            assert reply[2] == 2
+            reply = board.request(Type.READ, struct.pack("<H", address))
+            assert reply[2:] == bytes([2, 0, 0, 0, 0])
+        assert script_gates(board) == on
+        # disabled, they are set; enabled again only with a commit
+        board.write("system.control", 0)
+        board.write("guard.watchdog", 0xFFF0)
+        assert board.response("system.control", 1) == 2
+        board.write("system.command", 1)
+        board.write("system.control", 1)
+
+
+def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
+    """SESE without a budget, one start and commit, then everything that a host may want at once."""
+    drive = load_drive(MPDCC).with_control(switching_horizon="SESE")
+    with Script(generics("mpdcc")) as script:
+        board = Hostile(script, True)
+        found = values(drive, GuardSettings(clock=CLOCK))
+        found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
+        for _, address, word in found.writes():
+            board.request(Type.WRITE, struct.pack("<HI", address, word))
+        board.write("system.faults", 0x1FF)
+        board.write("system.control", 0b0011)  # enable, measurements from the registers
+        known = registers_of("mpdcc")
+        measured = {"is_alpha": 3000, "v_ph_a": 16_000, "v_ph_b": 16_000, "v_ph_c": 16_000}
+        measured |= {"v_dc": 32_000, "iref_alpha": 15_000, "psir_alpha": 9000, "omega_s": 16_000}
+        for name, word in measured.items():
+            address, _ = known[f"measurements.{name}"]
+            board.request(Type.WRITE, struct.pack("<HI", address, word))
+        board.write("system.command", 0b0010)
+        script.wait(5000)
+        board.write("system.command", 0b0010)
+        script.wait(5000)
+        assert script_gates(board) != 0
+        # the attack: a commit that has to wait, and a write of a shadow behind it
+        board.write("system.command", 0b0011)
+        shadow, _ = known["parameters.horizon"]
+        waiting = board.read("system.status")
+        refused = board.request(Type.WRITE, struct.pack("<HI", shadow, 5))[2]
+        began = script.run()
+        assert waiting >> 1 & 1, "the commit has not waited"
+        assert refused == 2
+        board.write("system.control", 0)
+        assert script_gates(board) == 0
+        board.write("system.faults", 0x1FF)
+        assert not board.read("system.status") >> 5 & 1
+        script.wait(5000)
+        assert board.request(Type.WRITE, struct.pack("<HI", shadow, 5))[2] == 0
+        assert not began
+
+
 def test_an_spi_exchange_of_a_step_fits_well_into_a_control_period() -> None:
     """At SCK of 25 MHz, clock of the core 25 MHz: the request, a slowest decision, the reply."""
     with Script(generics("mpdcc")) as script:
         script.steps_over_spi(True)
         script.wait(40)
-        request = Frame(Type.STEP, 1, p.step_payload([0] * 13, 0)).wire()
+        number = p.first_sequence(1) + 1
+        request = Frame(Type.STEP, number, p.step_payload([0] * 13, 0)).wire()
         script.run()
         script.spi(request + bytes(60))
         (seen,) = script.run()

@@ -315,7 +315,9 @@ def test_steps_over_spi_switch_the_gates_and_permit_stops_them(name: str) -> Non
         decision = board.run_up()
         on = script_gates(board)
         assert on == gates_of("mptc", decision)
-        wire = bytearray(Frame(Type.WRITE, 5000, struct.pack("<HI", 0x0C, 0)).wire())
+        wire = bytearray(
+            Frame(Type.WRITE, p.first_sequence(1) + 5000, struct.pack("<HI", 0x0C, 0)).wire()
+        )
         wire[-3] ^= 0xA5
         board.send(bytes(wire), 40)
         script.wait(2000)

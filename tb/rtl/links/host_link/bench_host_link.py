@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import random
 import struct
+from dataclasses import replace
 
 import cocotb
 from cocotb.clock import Clock
@@ -21,6 +22,7 @@ from tb.rtl.links.host_link.spi_master import SpiBus, SpiConfig, SpiMaster
 UART, SPI = 0, 1
 PERIOD_NS = 40
 REGISTERS = 1024  # bytes
+CONTROL = 0x0C  # address of system.control
 FAULTS, GATES = 0x5A3C, 0x00C0FFEE
 CORE_FLAGS = sum(
     1 << f for f in (p.Flag.HELD, p.Flag.DEADLOCK, p.Flag.SATURATED, p.Flag.CLAMPED)
@@ -53,7 +55,14 @@ class Bench:
                 p.VERSION, Controller.MPDCC, 2, 2 * (controls == link), 0, 25_000_000, limit
             )
             self.models.append(
-                LinkModel(identity, self.read, self.write, self.step, lambda: self.applied)
+                LinkModel(
+                    identity,
+                    self.read,
+                    self.write,
+                    self.step,
+                    lambda: self.applied,
+                    last=p.first_sequence(link),
+                )
             )
         self.streams = (Splitter(), Splitter())
         self.replies: tuple[list[Frame], list[Frame]] = ([], [])
@@ -75,9 +84,9 @@ class Bench:
         flags &= CORE_FLAGS
         cycles = delay_of(payload)
         if cycles > p.LONGEST_DECISION:
-            position, flags, length, cycles = (*self.previous, p.LONGEST_DECISION)
-            flags |= 1 << p.Flag.NO_ANSWER
-        self.previous = (position, flags & CORE_FLAGS, length)
+            # nothing of any decision
+            position, length, cycles = 0, 0, p.LONGEST_DECISION
+            flags = 1 << p.Flag.NO_ANSWER
         self.board.cover("exhausted", flags >> p.Flag.EXHAUSTED)
         flags |= 1 << p.Flag.ENABLED
         return Decision(position, flags, length, cycles, FAULTS, GATES)
@@ -109,7 +118,6 @@ class Bench:
         await ClockCycles(dut.clk, 4)
         dut.rst.value = 0
         await ClockCycles(dut.clk, 40)
-        self.previous = (0, 0, 0)
         cocotb.start_soon(self.core())
 
     async def core(self) -> None:
@@ -197,11 +205,14 @@ class Bench:
 
 def random_request(rng: random.Random, last: int) -> Frame:
     """A request of any kind, most of them such as are served."""
-    number = (last + rng.choice([1, 1, 1, 2, 300, 2**31 - 1, 0, -1, 2**31])) % 2**32
+    ahead = rng.choice([1, 1, 1, 1, 2, 300, 2**30, 2**30 + 1, 0, -1])
+    link = last >> p.NUMBER_BITS ^ (rng.random() < 0.1)
+    number = p.first_sequence(link) + (last + ahead) % 2**p.NUMBER_BITS
     kind = rng.choice([Type.IDENTIFY, Type.READ, Type.WRITE, Type.WRITE, Type.STEP, Type.STEP])
     if rng.random() < 0.1:
         return Frame(rng.randrange(256), number, rng.randbytes(rng.randrange(p.MAX_PAYLOAD + 1)))
-    address = 4 * rng.randrange(REGISTERS // 4) + rng.choice([0, 0, 0, 0, REGISTERS])
+    address = 4 * rng.randrange(REGISTERS // 4) + rng.choice([0, 0, 0, 0, 1, 2, 3, REGISTERS])
+    address = rng.choice([address, address, CONTROL])
     payload = {
         Type.IDENTIFY: b"",
         Type.READ: struct.pack("<H", address),
@@ -229,6 +240,17 @@ def damaged(rng: random.Random, wire: bytes) -> bytes:
         body = rng.randbytes(rng.randrange(1, 60))
         middle = bytearray(p.stuff(body))
     return b"\0" + bytes(middle) + b"\0"
+
+
+async def clocks_until(dut, signal, value: int) -> int:
+    """Clocks from the end of the next frame on SPI to a value of a signal."""
+    while not number(dut.pending) >> SPI & 1:
+        await RisingEdge(dut.clk)
+    clocks = 0
+    while number(signal) != value:
+        await RisingEdge(dut.clk)
+        clocks += 1
+    return clocks
 
 
 @cocotb.test(skip=arguments()["case"] != "frames")
@@ -352,18 +374,79 @@ async def mishaps(dut) -> None:
     dut.step_busy.value = 0
     await recovered(UART)
 
+    # a decision under way, for which its own link waits: the other one disables at once
+    known = [len(replies) for replies in bench.replies]
+    decided = uart.receive(Frame(Type.STEP, 200, b"\xee\xee" + bytes(26)).wire()[1:-1])
+    bench.source.write_nowait(Frame(Type.STEP, 200, b"\xee\xee" + bytes(26)).wire())
+    await bench.source.wait()
+    await RisingEdge(dut.step_start)
+    for k in range(6):
+        number_ = p.first_sequence(SPI) + 100 + k
+        # what else the other link may ask for, and the disable
+        for request in (
+            Frame(Type.COUNTERS, number_, b"\0"),
+            Frame(Type.WRITE, number_, struct.pack("<HI", CONTROL, 0)),
+        ):
+            want = spi.receive(request.wire()[1:-1])
+            task = cocotb.start_soon(clocks_until(dut, dut.served, 1 << SPI))
+            await bench.send(SPI, request.wire())
+            await ClockCycles(dut.clk, 2)
+            board.longest("counters" if request.kind == Type.COUNTERS else "disable", await task)
+            await bench.wait_for(SPI, known[SPI] + 1)
+            board.check("meanwhile", bench.replies[SPI][known[SPI]], want)
+            known[SPI] += 1
+    board.check("still waiting", len(bench.replies[UART]), known[UART])
+    await bench.wait_for(UART, known[UART] + 1)
+    board.check("reply", bench.replies[UART][known[UART]], decided, "after the other link's")
+    await ClockCycles(dut.clk, 2000)
+    await recovered(UART)
+
     # both links at the same time
     rng = random.Random(given["seed"])
     for k in range(8):
-        request = Frame(Type.WRITE, 2000 + k, struct.pack("<HI", 4 * k, rng.getrandbits(32)))
-        expected = [model.receive(request.wire()[1:-1]) for model in bench.models]
+        requests = (
+            Frame(Type.WRITE, 2000 + k, struct.pack("<HI", 4 * k, rng.getrandbits(32))),
+            Frame(
+                Type.WRITE,
+                p.first_sequence(SPI) + 2000 + k,
+                struct.pack("<HI", CONTROL, rng.choice([0, 0, 1])),
+            ),
+        )
+        pairs = zip(bench.models, requests, strict=True)
+        expected = [model.receive(request.wire()[1:-1]) for model, request in pairs]
         known = [len(replies) for replies in bench.replies]
-        bench.source.write_nowait(request.wire())
+        bench.source.write_nowait(requests[UART].wire())
         await Timer(rng.randrange(30, 50), "us")
-        await bench.send(SPI, request.wire())
+        await bench.send(SPI, requests[SPI].wire())
         for link in (UART, SPI):
             await bench.wait_for(link, known[link] + 1)
             board.check("reply", bench.replies[link][known[link]], expected[link], f"link {link}")
     await recovered(UART)
     await recovered(SPI)
-    board.finish({"reply": 40, "refused": 1}, {"recovered": 8})
+
+    # the switch moves: what was recorded on one link is stale on the other, its own goes on
+    recorded = [
+        Frame(Type.STEP, 3000, bytes(28)),
+        Frame(Type.WRITE, 3001, struct.pack("<HI", 0x40, 5)),
+    ]
+    for frame in recorded:
+        await bench.exchange(UART, frame.wire())
+    dut.control.value = SPI
+    for model in bench.models:
+        model.identity = replace(model.identity, options=model.identity.options ^ 2)
+    for frame in recorded:
+        await bench.exchange(SPI, frame.wire())
+        board.check("recorded", bench.replies[SPI][-1].payload[0], Outcome.STALE)
+    for ahead, frame in enumerate(recorded):
+        own = replace(frame, sequence=p.first_sequence(SPI) + 3000 + ahead)
+        await bench.exchange(SPI, own.wire())
+        board.check("own", bench.replies[SPI][-1].kind, frame.kind | p.REPLY)
+        later = replace(frame, sequence=3010 + ahead)
+        await bench.exchange(UART, later.wire())
+        board.check("no control", bench.replies[UART][-1].payload[0], Outcome.LINK)
+    await recovered(UART)
+    await recovered(SPI)
+    board.finish(
+        {"reply": 40, "refused": 1, "meanwhile": 12, "recorded": 2, "own": 2, "no control": 2},
+        {"recovered": 8},
+    )

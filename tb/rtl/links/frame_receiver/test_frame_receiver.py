@@ -1,0 +1,53 @@
+"""Frames of two links through one receiver, byte by byte.
+
+Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames cut off
+or take too long; frames that come while one waits, or while it is being released.
+Checks: what becomes of every frame, in order; that a frame that waits keeps every byte, whatever
+comes after it; nothing of one link on the other.
+Timing: a byte of each link in every fourth clock, and slower.
+Faults: a frame that is written over, a blocked frame that passes, one that is late, and others.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "frame_receiver"
+
+
+def bench(rtl: Path = RTL, frames: int = 120) -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.links.{NAME}.bench_{NAME}",
+        units=[NAME],
+        generics={"LIMIT": 800},
+        arguments={"frames": frames},
+        rtl=rtl,
+    )
+
+
+def test_frames_of_both_links_are_judged_and_kept() -> None:
+    bench()
+
+
+FAULTS = [
+    Fault(NAME, "store and not (view.full or busy)", "store and not view.full", "content"),
+    Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := busy;", "outcome"),
+    Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := '0';", "outcome"),
+    Fault(NAME, "v.late := '1';", "null;", "outcome"),
+    Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
+    Fault(NAME, "place <= turn &", "place <= link &", "content"),
+    Fault(NAME, "data_0 when turn = '0' else", "data_0 when link = '0' else", "(outcome|content)"),
+    Fault(NAME, "elsif (view.sound = '0') then", "elsif (false) then", "outcome"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)

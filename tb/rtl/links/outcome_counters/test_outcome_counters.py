@@ -1,0 +1,56 @@
+"""Outcomes of frames are counted, each under its own number and link.
+
+Sweep: counters of 4 bits, which reach their end, and of 32.
+Stimulus: outcomes of the receiver, of both links, and of the executor, together and apart, each
+source once in six clocks; looks at any time; resets.
+Checks: a counter whenever it has settled; its end; after a reset all are zero; the time of a look.
+Faults: an outcome that is dropped, one that is counted twice, one that goes to another counter, a
+counter that wraps.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "outcome_counters"
+
+
+def bench(rtl: Path = RTL, width: int = 4) -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.links.{NAME}.bench_{NAME}",
+        units=[NAME],
+        generics={"WIDTH": width},
+        arguments={"clocks": 6000, "largest": 10 if width == 4 else 0},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("width", [4, 32])
+def test_outcomes_are_counted(width: int) -> None:
+    bench(width=width)
+
+
+FAULTS = [
+    Fault(NAME, "(r.counting and not fresh(WIDTH))", "r.counting", "value"),
+    Fault(NAME, "elsif (r.counting = '0') then", "else", "value"),
+    Fault(NAME, "          v.wanted(2) := '0';", "          null;", "(value|time)"),
+    Fault(NAME, "reason      <= served(1) & serve", "reason      <= '0' & serve", "value"),
+    Fault(NAME, "'1' & reason_1 when", "'0' & reason_1 when", "value"),
+    Fault(NAME, "unsigned('0' & present) + 1", "unsigned('0' & present) + 2", "value"),
+    Fault(NAME, "reason_0    <= receive_outcome;", "reason_0    <= serve_outcome;", "value"),
+    Fault(
+        NAME, "        v.clearing := r.clearing + 1;", '        v.clearing := "100000";', "value"
+    ),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
