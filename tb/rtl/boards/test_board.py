@@ -34,6 +34,7 @@ from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.trace import Decisions, IntArray
+from scripts.generate.protocol_examples import MEASUREMENTS
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
 from tb.rtl.boards.board_steps import (
@@ -338,6 +339,9 @@ def test_the_link_without_control_reads_and_disables_and_does_nothing_else() -> 
             with pytest.raises(RefusedError) as refused:
                 other.write(name, 0xFFFF)
             assert refused.value.outcome is Outcome.LINK, name
+            # the watchdog wants decisions
+            assert board.step(decision.position & 7).position == decision.position
+        before |= {name: board.read(name) for name in before if name.startswith("measurements.")}
         for word in (1, 2, 0x100):
             with pytest.raises(RefusedError) as refused:
                 other.write("system.control", word)
@@ -395,40 +399,69 @@ def test_settings_are_locked_and_addresses_between_two_words_are_none() -> None:
 def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
     """SESE without a budget, one start and commit, then everything that a host may want at once."""
     drive = load_drive(MPDCC).with_control(switching_horizon="SESE")
+    rng = random.Random(7)
+    known = registers_of("mpdcc")
     with Script(generics("mpdcc")) as script:
         board = Hostile(script, True)
         found = values(drive, GuardSettings(clock=CLOCK))
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
         for _, address, word in found.writes():
             board.request(Type.WRITE, struct.pack("<HI", address, word))
+        board.write("system.control", 0)
+        # a state whose decision takes long
+        slowest: tuple[int, list[int]] = (0, [])
+        for _ in range(60):
+            words = [w + rng.randrange(-1500, 1500) for w in MEASUREMENTS]
+            words[8] = MEASUREMENTS[8]
+            board.number += 1
+            payload = p.step_payload(words, p.packed_positions((6, 2, 1)))
+            script.spi(Frame(Type.STEP, board.number, payload).wire())
+            script.wait(2500)
+            script.spi(bytes(40))
+            (stuffed,) = Splitter().feed(script.run()[-1].spi)
+            frame = p.judge(stuffed)[1]
+            assert frame is not None
+            decision = Decision.unpack(frame.payload)
+            slowest = max(slowest, (decision.cycles, words))
+        cycles, words = slowest
+        assert cycles > 900
+        for port, word in zip([n for n in known if n.startswith("measurements.")], words,
+                              strict=False):  # fmt: skip
+            address, _ = known[port]
+            board.request(Type.WRITE, struct.pack("<HI", address, word & 0xFFFF))
+        for phase, position in zip("abc", (6, 2, 1), strict=True):
+            address, _ = known[f"measurements.s_prev_{phase}"]
+            board.request(Type.WRITE, struct.pack("<HI", address, position))
         board.write("system.faults", 0x1FF)
         board.write("system.control", 0b0011)  # enable, measurements from the registers
-        known = registers_of("mpdcc")
-        measured = {"is_alpha": 3000, "v_ph_a": 16_000, "v_ph_b": 16_000, "v_ph_c": 16_000}
-        measured |= {"v_dc": 32_000, "iref_alpha": 15_000, "psir_alpha": 9000, "omega_s": 16_000}
-        for name, word in measured.items():
-            address, _ = known[f"measurements.{name}"]
-            board.request(Type.WRITE, struct.pack("<HI", address, word))
-        board.write("system.command", 0b0010)
-        script.wait(5000)
-        board.write("system.command", 0b0010)
-        script.wait(5000)
+        for _ in range(2):
+            board.write("system.command", 0b0010)
+            script.wait(5000)
         assert script_gates(board) != 0
-        # the attack: a commit that has to wait, and a write of a shadow behind it
-        board.write("system.command", 0b0011)
+        # start and commit; a shadow, which has to be refused; is it waiting? a disable; the faults
         shadow, _ = known["parameters.horizon"]
-        waiting = board.read("system.status")
-        refused = board.request(Type.WRITE, struct.pack("<HI", shadow, 5))[2]
-        began = script.run()
-        assert waiting >> 1 & 1, "the commit has not waited"
-        assert refused == 2
-        board.write("system.control", 0)
-        assert script_gates(board) == 0
-        board.write("system.faults", 0x1FF)
-        assert not board.read("system.status") >> 5 & 1
+        requests = [
+            (Type.WRITE, struct.pack("<HI", known["system.command"][0], 0b0011)),
+            (Type.WRITE, struct.pack("<HI", shadow, 5)),
+            (Type.WRITE, struct.pack("<HI", known["system.control"][0], 0)),
+            (Type.READ, struct.pack("<H", known["system.status"][0])),
+        ]
+        line = b""
+        for kind, payload in requests:
+            board.number += 1
+            line += Frame(kind, board.number, payload).wire() + bytes(21)
+        script.spi(line + bytes(30))
+        seen = script.run()[-1]
+        frames = [p.judge(stuffed)[1] for stuffed in Splitter().feed(seen.spi)]
+        answers = [frame.payload[2:] for frame in frames if frame is not None]
+        assert [answer[0] for answer in answers] == [0, 2, 0, 0]
+        busy, pending, running = (answers[3][1] >> bit & 1 for bit in (0, 1, 2))
+        assert (busy, pending, running) == (1, 1, 0)
+        assert seen.gates == 0
+        # nothing is left of it
         script.wait(5000)
+        assert not board.read("system.status") & 0b11
         assert board.request(Type.WRITE, struct.pack("<HI", shadow, 5))[2] == 0
-        assert not began
 
 
 def test_an_spi_exchange_of_a_step_fits_well_into_a_control_period() -> None:

@@ -114,7 +114,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("request_check", "MPDCC, 9, 3)", "MPDCC, 8, 3)", over_uart),
     ("request_check", "quiet       <= '1';", "quiet       <= '0';", mishaps),
     ("reply_source", "kept_flags(FLAG_ENABLED)   <= enabled;", "null;", over_uart),
-    ("step_port", "no_answer <= '1';", "null;", mishaps),
+    ("reply_source", "kept_flags(FLAG_NO_ANSWER) <= no_answer;", "null;", mishaps),
     ("link_executor", "no_step  <= step_busy or parked;", "no_step  <= parked;", mishaps),
     ("link_executor", "and not (parked and not r.step_link)", "", mishaps),
     ("link_executor", "if (r.intact = '1') then", "if (true) then", mishaps),
