@@ -84,16 +84,16 @@ architecture rtl of frame_receiver is
   );
 
   -- what follows from a state, made while the other link has its turn
-  type view_t is record
+  type facts_t is record
     at_code : std_logic; -- the next byte is a code
     full    : std_logic; -- MAX_FRAME bytes are there
     short   : std_logic; -- fewer than OVERHEAD are
     wrong   : std_logic; -- the length byte is not that of the frame, which has at most MAX_FRAME bytes
     sound   : std_logic; -- the CRC is right
     old     : std_logic; -- the time is over
-  end record view_t;
+  end record facts_t;
 
-  constant VIEW_INIT : view_t := (
+  constant FACTS_INIT : facts_t := (
     at_code => '1',
     full    => '0',
     short   => '1',
@@ -105,7 +105,7 @@ architecture rtl of frame_receiver is
   subtype timer_t is natural range 0 to TURNS;
 
   -- what a state tells
-  function viewed (state : state_t; timer : timer_t) return view_t is
+  function facts_of (state : state_t; timer : timer_t) return facts_t is
   begin
 
     return (
@@ -117,10 +117,10 @@ architecture rtl of frame_receiver is
       old     => to_std_logic(timer = TURNS)
     );
 
-  end function viewed;
+  end function facts_of;
 
   signal r       : state_t; -- of the link in turn
-  signal view    : view_t;
+  signal facts    : facts_t;
   signal timer   : timer_t; -- turns since its first byte
   signal other   : state_t;
   signal waiting : timer_t; -- timer of the other
@@ -156,10 +156,10 @@ begin
   zero    <= to_std_logic(data = x"00");
 
   -- a code ends the zero before it, but for the first one
-  plain <= x"00" when view.at_code = '1' else
+  plain <= x"00" when facts.at_code = '1' else
            data;
-  store <= byte_in and not (zero or r.line or (view.at_code and not r.inside));
-  keep  <= store and not (view.full or busy);
+  store <= byte_in and not (zero or r.line or (facts.at_code and not r.inside));
+  keep  <= store and not (facts.full or busy);
   place <= turn & std_logic_vector(r.size);
 
   index <= r.crc(7 downto 0) xor plain;
@@ -190,20 +190,20 @@ begin
       read_word     => content
     );
 
-  p_judge : process (r, view) is
+  p_judge : process (r, facts) is
   begin
 
     if (r.line = '1') then
       found <= OUTCOME_LINE;
     elsif (r.over = '1') then
       found <= OUTCOME_OVERSIZED;
-    elsif (view.at_code = '0') then
+    elsif (facts.at_code = '0') then
       found <= OUTCOME_STUFFING;
-    elsif (view.short = '1') then
+    elsif (facts.short = '1') then
       found <= OUTCOME_SHORT;
-    elsif (view.wrong = '1') then
+    elsif (facts.wrong = '1') then
       found <= OUTCOME_LENGTH;
-    elsif (view.sound = '0') then
+    elsif (facts.sound = '0') then
       found <= OUTCOME_CRC;
     elsif (r.late = '1') then
       found <= OUTCOME_LATE;
@@ -232,12 +232,12 @@ begin
       cut  <= ended or (cut and not (here and (1 downto 0 => stop)));
       kept <= kept and not served;
 
-      if (r.inside = '1' and view.old = '1') then
+      if (r.inside = '1' and facts.old = '1') then
         v.late := '1';
       end if;
 
       if (store = '1') then
-        if (view.full = '1') then
+        if (facts.full = '1') then
           v.over := '1';
         else
           v.size := r.size + 1;
@@ -270,7 +270,7 @@ begin
         v.inside  := '1';
         v.blocked := r.blocked or busy;
 
-        if (view.at_code = '1') then
+        if (facts.at_code = '1') then
           v.left := unsigned(data) - 1;
         else
           v.left := r.left - 1;
@@ -287,7 +287,7 @@ begin
       if (v.inside = '1') then
         waiting <= timer;
 
-        if (view.old = '0') then
+        if (facts.old = '0') then
           waiting <= timer + 1;
         end if;
       end if;
@@ -299,12 +299,12 @@ begin
       end if;
 
       timer <= waiting;
-      view  <= viewed(other, waiting);
+      facts  <= facts_of(other, waiting);
 
       if (rst = '1') then
         r       <= STATE_INIT;
         other   <= STATE_INIT;
-        view    <= VIEW_INIT;
+        facts    <= FACTS_INIT;
         timer   <= 0;
         waiting <= 0;
         come    <= "00";

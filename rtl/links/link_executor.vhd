@@ -14,9 +14,9 @@
 --
 -- Formats: frames as in docs/protocol.md. measurements and step_position are the payload of a STEP,
 -- first word lowest.
--- Latency, in clocks from pending to the last byte of the reply while nothing else is served: IDENTIFY 37; READ,
--- WRITE 30 to 32 and the access; STEP 62 (MPDCC) or 52 (MPTC) and the decision; COUNTERS at most 120. A register
--- is reached at most 200 clocks after pending, whatever the other link does.
+-- Latency, in clocks from pending to the last byte of the reply while nothing else is served: IDENTIFY 36; COUNTERS
+-- at most 90; READ, WRITE at most 27 and the access; STEP 64 (MPDCC) or 54 (MPTC) and the decision. With the other
+-- link's request before it a request is served within 256.
 -- Overflow: none. A core without an answer after DECISION_LIMIT clocks gives a reply that says so, with
 -- no decision in it.
 -- Considered and rejected: docs/alternatives.md.

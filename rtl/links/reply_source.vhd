@@ -131,10 +131,10 @@ architecture rtl of reply_source is
   end function taken;
 
   -- an entry that stands for itself
-  function fixed (value : natural) return entry_t is
+  function fixed (code : natural) return entry_t is
   begin
 
-    return std_logic_vector(to_unsigned(value, TABLE_BITS));
+    return std_logic_vector(to_unsigned(code, TABLE_BITS));
 
   end function fixed;
 
@@ -161,13 +161,13 @@ architecture rtl of reply_source is
 
     end procedure put_bytes;
 
-    procedure put_word (value : natural; count : positive) is
+    procedure put_word (whole : natural; count : positive) is
 
       variable rest : natural;
 
     begin
 
-      rest := value;
+      rest := whole;
 
       for i in 0 to count - 1 loop
         put(fixed(rest mod 256));
@@ -199,6 +199,7 @@ architecture rtl of reply_source is
     end procedure put_address;
 
     -- the entry that was put last is the reply's last one
+
     procedure end_here is
     begin
 

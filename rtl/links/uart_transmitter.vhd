@@ -41,7 +41,7 @@ architecture rtl of uart_transmitter is
   -- vsg_off signal_007
   signal shift : std_logic_vector(FRAME_BITS - 1 downto 0) := (others => '1');
   -- vsg_on signal_007
-  signal left  : unsigned(3 downto 0); -- bits behind the one that is on the line
+  signal left  : unsigned(3 downto 0); -- bits that are still on the way
 
 begin
 
@@ -59,12 +59,14 @@ begin
       if (phase(PHASE_WIDTH) = '1') then
         shift <= '1' & shift(FRAME_BITS - 1 downto 1);
 
-        if (left /= 0) then
+        if (left > 1) then
           left <= left - 1;
         elsif (valid = '1') then
           shift <= '1' & data & '0';
-          left  <= to_unsigned(FRAME_BITS - 1, 4);
+          left  <= to_unsigned(FRAME_BITS, 4);
           taken <= '1';
+        else
+          left <= (others => '0');
         end if;
       end if;
 

@@ -1,8 +1,8 @@
 -- What every system has around its controller: start and commit, counters, gate guard, shared registers.
 --
 -- A system consists of its register block, its observer, its core and this shell. The shell gates the bus writes
--- (write_rules, write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and drives the
--- gates (gate_guard). It fills all of the shared registers' inputs.
+-- (write_rules, write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and
+-- drives the gates (gate_guard). It fills all of the shared registers' inputs.
 --
 -- The guard's settings are shadows: they are taken over with load, as the parameters are by the system.
 -- Faults: the guard latches them and the register shows them. What software clears in the register is cleared in the

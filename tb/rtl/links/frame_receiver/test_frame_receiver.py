@@ -37,14 +37,14 @@ def test_frames_of_both_links_are_judged_and_kept() -> None:
 
 
 FAULTS = [
-    Fault(NAME, "store and not (view.full or busy)", "store and not view.full", "content"),
+    Fault(NAME, "store and not (facts.full or busy)", "store and not facts.full", "content"),
     Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := busy;", "outcome"),
     Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := '0';", "outcome"),
     Fault(NAME, "v.late := '1';", "null;", "outcome"),
     Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
     Fault(NAME, "place <= turn &", "place <= link &", "content"),
     Fault(NAME, "data_0 when turn = '0' else", "data_0 when link = '0' else", "(outcome|content)"),
-    Fault(NAME, "elsif (view.sound = '0') then", "elsif (false) then", "outcome"),
+    Fault(NAME, "elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
 ]
 
 

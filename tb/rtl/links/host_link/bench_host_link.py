@@ -10,17 +10,18 @@ from dataclasses import replace
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import ClockCycles, ReadOnly, RisingEdge, Timer
+from cocotb.utils import get_sim_time
 from cocotbext.axi import AxiLiteBus, AxiLiteRam
 from cocotbext.uart import UartSink, UartSource
 
 from directmpc.host import protocol as p
 from directmpc.host.protocol import Controller, Decision, Frame, Identity, Outcome, Splitter, Type
 from directmpc.host.reference import LinkModel
-from tb.helpers.scoreboard import Scoreboard, arguments, number
+from tb.helpers.scoreboard import Scoreboard, arguments, lowest_bit, number
 from tb.rtl.links.host_link.spi_master import SpiBus, SpiConfig, SpiMaster
 
 UART, SPI = 0, 1
-PERIOD_NS = 40
+PERIOD_NS = arguments().get("period", 40)
 REGISTERS = 1024  # bytes
 CONTROL = 0x0C  # address of system.control
 FAULTS, GATES = 0x5A3C, 0x00C0FFEE
@@ -31,6 +32,8 @@ CORE_FLAGS = sum(
 
 def delay_of(payload: bytes) -> int:
     """Clocks the pretended core takes; a long one where the first byte says so."""
+    if payload[0] == 0xDD and payload[1] == 0xDD:
+        return int(arguments()["cycles"])
     if payload[0] == 0xEE and payload[1] == 0xEE:
         return p.LONGEST_DECISION + 1500
     return 3 + payload[2] % 90
@@ -119,6 +122,30 @@ class Bench:
         dut.rst.value = 0
         await ClockCycles(dut.clk, 40)
         cocotb.start_soon(self.core())
+        cocotb.start_soon(self.latencies())
+
+    async def latencies(self) -> None:
+        """Clocks from a frame that waits to the last byte of its reply, less the decision's."""
+        dut = self.dut
+        came = [0, 0]
+        clock = decision = 0
+        while True:
+            await RisingEdge(dut.clk)
+            await ReadOnly()
+            clock += 1
+            pending = number(dut.pending)
+            for link in (UART, SPI):
+                if not pending >> link & 1:
+                    came[link] = clock
+            if lowest_bit(dut.step_start):
+                decision = -clock
+            if lowest_bit(dut.decision_valid) and decision < 0:
+                decision += clock
+            if lowest_bit(dut.reply_last):
+                kind = number(dut.i_link_executor.kind)
+                refused = number(dut.outcome) != Outcome.ACCEPTED
+                waited = clock - came[number(dut.link)] - (decision if kind == Type.STEP else 0)
+                self.board.longest("refused" if refused else f"latency {kind}", waited)
 
     async def core(self) -> None:
         """Decide as ``answer_of`` says, after ``delay_of`` clocks, on what the ports show."""
@@ -290,6 +317,44 @@ async def frames(dut) -> None:
     bench.board.finish(
         {"reply": given["frames"] // 2, "register": 256}, {"damaged": 10, "STALE": 3, "counters": 4}
     )
+
+
+@cocotb.test(skip=arguments()["case"] != "exchange")
+async def exchange(dut) -> None:
+    """A step over SPI, from its first bit to the last bit of the reply."""
+    bench = Bench(dut, SPI, 125_000)
+    await bench.start()
+    half = 20  # ns, of SCK at 25 MHz; the master of cocotbext-spi pauses between bytes
+    for k in range(16):
+        payload = b"\xdd\xdd" + bytes([k]) + bytes(25)
+        frame = Frame(Type.STEP, p.first_sequence(SPI) + 1 + k, payload)
+        want = bench.models[SPI].receive(frame.wire()[1:-1])
+        assert want is not None
+        await Timer(1000 + 3 * k, "ns")
+        dut.spi_cs_n.value = 0
+        await Timer(half, "ns")
+        began, ended = get_sim_time("ns"), 0.0
+        data = bytearray()
+        sent = frame.wire() + bytes(60)
+        stuffed = b""
+        for byte in sent:
+            got = 0
+            for bit in range(7, -1, -1):
+                dut.spi_mosi.value = byte >> bit & 1
+                await Timer(half, "ns")
+                got = got << 1 | number(dut.spi_miso)
+                dut.spi_sck.value = 1
+                await Timer(half, "ns")
+                dut.spi_sck.value = 0
+            data.append(got)
+            found = Splitter().feed(bytes(data))
+            if found and not ended:
+                (stuffed,), ended = found, get_sim_time("ns")
+        dut.spi_cs_n.value = 1
+        bench.board.check("reply", p.judge(stuffed)[1], want)
+        # with the delimiter behind it
+        bench.board.longest("exchange", round(ended - began))
+    bench.board.finish({"reply": 16})
 
 
 @cocotb.test(skip=arguments()["case"] != "mishaps")

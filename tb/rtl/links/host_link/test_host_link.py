@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from directmpc.host import protocol
-from scripts.hdl.clocks import clocks_of
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.ghdl import BenchError, BuildError, CheckError
 from scripts.hdl.sources import RTL
 from scripts.measure import budgets
@@ -29,6 +29,14 @@ from tb.helpers.simulation import Outcome, run
 UART, SPI = 0, 1
 #: Clocks from a request's end to its service, whatever the other link asks for.
 LONGEST_WAIT = 256
+#: Clocks from a frame that waits to the last byte of its reply, without a decision; an access takes 9.
+LATENCY = {
+    protocol.Type.IDENTIFY: 36,
+    protocol.Type.COUNTERS: 90,
+    protocol.Type.READ: 36,
+    protocol.Type.WRITE: 36,
+    protocol.Type.STEP: 64,
+}
 
 
 def bench(
@@ -54,6 +62,8 @@ def bench(
 def test_every_frame_gets_the_answer_of_the_model(link: int, controls: int) -> None:
     found = bench("frames", link=link, controls=controls)
     assert found.checks["reply"] >= 30
+    for kind, longest in LATENCY.items():
+        assert found.measured.get(f"latency {int(kind)}", 0) <= longest, kind.name
     assert (found.measured["decisions"] >= 5) == (link == controls)
     assert (found.covered.get("exhausted", 0) > 0) == (link == controls)
 
@@ -63,6 +73,18 @@ def test_mishaps_cost_one_frame() -> None:
     assert found.covered["recovered"] >= 8
     # with the COUNTERS of the other link before it, a register is reached within LONGEST_WAIT
     assert found.measured["counters"] + found.measured["disable"] <= LONGEST_WAIT
+
+
+@pytest.mark.parametrize(("clock", "longest"), [(100_000_000, 25_000), (25_000_000, 33_000)])
+def test_a_step_over_spi_takes_its_time(clock: int, longest: int) -> None:
+    """At SCK of 25 MHz with the slowest decision of SE, one explorer; ns from first to last bit."""
+    found = bench(
+        "exchange",
+        generics={"CLOCK_HZ": clock},
+        period=10**9 // clock,
+        cycles=worst_cycles("fast", 1),
+    )
+    assert 20_000 < found.measured["exchange"] <= longest
 
 
 def test_no_decision_is_given_up_too_early() -> None:
