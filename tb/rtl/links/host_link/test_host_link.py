@@ -29,7 +29,7 @@ from tb.helpers.simulation import Outcome, run
 UART, SPI = 0, 1
 #: Clocks from a request's end to its service, whatever the other link asks for.
 LONGEST_WAIT = 256
-#: Clocks from a frame that waits to the last byte of its reply, less the decision; an access takes 9.
+#: Clocks from a frame that waits to the last byte of its reply, less the decision; an access is 9.
 LATENCY = {
     protocol.Type.IDENTIFY: 36,
     protocol.Type.COUNTERS: 90,
