@@ -230,8 +230,8 @@ def _advance(name: str, other: str) -> tuple[Step | None, ...]:
     """Successor: the block that owns one current component."""
     change = f"change_{name}"
     return (
-        Step(f"reference_speed_{other}", f"reference_{name}", 0, f"reference_slope_{name}"),
         Step(f"bend_{name}", "length", 3, f"bend_step_{name}"),
+        Step(f"reference_speed_{other}", f"reference_{name}", 0, f"reference_slope_{name}"),
         None,
         None,
         None,
@@ -324,9 +324,9 @@ SUCCESSOR: tuple[tuple[Step | None, ...], ...] = (
     _advance("beta", "alpha"),
     (*[None] * 4, *_charged("a"), *_charged("b"), *_voltage("a"), *_voltage("b"), *[None] * 4),
     (
+        None,
         Step("neutral_slope", "length_neutral", 3, "neutral_ahead"),
         Step("base_error_neutral", "power_7", 3, "neutral_ahead"),
-        None,
         None,
         *_charged("c"),
         None,
@@ -534,6 +534,10 @@ def check_successor() -> None:
                 continue
             name, _, component = step.a.rpartition("_")
             needed = [f"{sources[name]}_{component}"] if name in sources else []
+            # the clocks of the registers in node_base: the secant's, and that of the signed lengths
+            late = 1 if name in ("secant", "drift") else 0
+            if step.b.startswith("length_") and clock < 1:
+                raise ValueError(f"{step.b} is read at {clock}, ready at 1")
             if name == "ahead":
                 needed = [f"error_{component}"]
             elif name == "midpoint_ahead":
@@ -543,8 +547,9 @@ def check_successor() -> None:
             if name == "drift":
                 needed.append(f"bend_step_{component}")
             for source in needed:
-                if clock < ready[source]:
-                    raise ValueError(f"{step.a} is read at {clock}, ready at {ready[source]}")
+                due = ready[source] + (late if source.startswith("bend_step") else 0)
+                if clock < due:
+                    raise ValueError(f"{step.a} is read at {clock}, ready at {due}")
     if len({len(block) for block in SUCCESSOR}) != 1:
         raise ValueError("the successor's blocks differ in length")
 

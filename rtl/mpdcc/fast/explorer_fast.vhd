@@ -68,6 +68,8 @@ end entity explorer_fast;
 architecture rtl of explorer_fast is
 
   constant EFFORT_BITS : natural := choose(SECOND_LEVEL, TOTAL_EFFORT_WIDTH, EFFORT_WIDTH);
+  constant LATE        : natural := choose(SECOND_LEVEL, 1, 0); -- clocks of the register behind step_one's table
+  constant DEAD_AT     : natural := DEAD_STAGE + LATE;
 
   subtype effort_word_t is std_logic_vector(EFFORT_BITS - 1 downto 0);
 
@@ -95,7 +97,7 @@ architecture rtl of explorer_fast is
   signal connected_5  : connection_t;
   signal pattern_late : std_logic_vector(2 downto 0);                  -- stage SHORTEST
   signal index_slope  : index_t;                                       -- stage SLOPE_STAGE
-  signal index_dead   : index_t;                                       -- stage DEAD_STAGE
+  signal index_dead   : index_t;                                       -- stage DEAD_AT
   signal index_last   : index_t;                                       -- stage COST_STAGE
   signal effort_late  : effort_word_t;                                 -- stage LENGTH_STAGE + 1
   signal effort_cost  : efforts_t;
@@ -248,7 +250,7 @@ begin
   i_index_dead : entity work.delay_line
     generic map (
       WIDTH  => INDEX_WIDTH,
-      CLOCKS => DEAD_STAGE
+      CLOCKS => DEAD_AT
     )
     port map (
       clk     => clk,
@@ -260,7 +262,7 @@ begin
   i_index_last : entity work.delay_line
     generic map (
       WIDTH  => INDEX_WIDTH,
-      CLOCKS => COST_STAGE - DEAD_STAGE
+      CLOCKS => COST_STAGE - DEAD_AT
     )
     port map (
       clk     => clk,
@@ -319,6 +321,9 @@ begin
   probe_done <= probe(PROBE_STAGE);
 
   i_search : entity work.length_search
+    generic map (
+      ALLOWED_AT => ALLOW_STAGE + LATE
+    )
     port map (
       clk     => clk,
       node    => node,

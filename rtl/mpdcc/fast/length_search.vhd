@@ -33,13 +33,16 @@ library work;
   use work.mpdcc_types.all;
 
 entity length_search is
+  generic (
+    ALLOWED_AT : natural range ALLOW_STAGE to SHORTEST - 1 := ALLOW_STAGE -- stage of allowed
+  );
   port (
     clk     : in    std_logic; -- rising edge
     node    : in    node_t;    -- curvatures
     band    : in    band_t;    -- margins and thresholds
     valid   : in    stages_t;  -- '1': the stage holds a candidate
     slopes  : in    slopes_t;  -- of the candidate, stages 3 and 4
-    allowed : in    length_t;  -- length that the capacitors allow, steps, stage ALLOW_STAGE; 0: dead
+    allowed : in    length_t;  -- length that the capacitors allow, steps, stage ALLOWED_AT; 0: dead
     length  : out   length_t   -- L*, steps, stage LENGTH_STAGE
   );
 end entity length_search;
@@ -64,7 +67,7 @@ architecture rtl of length_search is
 
   type search_t is array (0 to LENGTH_WIDTH) of cells_t; -- by the bits that are decided
 
-  type limit_stages_t is array (ALLOW_STAGE to SHORTEST - 1) of length_t;
+  type limit_stages_t is array (ALLOWED_AT to SHORTEST - 1) of length_t;
 
   -- stage that a lane of the search starts with: the third is one behind
   function start_of (lane : natural) return natural is
@@ -202,13 +205,13 @@ begin
 
   end generate g_bits;
 
-  limit(ALLOW_STAGE) <= allowed;
+  limit(ALLOWED_AT) <= allowed;
 
   p_limit : process (clk) is
   begin
 
     if rising_edge(clk) then
-      limit(ALLOW_STAGE + 1 to SHORTEST - 1) <= limit(ALLOW_STAGE to SHORTEST - 2);
+      limit(ALLOWED_AT + 1 to SHORTEST - 1) <= limit(ALLOWED_AT to SHORTEST - 2);
     end if;
 
   end process p_limit;

@@ -4,10 +4,13 @@
 -- capacitor_search writes them into a table here, row by row; a candidate reads four rows.
 --
 --   stage 5   largest of the three current errors at k+1
---   stage 6   its magnitude; rows of the three phases and of v_n
---   stage 7   excess of the currents over their bound, which answers a probe; rows compared in pairs
---   stage 8   allowed: shortest length of the four rows; 0 if a current is outside at k or k+1
+--   stage 6   its magnitude; rows of phases a and b
+--   stage 7   excess of the currents over their bound, which answers a probe; worse of a and b; rows of phase c and v_n
+--   stage 8   allowed: shortest length of the four rows; 0 if a current is outside at k or k+1; excesses in pairs
 --   stage 9   worst excess, for the deadlock rule
+--
+-- With a second level the table is in block RAM, and a register follows it: rows and all that is made of them are a
+-- stage later. What answers a probe is not.
 --
 -- Largest error: the three add up to zero. Where a and b have one sign it is their sum, else the one
 -- of them whose sign the sum has.
@@ -16,8 +19,8 @@
 -- is compared, in sixteenths of a trajectory unit, after one stage more. No decision takes longer for
 -- it. Without deadlock_rule it is 16 times the excess, of the same order.
 -- Formats: trajectory units; the rank is unsigned, of the order of the excess.
--- Latency: from the error at stage ERROR_STAGE 3 clocks to held, 4 to allowed, 5 to dead, 6 with the
--- weighted rule; one candidate a clock.
+-- Latency: from the error at stage ERROR_STAGE 3 clocks to held, 4 to allowed, 5 to dead; with a second level one more
+-- to allowed and dead, with the weighted rule one more to dead; one candidate a clock.
 -- Overflow: the weighted rule's word holds every sum: an error of v_n at k has TERM_WIDTH bits, its
 -- slope CURRENT_TERM_WIDTH + 1 at most, so that 128 * e_n is below 2**(RANK_WIDTH - 1).
 -- Licence: Apache-2.0
@@ -47,10 +50,10 @@ entity step_one is
     valid     : in    stages_t;     -- '1': the stage holds a candidate
     error     : in    pair_t;       -- of a and b at k+1, trajectory units, stage ERROR_STAGE
     connected : in    connection_t; -- rows of the candidate, stage SEARCH
-    index     : in    index_t;      -- its place, stage DEAD_STAGE
+    index     : in    index_t;      -- its place, stage DEAD_STAGE or one later
     held      : out   std_logic;    -- '1': the currents are inside at k+1, stage PROBE_STAGE
-    allowed   : out   length_t;     -- steps, stage ALLOW_STAGE; 0: a current is outside
-    dead      : out   dead_t        -- for the deadlock rule, stage DEAD_STAGE or one later
+    allowed   : out   length_t;     -- steps, stage ALLOW_STAGE or one later; 0: a current is outside
+    dead      : out   dead_t        -- for the deadlock rule, stage DEAD_STAGE or later
   );
 end entity step_one;
 
@@ -61,6 +64,9 @@ architecture rtl of step_one is
   -- bits that the weight on v_n adds to an excess
   constant WORST_WIDTH  : natural := TRAJECTORY_WIDTH + choose(WEIGHTED_DEADLOCK, DEADLOCK_NEUTRAL_SHIFT, 0);
 
+  constant LATE         : natural := choose(SECOND_LEVEL, 1, 0); -- clocks of the register behind the table
+  constant FIRST_ROWS   : natural := SEARCH + 1 + LATE;          -- stage of the rows of phases a and b
+
   subtype entry_t is std_logic_vector(LENGTH_WIDTH + TRAJECTORY_WIDTH - 1 downto 0);
 
   type entries_t is array (0 to 2) of entry_t;
@@ -69,11 +75,9 @@ architecture rtl of step_one is
 
   subtype neutral_row_t is std_logic_vector(NEUTRAL_BITS - 1 downto 0);
 
+  type neutral_rows_t is array (0 to 1 + LATE) of neutral_row_t;
+
   subtype worst_t is signed(WORST_WIDTH - 1 downto 0);
-
-  type excesses_t is array (0 to 1) of worst_t;
-
-  type lengths_t is array (0 to 1) of length_t;
 
   function length_of (entry : entry_t) return length_t is
   begin
@@ -104,31 +108,36 @@ architecture rtl of step_one is
   signal written    : entry_t;
   signal row_number : unsigned(5 downto 0);
   signal table_row  : row_t; -- row that comes
+  signal row_late   : row_t; -- row that phase c reads
 
   -- rows of the neutral point: two memories, each small enough for Yosys to keep it in LUTs
   signal neutral_write   : std_logic;
   signal neutral_place   : std_logic;
   signal neutral_number  : unsigned(3 downto 0);
-  signal neutral_read    : neutral_row_t; -- row that the candidate reads
+  signal neutral_reads   : neutral_rows_t; -- row that the candidate reads, by stage from SEARCH on
   signal neutral_new     : std_logic_vector(3 downto 0); -- row that comes
   signal neutral_row     : neutral_row_t; -- row at the read port
   signal neutral_written : neutral_row_t; -- row at the write port
   signal neutral_length  : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
   signal neutral_excess  : std_logic_vector(TRAJECTORY_WIDTH - 1 downto 0);
 
-  signal entry_6          : entries_t; -- of the phases
-  signal neutral_length_6 : length_t;
-  signal neutral_excess_6 : worst_t;
+  signal rows_read   : std_logic_vector(0 to 2); -- '1': the row of the phase is read
+  signal entry       : entries_t;                -- of the phases: a and b in stage FIRST_ROWS, c in the next
+  signal neutral_far : length_t;                 -- of v_n, stage FIRST_ROWS + 1
+  signal neutral_off : worst_t;
 
   signal outside     : std_logic_vector(SEARCH - 1 to PROBE_STAGE); -- '1': a current error is outside at k
   signal largest_5   : trajectory_t;
   signal distance_6  : trajectory_t;
   signal excess_7    : trajectory_t;
-  signal excess_8    : trajectory_t; -- of the currents
-  signal excess_caps : excesses_t;
-  signal length_caps : lengths_t;
-  signal caps_8      : worst_t;      -- of everything else
-  signal excess_9    : worst_t;
+  signal leaves_7    : std_logic;    -- '1': a current is outside at k or k+1
+  signal current     : trajectory_t; -- excess of the currents, stage FIRST_ROWS + 1
+  signal leaves      : std_logic;    -- likewise
+  signal worse_pair  : worst_t;      -- of a and b, stage FIRST_ROWS + 1
+  signal short_pair  : length_t;
+  signal worse_late  : worst_t;      -- of c and v_n, stage FIRST_ROWS + 2
+  signal worse_early : worst_t;      -- of a, b and the currents
+  signal worst       : worst_t;      -- of all, stage FIRST_ROWS + 3
 
 begin
 
@@ -154,21 +163,41 @@ begin
 
     place  <= connected.bank and (connected.kind(x)(1) or connected.kind(x)(0));
     number <= place & to_unsigned(x, 3) & connected.kind(x);
-    row    <= std_logic_vector(number(ROW_BITS - 1 downto 0));
+
+    g_first : if x < 2 generate
+      row          <= std_logic_vector(number(ROW_BITS - 1 downto 0));
+      rows_read(x) <= valid(SEARCH);
+    end generate g_first;
+
+    g_second : if x = 2 generate
+      rows_read(x) <= valid(SEARCH + 1);
+      row          <= row_late;
+
+      p_late : process (clk) is
+      begin
+
+        if rising_edge(clk) then
+          row_late <= std_logic_vector(number(ROW_BITS - 1 downto 0));
+        end if;
+
+      end process p_late;
+
+    end generate g_second;
 
     i_rows : entity work.ram
       generic map (
         ADDRESS_WIDTH => ROW_BITS,
-        WIDTH         => LENGTH_WIDTH + TRAJECTORY_WIDTH
+        WIDTH         => LENGTH_WIDTH + TRAJECTORY_WIDTH,
+        LATENCY       => 1 + LATE
       )
       port map (
         clk           => clk,
         write         => capacitor.write,
         write_address => table_row,
         write_word    => written,
-        read          => valid(SEARCH),
+        read          => rows_read(x),
         read_address  => row,
-        read_word     => entry_6(x)
+        read_word     => entry(x)
       );
 
   end generate g_phases;
@@ -180,18 +209,29 @@ begin
   neutral_write  <= capacitor.write and capacitor.row(4);
   neutral_place  <= connected.bank and to_std_logic(connected.pattern /= "000");
   neutral_number <= neutral_place & unsigned(connected.pattern);
-  neutral_read   <= std_logic_vector(neutral_number(NEUTRAL_BITS - 1 downto 0));
+
+  neutral_reads(0) <= std_logic_vector(neutral_number(NEUTRAL_BITS - 1 downto 0));
+
+  p_neutral_reads : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      neutral_reads(1 to 1 + LATE) <= neutral_reads(0 to LATE);
+    end if;
+
+  end process p_neutral_reads;
+
   neutral_new    <= capacitor.bank & std_logic_vector(capacitor.row(2 downto 0));
 
   g_two_ports : if SECOND_LEVEL generate
-    neutral_row     <= neutral_read;
+    neutral_row     <= neutral_reads(1 + LATE);
     neutral_written <= neutral_new(NEUTRAL_BITS - 1 downto 0);
   end generate g_two_ports;
 
   -- without a second level nothing is read while rows are written: a single port takes half the LUTs
   g_one_port : if not SECOND_LEVEL generate
     neutral_row     <= neutral_new(NEUTRAL_BITS - 1 downto 0) when capacitor.write = '1' else
-                       neutral_read;
+                       neutral_reads(1 + LATE);
     neutral_written <= neutral_row;
   end generate g_one_port;
 
@@ -234,15 +274,15 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (valid(SEARCH) = '1') then
-        neutral_length_6 <= unsigned(neutral_length);
-        weighed          := resize(signed(neutral_excess), WORST_WIDTH);
+      if (valid(FIRST_ROWS) = '1') then
+        neutral_far <= unsigned(neutral_length);
+        weighed     := resize(signed(neutral_excess), WORST_WIDTH);
 
         if (WEIGHTED_DEADLOCK and limits.deadlock_rule = '1') then
           weighed := shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT);
         end if;
 
-        neutral_excess_6 <= weighed;
+        neutral_off <= weighed;
       end if;
     end if;
 
@@ -287,7 +327,27 @@ begin
 
   end process p_currents;
 
-  held <= to_std_logic(excess_7 <= 0);
+  held     <= to_std_logic(excess_7 <= 0);
+  leaves_7 <= to_std_logic(excess_7 > 0) or outside(PROBE_STAGE);
+
+  g_direct : if LATE = 0 generate
+    current <= excess_7;
+    leaves  <= leaves_7;
+  end generate g_direct;
+
+  g_late : if LATE = 1 generate
+
+    p_late : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        current <= excess_7;
+        leaves  <= leaves_7;
+      end if;
+
+    end process p_late;
+
+  end generate g_late;
 
   p_worst : process (clk) is
 
@@ -296,46 +356,44 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (valid(SEARCH + 1) = '1') then
-        excess_caps(0) <= worse(resize(excess_of(entry_6(0)), WORST_WIDTH),
-                                resize(excess_of(entry_6(1)), WORST_WIDTH));
-        excess_caps(1) <= worse(resize(excess_of(entry_6(2)), WORST_WIDTH), neutral_excess_6);
-        length_caps(0) <= shorter(length_of(entry_6(0)), length_of(entry_6(1)));
-        length_caps(1) <= shorter(length_of(entry_6(2)), neutral_length_6);
+      if (valid(FIRST_ROWS) = '1') then
+        worse_pair <= worse(resize(excess_of(entry(0)), WORST_WIDTH), resize(excess_of(entry(1)), WORST_WIDTH));
+        short_pair <= shorter(length_of(entry(0)), length_of(entry(1)));
       end if;
 
-      if (valid(PROBE_STAGE) = '1') then
-        excess_8 <= excess_7;
-        caps_8   <= worse(excess_caps(0), excess_caps(1));
-        shortest := shorter(length_caps(0), length_caps(1));
+      if (valid(FIRST_ROWS + 1) = '1') then
+        worse_late  <= worse(resize(excess_of(entry(2)), WORST_WIDTH), neutral_off);
+        worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
+        shortest    := shorter(short_pair, shorter(length_of(entry(2)), neutral_far));
 
-        if (excess_7 > 0 or outside(PROBE_STAGE) = '1') then
+        if (leaves = '1') then
           shortest := (others => '0');
         end if;
 
         allowed <= shortest;
       end if;
 
-      if (valid(ALLOW_STAGE) = '1') then
-        excess_9 <= worse(resize(excess_8, WORST_WIDTH), caps_8);
+      if (valid(FIRST_ROWS + 2) = '1') then
+        worst <= worse(worse_early, worse_late);
       end if;
     end if;
 
   end process p_worst;
 
   g_largest : if not WEIGHTED_DEADLOCK generate
-    dead.valid <= valid(DEAD_STAGE);
-    dead.rank  <= ranked(excess_9);
+    dead.valid <= valid(FIRST_ROWS + 3);
+    dead.rank  <= ranked(worst);
     dead.index <= index;
   end generate g_largest;
 
   g_weighted : if WEIGHTED_DEADLOCK generate
 
-    signal current_9 : trajectory_t; -- worst excess of the currents
+    signal current_late  : trajectory_t; -- excess of the currents, stage FIRST_ROWS + 2
+    signal current_worst : trajectory_t; -- with worst
 
   begin
 
-    dead.valid <= valid(DEAD_STAGE + 1);
+    dead.valid <= valid(FIRST_ROWS + 4);
 
     -- the sum has no carry into the low bits, which bypass the adder; signed order becomes unsigned
     -- order with the sign bit inverted
@@ -347,13 +405,12 @@ begin
     begin
 
       if rising_edge(clk) then
-        if (valid(ALLOW_STAGE) = '1') then
-          current_9 <= excess_8;
-        end if;
+        current_late  <= current;
+        current_worst <= current_late;
 
-        if (valid(DEAD_STAGE) = '1') then
-          share := gated(current_9, limits.deadlock_rule);
-          sum   := excess_9 + share(TRAJECTORY_WIDTH - 1 downto DEADLOCK_CURRENT_SHIFT);
+        if (valid(FIRST_ROWS + 3) = '1') then
+          share := gated(current_worst, limits.deadlock_rule);
+          sum   := worst + share(TRAJECTORY_WIDTH - 1 downto DEADLOCK_CURRENT_SHIFT);
 
           dead.rank  <= resize((not sum(WORST_WIDTH - 1)) & unsigned(sum(WORST_WIDTH - 2 downto 0))
                                & unsigned(share(DEADLOCK_CURRENT_SHIFT - 1 downto 0)), RANK_WIDTH);

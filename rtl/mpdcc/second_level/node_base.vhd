@@ -11,8 +11,8 @@
 --   weight   -sqrt(lambda_n) times error and current terms of v_n there
 --
 -- Formats: trajectory units; operands of OPERAND_WIDTH bits, errors and slopes b of BASE_WIDTH.
--- Latency: none from the words and the entry to base, which common_terms samples operand by operand
--- for 16 clocks; one clock from keep.
+-- Latency: none from the words and what is kept to base, which common_terms samples operand by operand for 16
+-- clocks; one clock from the words and the slope to the secant, from position and steps to lengths, and from keep.
 -- Overflow: a kept error that does not fit BASE_WIDTH is far outside any bound, so that no candidate of
 -- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: a
 -- candidate that stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a
@@ -53,6 +53,8 @@ architecture rtl of node_base is
 
   type operands_t is array (0 to BASE_COUNT - 1) of operand_t;
 
+  type secants_t is array (0 to 1) of operand_t;
+
   type errors_in_t is array (0 to 5) of base_t;
 
   subtype current_in_t is signed(CURRENT_TERM_WIDTH - 2 downto 0);
@@ -66,6 +68,7 @@ architecture rtl of node_base is
   signal phase         : currents_t;
   signal midpoint      : currents_t;
 
+  signal secant   : secants_t; -- registered, a clock after the bend_step that it is made of
   signal operands : operands_t;
 
   function term (bus_words : words_t; result : natural) return term_t is
@@ -123,12 +126,36 @@ begin
 
   end process p_keep;
 
-  p_operands : process (words, position, slope, error, natural_slope, phase, midpoint) is
+  -- a register between the sums and the operand multiplexers of common_terms
+  p_secant : process (clk) is
+
+    variable step    : term_t;
+    variable between : operand_t;
+
+  begin
+
+    if rising_edge(clk) then
+      for x in 0 to 1 loop
+        step := term(words, RESULT_BEND_STEP_ALPHA + x);
+
+        -- three phases add up to zero: beta is b and half of a
+        between := resize(slope(0), OPERAND_WIDTH);
+
+        if (x = 1) then
+          between := resize(slope(1), OPERAND_WIDTH) + shift_right(slope(0), 1);
+        end if;
+
+        secant(x) <= step(OPERAND_WIDTH - 1 downto 0) + between;
+      end loop;
+    end if;
+
+  end process p_secant;
+
+  p_operands : process (words, position, secant, error, natural_slope, phase, midpoint) is
 
     variable v       : operands_t;
     variable step    : term_t;
     variable drift   : signed(OPERAND_WIDTH downto 0);
-    variable between : operand_t;
     variable which   : std_logic_vector(2 downto 0);
 
   begin
@@ -136,18 +163,11 @@ begin
     for x in 0 to 1 loop
       step := term(words, RESULT_BEND_STEP_ALPHA + x);
 
-      -- three phases add up to zero: beta is b and half of a
-      between := resize(slope(0), OPERAND_WIDTH);
-
-      if (x = 1) then
-        between := resize(slope(1), OPERAND_WIDTH) + shift_right(slope(0), 1);
-      end if;
-
       v(BASE_BEND_ALPHA + x)   := resize(term(words, RESULT_CURVATURE_ALPHA + x), OPERAND_WIDTH);
-      v(BASE_SECANT_ALPHA + x) := step(OPERAND_WIDTH - 1 downto 0) + between;
+      v(BASE_SECANT_ALPHA + x) := secant(x);
 
       drift := resize(term(words, RESULT_REFERENCE_SLOPE_ALPHA + x)(OPERAND_WIDTH - 1 downto 0), OPERAND_WIDTH + 1)
-               - v(BASE_SECANT_ALPHA + x);
+               - secant(x);
 
       v(BASE_DRIFT_ALPHA + x)          := drift(OPERAND_WIDTH downto 1);
       v(BASE_BASE_ERROR_ALPHA + x)     := resize(error(x), OPERAND_WIDTH);
@@ -176,7 +196,7 @@ begin
 
   end process p_operands;
 
-  p_lengths : process (steps, position) is
+  p_lengths : process (clk) is
 
     variable value    : signed_length_t;
     variable lowered  : std_logic;
@@ -186,27 +206,29 @@ begin
 
   begin
 
-    negative(0) := '0';
-    present(0)  := '1';
+    if rising_edge(clk) then
+      negative(0) := '0';
+      present(0)  := '1';
 
-    for x in 0 to 2 loop
-      -- what discharges a capacitor raises its error; the operand of phase c is its opposite
-      lowered         := is_in(position(x), CAPACITOR_CHARGE);
-      present(x + 1)  := lowered or is_in(position(x), CAPACITOR_DISCHARGE);
-      negative(x + 1) := lowered xor to_std_logic(x = 2);
-    end loop;
+      for x in 0 to 2 loop
+        -- what discharges a capacitor raises its error; the operand of phase c is its opposite
+        lowered         := is_in(position(x), CAPACITOR_CHARGE);
+        present(x + 1)  := lowered or is_in(position(x), CAPACITOR_DISCHARGE);
+        negative(x + 1) := lowered xor to_std_logic(x = 2);
+      end loop;
 
-    -- one phase on the neutral point, or two: the opposite of the third
-    pattern     := neutral_pattern(position);
-    present(4)  := to_std_logic(pattern /= "000" and pattern /= "111");
-    negative(4) := to_std_logic(pattern = "011" or pattern = "101" or pattern = "110") xor single_of(pattern)(2);
+      -- one phase on the neutral point, or two: the opposite of the third
+      pattern     := neutral_pattern(position);
+      present(4)  := to_std_logic(pattern /= "000" and pattern /= "111");
+      negative(4) := to_std_logic(pattern = "011" or pattern = "101" or pattern = "110") xor single_of(pattern)(2);
 
-    for i in 0 to SIGNED_LENGTHS - 1 loop
-      value := adjusted((value'range => '0'), signed('0' & steps), present(i) and not negative(i),
-                        present(i) and negative(i));
+      for i in 0 to SIGNED_LENGTHS - 1 loop
+        value := adjusted((value'range => '0'), signed('0' & steps), present(i) and not negative(i),
+                          present(i) and negative(i));
 
-      lengths((i + 1) * (LENGTH_WIDTH + 1) - 1 downto i * (LENGTH_WIDTH + 1)) <= std_logic_vector(value);
-    end loop;
+        lengths((i + 1) * (LENGTH_WIDTH + 1) - 1 downto i * (LENGTH_WIDTH + 1)) <= std_logic_vector(value);
+      end loop;
+    end if;
 
   end process p_lengths;
 

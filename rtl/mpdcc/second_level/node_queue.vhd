@@ -11,7 +11,7 @@
 --              has to form them again
 --
 -- Formats: as evaluated_t and entry_t.
--- Latency: an entry is shown three clocks after it can be, the next one three clocks after taken.
+-- Latency: an entry is shown three clocks after it can be, its slope four; the next one three clocks after taken.
 -- Overflow: none, there is room for all 64 candidates.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -39,9 +39,9 @@ entity node_queue is
     previous  : in    positions_t; -- s(k-1), stable
     whole     : out   std_logic;   -- '1': what is evaluated has the whole horizon
     valid     : out   std_logic;   -- '1': entry is the next
-    entry     : out   entry_t;     -- stable while valid; slope also those of place 0 before any is put in
+    entry     : out   entry_t;     -- stable while valid, its slope from a clock later on: place 0's until one is in
     taken     : in    std_logic;   -- '1' for one clock: entry is taken, with valid
-    empty     : out   std_logic    -- '1': no entry is left
+    empty     : out   std_logic    -- '1': no entry is left, a clock after the last one is taken
   );
 end entity node_queue;
 
@@ -181,7 +181,8 @@ begin
   i_slopes : entity work.ram
     generic map (
       ADDRESS_WIDTH => INDEX_WIDTH,
-      WIDTH         => 2 * BASE_WIDTH
+      WIDTH         => 2 * BASE_WIDTH,
+      LATENCY       => 2
     )
     port map (
       clk           => clk,
@@ -201,7 +202,16 @@ begin
 
   whole <= open_root and evaluated.valid and whole_now;
   valid <= to_std_logic(stage = SHOW);
-  empty <= to_std_logic(used = (used'range => '0'));
+
+  -- a register between the lists and what the scheduler makes of it
+  p_empty : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      empty <= to_std_logic(used = (used'range => '0'));
+    end if;
+
+  end process p_empty;
 
   entry.index  <= place;
   entry.effort <= lowest;
