@@ -20,8 +20,8 @@ package mpdcc_timing is
   constant ERROR_STAGE : natural := SLOPE_STAGE + 1;              -- errors at k+1
   constant SEARCH      : natural := ERROR_STAGE + 1;              -- first stage of the search
   constant PROBE_STAGE : natural := SEARCH + 2;                   -- answer to a probe
-  constant ALLOW_STAGE : natural := SEARCH + 3;                   -- length that the capacitors allow
-  constant DEAD_STAGE  : natural := SEARCH + 4;                   -- excess of a dead candidate
+  constant ALLOW_STAGE : natural := SEARCH + 3;                   -- what the capacitors allow; +1 with SECOND_LEVEL
+  constant DEAD_STAGE  : natural := SEARCH + 4;                   -- excess of a dead candidate; likewise
   constant SHORTEST    : natural := SEARCH + LENGTH_WIDTH;        -- first stage of the shortest length
   constant LENGTH_STAGE : natural := SHORTEST + 1;                -- shortest length
   constant COST_STAGE  : natural := LENGTH_STAGE + 4;             -- cost

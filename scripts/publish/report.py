@@ -53,6 +53,8 @@ END = "<!-- figures: end -->"
 EXPLORERS = tuple(paper_a.CYCLES)
 #: Explorers of the configurations that are placed and routed: Paper A gives its time for two.
 PLACED = {"fast": (1, 2), "paper": (1, 2)}
+#: Numbers of explorers for which the core with a second level is placed.
+PLACED_SECOND_LEVEL = (1, 4)
 SHOWN = 2  # explorers of the comparison with Paper A
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
@@ -651,6 +653,13 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
         if run.differing:
             raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
         draw(run, temporary / f"run{suffix}.png")
+    ecp5: dict[str, dict[str, float]] = {}
+    for explorers in PLACED_SECOND_LEVEL:
+        say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds (second level)")
+        generics: tools.Generics = {"EXPLORERS": explorers, "SECOND_LEVEL": True}
+        timed.append(_placed("mpdcc_core", generics, jobs, seeds))
+        ecp5[str(explorers)] = _frequencies(timed[-1])
+    document[DESIGNS[DEFAULT_VARIANT].key]["sese"] = {"ecp5": ecp5}
     head = [
         f"part: {PART}, target {TARGET_MHZ} MHz (above reach), {seeds} seeds",
         *(f"{name}: {text}" for name, text in document["tools"].items()),

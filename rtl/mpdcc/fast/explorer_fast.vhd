@@ -6,7 +6,7 @@
 --   stage 0      here: one candidate of the block, its next position of phase c
 --   stage 1-4    candidate_slopes: slopes of the current errors, errors at k+1
 --   stage 4-12   length_search: one bit of the length per stage and phase, then the shortest
---   stage 5-9    step_one, beside: length that the capacitors allow, worst excess at k+1
+--   stage 5-9    step_one, beside: length that the capacitors allow, worst excess at k+1; 10 with leaves
 --   stage 12-16  candidate_cost: J = f_s / L + (sqrt(lambda_n) * v_n(k+L))**2
 --   then         best_of: best so far; as long as nothing is feasible, the least excess of stage 9
 --

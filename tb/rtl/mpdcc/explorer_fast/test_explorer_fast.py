@@ -64,7 +64,8 @@ FAULTS = [
     Fault("length_search", "and not (exceeds and turned and to_std_logic(m > 0))", "", r"length:"),
     Fault("step_one", "largest_5 <= sum;", "largest_5 <= error(0);", r"index:"),
     Fault("best_of", "key_now < key_best", "key_now <= key_best", r"index:"),
-    Fault("step_one", "excess_7 > 0 or outside(PROBE_STAGE) = '1'", "excess_7 > 0", r"feasible:"),
+    Fault("step_one", "(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
+    Fault("step_one", "length_of(entry(2)), neutral_far", "neutral_far, neutral_far", ANY),
     Fault("best_of", "any and settled and last", "any and last", r"result in time:"),
     Fault("candidate_slopes", "wide + difference_2(1 - x)", "wide - difference_2(1 - x)", ANY),
     Fault(
@@ -89,7 +90,12 @@ WEIGHTED_FAULTS = [
         "shift_left(weighed, 2)",
         r"(index|excess):",
     ),
-    Fault("step_one", "gated(current_9, limits.deadlock_rule)", "current_9", r"(index|excess):"),
+    Fault(
+        "step_one",
+        "gated(current_worst, limits.deadlock_rule)",
+        "current_worst",
+        r"(index|excess):",
+    ),
 ]
 
 

@@ -162,6 +162,7 @@ FAULTS = [
         "natural_slope(x) + shift_right(",
         r"decisions differ",
     ),
+    Fault("node_base", "0) + between;", "0) - between;", r"decisions differ"),
     Fault(
         "node_queue",
         "link(INDEX_WIDTH - 1 downto 0));",
