@@ -1,7 +1,7 @@
 """The whole board top in Verilator, through its pins: the host's own program, and hostile lines.
 
 Sweep: both controllers as build options of the same top; UART and SPI; both positions of the
-switch.
+switch; MPTC at 100 MHz too.
 Stimulus: closed loops of 200 and 2,000 control steps of the 6 kV drive, of 300 of it with two
 switchings and a budget, and of 300 of a two-level drive, over the pseudo-terminal of the virtual
 board; 100,000 corrupted, random, replayed, oversized and cut off frames over SPI, 200 over UART,
@@ -146,6 +146,29 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
         assert board.differing(found) == []
         with lockstep.gates_enabled(board):
             run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 300)
+        stream.close()
+    assert run.differing == 0
+    assert run.faults == 0
+    assert run.running[1:].all()
+    assert set(run.cycles) == {39}
+
+
+def test_times_and_rates_follow_the_clock(tmp_path: Path) -> None:
+    clock = 100_000_000
+    chosen = generics("mptc") | {"CLOCK_HZ": clock, "BAUD": clock // 4}
+    drive = load_drive(MPTC)
+    with VirtualBoard(chosen, tmp_path / "board") as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        assert board.identity.clock == clock
+        assert board.read("system.capabilities")["least_dead_time"] == 40  # 400 ns
+        found = values(drive, GuardSettings(clock=clock))
+        assert found.words["guard.dead_time"] == 200  # 2 us
+        found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
+        board.load(found)
+        assert board.differing(found) == []
+        with lockstep.gates_enabled(board):
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 60)
         stream.close()
     assert run.differing == 0
     assert run.faults == 0
