@@ -13,7 +13,7 @@
 --
 -- Formats: the frame's bytes in order, type first, at addresses 0 to MAX_FRAME - 1 of the link's half.
 -- Latency: pending or rejected two to four clocks after the delimiter's valid; a byte of each link in every fourth
--- clock at most. content one clock after address.
+-- clock at most. content two clocks after address.
 -- Overflow: see the checks; bytes beyond MAX_FRAME are counted nowhere and written nowhere.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -44,7 +44,7 @@ entity frame_receiver is
     pending  : out   std_logic_vector(1 downto 0); -- '1': there is one
     link     : in    std_logic;                    -- whose is read
     address  : in    std_logic_vector(5 downto 0); -- of a byte of it
-    content  : out   byte_t;                       -- that byte, a clock later
+    content  : out   byte_t;                       -- that byte, two clocks later
     served   : in    std_logic_vector(1 downto 0); -- '1' for one clock: done with it
     -- frames that did not
     rejected : out   std_logic_vector(1 downto 0); -- '1' for one clock, one link at a time
@@ -177,7 +177,7 @@ begin
     generic map (
       ADDRESS_WIDTH => 7,
       WIDTH         => 8,
-      LATENCY       => 1,
+      LATENCY       => 2,
       STYLE         => "block"
     )
     port map (

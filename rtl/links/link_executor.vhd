@@ -14,8 +14,8 @@
 --
 -- Formats: frames as in docs/protocol.md. measurements and step_position are the payload of a STEP,
 -- first word lowest.
--- Latency, in clocks from pending to the last byte of the reply while nothing else is served: IDENTIFY 36; COUNTERS
--- at most 90; READ, WRITE at most 27 and the access; STEP 64 (MPDCC) or 54 (MPTC) and the decision. With the other
+-- Latency, in clocks from pending to the last byte of the reply while nothing else is served: IDENTIFY 37; COUNTERS
+-- at most 98; READ, WRITE at most 28 and the access; STEP 65 (MPDCC) or 55 (MPTC) and the decision. With the other
 -- link's request before it a request is served within 256.
 -- Overflow: none. A core without an answer after DECISION_LIMIT clocks gives a reply that says so, with
 -- no decision in it.
@@ -48,7 +48,7 @@ entity link_executor is
     pending         : in    std_logic_vector(1 downto 0);                   -- '1': a frame waits
     link            : out   std_logic;                                      -- whose frame is read
     address         : out   std_logic_vector(5 downto 0);                   -- of a byte of it
-    content         : in    byte_t;                                         -- that byte, a clock later
+    content         : in    byte_t;                                         -- that byte, two clocks later
     served          : out   std_logic_vector(1 downto 0);                   -- '1' for one clock: served
     outcome         : out   outcome_t;                                      -- what became of it, with served
     look            : out   std_logic;                                      -- '1' until shown: a counter is wanted
@@ -96,6 +96,8 @@ architecture rtl of link_executor is
     phase     : phase_t;
     link      : std_logic;            -- being served
     place     : unsigned(5 downto 0); -- of the byte that is read
+    asked_at  : unsigned(5 downto 0); -- of the byte that is there in the next clock
+    asked     : std_logic;
     at        : unsigned(5 downto 0); -- of the byte that is there
     there     : std_logic;
     outcome   : outcome_t;
@@ -113,6 +115,8 @@ architecture rtl of link_executor is
     phase     => PHASE_IDLE,
     link      => '0',
     place     => (others => '0'),
+    asked_at  => (others => '0'),
+    asked     => '0',
     at        => (others => '0'),
     there     => '0',
     outcome   => OUTCOME_ACCEPTED,
@@ -260,14 +264,18 @@ begin
           end if;
 
         when PHASE_FETCH =>
-          v.place := r.place + 1;
-          v.at    := r.place;
-          v.there := '1';
+          v.place    := r.place + 1;
+          v.asked_at := r.place;
+          v.asked    := '1';
+          v.at       := r.asked_at;
+          v.there    := r.asked;
 
           if (r.there = '1' and r.resumed = '1' and r.at = HEADER_SIZE - 1) then
+            v.asked := '0';
             v.there := '0';
             v.phase := PHASE_ANSWER;
           elsif (r.there = '1' and complete = '1') then
+            v.asked := '0';
             v.there := '0';
             v.phase := PHASE_CHECK;
           end if;

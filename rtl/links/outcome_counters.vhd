@@ -1,12 +1,12 @@
 -- One counter for every outcome a frame may have, for each of two links, in one memory.
 --
 -- Three sources: what the receiver rejects, of either link, and what the executor has served. Each waits until
--- its turn; a count takes two clocks, one to read and one to write. After a reset the counters are cleared, one a
+-- its turn; a count takes three clocks: read, keep, write one more. After a reset the counters are cleared, one a
 -- clock. A look at a counter waits for counts.
 --
 -- Formats: WIDTH bits unsigned. Index: the link above the outcome.
--- Latency: a count shows two to six clocks after it. Each source counts once in six clocks at most, which frames of
--- at least two bytes keep. A look is answered two to eight clocks after it began, 40 after a reset.
+-- Latency: a count shows at most twelve clocks after it. Each source counts once in twelve clocks at most, which frames
+-- of at least two bytes keep. A look is answered at most twelve clocks after it began, 40 after a reset.
 -- Overflow: a counter stays at its largest value.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -43,7 +43,9 @@ architecture rtl of outcome_counters is
   type state_t is record
     clearing : unsigned(5 downto 0);         -- counter being cleared; 32: done
     wanted   : std_logic_vector(2 downto 0); -- sources that wait: receiver's links, executor
+    reading  : std_logic;                    -- the count of place is read
     counting : std_logic;                    -- present is the count of place
+    looking  : std_logic;                    -- what is looked at is read
     looked   : std_logic;                    -- present is what was looked at
     shown    : std_logic;
   end record state_t;
@@ -51,7 +53,9 @@ architecture rtl of outcome_counters is
   constant STATE_INIT : state_t := (
     clearing => (others => '0'),
     wanted   => "000",
+    reading  => '0',
     counting => '0',
+    looking  => '0',
     looked   => '0',
     shown    => '0'
   );
@@ -92,7 +96,7 @@ begin
     generic map (
       ADDRESS_WIDTH => 5,
       WIDTH         => WIDTH,
-      LATENCY       => 1,
+      LATENCY       => 2,
       STYLE         => "block"
     )
     port map (
@@ -113,26 +117,31 @@ begin
 
     if rising_edge(clk) then
       v          := r;
-      v.counting := '0';
-      v.looked   := '0';
+      v.reading  := '0';
+      v.counting := r.reading;
+      v.looking  := '0';
+      v.looked   := r.looking;
       v.shown    := r.looked;
-      place      <= chosen;
+
+      if (r.reading = '0') then
+        place <= chosen;
+      end if;
 
       if (cleared = '0') then
         v.clearing := r.clearing + 1;
-      elsif (r.counting = '0') then
+      elsif (r.reading = '0' and r.counting = '0') then
         -- the memory is free: whoever waits, the look last
         if (r.wanted(0) = '1') then
           v.wanted(0) := '0';
-          v.counting  := '1';
+          v.reading   := '1';
         elsif (r.wanted(1) = '1') then
           v.wanted(1) := '0';
-          v.counting  := '1';
+          v.reading   := '1';
         elsif (r.wanted(2) = '1') then
           v.wanted(2) := '0';
-          v.counting  := '1';
+          v.reading   := '1';
         else
-          v.looked := look and not (r.looked or r.shown);
+          v.looking := look and not (r.looking or r.looked or r.shown);
         end if;
       end if;
 

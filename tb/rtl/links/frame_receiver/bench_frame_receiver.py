@@ -102,7 +102,9 @@ async def lines(dut) -> None:
     await clock.reset()
     line = [Line(rng), Line(rng)]
     seen: tuple[list[int], list[int]] = ([], [])
-    looked: tuple[int, int, Frame] | None = None  # link, place, frame whose content is due
+    # link, place, frame whose content is due now and in the next clock
+    looked: tuple[int, int, Frame] | None = None
+    coming: tuple[int, int, Frame] | None = None
     turn = clocks = 0
     while sum(map(len, seen)) < given["frames"] or any(link.events for link in line):
         clocks += 1
@@ -123,8 +125,9 @@ async def lines(dut) -> None:
             link.after = 0
             if name == "served" and link.waiting is None:
                 continue
-            if looked and looked[0] == index and name == "served":
-                looked = None
+            if name == "served":
+                looked = None if looked and looked[0] == index else looked
+                coming = None if coming and coming[0] == index else coming
             link.happen(name, byte)
             if name in inputs:
                 inputs[name] |= 1 << index
@@ -159,7 +162,7 @@ async def lines(dut) -> None:
             index, place, frame = looked
             board.check("content", number(dut.content), frame.body()[place], f"link {index}")
         await clock.edge()
-        looked = wanted
+        looked, coming = coming, wanted
     for index, link in enumerate(line):
         for _ in range(SETTLED):
             turn ^= 1

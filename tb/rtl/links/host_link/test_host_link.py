@@ -31,11 +31,11 @@ UART, SPI = 0, 1
 LONGEST_WAIT = 256
 #: Clocks from a frame that waits to the last byte of its reply, less the decision; an access is 9.
 LATENCY = {
-    protocol.Type.IDENTIFY: 36,
-    protocol.Type.COUNTERS: 90,
-    protocol.Type.READ: 36,
-    protocol.Type.WRITE: 36,
-    protocol.Type.STEP: 64,
+    protocol.Type.IDENTIFY: 37,
+    protocol.Type.COUNTERS: 98,
+    protocol.Type.READ: 37,
+    protocol.Type.WRITE: 37,
+    protocol.Type.STEP: 65,
 }
 
 

@@ -35,7 +35,7 @@ async def random_outcomes(dut) -> None:
             if not rest[f"link {link}"] and busy and not values["received"] and rng.random() < 0.4:
                 values["received"] = 1 << link
                 values["receive_outcome"] = rng.choice(few) & 15
-                rest[f"link {link}"] = 6
+                rest[f"link {link}"] = 12
                 counted.append(link << 4 | values["receive_outcome"])
         if not rest["executor"] and busy and rng.random() < 0.4:
             link = rng.randrange(2)
@@ -45,7 +45,7 @@ async def random_outcomes(dut) -> None:
                 # the same counter twice in a clock
                 link, values["serve_outcome"] = counted[0] >> 4, counted[0] & 15
                 values["served"] = 1 << link
-            rest["executor"] = 6
+            rest["executor"] = 12
             counted.append(link << 4 | values["serve_outcome"])
         rest = {name: max(0, left - 1) for name, left in rest.items()}
         for place in counted:
@@ -63,7 +63,7 @@ async def random_outcomes(dut) -> None:
             board.longest("look", since)
             if number(dut.shown):
                 looking = False
-                if quiet > since + 8:
+                if quiet > since + 14:
                     place = number(dut.index)
                     board.check("value", number(dut.value), counts.get(place, 0), f"clock {k}")
                     board.cover("largest", int(counts.get(place, 0) == largest))

@@ -34,6 +34,12 @@ FAULTS = [
     Fault("commit_control", "not (busy or start)", "not busy", "load"),
     Fault("commit_control", "(ending or not", "(not", "load"),
     Fault("commit_control", "waiting <= '0';", "null;", "(load|pending)"),
+    Fault(
+        "commit_control",
+        "waiting <= '1';\n        loads",
+        "waiting <= '0';\n        loads",
+        "pending",
+    ),
     Fault("commit_control", "waiting <= '1';\n      elsif", "null;\n      elsif", "(load|pending)"),
 ]
 
