@@ -86,7 +86,7 @@ begin
   fresh    <= unsigned('0' & present) + 1;
   write    <= (r.counting and not fresh(WIDTH)) or not cleared;
   -- never both: no memory has to know what a word is that is read while it is written
-  read     <= not write;
+  read     <= cleared and not r.counting;
   write_at <= place when cleared = '1' else
               std_logic_vector(r.clearing(4 downto 0));
   word     <= std_logic_vector(fresh(WIDTH - 1 downto 0)) when cleared = '1' else
