@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from directmpc.api.simulation import SimulationResult, simulate
     from directmpc.drive_tables import DriveError, DriveFileError
     from directmpc.mpdcc.drive import Drive
+    from directmpc.mpdcc.errors import DriveErrors
     from directmpc.mptc.drive import MptcDrive
     from directmpc.states import (
         Controller,
@@ -38,6 +39,7 @@ _HOMES = {
     "api.simulation": ("SimulationResult", "simulate"),
     "drive_tables": ("DriveError", "DriveFileError"),
     "mpdcc.drive": ("Drive",),
+    "mpdcc.errors": ("DriveErrors",),
     "mptc.drive": ("MptcDrive",),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
@@ -50,6 +52,7 @@ __all__ = [
     "Controller",
     "Drive",
     "DriveError",
+    "DriveErrors",
     "DriveFileError",
     "IdealController",
     "ModelController",

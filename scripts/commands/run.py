@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from rich.console import Console
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.host.console import check_output
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.simulator import terminable
@@ -19,12 +21,39 @@ from scripts.shared.tools import ROOT
 from scripts.studies import rtl_loop
 
 
+def _errors(text: str) -> DriveErrors:
+    """Errors as a user writes them: ``noise_current=0.005,bits=12``."""
+    kinds = {field.name: type(field.default) for field in dataclasses.fields(DriveErrors)}
+    found: dict[str, float | int] = {}
+    for part in text.split(","):
+        name, _, value = part.strip().partition("=")
+        if name not in kinds:
+            raise argparse.ArgumentTypeError(
+                f"got {name!r:.40}; it may hold {', '.join(kinds)}, each with = and a number"
+            )
+        try:
+            found[name] = kinds[name](value)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{name}: got {value!r:.40}; not a number") from None
+    try:
+        return DriveErrors(**found)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument("--speed", type=float, default=1.0, help="stator frequency, per unit")
     parser.add_argument("--steps", type=int, help="control steps; two fundamental periods without")
     parser.add_argument("--explorers", type=int, choices=EXPLORERS, default=2, metavar="1..8")
     parser.add_argument("--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT)
+    parser.add_argument(
+        "--errors",
+        type=_errors,
+        default=NO_ERRORS,
+        metavar="NAME=VALUE,...",
+        help="errors of sensors and switches, see directmpc.DriveErrors",
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "run.png", help="picture")
 
 
@@ -41,7 +70,9 @@ def _run(given: argparse.Namespace) -> int | None:
     check_output(given.out, given.drive)
     with terminable():
         try:
-            run = rtl_loop.simulate(drive, given.speed, given.steps, given.explorers, given.variant)
+            run = rtl_loop.simulate(
+                drive, given.speed, given.steps, given.explorers, given.variant, given.errors
+            )
         except ValueError as error:  # names the key, but does not know the file
             raise InputError(f"{given.drive}: {error}") from error
     rtl_loop.draw(run, given.out)

@@ -14,6 +14,7 @@ import numpy as np
 from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mpdcc.bit_true import common
+from directmpc.mpdcc.errors import measure, sensors, split, switched_step
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_simulation import Job
@@ -181,13 +182,18 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     states = np.empty((steps + 1, len(plant.state)))
     applied = np.array(loop.s_start, dtype=np.int64)
     decided = applied
+    sensed, seen = sensors(loop.errors, steps), np.empty_like(plant.state)
+    # in the period's unit of time
+    dead_time = loop.errors.dead_time * plant.data.ts / loop.drive.control.ts
+    dead, rest = split(plant.data, dead_time)
     for k in range(steps):
+        before = applied
         if loop.delay:
             applied = decided
         states[k] = plant.state
+        measure(sensed, k, plant.state, seen)
         measurement, clipped = common.encode_row(
-            plant.state[:4], plant.state[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k],
-            loop.omega_r[k],
+            seen[:4], seen[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k], loop.omega_r[k],
         )  # fmt: skip
         out[k] = await bench.decide(measurement, applied)
         out[k, FIELDS.index("saturated")] |= clipped
@@ -195,7 +201,10 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         if not loop.delay:
             applied = decided
         plant.omega_r, plant.vdc = float(loop.omega_r[k]), float(loop.vdc[k])
-        plant.step(applied)
+        if dead_time > 0.0:
+            switched_step(dead, rest, plant.state, before, applied, plant.omega_r, plant.vdc)
+        else:
+            plant.step(applied)
         progress(k + 1)
     states[steps] = plant.state
     return {"decisions": out, "states": states}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.plant import Plant
 from scripts.hdl import simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks
@@ -48,6 +49,8 @@ class Loop:
         Current reference per step, per unit.
     delay
         Whether a decision takes effect one step after the state it is based on.
+    errors : DriveErrors
+        Of sensors and switches; `vdc` has the ripple already.
     """
 
     drive: Drive
@@ -58,6 +61,7 @@ class Loop:
     omega_r: FloatArray
     iref: FloatArray
     delay: bool = False
+    errors: DriveErrors = NO_ERRORS
 
     def plant(self) -> Plant:
         """The plant in its first state.

@@ -22,8 +22,10 @@ from directmpc.mpdcc.closed_loop import (
     OperatingPoint,
     constant_profile,
     initial_conditions,
+    rippled,
 )
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
@@ -80,7 +82,14 @@ class Run:
         return self.result.decisions.cycles
 
 
-def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, variant: str) -> Run:
+def simulate(
+    drive: Drive,
+    speed: float,
+    steps: int | None,
+    explorers: int,
+    variant: str,
+    errors: DriveErrors = NO_ERRORS,
+) -> Run:
     """Run the RTL in closed loop at rated current, from the steady state.
 
     Parameters
@@ -95,6 +104,8 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
         Explorers of the core.
     variant : str
         "fast" or "paper".
+    errors : DriveErrors
+        Of sensors and switches; none unless given.
 
     Returns
     -------
@@ -115,7 +126,10 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
     iref = np.column_stack([profile.iref.real, profile.iref.imag])
     # who has the core decide for k + 1 has a decision take effect then
     delay = drive.control.delay_compensation
-    loop = Loop(drive, state, positions, profile.vdc, profile.omega_s, profile.omega_r, iref, delay)
+    link = rippled(drive, profile, errors)
+    loop = Loop(
+        drive, state, positions, link, profile.omega_s, profile.omega_r, iref, delay, errors
+    )
     values = VARIANTS[variant].registers(drive).array()
     began = time.perf_counter()
     with progress_bar("RTL in closed loop", count) as progress:
@@ -130,10 +144,10 @@ def simulate(drive: Drive, speed: float, steps: int | None, explorers: int, vari
     before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
     if delay:
         applied = np.vstack([positions, before])
+    sensed = measured(errors, states[:-1])
     seen = MpdccTrace(
-        states[:-1, :4], states[:-1, 4:], profile.vdc, iref, profile.omega_s, profile.omega_r,
-        before,
-    )  # fmt: skip
+        sensed[:, :4], sensed[:, 4:], link, iref, profile.omega_s, profile.omega_r, before
+    )
     decisions = decisions_of(decided, np.zeros(count, np.int64))
     return Run(
         drive=drive,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import functools
 import math
 import os
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import sequence_loop
@@ -201,6 +203,7 @@ def simulate(
     angle: float = 0.0,
     plant: Drive | MptcDrive | None = None,
     variant: str = DEFAULT_VARIANT,
+    errors: DriveErrors = NO_ERRORS,
 ) -> SimulationResult:
     """Run a controller in closed loop with the exact plant, from a steady state on.
 
@@ -233,6 +236,9 @@ def simulate(
         Drive whose machine and inverter the plant has, if they are others than the controller's.
     variant : str
         "fast" or "paper", for "model" of MPDCC.
+    errors : DriveErrors
+        MPDCC: errors of sensors and switches; none unless given. The result's `current` and `flux`
+        are the plant's, its `trace` is what the sensors said.
 
     Returns
     -------
@@ -242,7 +248,8 @@ def simulate(
     Raises
     ------
     TypeError
-        If `drive` is no drive, `plant` not of its kind, or `controller` has no `decide`.
+        If `drive` is no drive, `plant` not of its kind, `controller` has no `decide`, or `errors`
+        are given that are no `DriveErrors` or are for MPTC.
     ValueError
         If a number makes no sense, there is no such steady state, the model cannot represent the
         drive, or an own controller's decision is none.
@@ -259,6 +266,10 @@ def simulate(
         raise TypeError(
             f"plant: got {_named(plant)}; a drive of the same kind, {drive.controller}, is needed"
         )
+    if not isinstance(errors, DriveErrors):
+        raise TypeError(f"errors: got {_named(errors)}; a DriveErrors is needed")
+    if errors != NO_ERRORS and not isinstance(drive, Drive):
+        raise TypeError("errors: given for a drive of MPTC; only those of MPDCC have them")
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
@@ -269,7 +280,9 @@ def simulate(
     engine = controller if isinstance(controller, str) else type(controller).__name__
     if isinstance(controller, str) and settle + steps < COMPILED_FROM:
         controller = make_controller(drive, controller, variant)
-    run = _run_mpdcc if isinstance(drive, Drive) else _run_mptc
+    run = _run_mptc
+    if isinstance(drive, Drive):
+        run = functools.partial(_run_mpdcc, errors=errors)
     return run(
         drive,
         controller,
@@ -305,6 +318,7 @@ def _run_mpdcc(
     angle: float,
     plant: Drive,
     variant: str,
+    errors: DriveErrors,
 ) -> SimulationResult:
     """`simulate` for MPDCC, per unit."""
     omega_s = 1.0 if speed is None else float(speed)
@@ -322,13 +336,15 @@ def _run_mpdcc(
         # the model takes the state on to k + 1 by itself, the ideal function is shown it
         run = mpdcc_loop.simulate(
             drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
-            delay=delay, compensate=controller == "ideal",
+            delay=delay, compensate=controller == "ideal", errors=errors,
         )  # fmt: skip
     else:
         run = mpdcc_loop.drive_controller(
-            drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay
-        )
-    return _of_mpdcc(drive, engine, run, omega_s, plant)
+            drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay,
+            errors=errors,
+        )  # fmt: skip
+    seen = measured(errors, run.state[:-1], settle)
+    return _of_mpdcc(drive, engine, run, omega_s, plant, seen)
 
 
 def _of_mpdcc(
@@ -337,6 +353,7 @@ def _of_mpdcc(
     run: ClosedLoopResult,
     omega_s: float,
     plant: Drive,
+    seen: FloatArray,
 ) -> SimulationResult:
     n = len(run)
     state, profile = run.state[:n], run.profile
@@ -354,8 +371,8 @@ def _of_mpdcc(
         omega_r=profile.omega_r.copy(),
         applied=run.positions[1:].copy(),
         trace=trace.MpdccTrace(
-            x_m=state[:, :4].copy(),
-            x_inv=state[:, 4:].copy(),
+            x_m=seen[:, :4].copy(),
+            x_inv=seen[:, 4:].copy(),
             vdc=profile.vdc.copy(),
             iref=np.column_stack([profile.iref.real, profile.iref.imag]),
             omega_s=profile.omega_s.copy(),

@@ -20,6 +20,7 @@ from directmpc.compiled import njit
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
 from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState
 from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
@@ -316,7 +317,7 @@ class ClosedLoopResult:
 def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
-    shadow_out,
+    shadow_out, sensed, dead, rest, dead_time,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -330,7 +331,7 @@ def _loop(
         if delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
-        x[:] = state
+        measure(sensed, k, state, x)
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
             ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
@@ -352,7 +353,10 @@ def _loop(
         if not delay:
             applied[:] = decided
         positions[k + 1] = applied
-        plant_step(plant, state, applied, omega_r[k], vdc[k])
+        if dead_time:
+            switched_step(dead, rest, state, positions[k], applied, omega_r[k], vdc[k])
+        else:
+            plant_step(plant, state, applied, omega_r[k], vdc[k])
     states[len(vdc)] = state
 
 
@@ -400,6 +404,34 @@ def initial_conditions(
     return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
 
 
+def _per_unit(drive: Drive, errors: DriveErrors) -> float:
+    """The dead time, per unit."""
+    return errors.dead_time * drive.ts_pu / drive.control.ts
+
+
+def rippled(drive: Drive, profile: Profile, errors: DriveErrors) -> FloatArray:
+    """The dc-link voltage of a profile with its ripple.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its control period counts.
+    profile : Profile
+        n steps.
+    errors : DriveErrors
+        Its ripple counts.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Per unit.
+    """
+    if errors.ripple == 0.0:
+        return profile.vdc
+    angle = 6.0 * drive.ts_pu * np.arange(len(profile))
+    return profile.vdc + errors.ripple * np.sin(angle)
+
+
 def simulate(
     drive: Drive,
     decide: Any,
@@ -415,6 +447,7 @@ def simulate(
     shadow_parameters: Any = None,
     delay: bool = False,
     compensate: bool = True,
+    errors: DriveErrors = NO_ERRORS,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
 
@@ -444,6 +477,8 @@ def simulate(
     compensate : bool
         With `delay`: whether the controller is shown the state its model predicts for the step in
         which the decision takes effect, rather than the measured one.
+    errors : DriveErrors
+        Of sensors and switches; none unless given.
 
     Returns
     -------
@@ -474,6 +509,7 @@ def simulate(
         drive.ts_pu,
     )
     state, applied = initial_conditions(profile, rng, disturbance)
+    dead, rest = split(plant, _per_unit(drive, errors))
 
     predictor = ideal.ideal_parameters(drive)
     states = np.empty((total + 1, STATES))
@@ -486,14 +522,15 @@ def simulate(
     shadow_out = np.zeros((total if shadow is not None else 1, 7), np.int64)
     omega_s, omega_r, vdc, iref = (
         np.ascontiguousarray(a[:total])
-        for a in (profile.omega_s, profile.omega_r, profile.vdc, profile.iref)
+        for a in (profile.omega_s, profile.omega_r, rippled(drive, profile, errors), profile.iref)
     )
     _loop(
         decide, parameters,
         _no_shadow if shadow is None else shadow, 0 if shadow is None else shadow_parameters,
         shadow is not None, plant, delay, compensate, predictor,
         omega_s, omega_r, vdc, iref, state, applied, states, positions,
-        seen, seen_s, seen_iref, out, shadow_out,
+        seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
+        errors.dead_time > 0.0,
     )  # fmt: skip
 
     keep = slice(settle, total)
@@ -526,6 +563,7 @@ def drive_controller(
     plant_drive: Drive | None = None,
     delay: bool = False,
     checked: bool = True,
+    errors: DriveErrors = NO_ERRORS,
     progress: Callable[[int], None] | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
@@ -546,6 +584,8 @@ def drive_controller(
         Whether a decision takes effect one step after the state it is based on.
     checked : bool
         Whether a transition that the inverter does not have ends the run.
+    errors : DriveErrors
+        Of sensors and switches; none unless given.
     progress : callable, optional
         Called with the number of decisions made.
 
@@ -564,7 +604,11 @@ def drive_controller(
     # the plant's machine and inverter, the controller's control period
     other = plant_drive or drive
     real = drive.changed(machine=asdict(other.machine), inverter=other.inverter.model_dump())
-    plant = Plant(real, float(profile.omega_r[0]), float(profile.vdc[0]), state)
+    link = rippled(drive, profile, errors)
+    plant = Plant(real, float(profile.omega_r[0]), float(link[0]), state)
+    dead, rest = split(plant.data, _per_unit(drive, errors))
+    sensed, x = sensors(errors, total), np.empty(STATES)
+    shown = np.empty((total, STATES))
     states = np.empty((total + 1, STATES))
     applied = np.empty((total + 1, 3), np.int64)
     before = np.empty((total, 3), np.int64)
@@ -574,16 +618,18 @@ def drive_controller(
     for k in range(total):
         states[k] = plant.state
         before[k] = decided if delay else applied[k]
+        measure(sensed, k, plant.state, x)
+        shown[k] = x
         seen = MpdccState(
-            current=complex(*plant.state[:2]),
-            flux=complex(*plant.state[2:4]),
-            v_n=plant.state[4],
-            v_ph=tuple(plant.state[5:]),
+            current=complex(*x[:2]),
+            flux=complex(*x[2:4]),
+            v_n=x[4],
+            v_ph=tuple(x[5:]),
             current_ref=profile.iref[k],
             omega_s=profile.omega_s[k],
             omega_r=profile.omega_r[k],
             applied=tuple(before[k]),
-            vdc=profile.vdc[k],
+            vdc=link[k],
         )
         decision = mpdcc_decision(controller.decide(seen), k)
         for phase, old, new in zip("abc", before[k], decision.apply, strict=True):
@@ -597,8 +643,13 @@ def drive_controller(
         )  # fmt: skip
         decided = out[k, :3]
         applied[k + 1] = before[k] if delay else decided
-        plant.omega_r, plant.vdc = float(profile.omega_r[k]), float(profile.vdc[k])
-        plant.step(applied[k + 1])
+        plant.omega_r, plant.vdc = float(profile.omega_r[k]), float(link[k])
+        if errors.dead_time > 0.0:
+            switched_step(
+                dead, rest, plant.state, applied[k], applied[k + 1], plant.omega_r, plant.vdc
+            )
+        else:
+            plant.step(applied[k + 1])
         if progress is not None:
             progress(k + 1)
     states[total] = plant.state
@@ -609,9 +660,9 @@ def drive_controller(
         state=states[settle:],
         positions=applied[settle:],
         seen=MpdccTrace(
-            x_m=states[keep, :4].copy(),
-            x_inv=states[keep, 4:].copy(),
-            vdc=profile.vdc[keep],
+            x_m=shown[keep, :4].copy(),
+            x_inv=shown[keep, 4:].copy(),
+            vdc=link[keep],
             iref=np.column_stack([iref.real, iref.imag]),
             omega_s=profile.omega_s[keep],
             omega_r=profile.omega_r[keep],
@@ -620,6 +671,6 @@ def drive_controller(
         decisions=Decisions.of_words(out[keep]),
         shadow=None,
         profile=Profile(
-            profile.start, profile.omega_s[keep], profile.omega_r[keep], profile.vdc[keep], iref
+            profile.start, profile.omega_s[keep], profile.omega_r[keep], link[keep], iref
         ),
     )

@@ -209,6 +209,8 @@ class Plant:
     ----------
     state : (8,)
         [i_alpha, i_beta, psi_alpha, psi_beta, v_n, v_ph_a, v_ph_b, v_ph_c], per unit.
+    data : PlantData
+        The same plant for compiled code.
     """
 
     def __init__(
@@ -219,7 +221,7 @@ class Plant:
         state: Sequence[float] | FloatArray | None = None,
     ) -> None:
         m = drive.machine
-        self._data = plant_data(
+        self.data = plant_data(
             InductionMachine(rs=m.rs, rr=m.rr, xls=m.xls, xlr=m.xlr, xm=m.xm),
             drive.inverter.xdc,
             drive.inverter.xph,
@@ -262,7 +264,7 @@ class Plant:
             Factor of v_dc.
         """
         matrix = np.empty((STATES, STATES + 1))
-        _continuous(self._data, np.asarray(s_abc, np.int64), self.omega_r, matrix)
+        _continuous(self.data, np.asarray(s_abc, np.int64), self.omega_r, matrix)
         return matrix[:, :STATES].copy(), matrix[:, STATES].copy()
 
     def step(self, s_abc: Sequence[int]) -> FloatArray:
@@ -286,7 +288,7 @@ class Plant:
         s = np.asarray(s_abc, dtype=np.int64)
         if s.shape != (3,) or s.min() < 0 or s.max() >= anpc.POSITIONS:
             raise ValueError(f"three switch positions 0..7 are needed, got {tuple(s_abc)}")
-        plant_step(self._data, self.state, s, self.omega_r, self.vdc)
+        plant_step(self.data, self.state, s, self.omega_r, self.vdc)
         return self.state
 
 
