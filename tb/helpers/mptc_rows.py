@@ -151,7 +151,7 @@ class Stretch:
 
 
 def stretches(seed: int, steps: int) -> list[Stretch]:
-    """Six stretches of `steps` periods: recorded currents and measurements of any content.
+    """Eight stretches of `steps` periods: recorded currents and measurements of any content.
 
     The recorded ones begin with a pre-excitation that a flux of a few periods ends.
     """
@@ -169,5 +169,6 @@ def stretches(seed: int, steps: int) -> list[Stretch]:
                 joined.parameters(drive, limit=8.0, flux=flux),
                 any_measurements(rng, steps)[:, columns],
             ),
+            Stretch(joined.parameters(drive), any_measurements(rng, steps)[:, columns]),
         ]
     return found

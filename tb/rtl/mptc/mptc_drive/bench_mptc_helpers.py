@@ -192,6 +192,6 @@ async def drive(dut, given) -> None:
             board.cover("exciting" if exciting else "controlling")
             board.cover("saturated", int(saturated))
     board.finish(
-        {"decision": 6 * given["steps"]},
+        {"decision": 8 * given["steps"]},
         {"exciting": 20, "controlling": 50, "saturated": 5, "restart": 1},
     )

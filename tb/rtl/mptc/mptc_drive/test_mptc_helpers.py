@@ -63,8 +63,8 @@ def test_preexcitation_decides_as_its_twin() -> None:
 
 def test_joined_drive_decides_as_its_twin() -> None:
     found = bench("mptc_drive", 40)
-    assert found.checks["decision"] == 240
-    assert found.checks["clocks"] == 240
+    assert found.checks["decision"] == 320
+    assert found.checks["clocks"] == 320
 
 
 def test_netlist_of_the_joined_drive_decides_as_its_twin() -> None:
