@@ -138,129 +138,133 @@ architecture rtl of reply_source is
 
   end function fixed;
 
-  -- the table of all replies; places beyond a reply's last byte are never reached
+  -- entries one after another, the first one leftmost
+
+  type entries_t is array (natural range <>) of entry_t;
+
+  -- the bytes of a source of several bytes
+  function bytes_of (source : source_t; count : positive) return entries_t is
+
+    variable result : entries_t(0 to count - 1);
+
+  begin
+
+    for i in result'range loop
+      result(i) := taken(source + i);
+    end loop;
+
+    return result;
+
+  end function bytes_of;
+
+  -- a number in bytes, the lowest one first
+  function number_of (whole : natural; count : positive) return entries_t is
+
+    variable result : entries_t(0 to count - 1);
+    variable rest   : natural;
+
+  begin
+
+    rest := whole;
+
+    for i in result'range loop
+      result(i) := fixed(rest mod 256);
+      rest      := rest / 256;
+    end loop;
+
+    return result;
+
+  end function number_of;
+
+  -- what every reply begins with
+  function header_of (code : byte_t; size : natural) return entries_t is
+
+    variable result : entries_t(0 to 5);
+
+  begin
+
+    result    := (others => taken(FROM_NUMBER));
+    result(0) := fixed(to_integer(unsigned(code or TYPE_REPLY)));
+    result(1) := fixed(size);
+
+    return result;
+
+  end function header_of;
+
+  -- the address of an access and its response
+  function address_of return entries_t is
+
+    variable result : entries_t(0 to 2);
+
+  begin
+
+    result    := (others => taken(FROM_ADDRESS));
+    result(2) := taken(FROM_RESPONSE);
+
+    return result;
+
+  end function address_of;
+
+  -- the values of all counters of a reply
+  function counters_of return entries_t is
+
+    variable result : entries_t(0 to 4 * COUNTERS_PER_REPLY - 1);
+
+  begin
+
+    for i in result'range loop
+      result(i) := taken(FROM_VALUE + i mod 4);
+    end loop;
+
+    return result;
+
+  end function counters_of;
+
+  -- a table with one more reply; its last entry ends it
+  function with_reply (replies : table_t; reply : natural; entries : entries_t) return table_t is
+
+    variable result : table_t;
+    variable place  : natural;
+
+  begin
+
+    result := replies;
+    place  := 64 * reply;
+
+    for i in entries'range loop
+      result((place + 1) * TABLE_BITS - 1 downto place * TABLE_BITS) := entries(i);
+      place := place + 1;
+    end loop;
+
+    result((place - 1) * TABLE_BITS + LAST_BIT) := '1';
+
+    return result;
+
+  end function with_reply;
+
+  -- The table of all replies; places beyond a reply's last byte are never reached. It is made of values alone:
+  -- GHDL 5.0.1 loses what a procedure inside a function writes to the function's variables.
   function all_replies return table_t is
 
     variable result : table_t;
-    variable place  : natural; -- next one of the table
-
-    procedure put (entry : entry_t) is
-    begin
-
-      result((place + 1) * TABLE_BITS - 1 downto place * TABLE_BITS) := entry;
-      place := place + 1;
-
-    end procedure put;
-
-    procedure put_bytes (source : source_t; count : positive) is
-    begin
-
-      for i in 0 to count - 1 loop
-        put(taken(source + i));
-      end loop;
-
-    end procedure put_bytes;
-
-    procedure put_word (whole : natural; count : positive) is
-
-      variable rest : natural;
-
-    begin
-
-      rest := whole;
-
-      for i in 0 to count - 1 loop
-        put(fixed(rest mod 256));
-        rest := rest / 256;
-      end loop;
-
-    end procedure put_word;
-
-    procedure put_header (reply : natural; code : byte_t; size : natural) is
-    begin
-
-      place := 64 * reply;
-      put(fixed(to_integer(unsigned(code or TYPE_REPLY))));
-      put(fixed(size));
-
-      for i in 0 to 3 loop
-        put(taken(FROM_NUMBER));
-      end loop;
-
-    end procedure put_header;
-
-    procedure put_address is
-    begin
-
-      put(taken(FROM_ADDRESS));
-      put(taken(FROM_ADDRESS));
-      put(taken(FROM_RESPONSE));
-
-    end procedure put_address;
-
-    -- the entry that was put last is the reply's last one
-
-    procedure end_here is
-    begin
-
-      result((place - 1) * TABLE_BITS + LAST_BIT) := '1';
-
-    end procedure end_here;
 
   begin
 
     result := (others => '1');
-
-    put_header(OF_REFUSAL, TYPE_REFUSED, SIZE_REPLY_REFUSED);
-    put(taken(FROM_OUTCOME));
-    put(taken(FROM_KIND));
-    put_bytes(FROM_LAST, 4);
-    end_here;
-
-    put_header(OF_IDENTITY, TYPE_IDENTIFY, SIZE_REPLY_IDENTIFY);
-    put(fixed(PROTOCOL_VERSION));
-    put(fixed(CONTROLLER));
-    put(fixed(EXPLORERS));
-    put(taken(FROM_OPTIONS));
-    put_bytes(FROM_LAST, 4);
-    put_word(CLOCK_HZ, 4);
-    put_word(LIMIT, 4);
-    end_here;
-
-    put_header(OF_COUNTERS, TYPE_COUNTERS, SIZE_REPLY_COUNTERS);
-
-    for i in 1 to COUNTERS_PER_REPLY loop
-      put_bytes(FROM_VALUE, 4);
-    end loop;
-
-    end_here;
-
-    put_header(OF_READ, TYPE_READ, SIZE_REPLY_READ);
-    put_address;
-    put_bytes(FROM_RDATA, 4);
-    end_here;
-
-    put_header(OF_WRITE, TYPE_WRITE, SIZE_REPLY_WRITE);
-    put_address;
-    end_here;
-
-    put_header(OF_STEP, TYPE_STEP, SIZE_REPLY_STEP);
-    put_bytes(FROM_POSITION, 2);
-    put(taken(FROM_FLAGS));
-    put(taken(FROM_LENGTH));
-    put_bytes(FROM_CYCLES, 2);
-    put_bytes(FROM_FAULTS, 2);
-    put_bytes(FROM_GATES, 4);
-    end_here;
-
-    put_header(OF_SILENCE, TYPE_STEP, SIZE_REPLY_STEP);
-    put_word(0, 2);
-    put(taken(FROM_FLAGS));
-    put(fixed(0));
-    put_word(PATIENCE, 2);
-    put_bytes(FROM_FAULTS, 2);
-    put_bytes(FROM_GATES, 4);
-    end_here;
+    result := with_reply(result, OF_REFUSAL, header_of(TYPE_REFUSED, SIZE_REPLY_REFUSED) & taken(FROM_OUTCOME)
+                         & taken(FROM_KIND) & bytes_of(FROM_LAST, 4));
+    result := with_reply(result, OF_IDENTITY, header_of(TYPE_IDENTIFY, SIZE_REPLY_IDENTIFY) & fixed(PROTOCOL_VERSION)
+                         & fixed(CONTROLLER) & fixed(EXPLORERS) & taken(FROM_OPTIONS) & bytes_of(FROM_LAST, 4)
+                         & number_of(CLOCK_HZ, 4) & number_of(LIMIT, 4));
+    result := with_reply(result, OF_COUNTERS, header_of(TYPE_COUNTERS, SIZE_REPLY_COUNTERS) & counters_of);
+    result := with_reply(result, OF_READ, header_of(TYPE_READ, SIZE_REPLY_READ) & address_of & bytes_of(FROM_RDATA, 4));
+    result := with_reply(result, OF_WRITE, header_of(TYPE_WRITE, SIZE_REPLY_WRITE) & address_of);
+    result := with_reply(result, OF_STEP, header_of(TYPE_STEP, SIZE_REPLY_STEP) & bytes_of(FROM_POSITION, 2)
+                         & taken(FROM_FLAGS) & taken(FROM_LENGTH) & bytes_of(FROM_CYCLES, 2) & bytes_of(FROM_FAULTS, 2)
+                         & bytes_of(FROM_GATES, 4));
+    result := with_reply(result, OF_SILENCE, header_of(TYPE_STEP, SIZE_REPLY_STEP) & number_of(0, 2)
+                         & taken(FROM_FLAGS) & fixed(0) & number_of(PATIENCE, 2) & bytes_of(FROM_FAULTS, 2)
+                         & bytes_of(FROM_GATES, 4));
 
     return result;
 
