@@ -88,13 +88,14 @@ architecture rtl of reply_source is
 
   subtype table_t is std_logic_vector(512 * TABLE_BITS - 1 downto 0);
 
-  -- replies: upper bits of a place in the table; those of a request that is served are its type's lowest bits
+  -- Replies: upper bits of a place in the table; those of a request that is served are its type's lowest bits.
+  -- They are no slices of the types: GHDL 5.0.1 takes the value of such a slice for 0.
   constant OF_REFUSAL  : natural := 0;
-  constant OF_IDENTITY : natural := to_integer(unsigned(TYPE_IDENTIFY(2 downto 0)));
-  constant OF_COUNTERS : natural := to_integer(unsigned(TYPE_COUNTERS(2 downto 0)));
-  constant OF_READ     : natural := to_integer(unsigned(TYPE_READ(2 downto 0)));
-  constant OF_WRITE    : natural := to_integer(unsigned(TYPE_WRITE(2 downto 0)));
-  constant OF_STEP     : natural := to_integer(unsigned(TYPE_STEP(2 downto 0)));
+  constant OF_IDENTITY : natural := to_integer(unsigned(TYPE_IDENTIFY)) mod 8;
+  constant OF_COUNTERS : natural := to_integer(unsigned(TYPE_COUNTERS)) mod 8;
+  constant OF_READ     : natural := to_integer(unsigned(TYPE_READ)) mod 8;
+  constant OF_WRITE    : natural := to_integer(unsigned(TYPE_WRITE)) mod 8;
+  constant OF_STEP     : natural := to_integer(unsigned(TYPE_STEP)) mod 8;
   constant OF_SILENCE  : natural := 6; -- STEP, no answer from the core
 
   -- sources; of words that of the lowest byte
@@ -242,8 +243,7 @@ architecture rtl of reply_source is
 
   end function with_reply;
 
-  -- The table of all replies; places beyond a reply's last byte are never reached. It is made of values alone:
-  -- GHDL 5.0.1 loses what a procedure inside a function writes to the function's variables.
+  -- the table of all replies; places beyond a reply's last byte are never reached
   function all_replies return table_t is
 
     variable result : table_t;
