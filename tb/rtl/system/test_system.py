@@ -75,7 +75,7 @@ FAULTS = {
     "unmeasured": (
         "gate_supervisor",
         "begun       <= decided and compared and not renew;",
-        "begun <= decided;",
+        "begun <= '1';",
     ),
     "old estimate": ("mptc_system", "(forget and not (deciding or observer_busy))", "'0'"),
 }
