@@ -21,6 +21,18 @@ def spread(count: int, keep: int) -> set[int]:
     return {round(k * (count - 1) / (keep - 1)) for k in range(keep)}
 
 
+def kept_cases(rule: dict[str, Any], found: list[str]) -> set[int]:
+    """Numbers of the cases of one test function, called ``found``, that a rule of `sampled` keeps."""
+    if "cases" in rule:
+        return {number for number, case in enumerate(found) if case in rule["cases"]}
+    return spread(len(found), rule["keep"])
+
+
+def _case_of(item: pytest.Item) -> str:
+    """The name of a case: what stands in brackets behind its test function."""
+    return item.nodeid.partition("[")[2].removesuffix("]")
+
+
 def _function_of(item: pytest.Item) -> str:
     """A test function's name with its file, without the parameters of the case."""
     return item.nodeid.partition("[")[0]
@@ -35,16 +47,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         cases.setdefault(_function_of(item), []).append(item)
     matched: set[str] = set()
     for function, found in cases.items():
+        names = [_case_of(item) for item in found]
         # the first rule that matches is the one that counts
         for kind in ("left_out", "sampled"):
             rules = [r for r in tiers[kind] if fnmatch.fnmatchcase(function, r["tests"])]
             matched |= {rule["tests"] for rule in rules}
             if rules:
-                kept = spread(len(found), rules[0]["keep"]) if kind == "sampled" else set()
+                kept = kept_cases(rules[0], names) if kind == "sampled" else set()
+                matched |= {f"{rules[0]['tests']}[{name}]" for name in names}
                 for number, item in enumerate(found):
                     if number not in kept:
                         item.add_marker("thorough")
                 break
     patterns = {rule["tests"] for rules in tiers.values() for rule in rules}
+    patterns |= {f"{r['tests']}[{case}]" for r in tiers["sampled"] for case in r.get("cases", [])}
     if config.args == config.getini("testpaths") and (dead := sorted(patterns - matched)):
         raise pytest.UsageError(f"{TIERS.name}: no test matches {', '.join(dead)}")

@@ -1,6 +1,6 @@
 """The tiers of the tests: how cases are spread, and that a rule for nothing is an error.
 
-Sweep: numbers of cases and of those that are kept; a table with a rule that matches no test.
+Sweep: numbers of cases and of those that are kept, cases by name; rules that match no test or case.
 Stimulus: none; the collection of pytest itself.
 Checks: the first and the last case are kept, as many as asked for; the error names the pattern.
 Timing: none.
@@ -55,6 +55,17 @@ def test_of_many_faults_one_is_kept() -> None:
     assert marks == [[], ["thorough"], ["thorough"], ["thorough"], []]
 
 
+def test_cases_are_kept_by_name() -> None:
+    function = "tb/tools/test_budgets.py::test_resources_are_as_budgeted"
+    items = collected(f"{function}[gate_guard-ecp5]", f"{function}[gate_guard-xc7]")
+    assert [item.marks for item in items] == [[], ["thorough"]]
+
+
+def test_a_name_of_no_case_is_an_error() -> None:
+    with pytest.raises(pytest.UsageError, match=r"tiers\.toml: no test .*\[gate_guard-ecp5\]"):
+        collected("tb/tools/test_budgets.py::test_resources_are_as_budgeted[x]", whole=True)
+
+
 def test_a_rule_for_nothing_is_an_error() -> None:
     with pytest.raises(pytest.UsageError, match=r"tiers\.toml: no test matches .*test_budgets"):
         collected("tb/model/test_x.py::test_a_sum", whole=True)
@@ -63,7 +74,8 @@ def test_a_rule_for_nothing_is_an_error() -> None:
 def test_rules_say_what_stands_instead() -> None:
     tiers = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))
     assert all(rule["instead"] for rule in tiers["left_out"])
-    assert all(rule["keep"] >= 1 for rule in tiers["sampled"])
+    assert all(rule["cases"] if "cases" in rule else rule["keep"] >= 1 for rule in tiers["sampled"])
+    assert not any("cases" in rule and "keep" in rule for rule in tiers["sampled"])
     assert not any(
         fnmatch.fnmatchcase("tb/tools/test_tiers.py::test_cases_are_spread", rule["tests"])
         for rules in tiers.values()
