@@ -22,7 +22,7 @@ def spread(count: int, keep: int) -> set[int]:
 
 
 def kept_cases(rule: dict[str, Any], found: list[str]) -> set[int]:
-    """Numbers of the cases of one test function, called ``found``, that a rule of `sampled` keeps."""
+    """Numbers of the cases, called ``found``, that a rule of `sampled` keeps."""
     if "cases" in rule:
         return {number for number, case in enumerate(found) if case in rule["cases"]}
     return spread(len(found), rule["keep"])
