@@ -7,6 +7,7 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -24,7 +25,7 @@ from scripts.studies import rtl_loop
 def _errors(text: str) -> DriveErrors:
     """Errors as a user writes them: ``noise_current=0.005,bits=12``."""
     kinds = {field.name: type(field.default) for field in dataclasses.fields(DriveErrors)}
-    found: dict[str, float | int] = {}
+    found: dict[str, Any] = {}  # what each field's type made of its text
     for part in text.split(","):
         name, _, value = part.strip().partition("=")
         if name not in kinds:
@@ -36,7 +37,7 @@ def _errors(text: str) -> DriveErrors:
         except ValueError:
             raise argparse.ArgumentTypeError(f"{name}: got {value!r:.40}; not a number") from None
     try:
-        return DriveErrors(**found)  # type: ignore[arg-type]
+        return DriveErrors(**found)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 
