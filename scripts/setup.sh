@@ -14,6 +14,9 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 die() { say "$*"; exit 1; }
 exists() { command -v "$1" >/dev/null 2>&1; }
 
+# Through a link, everything below would be written into the environment of another tree.
+[ ! -L "$venv" ] || die "$venv is a symbolic link; remove it, this tree needs an environment of its own"
+
 # ---------------------------------------------------------------------------------------------
 # apt
 # ---------------------------------------------------------------------------------------------

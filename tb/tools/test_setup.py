@@ -171,6 +171,17 @@ def test_the_first_command_of_a_user_gets_everything(machine) -> None:
     assert machine.asked()[0] == ["ghdl", "verilator", "g++"]
 
 
+def test_an_environment_of_another_tree_stays_as_it_is(machine) -> None:
+    other = machine.state / "other"
+    (other / "bin").mkdir(parents=True)
+    (machine.project / ".venv").symlink_to(other)
+    done = machine.run()
+    assert done.returncode != 0
+    assert ".venv is a symbolic link; remove it" in done.stderr
+    assert machine.asked() == []
+    assert [path.name for path in other.rglob("*")] == ["bin"]
+
+
 def test_it_says_what_it_installs_in_which_version_and_why(machine) -> None:
     said = machine.run().stderr
     for words in (
