@@ -1,8 +1,9 @@
 -- Lets one decision follow the other: when it begins, with which choices, and what changes in between.
 --
--- A decision begins with start or, where from_registers says so, with command_start; what comes from the
--- other side, or while one is under way, is ignored and flagged.  The choices that a decision works with are
--- those of its beginning.  A commit and a reset of the observer wait for the end of the decision.
+-- A decision begins with start or, where from_registers says so, with command_start.  What comes while one is under
+-- way is ignored and flagged, and so is command_start where start counts.  start where command_start counts is ignored
+-- without a flag: a timer at the port may go on.  The choices that a decision works with are those of its beginning.
+-- A commit and a reset of the observer wait for the end of the decision.
 --
 -- Formats: none. Latency: go one clock after start; load as commit_control's.
 -- Overflow: none; a start that comes too early is dropped and flagged.
