@@ -18,6 +18,8 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 
 # Processes at a time, tests and synthesis alike
 JOBS ?= 2
+# 1: make run records every signal of the RTL in build/run.fst
+WAVES ?=
 # Further arguments of run, test, registers, synth, pnr and report
 ARGS ?=
 export JOBS
@@ -44,6 +46,7 @@ help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-20s %s\n", $$1, $$2 }'
 	@echo
 	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=fast|paper]'
+	@echo '  make run [WAVES=1] [ARGS="--trace trace.csv --decisions decisions.csv"]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
 	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc]'
@@ -55,7 +58,7 @@ setup: ## install what is missing: system tools (apt) and .venv
 	@'$(ROOT)/scripts/setup.sh' >&2
 
 run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draws the result
-	@'$(PY)' -m scripts run $(ARGS)
+	@'$(PY)' -m scripts run $(if $(filter-out 0,$(WAVES)),--waves) $(ARGS)
 
 # worksteal: some of the syntheses take minutes, the others seconds
 test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); about 13 minutes on two cores

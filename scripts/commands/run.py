@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import math
 import sys
@@ -14,12 +15,23 @@ from rich.console import Console
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.host.console import check_output
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.simulator import terminable
+from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
-from scripts.shared.tools import ROOT
+from scripts.shared.tools import BUILD, ROOT, replacing, write
 from scripts.studies import rtl_loop
+
+OUTPUTS = {
+    "out": "picture",
+    "trace": "trace",
+    "decisions": "decisions",
+    "waves": "signals",
+    "view": "their view",
+}
+"""Arguments that name a file to write, and what it is; `view` follows from `waves`."""
 
 
 def _errors(text: str) -> DriveErrors:
@@ -55,7 +67,29 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE,...",
         help="errors of sensors and switches, see directmpc.DriveErrors",
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "build" / "run.png", help="picture")
+    parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
+    parser.add_argument("--trace", type=Path, help="what the RTL saw: a trace for replay (CSV)")
+    parser.add_argument("--decisions", type=Path, help="what it decided, as replay writes it (CSV)")
+    parser.add_argument(
+        "--waves",
+        type=Path,
+        nargs="?",
+        const=BUILD / "run.fst",
+        help="every signal (FST), with a view for GTKWave beside it (.gtkw); build/run.fst if no "
+        "file is named",
+    )
+
+
+def _outputs(given: argparse.Namespace) -> dict[str, Path]:
+    """The files that are asked for, each of which can be written."""
+    outputs = {name: path for name in OUTPUTS if (path := getattr(given, name, None)) is not None}
+    for name, path in outputs.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        check_output(path, given.drive)
+        for other, another in outputs.items():
+            if other != name and another.resolve() == path.resolve():
+                raise UsageError(f"{path} is asked for twice, as --{name} and as --{other}")
+    return outputs
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -67,16 +101,26 @@ def _run(given: argparse.Namespace) -> int | None:
     drive = load_mpdcc_drive(given.drive)
     if given.speed == 0.0:
         raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    check_output(given.out, given.drive)
-    with terminable():
+    if given.waves is not None:
+        given.view = given.waves.with_suffix(".gtkw")
+    outputs = _outputs(given)
+    with terminable(), contextlib.ExitStack() as files:
+        # none of them replaces an older one before all are whole
+        new = {name: files.enter_context(replacing(path)) for name, path in outputs.items()}
         try:
             run = rtl_loop.simulate(
-                drive, given.speed, given.steps, given.explorers, given.variant, given.errors
-            )
+                drive, given.speed, given.steps, given.explorers, given.variant, given.errors,
+                new.get("waves"),
+            )  # fmt: skip
         except ValueError as error:  # names the key, but does not know the file
             raise InputError(f"{given.drive}: {error}") from error
-    rtl_loop.draw(run, given.out)
+        rtl_loop.draw(run, new["out"])
+        if "trace" in new:
+            write_trace(new["trace"], run.result.seen)
+        if "decisions" in new:
+            write_decisions(new["decisions"], run.result.decisions)
+        if "view" in new:
+            write(new["view"], view(given.waves.name, rtl_loop.signals()))
     base = drive.base
     console.print(
         f"{given.drive.name}: {len(run.result)} steps of {1e6 * drive.control.ts:g} us at "
@@ -85,7 +129,8 @@ def _run(given: argparse.Namespace) -> int | None:
     )
     console.print(rtl_loop.outcome(run))
     console.print(rtl_loop.latency(run))
-    console.print(f"picture: {given.out}", soft_wrap=True)
+    for name, path in outputs.items():
+        console.print(f"{OUTPUTS[name]}: {path}", soft_wrap=True)
     if run.differing:
         print(
             f"run: {run.differing} of {len(run.result)} decisions of the RTL differ from its "
@@ -96,4 +141,11 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("run", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command(
+    "run",
+    __doc__.splitlines()[0],
+    _arguments,
+    _run,
+    interrupted="nothing was written",
+    outputs=tuple(OUTPUTS),
+)

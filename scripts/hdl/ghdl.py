@@ -117,6 +117,7 @@ def execute(
     environment: Mapping[str, str] | None = None,
     rtl: Path = RTL,
     timeout: int | None = 120,
+    waves: Path | None = None,
 ) -> None:
     """Analyse, elaborate and run; raise where that fails or a cocotb test does.
 
@@ -140,6 +141,8 @@ def execute(
         Folder of the design.
     timeout : int | None
         Seconds until the simulator is ended; never, if None.
+    waves : Path | None
+        File for every signal of the run, in the format FST; none is written if None.
 
     Raises
     ------
@@ -158,7 +161,7 @@ def execute(
         sources += [path for path in compile_order(unit, available) if path not in sources]
     with chosen_ghdl(folder):
         library = _build(top, folder, sources, files)
-        _test(top, library, module, folder, generics, environment, timeout)
+        _test(top, library, module, folder, generics, environment, timeout, waves)
 
 
 def _build(top: str, folder: Path, sources: Sequence[Path], files: Sequence[Path]) -> str:
@@ -202,13 +205,18 @@ def _test(
     generics: Mapping[str, object] | None,
     environment: Mapping[str, str] | None,
     timeout: int | None,
+    waves: Path | None,
 ) -> None:
     """Elaborate and run what `_build` has analysed; the arguments are those of `execute`."""
     test_log = folder / "test.log"
-    prefix = {} if timeout is None else {"SIM_CMD_PREFIX": f"timeout -k 5 {timeout}"}
+    # cocotb's own variable would have it write another file, in another format
+    changes = {"WAVES": "0"}
+    if timeout is not None:
+        changes["SIM_CMD_PREFIX"] = f"timeout -k 5 {timeout}"
+    recorded = [] if waves is None else [f"--fst={waves}"]
     results_xml = folder / "results.xml"
     try:
-        with mock.patch.dict(os.environ, prefix):
+        with mock.patch.dict(os.environ, changes):
             get_runner("ghdl").test(
                 hdl_toplevel=top,
                 hdl_toplevel_library=library,
@@ -216,7 +224,7 @@ def _test(
                 test_module=module,
                 test_args=[STANDARD, f"-P{folder}"],
                 # registers of a datapath hold no value until they are loaded; outputs are compared
-                plusargs=["--ieee-asserts=disable"],
+                plusargs=["--ieee-asserts=disable", *recorded],
                 parameters=dict(generics or {}),
                 build_dir=folder,
                 test_dir=folder,

@@ -14,6 +14,7 @@ from __future__ import annotations
 import concurrent.futures
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -58,9 +59,12 @@ class Job:
     ----------
     folder : Path
         Where the job's files are; set by `simulate`.
+    waves : Path or None
+        File for every signal of the run, in the format FST; none is written if None.
     """
 
     folder: Path = field(default_factory=Path, kw_only=True)
+    waves: Path | None = field(default=None, kw_only=True)
 
     @property
     def progress_path(self) -> Path:
@@ -83,6 +87,17 @@ class Job:
             In the job's folder.
         """
         return self.folder / "result.npz"
+
+    @property
+    def waves_path(self) -> Path | None:
+        """File that the simulator writes the signals to.
+
+        Returns
+        -------
+        Path or None
+            In the job's folder; None if they are not asked for.
+        """
+        return None if self.waves is None else self.folder / "waves.fst"
 
 
 class Progress:
@@ -192,6 +207,9 @@ def simulate(
         if process.returncode != 0 or not job.result_path.exists():
             tail = log_path.read_text(encoding="utf-8", errors="replace").splitlines()
             raise SimulationError("the RTL simulation failed:\n" + "\n".join(tail[-_LOG_LINES:]))
+        if job.waves is not None and job.waves_path is not None:
+            with tools.replacing(job.waves) as temporary:
+                shutil.copyfile(job.waves_path, temporary)
         with np.load(job.result_path) as data:
             return {key: data[key] for key in data.files}
 
@@ -274,6 +292,7 @@ def build_and_run(
             environment={"DIRECTMPC_JOB": str(job_path)},
             rtl=rtl or RTL,
             timeout=None,
+            waves=load_job(job_path).waves_path,
         )
     except (BenchError, BuildError, ToolError) as error:
         print(error)

@@ -42,6 +42,9 @@ class Command:
         Exit code where a tool fails.
     interrupted
         What an interruption leaves, for its message.
+    outputs
+        Arguments that name files it writes, all of them or none: where it fails, the message says
+        that those which existed are as they were.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Command:
     run: Callable[[argparse.Namespace], int | None]
     failed: int = 2
     interrupted: str = ""
+    outputs: tuple[str, ...] = ("out",)
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Read the arguments, do it, and report what goes wrong; returns the exit code.
@@ -77,7 +81,8 @@ class Command:
         except UsageError as error:
             parser.error(str(error))
         except (ToolError, ValueError, OSError) as error:
-            report_error(self.name, error, getattr(given, "out", None))
+            paths = [getattr(given, name, None) for name in self.outputs]
+            report_error(self.name, error, [path for path in paths if path is not None])
             return self.failed if isinstance(error, ToolError) else 2
         except KeyboardInterrupt:
             said = "; ".join(filter(None, ["interrupted", self.interrupted]))

@@ -26,12 +26,14 @@ from directmpc.mpdcc.closed_loop import (
 )
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
+from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
 from scripts.hdl import mpdcc_simulation
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.mpdcc_simulation import Job, Loop
+from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
 from scripts.shared.figures import COLOURS, pyplot, save_png
 
@@ -89,6 +91,7 @@ def simulate(
     explorers: int,
     variant: str,
     errors: DriveErrors = NO_ERRORS,
+    waves: Path | None = None,
 ) -> Run:
     """Run the RTL in closed loop at rated current, from the steady state.
 
@@ -106,6 +109,8 @@ def simulate(
         "fast" or "paper".
     errors : DriveErrors
         Of sensors and switches; none unless given.
+    waves : Path | None
+        File for every signal of the simulation (FST); none is written if None.
 
     Returns
     -------
@@ -135,7 +140,7 @@ def simulate(
     with progress_bar("RTL in closed loop", count) as progress:
         empty = np.empty((0, 0), np.int64)
         answer = mpdcc_simulation.simulate(
-            Job(values, empty, empty, loop=loop), explorers, variant, progress
+            Job(values, empty, empty, loop=loop, waves=waves), explorers, variant, progress
         )
     seconds = time.perf_counter() - began
     decided = np.asarray(answer["decisions"], dtype=np.int64)
@@ -165,6 +170,33 @@ def simulate(
         differing=count_differences(decisions, VARIANTS[variant].run(drive, seen)),
         seconds=seconds,
     )
+
+
+def signals() -> dict[str, list[Signal]]:
+    """Ports of `mpdcc_core` as a view of its signals groups them.
+
+    Returns
+    -------
+    dict of str to list of Signal
+        Heading -> ports; words are shown as integers, in LSB of their formats.
+    """
+    groups: dict[str, list[Signal]] = {
+        "handshake": [(name, 1, False) for name in ("clk", "rst", "start", "busy", "valid")],
+        "measurements, sampled with start": [
+            (name, form.width, form.signed) for name, form in MEASUREMENTS.items()
+        ],
+        "positions s(k-1), sampled with start": [(f"s_prev_{phase}", 3, False) for phase in PHASES],
+        "decision, valid with valid": [
+            *((f"s_{phase}", 3, False) for phase in PHASES),
+            *((name, 1, False) for name in ("held", "deadlock")),
+            ("length", LENGTH_WIDTH, False),
+            *((name, 1, False) for name in ("saturated", "exhausted")),
+        ],
+    }
+    return {
+        heading: [(f"i_core.{name}", bits, signed) for name, bits, signed in ports]
+        for heading, ports in groups.items()
+    }
 
 
 def outcome(run: Run) -> Table:

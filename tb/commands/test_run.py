@@ -1,6 +1,8 @@
-"""`make run` on few steps: it checks, prints and draws, and says no when a decision differs.
+"""`make run` on few steps: it checks, prints, draws, records, and says no to a difference.
 
-Stimulus: a tenth of a fundamental period on the simulated RTL.
+Stimulus: a tenth of a fundamental period on the simulated RTL; errors of sensors; every output.
+Checks: the recorded trace, replayed on the RTL, gives the recorded decisions, byte by byte; every
+signal of the view is in the file of signals; of several outputs all are written or none.
 Does not prove: the figures it prints (see the tests of the model).
 """
 
@@ -14,21 +16,106 @@ import pytest
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
-from scripts.commands import run
+from scripts.commands import replay, run
 from scripts.shared.tools import ROOT
 from scripts.studies import rtl_loop
+from tb.helpers import fst
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "pictures" / "run.png"
-    assert run.COMMAND.main(["--steps", "40", "--out", str(picture)]) == 0
+    outputs = {name: tmp_path / "new" / name for name in ("out", "trace", "decisions")}
+    picture = outputs["out"]
+    assert run.COMMAND.main(["--steps", "40", *arguments_for(outputs)]) == 0
     shown = capsys.readouterr().out
     for words in ("40 checked", "0 differ", "24 logical", "36 physical", "us at 40 MHz", "1135"):
         assert words in shown
     assert str(picture) in shown
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert picture.stat().st_size < 150_000
+    # replay reads the trace, and its model decides as the RTL did
+    given = ["--drive", str(ROOT / "drives" / "anpc5l_6kv.toml"), "--engine", "model"]
+    given += ["--trace", str(outputs["trace"]), "--out", str(tmp_path / "model.csv")]
+    assert replay.COMMAND.main(given) == 0
+    model, told = (read_decisions(path) for path in (tmp_path / "model.csv", outputs["decisions"]))
+    assert len(told) == 40
+    assert count_differences(model, told) == 0
+    assert sorted(picture.parent.iterdir()) == sorted(outputs.values()), "none is not asked for"
+
+
+def outputs_in(folder: Path) -> dict[str, Path]:
+    """A file for each output that may be asked for."""
+    names = {"out": "run.png", "trace": "trace.csv", "decisions": "told.csv", "waves": "run.fst"}
+    return {argument: folder / name for argument, name in names.items()}
+
+
+def arguments_for(outputs: dict[str, Path]) -> list[str]:
+    """The outputs as the command takes them."""
+    return [text for name, path in outputs.items() for text in (f"--{name}", str(path))]
+
+
+def test_a_recorded_run_is_replayed_and_its_signals_are_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outputs = outputs_in(tmp_path)
+    drive = tmp_path / "drive.toml"
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = text.replace("switching_horizon", "# switching_horizon")
+    setting = 'delay_compensation = true\nswitching_horizon = "SESE"\nbudget = 100'
+    drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
+    given = ["--drive", str(drive), "--steps", "40", "--speed", "-0.7"]
+    given += ["--errors", "noise_current=0.02,gain_voltage=0.01"]
+    assert run.COMMAND.main(given + arguments_for(outputs)) == 0
+    shown = capsys.readouterr().out
+    for path in outputs.values():
+        assert str(path) in shown
+    replayed = tmp_path / "replayed.csv"
+    given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
+    assert replay.COMMAND.main(given) == 0
+    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+    told = read_decisions(replayed)
+    assert len(told) == 40
+    assert told.held.sum() < 40
+    recorded = fst.read(outputs["waves"])
+    assert recorded.seconds > 1e-8 * told.cycles.sum()
+    view = (tmp_path / "run.gtkw").read_text(encoding="utf-8").splitlines()
+    assert '[dumpfile] "run.fst"' in view
+    viewed = [line for line in view if line.startswith("i_core.")]
+    assert len(viewed) == 5 + 13 + 3 + 8
+    assert set(viewed) <= set(recorded.signals)
+
+
+@pytest.mark.parametrize("end", [ValueError("control.ts: no"), KeyboardInterrupt()])
+def test_of_several_outputs_none_is_written_where_it_fails(
+    modelled: rtl_loop.Run, end: BaseException,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    outputs = outputs_in(tmp_path)
+    for name in ("out", "trace"):
+        outputs[name].write_text("before", encoding="utf-8")
+
+    def fail(*arguments: object) -> None:
+        raise end
+
+    # the picture and the trace are through by then
+    monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
+    monkeypatch.setattr(run, "write_decisions", fail)
+    assert run.COMMAND.main(arguments_for(outputs)) in (2, 130)
+    errors = capsys.readouterr().err
+    assert "nothing was written" in errors
+    if isinstance(end, ValueError):
+        assert f"{outputs['out']}, {outputs['trace']} are as they were before" in errors
+    assert sorted(tmp_path.iterdir()) == [outputs["out"], outputs["trace"]]
+    assert {path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == {"before"}
+
+
+def test_one_file_is_not_two_outputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = str(tmp_path / "one.csv")
+    with pytest.raises(SystemExit) as left:
+        run.COMMAND.main(["--trace", one, "--decisions", one])
+    assert left.value.code == 2
+    assert "asked for twice" in capsys.readouterr().err
 
 
 @pytest.fixture

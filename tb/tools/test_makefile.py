@@ -110,6 +110,13 @@ def test_replay_says_what_is_wrong(project, change, message):
     assert "<" not in done.stdout, "nothing may be started"
 
 
+def test_waves_are_recorded_where_they_are_asked_for(project):
+    for given, handed in (([], []), (["WAVES=0"], []), (["WAVES=1"], ["--waves"])):
+        done = make(project, "run", *given, "ARGS=--steps 5")
+        words = [line.strip("<>") for line in done.stdout.splitlines()]
+        assert words == ["-m", "scripts", "run", *handed, "--steps", "5"]
+
+
 def test_seeds_and_layouts_reach_the_programs(project):
     done = make(project, "bitstream", "BOARD=ulx3s-85f", "SEEDS=3")
     assert "<--seeds>\n<3>\n" in done.stdout

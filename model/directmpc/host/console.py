@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn, TextIO
@@ -126,7 +126,26 @@ def check_output(out: Path, *inputs: Path) -> None:
             raise OutputError(f"{out}: is an input; another path is needed")
 
 
-def report_error(program: str, error: BaseException, kept: Path | None = None) -> None:
+def nothing_written(standing: Sequence[Path]) -> str:
+    """What a command that fails says of its output files.
+
+    Parameters
+    ----------
+    standing : sequence of Path
+        Those that exist; they are whole, and older than the command.
+
+    Returns
+    -------
+    str
+        A sentence without its full stop.
+    """
+    if not standing:
+        return "nothing was written"
+    verb = "is as it was" if len(standing) == 1 else "are as they were"
+    return f"nothing was written; {', '.join(map(str, standing))} {verb} before"
+
+
+def report_error(program: str, error: BaseException, kept: Sequence[Path] = ()) -> None:
     """Print an expected error as one paragraph on stderr.
 
     Parameters
@@ -135,8 +154,8 @@ def report_error(program: str, error: BaseException, kept: Path | None = None) -
         Its name; the message begins with it.
     error : BaseException
         What went wrong.
-    kept : Path, optional
-        An output that was not written; where a file stands there, the message says that it is as
+    kept : sequence of Path
+        Outputs that were not written; where files stand there, the message says that they are as
         before.
     """
     text = str(error)
@@ -144,6 +163,6 @@ def report_error(program: str, error: BaseException, kept: Path | None = None) -
         text = f"{error.filename or 'file'}: {error.strerror or error}"
     # A simulator's log keeps its lines; blank ones would make two paragraphs of it.
     lines = [line for line in text.splitlines() if line.strip()]
-    if kept is not None and kept.is_file():
-        lines.append(f"nothing was written; {kept} is as it was before")
+    if standing := [path for path in kept if path.is_file()]:
+        lines.append(nothing_written(standing))
     print(f"{program}: " + "\n".join(lines), file=sys.stderr)
