@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from directmpc.host.console import terminable
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl import replay
 from scripts.hdl.mpdcc_simulation import EXPLORERS
-from scripts.hdl.simulator import terminable
 from scripts.shared.command import Command
 
 

@@ -13,12 +13,11 @@ from typing import Any
 from rich.console import Console
 
 from directmpc.api.drive_file import load_mpdcc_drive
-from directmpc.host.console import check_output
+from directmpc.host.console import check_output, terminable
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from scripts.hdl.mpdcc_simulation import EXPLORERS
-from scripts.hdl.simulator import terminable
 from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
 from scripts.shared.tools import BUILD, ROOT, replacing, write

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
+import sys
 import time
 from pathlib import Path
 
+from directmpc.host.console import check_output, terminable
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS
 from scripts.shared import progress
@@ -25,6 +28,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART"
     )
     parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
+    parser.add_argument(
+        "--free-running",
+        action="store_true",
+        help="time goes on without traffic: a host that dies lets the watchdog trip",
+    )
+
+
+def _shown(path: Path) -> str:
+    """A path as a user types it: from here if it lies below, quoted if need be."""
+    near = Path(os.path.relpath(path))
+    return shlex.quote(str(path.absolute() if ".." in near.parts else near))
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -32,24 +46,30 @@ def _run(given: argparse.Namespace) -> int | None:
         raise UsageError("no board's bitstream has the paper's explorers")
     if given.board and given.controller not in BOARDS[given.board].controllers:
         raise UsageError(f"{given.board} has no room for {given.controller}")
+    if given.gates:
+        check_output(given.gates)
     began = time.perf_counter()
     chosen = virtual_board.generics(given.controller, given.explorers, given.folded)
     if given.board:
         chosen = BOARDS[given.board].generics(given.controller, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
-        board = virtual_board.VirtualBoard(chosen, given.port, given.gates)
+        board = virtual_board.VirtualBoard(
+            chosen, given.port, given.gates, free_running=given.free_running
+        )
     print(board.said)
     print(
         f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"
-        f"  python -m directmpc.host --port {os.path.relpath(given.port)} identify\n"
+        f"  {_shown(Path(sys.executable))} -m directmpc.host --port {_shown(given.port)} identify\n"
         "end it with Ctrl-C",
         flush=True,
     )
-    try:
-        return board.process.wait()
-    except KeyboardInterrupt:
-        board.close()
-        return 0
+    with terminable():
+        try:
+            return board.process.wait()
+        except KeyboardInterrupt:
+            return 0
+        finally:
+            board.close()
 
 
-COMMAND = Command("virtual-board", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("virtual-board", __doc__.splitlines()[0], _arguments, _run, outputs=("gates",))

@@ -21,8 +21,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -360,17 +360,3 @@ def in_parallel(
             stop.set()
             raise
     return np.concatenate([future.result() for future in futures])
-
-
-@contextmanager
-def terminable() -> Iterator[None]:
-    """Let SIGTERM end the program as an exception does, so that what it made is taken away."""
-
-    def _leave(number: int, _: object) -> NoReturn:
-        raise SystemExit(128 + number)
-
-    before = signal.signal(signal.SIGTERM, _leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -1,8 +1,9 @@
 // The simulated board's pins, driven from outside: see scripts/hdl/virtual_board.py.
 //
-//   board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI   its UART on a pseudo-terminal, LINK a symbolic link to it
-//   board script CLOCKS_PER_BIT DIVIDE               orders on standard input, what came of each on standard output
+//   board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI FREE   its UART on a pseudo-terminal, LINK a symbolic link to it
+//   board script CLOCKS_PER_BIT DIVIDE                    orders on standard input, what came of each on standard output
 //
+// FREE 1: time runs on without traffic too, as fast as the simulation goes.
 // Clocks are the core's: DIVIDE of the oscillator's.
 //
 // Licence: Apache-2.0
@@ -167,7 +168,7 @@ static void start() {
     }
 }
 
-static int run_pty(const char *link, const char *gates_file, bool over_spi) {
+static int run_pty(const char *link, const char *gates_file, bool over_spi, bool free_running) {
     int master = posix_openpt(O_RDWR | O_NOCTTY);
     if (master < 0 || grantpt(master) || unlockpt(master)) { perror("board: pseudo-terminal"); return 2; }
     const char *name = ptsname(master);
@@ -178,14 +179,20 @@ static int run_pty(const char *link, const char *gates_file, bool over_spi) {
     cfmakeraw(&raw);
     tcsetattr(slave, TCSANOW, &raw);
     fcntl(master, F_SETFL, O_NONBLOCK);
+    // beside the file, which it replaces once the board is up
+    const std::string gates_new = std::string(gates_file) + ".new";
     if (strcmp(gates_file, "-")) {
-        gate_log = fopen(gates_file, "w");
+        gate_log = fopen(gates_new.c_str(), "w");
         if (!gate_log) { perror(gates_file); return 2; }
         setvbuf(gate_log, nullptr, _IOLBF, 0);
         fprintf(gate_log, "clock,gates\n");
     }
     unlink(link);
-    if (symlink(name, link)) { perror(link); return 2; }
+    if (symlink(name, link) || (gate_log && rename(gates_new.c_str(), gates_file))) {
+        perror(link);
+        if (gate_log) unlink(gates_new.c_str());
+        return 2;
+    }
     link_name = link;
     signal(SIGINT, leave);
     signal(SIGTERM, leave);
@@ -193,17 +200,18 @@ static int run_pty(const char *link, const char *gates_file, bool over_spi) {
     m->steps_over_spi = over_spi;
     printf("virtual board: UART at %s -> %s\n", link, name);
     fflush(stdout);
-    // Time runs while the line is in use, and a little longer: a reply takes less than that to begin.
+    // Unless it runs freely, time runs while the line is in use, and a little longer: a reply takes less than that to begin.
     // Between two bytes of a reply the board may be idle for half a stop bit and a little longer.
     const uint64_t patience = 4000, rest = 60 + (uint64_t)uart.period;
     uint8_t buffer[256];
     for (;;) {
-        bool quiet = uart.idle() && clocks > uart.last_busy + (uart.asked ? patience : rest);
+        bool quiet = !free_running && uart.idle() && clocks > uart.last_busy + (uart.asked ? patience : rest);
         if (quiet) {
             struct pollfd wait = {master, POLLIN, 0};
             poll(&wait, 1, 1000);
             if (getppid() == 1) leave(0);  // whoever started it is gone
         }
+        if (free_running && clocks % 65536 == 0 && getppid() == 1) leave(0);
         if (quiet || clocks % 64 == 0) {
             ssize_t count = read(master, buffer, sizeof buffer);
             for (ssize_t i = 0; i < count; i++) uart.to_board.push_back(buffer[i]);
@@ -286,14 +294,14 @@ int main(int argc, char **argv) {
         uart.period = atof(argv[2]);
         divide = atoi(argv[3]);
     }
-    if (argc >= 7 && !strcmp(argv[1], "pty")) {
+    if (argc >= 8 && !strcmp(argv[1], "pty")) {
         start();
-        return run_pty(argv[4], argv[5], argv[6][0] == '1');
+        return run_pty(argv[4], argv[5], argv[6][0] == '1', argv[7][0] == '1');
     }
     if (argc >= 4 && !strcmp(argv[1], "script")) {
         start();
         return run_script();
     }
-    fprintf(stderr, "usage: board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI | board script CLOCKS_PER_BIT DIVIDE\n");
+    fprintf(stderr, "usage: board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI FREE | board script CLOCKS_PER_BIT DIVIDE\n");
     return 2;
 }

@@ -2,8 +2,9 @@
 
 `board_top` goes through GHDL and Verilator as every core does (scripts/hdl/netlist_check.py), with
 scripts/hdl/virtual_board.cpp around its pins: the same host program that talks to a board talks to
-it. Simulated time advances only during traffic.  So a host may take any time between two steps, and
-the gate guard's watchdog sees the same clocks every time.
+it. Simulated time advances only during traffic. So a host may take any time between two steps, and
+the gate guard's watchdog sees the same clocks every time. Free-running, time goes on as fast as the
+simulation does, some fifty times slower than a board's: a host that dies lets the watchdog trip.
 
 Its UART is faster than a board's, so the netlist is not the board's. ``--board`` simulates the
 netlist of a board's bitstream, with the board's UART rate and oscillator divider.
@@ -14,6 +15,8 @@ full speed, instead of a pseudo-terminal.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import re
 import shutil
@@ -21,6 +24,7 @@ import signal
 import struct
 import subprocess
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -136,6 +140,29 @@ def _seeded(seed: int) -> list[str]:
     return [f"+verilator+seed+{seed % 2**31 or 1}", "+verilator+rand+reset+2"]
 
 
+@contextlib.contextmanager
+def _claimed(port: Path) -> Iterator[int]:
+    """Lock a port's name: whoever inherits the descriptor keeps it for as long as it lives.
+
+    Raises
+    ------
+    ToolError
+        If another board has it, or something stands there that is no link.
+    """
+    if port.exists() and not port.is_symlink():
+        raise ToolError(f"{port}: is no link to a terminal; another name is needed, --port")
+    lock = os.open(port.with_name(f".{port.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield lock
+    except BlockingIOError:
+        raise ToolError(
+            f"{port}: another virtual board is there; end it, or give this one a name, --port"
+        ) from None
+    finally:
+        os.close(lock)
+
+
 class VirtualBoard:
     """A running board; `port` is what a host opens.
 
@@ -151,6 +178,13 @@ class VirtualBoard:
         Of what registers without a reset hold at first.
     verilog : Path | None
         The netlist, if not the one that is converted.
+    free_running : bool
+        Whether time goes on without traffic too.
+
+    Raises
+    ------
+    ToolError
+        If another virtual board has this port, something else stands there, or it does not start.
     """
 
     def __init__(
@@ -160,12 +194,17 @@ class VirtualBoard:
         gate_log: Path | None = None,
         seed: int = 1,
         verilog: Path | None = None,
+        free_running: bool = False,
     ) -> None:
         program = _build(chosen, verilog)
         port.parent.mkdir(parents=True, exist_ok=True)
         self.port = port
         command = [str(program), "pty", *_line(chosen), str(port), str(gate_log or "-"), "0"]
-        self.process = subprocess.Popen([*command, *_seeded(seed)], stdout=subprocess.PIPE)
+        command.append(str(int(free_running)))
+        with _claimed(port) as lock:
+            self.process = subprocess.Popen(
+                [*command, *_seeded(seed)], stdout=subprocess.PIPE, pass_fds=[lock]
+            )
         assert self.process.stdout is not None
         self.said = self.process.stdout.readline().decode().strip()
         if not self.said:

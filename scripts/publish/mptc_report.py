@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from directmpc.api.drive_file import load_mptc_drive
-from directmpc.host.console import progress_bar
+from directmpc.host.console import progress_bar, terminable
 from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run
@@ -29,7 +29,7 @@ from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.simulator import in_parallel, terminable
+from scripts.hdl.simulator import in_parallel
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import progress, tables, tools

@@ -1,7 +1,7 @@
 """The examples run, and each makes a figure that physics asks for.
 
 Sweep: all files of examples/, with fewer steps than they take by themselves.
-Stimulus: their own.
+Stimulus: their own; a virtual board for the host.
 Checks: THD, torque, current and flux of their loops; the share of rows decided alike; length.
 Timing: none.
 Does not prove: the library, see test_library.
@@ -15,6 +15,8 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+
+from scripts.hdl.virtual_board import VirtualBoard, generics
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -31,7 +33,8 @@ def example(name: str) -> ModuleType:
 
 def test_every_example_is_tested_and_short() -> None:
     files = sorted(EXAMPLES.glob("*.py"))
-    assert [f.stem for f in files] == ["closed_loop", "own_controller", "own_machine", "own_trace"]
+    named = ["closed_loop", "own_controller", "own_host", "own_machine", "own_trace"]
+    assert [f.stem for f in files] == named
     for file in files:
         assert len(file.read_text(encoding="utf-8").splitlines()) < 60
         assert f"test_{file.stem}" in globals()
@@ -44,6 +47,29 @@ def test_closed_loop(capsys: pytest.CaptureFixture[str]) -> None:
     mptc = results["induction_2kw2"]
     assert mptc.torque.mean() == pytest.approx(7.0, abs=0.2)
     assert np.abs(mptc.flux).mean() == pytest.approx(0.95, abs=0.02)
+
+
+def test_own_host(tmp_path: Path) -> None:
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(generics("mpdcc"), tmp_path / "board", log) as running:
+        currents = np.array(example("own_host").main(str(running.port), steps=120))
+    assert np.abs(currents).mean() == pytest.approx(1.0, abs=0.03)
+    # it turns as the reference does
+    assert np.unwrap(np.angle(currents))[-1] - np.angle(currents[0]) == pytest.approx(
+        119 * 2 * np.pi * 50 * 50e-6, abs=0.15
+    )
+    changes = [int(line.split(",")[1], 16) for line in log.read_text().splitlines()[1:]]
+    assert len(changes) > 12
+    assert changes[-1] == 0, "the drive is off"
+
+
+def test_the_guide_shows_the_host() -> None:
+    lines = (EXAMPLES / "own_host.py").read_text(encoding="utf-8").splitlines()
+    first = next(n for n, line in enumerate(lines) if line.startswith("    with Board("))
+    last = lines.index("    return currents")
+    shown = "\n".join(line.removeprefix("    ") for line in lines[first:last])
+    page = (EXAMPLES.parent / "docs" / "hil.md").read_text(encoding="utf-8")
+    assert f"```python\n{shown}\n```\n<!-- host: end -->" in page
 
 
 def test_own_machine(tmp_path: Path) -> None:

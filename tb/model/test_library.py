@@ -191,8 +191,8 @@ class TwinBoard:
     def __init__(self, drive: MptcDrive, wrong: int) -> None:
         self.core, self.wrong, self.steps = bit_true.parameters(drive)[0], wrong, 0
 
-    def step(self, words: list[int], position: int) -> Answer:
-        """As `Board.step`."""
+    def exchange(self, words: list[int], position: int) -> Answer:
+        """As `Board.exchange`."""
         u, saturated, clamped = bit_true.decide_words(self.core, np.array(words), position)
         u ^= self.steps == self.wrong
         self.steps += 1

@@ -11,6 +11,7 @@ write      fields of one register
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import signal
 import sys
@@ -24,17 +25,13 @@ from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep
-from directmpc.host.board import Board, RegisterError
+from directmpc.host.board import BAUD, Board, RegisterError, TrippedError
 from directmpc.host.console import OneParagraphParser, check_output, progress_bar, report_error
-from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
+from directmpc.host.link import LinkError, RefusedError
 from directmpc.host.protocol import Outcome
-from directmpc.host.registers import GuardSettings, RegisterValues, values
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.mptc.drive import MptcDrive
-
-LONGEST_TIME = 0xFFFF
-"""Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
 
 
 def _facts(board: Board) -> Table:
@@ -55,20 +52,27 @@ def _facts(board: Board) -> Table:
     return table
 
 
+def _look(board: Board) -> dict[str, str]:
+    """What a board is at: a text for each name, the same names every time."""
+    seen = {}
+    for name in ("status", "flags", "faults"):
+        fields = board.read(f"system.{name}")
+        seen[name] = " ".join(field for field, value in fields.items() if value)
+    cycles = board.read("system.cycles")
+    seen["cycles_last"], seen["cycles_worst"] = str(cycles["last"]), str(cycles["worst"])
+    seen["decisions"] = str(board.read("system.decisions")["count"])
+    seen["gates"] = f"{board.read('system.gates')['gates']:06x}"
+    counts = board.counters()
+    refused = {o.name.lower(): n for o, n in counts.items() if n and o is not Outcome.ACCEPTED}
+    seen["frames_accepted"] = str(counts[Outcome.ACCEPTED])
+    seen["frames_refused"] = " ".join(f"{n} {name}" for name, n in refused.items())
+    return seen
+
+
 def _status(board: Board) -> Table:
     table = Table(show_header=False)
-    for name in ("system.status", "system.flags", "system.faults"):
-        fields = board.read(name)
-        shown = ", ".join(field for field, value in fields.items() if value) or "-"
-        table.add_row(name.split(".")[1], shown)
-    cycles = board.read("system.cycles")
-    table.add_row("cycles", f"last {cycles['last']}, worst {cycles['worst']}")
-    table.add_row("decisions", str(board.read("system.decisions")["count"]))
-    table.add_row("gates", f"{board.read('system.gates')['gates']:06x}")
-    counts = board.counters()
-    table.add_row("frames", f"{counts[Outcome.ACCEPTED]} accepted")
-    refused = {o.name.lower(): n for o, n in counts.items() if n and o is not Outcome.ACCEPTED}
-    table.add_row("refused", ", ".join(f"{n} {name}" for name, n in refused.items()) or "-")
+    for name, text in _look(board).items():
+        table.add_row(name.replace("_", ", "), text or "-")
     return table
 
 
@@ -99,28 +103,16 @@ def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(board: Board, given: argparse.Namespace) -> GuardSettings:
-    return GuardSettings(clock=float(board.identity.clock))
-
-
-def _load(
-    board: Board, console: Console, drive: Drive | MptcDrive, given: argparse.Namespace
-) -> RegisterValues:
-    variant = "paper" if board.is_mpdcc() and board.identity.options & 1 else "fast"
+def _load(board: Board, console: Console, drive: Drive | MptcDrive, file: Path) -> None:
+    """Load it, and say so; what is wrong with its values gets its file's name."""
     try:
-        found = values(drive, _settings(board, given), variant)
+        found = board.values(drive)
     except ValueError as error:  # names the key, but does not know the file
-        raise ValueError(f"{given.drive}: {error}") from None
+        raise ValueError(f"{file}: {error}") from None
     for problem in found.saturated:
         console.print(f"saturated: {problem}", style="yellow")
-    if given.lock_step:
-        found.words["guard.decision_limit"] = LONGEST_TIME
-        found.words["guard.watchdog"] = LONGEST_TIME
     count = board.load(found)
-    if differing := board.differing(found):
-        raise RegisterError(f"{', '.join(differing)} did not keep what was written")
-    console.print(f"{given.drive.name}: {count} registers written, committed and read back")
-    return found
+    console.print(f"{file.name}: {count} registers written, committed and read back")
 
 
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
@@ -133,7 +125,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     console : Console
         Where what was written is counted.
     given : Namespace
-        `drive`, path of a drive file; `lock_step`, whether the guard's times are the longest.
+        `drive`, path of a drive file.
 
     Returns
     -------
@@ -149,7 +141,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     ValueError
         If the drive file cannot be used; the message names file and key.
     """
-    _load(board, console, load_drive(given.drive), given)
+    _load(board, console, load_drive(given.drive), given.drive)
     return 0
 
 
@@ -179,6 +171,8 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
         If the board refuses a step.
     RegisterError
         If a register cannot be written, or does not keep what was written.
+    TrippedError
+        If a fault stands against the start.
     ValueError
         If the drive file cannot be used, or `out` cannot be written.
     """
@@ -190,9 +184,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
                 "drives alone are written"
             )
         check_output(given.out, given.drive)
-    _load(board, console, drive, given)
-    variant = "paper" if board.identity.options & 1 else "fast"
-    board.write("system.control", enable=0, own_positions=0)
+    _load(board, console, drive, given.drive)
 
     def loop() -> lockstep.LockStep:
         """Do the steps of the drive's controller.
@@ -205,7 +197,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
         with progress_bar("steps over the link", given.steps) as progress:
             if isinstance(drive, Drive):
                 done, _, decisions = lockstep.run_mpdcc(
-                    board, drive, given.speed, given.steps, variant, progress
+                    board, drive, given.speed, given.steps, board.variant, progress
                 )
                 if given.out:
                     write_decisions(given.out, decisions)
@@ -216,6 +208,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
             return lockstep.run_mptc(board, drive, rpm, torque, flux, given.steps, progress)
 
     if given.gates:
+        lockstep.warm_up(drive, board.variant)
         with lockstep.gates_enabled(board):
             done = loop()
     else:
@@ -231,7 +224,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show the status again and again.
+    """Show the status again and again, as a table or as lines of CSV.
 
     Parameters
     ----------
@@ -240,7 +233,8 @@ def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
     console : Console
         Where the table is kept up to date.
     given : Namespace
-        `period`, s between two looks; `count`, looks, 0 without end.
+        `period`, s between two looks; `count`, looks, 0 without end; `csv`, whether lines of CSV go
+        to standard output instead.
 
     Returns
     -------
@@ -252,12 +246,21 @@ def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
     LinkError
         If the board does not answer.
     """
+    looks = range(given.count) if given.count else itertools.count()
+    if given.csv:
+        began = time.monotonic()
+        for number in looks:
+            if number:
+                time.sleep(given.period)
+            seen = {"seconds": f"{time.monotonic() - began:.3f}", **_look(board)}
+            if number == 0:
+                print(",".join(seen), flush=True)
+            print(",".join(seen.values()), flush=True)
+        return 0
     with Live(_status(board), console=console, auto_refresh=False) as live:
-        count = 1
-        while given.count == 0 or count < given.count:
+        for _ in itertools.islice(looks, 1, None):
             time.sleep(given.period)
             live.update(_status(board), refresh=True)
-            count += 1
     return 0
 
 
@@ -343,7 +346,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--port", required=True, help="serial device, or the virtual board's name")
-    parser.add_argument("--baud", type=int, default=3_000_000, help="bit rate, 3000000 by default")
+    parser.add_argument("--baud", type=int, default=BAUD, help=f"bit rate, {BAUD} by default")
     parser.add_argument("--timeout", type=float, default=2.0, help="s to wait for a reply")
     commands = parser.add_subparsers(dest="command", required=True, parser_class=OneParagraphParser)
     commands.add_parser("identify")
@@ -364,6 +367,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     command = commands.add_parser("monitor")
     command.add_argument("--period", type=float, default=0.5, help="s")
     command.add_argument("--count", type=int, default=0, help="looks, 0: until interrupted")
+    command.add_argument("--csv", action="store_true", help="a line of CSV for each look")
     for name in ("read", "write"):
         command = commands.add_parser(name)
         command.add_argument("register", help="name as in docs/registers.md, system.status for one")
@@ -372,6 +376,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     given = parser.parse_args(arguments)
     if given.command == "run" and (given.steps < 1 or not math.isfinite(given.speed)):
         parser.error("run needs at least one step and a finite speed")
+    if given.command == "monitor" and (given.count < 0 or not 0.0 <= given.period < math.inf):
+        parser.error("monitor needs a count and a period of 0 or more")
     return given
 
 
@@ -387,22 +393,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         Exit code: 0, 1 when a decision differs from the model's, 2 on an error, 130 on an
-        interrupt.
+        interrupt; SIGTERM ends the process with 143. The drive is off then.
     """
     given = _arguments(arguments)
     console = Console(width=None if sys.stdout.isatty() else 110)
+    lock_step = getattr(given, "lock_step", True)
     try:
-        stream = SerialStream(given.port, given.baud)
-        try:
-            board = Board(Link(stream, given.timeout))
+        with Board(
+            given.port, real_time=not lock_step, baud=given.baud, timeout=given.timeout
+        ) as board:
             return COMMANDS[given.command](board, console, given)
-        finally:
-            stream.close()
     except KeyError as error:
         report_error("host", LinkError(f"no register or field {error}; see docs/registers.md"))
         return 2
-    except (LinkError, RefusedError, RegisterError, ValueError, OSError) as error:
-        report_error("host", error)
+    except (LinkError, RefusedError, RegisterError, TrippedError, ValueError, OSError) as error:
+        out = getattr(given, "out", None)
+        report_error("host", error, [out] if out else [])
         return 2
     except KeyboardInterrupt:
         return 128 + signal.SIGINT

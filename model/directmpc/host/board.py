@@ -1,13 +1,47 @@
-"""A board behind a link: identity, registers, counters, steps."""
+"""A board behind a link: a drive is loaded, started, stepped and stopped; registers, counters.
+
+A host:
+
+    with Board("/dev/ttyUSB0") as board:
+        board.load(drive)
+        board.start()
+        while running:
+            reply = board.step(measured())
+            apply(reply.apply)
+
+`measured` and `apply` are the host's own. However the block is left, the drive is turned off.
+"""
 
 from __future__ import annotations
 
+import os
 import struct
+import time
+import warnings
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
 
+from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
-from directmpc.host.link import Link, LinkError
-from directmpc.host.protocol import Controller, Decision, Identity, Outcome, Type
-from directmpc.host.registers import RegisterValues, packed, registers_of
+from directmpc.host.console import terminable
+from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
+from directmpc.host.measurements import Encoder
+from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
+from directmpc.host.registers import GuardSettings, RegisterValues, packed, registers_of, values
+from directmpc.mpdcc.drive import Drive
+from directmpc.mptc.drive import MptcDrive
+from directmpc.states import MpdccDecision, MptcDecision, State, VectorSequence
+
+BAUD = 3_000_000
+"""Bit rate of the boards' UART, 1/s."""
+
+LONGEST_TIME = 0xFFFF
+"""Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
+
+_STOP_ATTEMPTS = 5
 
 _RESPONSES = {
     2: "there is no such register, or not for that access, or it is locked now (docs/registers.md)",
@@ -28,22 +62,171 @@ class RegisterError(RuntimeError):
     """A register cannot be read or written."""
 
 
-class Board:
-    """A board that has identified itself.
+class TrippedError(RuntimeError):
+    """The gate guard holds a fault: all gates are off.
 
     Parameters
     ----------
+    faults : tuple of str
+        As in docs/gate-guard.md; the first ones, later ones are not latched.
+    when : str
+        What it happened at.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        Their names.
+    """
+
+    def __init__(self, faults: tuple[str, ...], when: str) -> None:
+        super().__init__(
+            f"{when}: the gate guard has tripped ({', '.join(faults)}), all gates are off; "
+            "see docs/troubleshooting.md"
+        )
+        self.faults = faults
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a board says to one step.
+
+    Attributes
+    ----------
+    decision : MpdccDecision or MptcDecision
+        What it decided.
+    cycles : int
+        Clocks that the decision took.
+    gates : int
+        Gate signals at the time of the reply, one bit each.
+    running : bool
+        Whether the gate guard lets the gates switch.
+    exhausted : bool
+        Whether SESE's budget ended the search.
+    """
+
+    decision: MpdccDecision | MptcDecision
+    cycles: int
+    gates: int
+    running: bool
+    exhausted: bool
+
+    @property
+    def apply(self) -> tuple[int, int, int] | int | VectorSequence:
+        """What to apply next.
+
+        Returns
+        -------
+        tuple of three int, int or VectorSequence
+            MPDCC: switch positions, from now on. MPTC: the vector's number, from the next step on.
+        """
+        return self.decision.apply
+
+
+def decision_of(controller: str, answer: Decision, clipped: bool) -> MpdccDecision | MptcDecision:
+    """The decision in a reply to STEP.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+    answer : protocol.Decision
+        The reply; with a decision in it.
+    clipped : bool
+        Whether a measurement lay outside its word.
+
+    Returns
+    -------
+    MpdccDecision or MptcDecision
+        `saturated` is set too where a measurement was clipped.
+    """
+    saturated = answer.has(Flag.SATURATED) or clipped
+    if controller == "mptc":
+        return MptcDecision(answer.position & 7, saturated, answer.has(Flag.CLAMPED))
+    held, deadlock = answer.has(Flag.HELD), answer.has(Flag.DEADLOCK)
+    return MpdccDecision(answer.positions, held, deadlock, answer.length, saturated)
+
+
+class Board:
+    """A board that has identified itself.
+
+    As a context it turns off the drive that it has started, and closes the line, however the block
+    is left: at its end, by an exception, by Ctrl-C, SIGTERM or SIGHUP. Against SIGKILL and a dead
+    computer there is the gate guard's watchdog.
+
+    Parameters
+    ----------
+    port : str, path or Link
+        Serial device, name of a virtual board, or a link of one's own, over SPI for instance.
+    real_time : bool
+        False, lock-step: the board waits for the host, `load` sets the guard's decision limit and
+        watchdog to their longest, 65,535 clocks. True: they follow from the control period.
+    baud : int
+        Bit rate, 1/s.
+    timeout : float
+        Seconds to wait for a reply.
+
+    Attributes
+    ----------
     link : Link
         How it is reached.
+    identity : Identity
+        Who it is.
+    drive : Drive, MptcDrive or None
+        What it has been loaded with.
 
     Raises
     ------
     LinkError
-        If no board answers, or one with another version of the protocol.
+        If the port cannot be opened, no board answers, or one with another version of the protocol.
     """
 
-    def __init__(self, link: Link) -> None:
-        self.link = link
+    def __init__(
+        self,
+        port: str | os.PathLike[str] | Link,
+        *,
+        real_time: bool = False,
+        baud: int = BAUD,
+        timeout: float = 2.0,
+    ) -> None:
+        self._context, self._stream = ExitStack(), None
+        if isinstance(port, Link):
+            self.link = port
+        else:
+            self._stream = SerialStream(os.fspath(port), baud)
+            self.link = Link(self._stream, timeout)
+        try:
+            self._identify()
+        except BaseException:
+            self._close()
+            raise
+        self.real_time = real_time
+        self.drive: Drive | MptcDrive | None = None
+        self._encoder: Encoder | None = None
+        self._started = False
+
+    def __enter__(self) -> Self:
+        self._context.enter_context(terminable())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if self._started:
+                self.stop()
+        finally:
+            self._close()
+            self._context.close()
+
+    def _close(self) -> None:
+        if self._stream is not None:
+            self._stream.close()
+
+    def _identify(self) -> None:
+        link = self.link
         self.identity = Identity.unpack(link.request(Type.IDENTIFY))
         if self.identity.version != p.VERSION:
             raise LinkError(
@@ -169,31 +352,91 @@ class Board:
             raise RegisterError(str(error)) from None
         self.write_word(address, word)
 
-    def load(self, found: RegisterValues) -> int:
-        """Write a drive's registers and commit them.
+    @property
+    def variant(self) -> str:
+        """Which explorers MPDCC has.
+
+        Returns
+        -------
+        str
+            "paper" or "fast"; "fast" for MPTC.
+        """
+        return "paper" if self.is_mpdcc() and self.identity.options & 1 else "fast"
+
+    def values(
+        self, drive: Drive | MptcDrive, settings: GuardSettings | None = None
+    ) -> RegisterValues:
+        """Register values of a drive for this board: its clock, its explorers, how it keeps time.
 
         Parameters
         ----------
-        found : RegisterValues
-            Of ``registers.values``.
+        drive : Drive or MptcDrive
+            As loaded from a file.
+        settings : GuardSettings, optional
+            Of the gate guard; with the board's clock, and defaults for the rest, if not given.
+
+        Returns
+        -------
+        RegisterValues
+            In lock-step with the longest decision limit and watchdog.
+
+        Raises
+        ------
+        ValueError
+            As `registers.values`.
+        """
+        found = values(
+            drive, settings or GuardSettings(clock=float(self.identity.clock)), self.variant
+        )
+        if not self.real_time:
+            found.words |= {"guard.decision_limit": LONGEST_TIME, "guard.watchdog": LONGEST_TIME}
+        return found
+
+    def load(
+        self,
+        drive: Drive | MptcDrive | str | os.PathLike[str] | RegisterValues,
+        settings: GuardSettings | None = None,
+    ) -> int:
+        """Turn the gates off, write a drive's registers, commit them and read them back.
+
+        Parameters
+        ----------
+        drive : Drive, MptcDrive, str, path or RegisterValues
+            A drive, the path of its file, the name of a shipped one; or values of one's own, which
+            are written as they are, and for which `step` knows no units.
+        settings : GuardSettings, optional
+            Of the gate guard, as of `values`.
 
         Returns
         -------
         int
-            How many were written, the commit included.
+            How many registers were written, the commit included.
 
         Raises
         ------
         LinkError
-            If the drive is for the other controller.
+            If the board does not answer, or the drive is for the other controller.
         RegisterError
             If it asks for what was not built into this board, or a value does not fit its register;
-            nothing is written then.
+            nothing is written then. If a register does not keep what was written.
+        ValueError
+            If the drive cannot be used; the message names the key.
+
+        Warns
+        -----
+        UserWarning
+            For each value that does not fit its register and became a safer one.
         """
-        if found.controller != self.controller:
-            raise LinkError(
-                f"the drive file is for {found.controller}, the board has {self.controller}"
-            )
+        if isinstance(drive, RegisterValues):
+            found, self.drive, self._encoder = drive, None, None
+        else:
+            known = drive if isinstance(drive, Drive | MptcDrive) else load_drive(drive)
+            self._check_controller(known.controller)
+            found = self.values(known, settings)
+            for sentence in found.saturated:
+                warnings.warn(sentence, stacklevel=2)
+            self.drive, self._encoder = known, Encoder(known)
+        self._check_controller(found.controller)
         built = self.read("system.capabilities")
         for name, capability in _NEEDED.items():
             if found.words.get(name) and not built[capability]:
@@ -205,9 +448,75 @@ class Board:
             writes = found.writes()
         except ValueError as error:
             raise RegisterError(str(error)) from None
+        self.stop()
         for _, address, word in writes:
             self.write_word(address, word)
+        if differing := self.differing(found):
+            raise RegisterError(f"{', '.join(differing)} did not keep what was written")
         return len(writes)
+
+    def _check_controller(self, controller: str) -> None:
+        if controller != self.controller:
+            raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
+
+    def start(self) -> None:
+        """Clear the faults and let the gates switch; they follow the decisions from now on.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        TrippedError
+            If a fault is latched again at once: permit is missing, for instance.
+        """
+        self.stop()
+        self.write("system.faults", **self.read("system.faults"))
+        self._started = True  # from here on there is something to turn off
+        self.write("system.control", enable=1, own_positions=0)
+        if self.read("system.status")["fault"]:
+            faults = self.faults()
+            self.stop()
+            raise TrippedError(faults, "start")
+
+    def stop(self) -> None:
+        """Turn all gates off, whatever state the board is in.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer; then its watchdog turns them off.
+        RefusedError
+            If it refuses again and again.
+        """
+        for attempt in range(1, _STOP_ATTEMPTS + 1):
+            try:
+                self.write("system.control", enable=0, own_positions=0)
+            except RefusedError as refused:  # a step whose reply nobody waited for
+                if refused.outcome is not Outcome.BUSY or attempt == _STOP_ATTEMPTS:
+                    raise
+                time.sleep(0.001)
+            except LinkError as error:
+                raise LinkError(
+                    f"the gates could not be turned off: {error}; the watchdog of a board does it"
+                ) from error
+            else:
+                break
+        self._started = False
+
+    def faults(self) -> tuple[str, ...]:
+        """Names of the faults that the gate guard holds.
+
+        Returns
+        -------
+        tuple of str
+            As in docs/gate-guard.md; empty if there are none.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        """
+        return tuple(name for name, value in self.read("system.faults").items() if value)
 
     def differing(self, found: RegisterValues) -> list[str]:
         """Names of a drive's registers that read back another word than they should have.
@@ -234,8 +543,51 @@ class Board:
             name for name, address, word in found.writes()[:-1] if self.read_word(address) != word
         ]
 
-    def step(self, words: list[int], position: int) -> Decision:
-        """Measurements in, decision out.
+    def step(self, state: State | Mapping[str, Any]) -> Reply:
+        """What is measured in, what to apply next out.
+
+        Parameters
+        ----------
+        state : MpdccState, MptcState or mapping
+            In the units of the drive file; or a row of its trace by column names.
+
+        Returns
+        -------
+        Reply
+            The decision and what goes with it.
+
+        Raises
+        ------
+        TrippedError
+            If the drive was started and the gate guard holds a fault.
+        LinkError
+            If no reply comes (a step is sent once), or the core gives no decision.
+        RefusedError
+            If the board refuses it: while the gates are on, the state has to name the positions
+            that they are at.
+        RuntimeError
+            If no drive has been loaded.
+        TypeError, StateError
+            If the state is none of the drive's kind, or has an impossible value.
+        """
+        if self.drive is None or self._encoder is None:
+            raise RuntimeError("step: no drive has been loaded; load(drive) comes first")
+        words, clipped, position = self._encoder.words(state)
+        answer = self.exchange(words, position)
+        if self._started and answer.has(Flag.TRIPPED):
+            raise TrippedError(self.faults(), "step")
+        if answer.has(Flag.NO_ANSWER):
+            raise LinkError("the core gave no decision")
+        return Reply(
+            decision_of(self.drive.controller, answer, clipped),
+            answer.cycles,
+            answer.gates,
+            answer.has(Flag.ENABLED),
+            answer.has(Flag.EXHAUSTED),
+        )
+
+    def exchange(self, words: list[int], position: int) -> Decision:
+        """Measurement words in, the reply as it comes out.
 
         Parameters
         ----------

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,6 +35,52 @@ class OneParagraphParser(argparse.ArgumentParser):
         """
         print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
         sys.exit(2)
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the program as an exception does.
+
+    So what it has begun is undone: files that are not whole are taken away, a drive is turned off.
+    A signal that the program handles itself is left alone, and so are all of them outside of the
+    main thread.
+
+    Yields
+    ------
+    None
+        Once, while it is so.
+    """
+
+    def leave(number: int, _: object) -> NoReturn:
+        """Leave as the shell tells of a signal.
+
+        Parameters
+        ----------
+        number : int
+            Of the signal.
+        _ : object
+            Where the program was.
+
+        Raises
+        ------
+        SystemExit
+            Always, with 128 and the signal's number.
+        """
+        raise SystemExit(128 + number)
+
+    main = threading.current_thread() is threading.main_thread()
+    taken = [
+        number
+        for number in (signal.SIGTERM, signal.SIGHUP)
+        if main and signal.getsignal(number) == signal.SIG_DFL
+    ]
+    for number in taken:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

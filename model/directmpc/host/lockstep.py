@@ -15,20 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.api.controllers import ModelController, mpdcc_row, state_of
-from directmpc.host.board import Board
+from directmpc.api.controllers import ModelController
+from directmpc.host.board import Board, decision_of
 from directmpc.host.link import LinkError
+from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Decision as Answer
-from directmpc.host.protocol import Flag, packed_positions
+from directmpc.host.protocol import Flag
 from directmpc.mpdcc import closed_loop as mpdcc_loop
-from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
-from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
-from directmpc.states import Decision, MpdccDecision, MpdccState, MptcDecision, State
+from directmpc.states import Decision, State
 
 IntArray = NDArray[np.int64]
 
@@ -77,7 +76,7 @@ class LockStep:
 
 @contextmanager
 def gates_enabled(board: Board) -> Iterator[None]:
-    """Clear faults, enable the gate guard, and disable it again whatever happens.
+    """Start the drive, and turn it off again whatever happens.
 
     Parameters
     ----------
@@ -93,15 +92,37 @@ def gates_enabled(board: Board) -> Iterator[None]:
     ------
     LinkError
         If the board does not answer.
+    TrippedError
+        If a fault stands against it.
     """
-    board.write("system.control", enable=0, own_positions=0)
-    faults = board.read("system.faults")
-    board.write("system.faults", **faults)
-    board.write("system.control", enable=1, own_positions=0)
+    board.start()
     try:
         yield
     finally:
-        board.write("system.control", enable=0, own_positions=0)
+        board.stop()
+
+
+def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+    """Compile model and plant, so that no step of a loop waits for it while a watchdog runs.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the loop is of.
+    variant : str
+        "fast" or "paper": which model of MPDCC.
+
+    Raises
+    ------
+    ValueError
+        If the model cannot represent the drive.
+    """
+    model = ModelController(drive, variant)
+    if isinstance(drive, Drive):
+        profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(1.0), 2)
+        mpdcc_loop.drive_controller(drive, model, profile, 2)
+    else:
+        mptc_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
 
 
 class BoardController:
@@ -138,7 +159,7 @@ class BoardController:
         self.answers: list[Answer] = []
         self.differing = 0
         self._model = ModelController(drive, variant)
-        self._formats = mptc_bit_true.parameters(drive)[1:] if isinstance(drive, MptcDrive) else ()
+        self._encoder = Encoder(drive)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Let the board decide on one step.
@@ -162,35 +183,14 @@ class BoardController:
         TypeError, StateError
             If the state is none.
         """
-        known = state_of(self.drive, state)
-        words, clipped, position = self._encoded(known)
-        answer = self.board.step([int(word) for word in words], position)
+        words, clipped, position = self._encoder.words(state)
+        answer = self.board.exchange(words, position)
         if answer.has(Flag.NO_ANSWER):
             raise LinkError(f"step {len(self.answers)}: the core gave no decision")
         self.answers.append(answer)
-        saturated = answer.has(Flag.SATURATED) or bool(clipped)
-        decision: Decision
-        if isinstance(known, MpdccState):
-            held, deadlock = answer.has(Flag.HELD), answer.has(Flag.DEADLOCK)
-            decision = MpdccDecision(answer.positions, held, deadlock, answer.length, saturated)
-        else:
-            decision = MptcDecision(answer.position & 7, saturated, answer.has(Flag.CLAMPED))
-        self.differing += decision != self._model.decide(known)
+        decision = decision_of(self.drive.controller, answer, clipped)
+        self.differing += decision != self._model.decide(state)
         return decision
-
-    def _encoded(self, state: State) -> tuple[IntArray, int, int]:
-        """Words of a state, whether one was clipped, and the position that is applied."""
-        if isinstance(state, MpdccState):
-            row = mpdcc_row(self.drive, state)
-            words, clipped = common.encode_row(
-                row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0], row.omega_r[0]
-            )
-            return words, clipped, packed_positions(state.applied)
-        words, clipped = mptc_bit_true.encode_row(
-            *self._formats, state.current, state.flux, state.omega_r, self.drive.inverter.vdc,
-            state.torque_ref, state.psi_ref,
-        )  # fmt: skip
-        return words, clipped, state.applied
 
     def column(self, value: Callable[[Answer], int]) -> IntArray:
         """One value of every reply.

@@ -73,9 +73,9 @@ class Recorder(Board):
         super().__init__(link)
         self.steps: list[tuple[list[int], int, Decision]] = []
 
-    def step(self, words: list[int], position: int) -> Decision:
+    def exchange(self, words: list[int], position: int) -> Decision:
         """As the board does."""
-        answer = super().step(words, position)
+        answer = super().exchange(words, position)
         self.steps.append((words, position, answer))
         return answer
 
@@ -276,7 +276,7 @@ def test_the_bitstreams_netlist_controls_a_drive(
             stream = SerialStream(str(running.port), 3_000_000)
             board = Board(Link(stream, 10.0))
             check_facts(board, chosen)
-            answer = board.step([0] * p.STEP_WORDS[board.identity.controller], 0)
+            answer = board.exchange([0] * p.STEP_WORDS[board.identity.controller], 0)
             assert not answer.has(Flag.ENABLED)
             assert answer.gates == 0
             stream.close()

@@ -1,0 +1,339 @@
+"""A host of one's own on a board: started, stepped, and turned off however the host ends.
+
+Stimulus: a model of a board behind a line; a virtual board whose host is ended by each signal that
+ends programs, by SIGKILL too; a second board on the port of the first.
+Checks: what is written when, the gates after the end, the fault that a dead host leaves, which
+board has a port, that an older file of gates survives a board that does not start.
+Does not prove: the watchdog's time on hardware; the guard itself, see test_gate_guard.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from directmpc import MptcState, load_drive
+from directmpc.host import __main__ as commands
+from directmpc.host import board as board_module
+from directmpc.host import protocol as p
+from directmpc.host.board import LONGEST_TIME, Board, RegisterError, TrippedError
+from directmpc.host.link import Link, LinkError
+from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
+from directmpc.host.reference import LinkModel
+from directmpc.host.registers import GuardSettings, registers_of, values
+from scripts.commands import virtual_board as virtual_board_command
+from scripts.hdl.virtual_board import VirtualBoard, generics
+from scripts.shared.tools import ROOT, ToolError
+from tb.commands.test_host import Line
+
+MPTC = "induction_2kw2"
+STATE = MptcState(current=1 + 0j, flux=0.9 + 0.1j, omega_r=100.0, torque_ref=5.0, psi_ref=0.9)
+ADDRESSES = {name: address for name, (address, _) in registers_of("mptc").items()}
+CONTROL = ADDRESSES["system.control"]
+
+
+class Rehearsal(LinkModel):
+    """A board of MPTC in Python that keeps every write and answers steps as it is told to."""
+
+    def __init__(self, flags: int = 1 << Flag.ENABLED, forgets: str = "", fault: int = 0) -> None:
+        self.written: list[tuple[int, int]] = []
+        self.words: dict[int, int] = {}
+        self.forgets, self.fault = forgets, fault
+        super().__init__(
+            Identity(p.VERSION, Controller.MPTC, 0, 3, 0, 25_000_000, 125_000),
+            read=lambda address: (0, self.words.get(address, 0)),
+            write=self._write,
+            step=lambda payload: Decision(3, flags, 0, 39, 0, 0x15),
+        )
+
+    def _write(self, address: int, word: int) -> int:
+        self.written.append((address, word))
+        if address != ADDRESSES.get(self.forgets):
+            self.words[address] = word
+        if address == CONTROL:
+            self.words[ADDRESSES["system.faults"]] = self.fault if word & 1 else 0
+            self.words[ADDRESSES["system.status"]] = 16 if word & 1 and self.fault else 0
+        return 0
+
+    @property
+    def enabled(self) -> list[int]:
+        """What was written to the bit that lets the gates switch, in order."""
+        return [word & 1 for address, word in self.written if address == CONTROL]
+
+
+def board_of(model: LinkModel, **options: bool) -> Board:
+    ticks = iter(range(10**9))
+    return Board(Link(Line(model), timeout=5, clock=lambda: next(ticks)), **options)
+
+
+def test_ten_lines_load_start_step_and_stop() -> None:
+    model = Rehearsal()
+    with board_of(model) as board:
+        count = board.load(MPTC)
+        assert model.enabled == [0], "gates are off before limits and times are written"
+        assert model.words[ADDRESSES["guard.watchdog"]] == LONGEST_TIME
+        assert model.words[ADDRESSES["guard.decision_limit"]] == LONGEST_TIME
+        board.start()
+        reply = board.step(STATE)
+        assert (reply.apply, reply.cycles, reply.gates, reply.running) == (3, 39, 0x15, True)
+        assert model.enabled == [0, 0, 1]
+    assert model.enabled == [0, 0, 1, 0]
+    assert count == len(values(load_drive(MPTC)).writes())
+
+
+def test_in_real_time_the_guards_times_follow_the_control_period() -> None:
+    model = Rehearsal()
+    drive = load_drive(MPTC)
+    with board_of(model, real_time=True) as board:
+        board.load(drive)
+    period = 25e6 * drive.control.ts
+    assert model.words[ADDRESSES["guard.watchdog"]] == pytest.approx(1.5 * period, abs=1)
+    assert model.words[ADDRESSES["guard.decision_limit"]] == pytest.approx(1.1 * period, abs=1)
+    settings = GuardSettings(clock=25e6, watchdog=3.0, dead_time=4e-6)
+    with board_of(model, real_time=True) as board:
+        board.load(drive, settings)
+    assert model.words[ADDRESSES["guard.watchdog"]] == pytest.approx(3.0 * period, abs=1)
+    assert model.words[ADDRESSES["guard.dead_time"]] == 100
+
+
+def test_a_drive_that_was_not_started_is_not_turned_off() -> None:
+    model = Rehearsal()
+    with board_of(model) as board:
+        board.read("system.status")
+    assert model.written == [], "who only looks does not meddle"
+
+
+def test_an_exception_turns_the_drive_off() -> None:
+    model = Rehearsal()
+
+    def work() -> None:
+        with board_of(model) as board:
+            board.load(MPTC)
+            board.start()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        work()
+    assert model.enabled[-2:] == [1, 0]
+
+
+def test_turning_off_waits_for_a_board_that_is_deciding(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Rehearsal()
+    board = board_of(model)
+    board.start()
+    receive, refusals = model.receive, iter([True, True, False])
+
+    def busy(stuffed: bytes) -> p.Frame | None:
+        """Two requests are refused, as while a decision is under way."""
+        _, frame = p.judge(stuffed)
+        if frame is not None and next(refusals):
+            payload = bytes([Outcome.BUSY, frame.kind]) + bytes(4)
+            return p.Frame(p.Type.REFUSED | p.REPLY, frame.sequence, payload)
+        return receive(stuffed)
+
+    monkeypatch.setattr(model, "receive", busy)
+    board.stop()
+    assert model.enabled[-1] == 0
+
+
+def test_a_dead_line_says_that_the_gates_may_be_on() -> None:
+    model = Rehearsal()
+    board = board_of(model)
+    board.start()
+    board.link._stream.mood = lambda data: b""
+    with pytest.raises(LinkError, match=r"could not be turned off: no reply to WRITE.* watchdog"):
+        board.stop()
+
+
+def test_a_trip_is_an_error_at_start_and_in_a_step() -> None:
+    over_current = registers_of("mptc")["system.faults"][1]["over_current"][0]
+    model = Rehearsal(fault=1 << over_current)
+    with board_of(model) as board:
+        board.load(MPTC)
+        with pytest.raises(TrippedError, match=r"start: .*\(over_current\), all gates are off"):
+            board.start()
+    assert model.enabled[-1] == 0
+    model = Rehearsal(flags=1 << Flag.TRIPPED)
+    with board_of(model) as board:
+        board.load(MPTC)
+        board.step(STATE)  # not started: the gates were off all the time
+        board.start()
+        model.words[ADDRESSES["system.faults"]] = 1 << over_current
+        with pytest.raises(TrippedError) as tripped:
+            board.step(STATE)
+    assert tripped.value.faults == ("over_current",)
+    assert model.enabled[-1] == 0
+
+
+def test_what_a_step_and_a_load_refuse() -> None:
+    with board_of(Rehearsal()) as board:
+        with pytest.raises(RuntimeError, match=r"no drive has been loaded; load\(drive\) comes"):
+            board.step(STATE)
+        with pytest.raises(LinkError, match="is for mpdcc, the board has mptc"):
+            board.load("anpc5l_6kv")
+        board.load(MPTC)
+        with pytest.raises(ValueError, match="a board takes one vector"):
+            board.step(MptcState(1, 1, 100.0, 5.0, 0.9, (1, 2, 0, 0.5, 0.2)))
+    with board_of(Rehearsal(flags=1 << Flag.NO_ANSWER)) as board:
+        board.load(MPTC)
+        with pytest.raises(LinkError, match="no decision"):
+            board.step(STATE)
+    with (
+        board_of(Rehearsal(forgets="guard.dead_time")) as board,
+        pytest.raises(RegisterError, match=r"guard\.dead_time did not keep"),
+    ):
+        board.load(MPTC)
+
+
+def test_a_value_that_was_made_safer_is_a_warning() -> None:
+    with (
+        board_of(Rehearsal(), real_time=True) as board,
+        pytest.warns(UserWarning, match=r"guard\.watchdog: .* 65535 written"),
+    ):
+        board.load(MPTC, GuardSettings(clock=25e6, watchdog=1e4))
+
+
+def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    monkeypatch.setattr(board_module, "SerialStream", lambda port, baud: Line(Rehearsal()))
+    given = ["--port", "a line", "monitor", "--csv", "--count", "3", "--period", "0"]
+    assert commands.main(given) == 0
+    head, *rows = [line.split(",") for line in capsys.readouterr().out.splitlines()]
+    assert head[0] == "seconds"
+    assert {"status", "flags", "faults", "cycles_last", "decisions", "gates"} < set(head)
+    assert [len(row) for row in rows] == [len(head)] * 3
+    accepted = [int(row[head.index("frames_accepted")]) for row in rows]
+    assert accepted[0] < accepted[1] < accepted[2]
+    with pytest.raises(SystemExit) as left:
+        commands.main([*given[:-4], "--count", "-1"])
+    assert left.value.code == 2
+
+
+# ---------------------------------------------------------------------------------------------
+# On a virtual board
+# ---------------------------------------------------------------------------------------------
+
+
+HOST = """
+import sys
+from directmpc import MptcState
+from directmpc.host.board import Board
+with Board(sys.argv[1]) as board:
+    board.load(sys.argv[2])
+    board.start()
+    applied = 0
+    while True:
+        applied = board.step(MptcState(1 + 0j, 0.9 + 0.1j, 100.0, 5.0, 0.9, applied)).apply
+"""
+"""A host of one's own."""
+
+
+def running_host(port: Path, log: Path, *command: str) -> subprocess.Popen[bytes]:
+    """A host that controls a drive through the gates; returns when some are on."""
+    path = os.pathsep.join([str(ROOT / "model"), str(ROOT)])
+    host = subprocess.Popen(
+        [sys.executable, *(command or ("-c", HOST, str(port), MPTC))],
+        stdout=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    until = time.monotonic() + 120
+    while not gates_in(log):
+        assert host.poll() is None, "the host ended by itself"
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    return host
+
+
+def gates_in(log: Path) -> int:
+    """Gates after the last change."""
+    changes = log.read_text(encoding="utf-8").splitlines()[1:]
+    return int(changes[-1].split(",")[1], 16) if changes else 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_that_ends_the_host_turns_the_drive_off(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(generics("mptc"), tmp_path / "board", log) as running:
+        host = running_host(running.port, log)
+        host.send_signal(number)
+        status = -number if number == signal.SIGINT else 128 + number
+        assert host.wait(timeout=30) == status
+        assert gates_in(log) == 0
+        with Board(running.port) as board:
+            assert board.faults() == ()
+            assert not board.read("system.status")["enabled"]
+
+
+def test_the_host_command_turns_the_drive_off_and_survives_a_slow_start(tmp_path: Path) -> None:
+    log, drive = tmp_path / "gates.csv", ROOT / "drives" / f"{MPTC}.toml"
+    with VirtualBoard(generics("mptc"), tmp_path / "board", log, free_running=True) as running:
+        given = ("--port", str(running.port), "run", str(drive), "--steps", "1000000", "--gates")
+        host = running_host(running.port, log, "-m", "directmpc.host", *given)
+        host.terminate()
+        assert host.wait(timeout=30) == 128 + signal.SIGTERM
+        assert gates_in(log) == 0
+
+
+@pytest.mark.parametrize("free_running", [True, False])
+def test_a_dead_host_trips_the_watchdog_where_time_goes_on(
+    tmp_path: Path, free_running: bool
+) -> None:
+    log = tmp_path / "gates.csv"
+    with VirtualBoard(
+        generics("mptc"), tmp_path / "board", log, free_running=free_running
+    ) as running:
+        host = running_host(running.port, log)
+        host.kill()
+        host.wait()
+        if free_running:
+            until = time.monotonic() + 30
+            while gates_in(log) and time.monotonic() < until:
+                time.sleep(0.05)
+        with Board(running.port) as board:
+            # of MPTC a decision reaches the guard with the next start: it is late as well
+            assert bool(board.faults()) is free_running
+            assert set(board.faults()) <= {"missing", "late"}
+            assert (gates_in(log) == 0) is free_running
+            # a new host goes on: the fault is cleared by its start
+            board.load(MPTC)
+            board.start()
+            board.step(STATE)
+        assert gates_in(log) == 0
+
+
+def test_two_virtual_boards_do_not_share_a_port(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    port, log = tmp_path / "board", tmp_path / "gates.csv"
+    log.write_text("before", encoding="utf-8")
+    with VirtualBoard(generics("mptc"), port):
+        target = port.readlink()
+        given = ["--controller", "mptc", "--port", str(port), "--gates", str(log)]
+        assert virtual_board_command.COMMAND.main(given) == 2
+        said = capsys.readouterr().err.splitlines()
+        assert said[-2:] == [
+            f"virtual-board: {port}: another virtual board is there; end it, or give this one a "
+            "name, --port",
+            f"nothing was written; {log} is as it was before",
+        ]
+        assert port.readlink() == target
+        with Board(port) as board, VirtualBoard(generics("mptc"), tmp_path / "other") as other:
+            assert not board.is_mpdcc()
+            with Board(other.port) as second:
+                assert second.identity == board.identity
+    assert log.read_text(encoding="utf-8") == "before"
+    port.symlink_to("/dev/pts/none")  # of a board that was killed
+    with VirtualBoard(generics("mptc"), port, log), Board(port) as board:
+        assert board.faults() == ()
+    assert log.read_text(encoding="utf-8") == "clock,gates\n"
+    port.write_text("a file", encoding="utf-8")
+    with pytest.raises(ToolError, match="is no link to a terminal"):
+        VirtualBoard(generics("mptc"), port)
+    assert port.read_text(encoding="utf-8") == "a file"
