@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         VectorSequence,
     )
 
+# The one place of the version: wheel, registers, FuseSoC cores and CITATION.cff follow it.
 __version__ = "0.1.0"
 
 _HOMES = {

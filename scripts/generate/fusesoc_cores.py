@@ -8,12 +8,12 @@ analyses and elaborates the entity alone with GHDL and ends after a nanosecond.
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+import directmpc
 from scripts.hdl import sources
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
@@ -37,14 +37,6 @@ class _Plain(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
         """No value is referred to."""
         return True
-
-
-def _version() -> str:
-    """The project's version, from the one place where it stands."""
-    with (ROOT / "pyproject.toml").open("rb") as stream:
-        found = tomllib.load(stream)["project"]["version"]
-    assert isinstance(found, str)
-    return found
 
 
 def _description(text: str) -> str:
@@ -102,7 +94,7 @@ def core(entity: str) -> str:
         target["parameters"] = list(parameters)
     alone = {**target, "default_tool": "ghdl", "tools": {"ghdl": {"run_options": [_END]}}}
     content: dict[str, Any] = {
-        "name": f"directmpc:cores:{entity}:{_version()}",
+        "name": f"directmpc:cores:{entity}:{directmpc.__version__}",
         "description": _description(text),
         "filesets": {
             "rtl": {

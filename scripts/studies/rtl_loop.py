@@ -227,6 +227,10 @@ def outcome(run: Run) -> Table:
         f"({100 * count.differing / count.steps:.1f} %)",
     )
     table.add_row("held", f"{count.held}; searched {count.searched}; deadlocks {count.deadlocks}")
+    if drive.control.deadlock_rule == "largest" and 10 * count.deadlocks > count.searched:
+        table.add_row(
+            "many deadlocks", 'deadlock_rule = "weighted" ends most of them: docs/deadlocks.md'
+        )
     try:
         summary = metrics.summarise(drive, result)
         distortion = f"{100 * summary.thd_mean:.2f} % (sampled every control step)"

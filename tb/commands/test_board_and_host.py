@@ -22,11 +22,13 @@ from directmpc import MptcState, load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import board as board_module
 from directmpc.host import protocol as p
+from directmpc.host import registers as registers_module
 from directmpc.host.board import LONGEST_TIME, Board, RegisterError, TrippedError
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
 from directmpc.host.reference import LinkModel
 from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.mpdcc import cycles
 from scripts.commands import virtual_board as virtual_board_command
 from scripts.hdl.virtual_board import VirtualBoard, generics
 from scripts.shared.tools import ROOT, ToolError
@@ -197,6 +199,31 @@ def test_a_value_that_was_made_safer_is_a_warning() -> None:
         pytest.warns(UserWarning, match=r"guard\.watchdog: .* 65535 written"),
     ):
         board.load(MPTC, GuardSettings(clock=25e6, watchdog=1e4))
+
+
+@pytest.mark.parametrize(
+    ("settings", "clocks"),
+    [("SESE", 3470), ("SESE 2000", cycles.bound(1, 2000)), ("SESE 400", 0), ("SE", 0)],
+)
+def test_registers_say_that_a_search_can_outlast_the_guard(
+    tmp_path: Path, capsys: pytest.CaptureFixture, settings: str, clocks: int
+) -> None:
+    horizon, *budget = settings.split()
+    path = tmp_path / "drive.toml"
+    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = text.replace("switching_horizon", "# switching_horizon")
+    lines = [f'switching_horizon = "{horizon}"', *(f"budget = {number}" for number in budget)]
+    text = text.replace("[control]", "\n".join(["[control]", *lines]))
+    path.write_text(text, encoding="utf-8")
+    assert registers_module.main([str(path)]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("register,address,word,value\n")
+    if not clocks:
+        assert shown.err == ""
+        return
+    assert shown.err.startswith(f"registers: {path}: control.budget: got ")
+    assert f"takes up to {clocks} clocks" in shown.err
+    assert "trips after 1125 (guard.decision_limit)" in shown.err
 
 
 def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:

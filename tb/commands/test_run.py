@@ -9,10 +9,12 @@ Does not prove: the figures it prints (see the tests of the model).
 from __future__ import annotations
 
 import dataclasses
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal
@@ -158,6 +160,26 @@ def test_a_difference_is_an_error(
     monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
     assert run.COMMAND.main(["--out", str(tmp_path / "run.png")]) == 1
     assert "1 of 30 decisions of the RTL differ" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rule", "deadlocks", "hint"),
+    [("largest", 9, True), ("largest", 0, False), ("weighted", 9, False)],
+)
+def test_many_deadlocks_name_the_rule_that_ends_them(
+    modelled: rtl_loop.Run, rule: str, deadlocks: int, hint: bool
+) -> None:
+    result = modelled.result
+    dead = (np.arange(30) < deadlocks).astype(np.int64)
+    decisions = dataclasses.replace(result.decisions, held=1 - dead, deadlock=dead)
+    run = dataclasses.replace(
+        modelled,
+        drive=modelled.drive.with_control(deadlock_rule=rule),
+        result=dataclasses.replace(result, decisions=decisions),
+    )
+    console = Console(file=io.StringIO(), width=200)
+    console.print(rtl_loop.outcome(run))
+    assert ('deadlock_rule = "weighted"' in console.file.getvalue()) is hint
 
 
 def test_differences_are_counted(modelled: rtl_loop.Run) -> None:

@@ -283,10 +283,8 @@ def read(board: Board, console: Console, given: argparse.Namespace) -> int:
 
     Raises
     ------
-    KeyError
-        If there is no such register.
     RegisterError
-        If the board does not let it be read.
+        If there is no such register, or the board does not let it be read.
     """
     for field, value in board.read(given.register).items():
         console.print(f"{field} = {value}", highlight=False)
@@ -312,10 +310,8 @@ def write(board: Board, console: Console, given: argparse.Namespace) -> int:
 
     Raises
     ------
-    KeyError
-        If there is no such register or field.
     RegisterError
-        If a field has no value, or one that does not fit.
+        If there is no such register or field, or a field has no value, or one that does not fit.
     ValueError
         If a value is no integer.
     """
@@ -403,9 +399,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.port, real_time=not lock_step, baud=given.baud, timeout=given.timeout
         ) as board:
             return COMMANDS[given.command](board, console, given)
-    except KeyError as error:
-        report_error("host", LinkError(f"no register or field {error}; see docs/registers.md"))
-        return 2
     except (LinkError, RefusedError, RegisterError, TrippedError, ValueError, OSError) as error:
         out = getattr(given, "out", None)
         report_error("host", error, [out] if out else [])

@@ -14,6 +14,7 @@ A host:
 
 from __future__ import annotations
 
+import difflib
 import os
 import struct
 import time
@@ -315,13 +316,14 @@ class Board:
 
         Raises
         ------
-        KeyError
-            If there is no such register.
         RegisterError
-            If it cannot be read.
+            If there is no such register, or it cannot be read.
         """
-        address, fields = self._map[name]
-        word = self.read_word(address)
+        address, fields = self._register(name)
+        try:
+            word = self.read_word(address)
+        except RegisterError as error:
+            raise RegisterError(f"{name}: {error}") from None
         found = {}
         for field, (low, width, signed) in fields.items():
             value = word >> low & (1 << width) - 1
@@ -340,17 +342,30 @@ class Board:
 
         Raises
         ------
-        KeyError
-            If there is no such register or field.
         RegisterError
-            If a value does not fit its field; nothing is sent then.
+            If there is no such register or field, or a value does not fit its field; nothing is
+            sent then. If it cannot be written.
         """
-        address, fields = self._map[name]
+        address, fields = self._register(name)
+        for field in values:
+            if field not in fields:
+                raise RegisterError(f"{name}: no field '{field}'; it has {', '.join(fields)}")
         try:
             word = packed(name, fields, values)
         except ValueError as error:
             raise RegisterError(str(error)) from None
-        self.write_word(address, word)
+        try:
+            self.write_word(address, word)
+        except RegisterError as error:
+            raise RegisterError(f"{name}: {error}") from None
+
+    def _register(self, name: str) -> tuple[int, dict[str, tuple[int, int, bool]]]:
+        """Address and fields of a register."""
+        if name not in self._map:
+            near = difflib.get_close_matches(name, self._map, 3)
+            meant = f"; {' or '.join(near)} is near" if near else ""
+            raise RegisterError(f"no register '{name}'{meant}; docs/registers.md lists them")
+        return self._map[name]
 
     @property
     def variant(self) -> str:

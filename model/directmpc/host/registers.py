@@ -435,6 +435,36 @@ def _positive(text: str) -> float:
     return value
 
 
+def too_slow(drive: Drive | MptcDrive, found: RegisterValues) -> str | None:
+    """Say that a search can outlast the guard's decision limit on one explorer, if it can.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the values are of.
+    found : RegisterValues
+        Its values.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where every decision is in time.
+    """
+    if not isinstance(drive, Drive) or drive.control.switching_horizon != "SESE":
+        return None
+    from directmpc.mpdcc import cycles  # counts for seconds, and for SESE alone
+
+    limit, budget = found.words["guard.decision_limit"], drive.control.budget
+    clocks = cycles.bound(1, budget)
+    if clocks <= limit:
+        return None
+    return (
+        f"control.budget: got {budget or 'none'}; one explorer takes up to {clocks} clocks then, "
+        f"and the gate guard trips after {limit} (guard.decision_limit); a smaller budget (400: "
+        f"{cycles.bound(1, 400)} clocks) or more explorers are needed in real time"
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the register values of a drive file; 2 when it cannot be used.
 
@@ -483,7 +513,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         **{name: getattr(given, name) for name in GuardSettings.__dataclass_fields__}
     )
     try:
-        found = values(load_drive(given.drive), settings, given.variant)
+        drive = load_drive(given.drive)
+        found = values(drive, settings, given.variant)
         if given.c:
             text = format_c(found, os.path.basename(given.drive))
         else:
@@ -498,6 +529,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     for problem in found.saturated:
         print(f"registers: saturated: {problem}", file=sys.stderr)
+    if slow := too_slow(drive, found):
+        print(f"registers: {given.drive}: {slow}", file=sys.stderr)
     return 0
 
 

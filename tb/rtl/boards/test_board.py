@@ -189,8 +189,12 @@ def test_the_host_command_closes_the_loop(tmp_path: Path, capsys: pytest.Capture
         # errors: one line, nothing else
         for wrong, reason in (
             (["load", str(MPDCC)], "the drive file is for mpdcc, the board has mptc"),
-            (["read", "system.nothing"], "no register or field 'system.nothing'"),
-            (["write", "system.status", "busy=1"], "no such register, or not for that access"),
+            (["read", "system.nothing"], "no register 'system.nothing'; "),
+            (["write", "guard.dead_time", "value=60"], "no field 'value'; it has clocks"),
+            (
+                ["write", "system.status", "busy=1"],
+                "system.status: write to 0x014: there is no such",
+            ),
         ):
             assert commands.main([*port, *wrong]) == 2
             said = capsys.readouterr().err
