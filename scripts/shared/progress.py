@@ -6,13 +6,14 @@ seconds says so by one of these.
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from directmpc.host.console import progress_bar
+from directmpc.host.console import busy, progress_bar
+
+__all__ = ["busy", "counter", "teller"]
 
 
 @contextmanager
@@ -44,31 +45,6 @@ def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
                 show(done)
 
         yield _advance
-
-
-@contextmanager
-def busy(text: str) -> Iterator[None]:
-    """Show that something is under way whose length is not known.
-
-    Parameters
-    ----------
-    text : str
-        What is under way.
-
-    Yields
-    ------
-    None
-        Once, while it is shown.
-    """
-    from rich.console import Console  # here, not above: who shows nothing starts without it
-
-    console = Console(stderr=True, highlight=False)
-    if console.is_terminal:
-        with console.status(text):
-            yield
-        return
-    print(f"{text} ...", file=sys.stderr, flush=True)
-    yield
 
 
 def teller(name: str) -> Callable[[str], None]:

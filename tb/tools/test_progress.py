@@ -6,11 +6,14 @@ Does not prove: how bars look on a terminal.
 
 from __future__ import annotations
 
+import io
 import re
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from directmpc.host import console
 from scripts.shared import progress
 
 
@@ -21,6 +24,37 @@ def test_every_count_of_several_threads_is_shown(capsys: pytest.CaptureFixture[s
     assert shown.out == ""
     lines = shown.err.splitlines()
     assert lines == [f"things: {n} of 40" for n in range(0, 41, 4)]
+
+
+def test_silence_is_broken(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "_PULSES_S", (0.15, 0.3))
+    with progress.busy("a long step"):
+        time.sleep(0.6)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "a long step ..."
+    # after 0.15 s and 0.3 s more; a loaded machine may be late
+    assert 1 <= len(lines[1:]) <= 2
+    assert all(re.fullmatch(r"a long step \.\.\., \d+ s", line) for line in lines[1:])
+    with progress.counter("things", 2) as advance:
+        for _ in range(2):
+            time.sleep(0.25)
+            advance()
+    lines = capsys.readouterr().err.splitlines()
+    counts = [line for line in lines if re.fullmatch(r"things: \d of 2", line)]
+    assert counts == [f"things: {n} of 2" for n in range(3)]
+    assert "things: 0 of 2, 0 s" in lines
+
+
+def test_what_is_heard_is_not_said_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_PULSES_S", (1.0,))
+    out = io.StringIO()
+    with console.Pulse(lambda: "silent", out) as pulse:
+        for _ in range(14):
+            time.sleep(0.1)
+            pulse.heard()
+    assert out.getvalue() == ""
 
 
 def test_nothing_to_do_shows_nothing(capsys: pytest.CaptureFixture[str]) -> None:

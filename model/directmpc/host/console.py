@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import NoReturn, Self, TextIO
 
 
 class OutputError(ValueError):
@@ -83,11 +85,59 @@ def terminable() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
+_PULSES_S = (10.0, 20.0, 30.0, 60.0)
+"""Silence after which a line says that work goes on: the first time, the second, and so on."""
+
+
+class Pulse:
+    """Says now and then, off a terminal, that work goes on.
+
+    Parameters
+    ----------
+    text : callable
+        Makes what is said; the seconds since the beginning are added.
+    stream : TextIO
+        Where to.
+    """
+
+    def __init__(self, text: Callable[[], str], stream: TextIO) -> None:
+        self._text, self._stream = text, stream
+        self._began = time.monotonic()
+        self._heard, self._over = threading.Event(), False
+        self._thread = threading.Thread(target=self._work, daemon=True)
+
+    def _work(self) -> None:
+        waits = itertools.chain(_PULSES_S, itertools.repeat(_PULSES_S[-1]))
+        wait = next(waits)
+        while True:
+            if self._heard.wait(wait):
+                if self._over:
+                    return
+                self._heard.clear()
+                continue
+            seconds = time.monotonic() - self._began
+            print(f"{self._text()}, {seconds:.0f} s", file=self._stream, flush=True)
+            wait = next(waits)
+
+    def heard(self) -> None:
+        """Something else has been said: the silence begins anew."""
+        self._heard.set()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over = True
+        self._heard.set()
+        self._thread.join()
+
+
 @contextmanager
 def progress_bar(
     text: str, total: int, stream: TextIO | None = None
 ) -> Iterator[Callable[[int], None]]:
-    """Show how far a command has come: a bar, or plain lines off a terminal.
+    """Show how far a command has come: a bar, or plain lines off a terminal, where none is silent.
 
     Parameters
     ----------
@@ -125,7 +175,7 @@ def progress_bar(
             task = bar.add_task(text, total=total)
             yield lambda done: bar.update(task, completed=done)
         return
-    shown = -1
+    shown, counted = -1, 0
 
     def line(done: int) -> None:
         """Print a line at every tenth of the whole.
@@ -135,13 +185,46 @@ def progress_bar(
         done : int
             How many are done.
         """
-        nonlocal shown
+        nonlocal shown, counted
+        counted = done
         if done * 10 // total > shown:
             shown = done * 10 // total
             print(f"{text}: {done} of {total}", file=console.file, flush=True)
+            pulse.heard()
 
-    line(0)
-    yield line
+    with Pulse(lambda: f"{text}: {counted} of {total}", console.file) as pulse:
+        line(0)
+        yield line
+
+
+@contextmanager
+def busy(text: str) -> Iterator[None]:
+    """Show that something is under way whose length is not known, and how long it has taken.
+
+    Parameters
+    ----------
+    text : str
+        What is under way.
+
+    Yields
+    ------
+    None
+        Once, while it is shown.
+    """
+    # here, not above: a command that shows nothing starts without them
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True, highlight=False)
+    if console.is_terminal:
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=console, transient=True) as bar:
+            bar.add_task(text, total=None)
+            yield
+        return
+    print(f"{text} ...", file=sys.stderr, flush=True)
+    with Pulse(lambda: f"{text} ...", sys.stderr):
+        yield
 
 
 def check_output(out: Path, *inputs: Path) -> None:
