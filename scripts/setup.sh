@@ -14,6 +14,17 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 die() { say "$*"; exit 1; }
 exists() { command -v "$1" >/dev/null 2>&1; }
 
+# Runs a command that is silent, and says every ten seconds that it goes on. Its exit code is the command's.
+patiently() {
+  local pulse status=0
+  (while sleep 10 >/dev/null 2>&1; do say "  still at it, after $SECONDS s"; done) &
+  pulse=$!
+  "$@" || status=$?
+  kill "$pulse" 2>/dev/null || true
+  wait "$pulse" 2>/dev/null || true
+  return "$status"
+}
+
 # Through a link, everything below would be written into the environment of another tree.
 [ ! -L "$venv" ] || die "$venv is a symbolic link; remove it, this tree needs an environment of its own"
 
@@ -71,10 +82,10 @@ apt_install() {
     say "$(printf '  %-16s %-22s %s' "$package" "$(candidate "$package")" "$(purpose "$package")")"
   done
   local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq -oDpkg::Use-Pty=0 --no-install-recommends)
-  if ! as_root "${install[@]}" "${packages[@]}" >&2; then
+  if ! patiently as_root "${install[@]}" "${packages[@]}" >&2; then
     say "that failed; trying once more with fresh lists"
     as_root apt-get update -qq >&2 || true
-    as_root "${install[@]}" "${packages[@]}" >&2 || die "$advice"
+    patiently as_root "${install[@]}" "${packages[@]}" >&2 || die "$advice"
   fi
 }
 
@@ -179,10 +190,10 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   pip_install() {
     "$python" -m pip install --quiet --disable-pip-version-check --no-input -r "$root/requirements.txt" >&2
   }
-  if ! pip_install; then
+  if ! patiently pip_install; then
     say "that failed; trying once more in case it was the network"
     sleep 3
-    pip_install || die "pip could not install requirements.txt"
+    patiently pip_install || die "pip could not install requirements.txt"
   fi
   # The model and the scripts are imported from the tree itself: an edit needs no reinstallation.
   site="$("$python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')"
