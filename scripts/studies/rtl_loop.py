@@ -45,6 +45,9 @@ CLOCKS_MHZ = (40, 100)
 
 PHASES = "abc"
 
+_LANE = 11.0
+"""Height of the lane of a phase's positions, 0 to 7, in the picture."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -326,8 +329,8 @@ def draw(run: Run, path: Path) -> None:
             color=colour, alpha=0.16, linewidth=0,
         )  # fmt: skip
         axes[0].plot(t, currents[:, phase], color=colour, linewidth=0.8, label=PHASES[phase])
-        # One lane per phase, its level from -2 to 2 and the two positions of a level apart.
-        lane = 8.0 * (2 - phase)
+        # one lane per phase
+        lane = _LANE * (2 - phase)
         axes[1].step(
             t, np.append(result.positions[1:, phase], result.positions[-1, phase]) + lane,
             where="post", color=colour, linewidth=0.8,
@@ -336,10 +339,18 @@ def draw(run: Run, path: Path) -> None:
     axes[0].set_ylabel("phase currents (pu)")
     axes[0].legend(loc="upper right", ncols=3, frameon=False, title="shaded: reference ± bound")
     axes[0].set_ylim(top=1.7)
-    axes[1].set_ylabel("switch positions")
-    axes[1].set_yticks([lane + s for lane in (0, 8, 16) for s in (0, 7)], ["0", "7"] * 3)
-    for edge in (7.5, 15.5):
-        axes[1].axhline(edge, color="0.85", linewidth=0.6)
+    axes[1].set_ylabel("switch positions a, b, c")
+    lanes = [_LANE * lane for lane in range(3)]
+    axes[1].set_yticks([lane + s for lane in lanes for s in (0, 7)], ["0", "7"] * 3)
+    for lane in lanes[1:]:
+        axes[1].axhline(lane - (_LANE - 7) / 2, color="0.85", linewidth=0.6)
+    dead = np.flatnonzero(result.decisions.deadlock)
+    axes[1].plot(
+        t[dead], np.full(len(dead), lanes[-1] + 9.0), "|", color="0.1", markersize=5,
+        label=f"{len(dead)} deadlocks",
+    )  # fmt: skip
+    axes[1].set_ylim(-2.0, lanes[-1] + 15.0)
+    axes[1].legend(loc="upper right", frameon=False)
     neutral = axes[2]
     neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
     neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)
@@ -351,9 +362,11 @@ def draw(run: Run, path: Path) -> None:
     axes[3].set_ylabel(r"$v_{ph}$ (pu)")
     axes[3].set_xlabel("time (ms)")
     axes[3].set_xlim(0, t[-1])
-    name = "explorer" if run.explorers == 1 else "explorers"
+    base, speed = drive.base, float(result.profile.omega_s[0])
     figure.suptitle(
-        f"mpdcc_core in RTL simulation, {run.explorers} {name}, closed loop with the exact plant",
+        f"{math.sqrt(1.5) * base.voltage / 1e3:.3g} kV drive at {speed * base.frequency:.3g} Hz; "
+        f"mpdcc_core, {run.variant} variant, {run.explorers} explorer"
+        f"{'s' if run.explorers > 1 else ''}, in RTL simulation with the exact plant",
         fontsize=10,
     )
     figure.align_ylabels(axes)
