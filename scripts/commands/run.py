@@ -12,8 +12,9 @@ from typing import Any
 
 from rich.console import Console
 
-from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host.console import check_output, terminable
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
@@ -97,7 +98,13 @@ def _run(given: argparse.Namespace) -> int | None:
     if not math.isfinite(given.speed) or abs(given.speed) > 2.0:
         raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    drive = load_mpdcc_drive(given.drive)
+    drive = load_drive(given.drive)
+    if not isinstance(drive, Drive):
+        raise InputError(
+            f"{given.drive}: controller: got {drive.controller!r}; this command simulates drives "
+            "of mpdcc. For the others: make replay, with a trace; directmpc.simulate closes the "
+            "loop with the bit-true model and writes such a trace"
+        )
     if given.speed == 0.0:
         raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
     if given.waves is not None:

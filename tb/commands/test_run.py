@@ -189,7 +189,14 @@ def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
     assert count_differences(decisions, other) == 1
 
 
-@pytest.mark.parametrize("arguments", [["--speed", "0"], ["--drive", "none.toml"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--speed", "0"],
+        ["--drive", "none.toml"],
+        ["--drive", str(ROOT / "drives" / "induction_2kw2.toml")],
+    ],
+)
 def test_errors_are_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run.COMMAND.main(arguments) == 2
     errors = capsys.readouterr().err
