@@ -246,6 +246,9 @@ def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 # ---------------------------------------------------------------------------------------------
 
 
+ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""Signals that end a program."""
+
 HOST = """
 import sys
 from directmpc import MptcState
@@ -267,6 +270,8 @@ def running_host(port: Path, log: Path, *command: str) -> subprocess.Popen[bytes
         [sys.executable, *(command or ("-c", HOST, str(port), MPTC))],
         stdout=subprocess.DEVNULL,
         env=os.environ | {"PYTHONPATH": path},
+        # whoever started the tests may ignore them, as nohup does
+        preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in ENDING],
     )
     until = time.monotonic() + 120
     while not gates_in(log):
@@ -282,7 +287,7 @@ def gates_in(log: Path) -> int:
     return int(changes[-1].split(",")[1], 16) if changes else 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", ENDING)
 def test_a_signal_that_ends_the_host_turns_the_drive_off(
     tmp_path: Path, number: signal.Signals
 ) -> None:
