@@ -4,7 +4,7 @@
 scripts/hdl/virtual_board.cpp around its pins: the same host program that talks to a board talks to
 it. Simulated time advances only during traffic. So a host may take any time between two steps, and
 the gate guard's watchdog sees the same clocks every time. Free-running, time goes on as fast as the
-simulation does, some fifty times slower than a board's: a host that dies lets the watchdog trip.
+simulation does, at a thirtieth of a board's pace or less: a host that dies lets the watchdog trip.
 
 Its UART is faster than a board's, so the netlist is not the board's. ``--board`` simulates the
 netlist of a board's bitstream, with the board's UART rate and oscillator divider.
