@@ -7,7 +7,8 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-_HEADER, _HIERARCHY_LZ4, _WHOLE = 0, 6, 254  # kinds of blocks
+_HEADER, _WHOLE = 0, 254  # kinds of blocks
+_GZIP, _LZ4, _LZ4_TWICE = 4, 6, 7  # kinds of blocks that hold the hierarchy
 # entries of the hierarchy; smaller ones are signals
 _ATTRIBUTE, _END_OF_ATTRIBUTE, _SCOPE, _END_OF_SCOPE = 252, 253, 254, 255
 
@@ -37,8 +38,15 @@ def read(path: Path) -> Recorded:
     header = found[_HEADER]
     (end,) = struct.unpack_from(">Q", header, 8)
     (exponent,) = struct.unpack_from("b", header, 64)
-    (size,) = struct.unpack_from(">Q", found[_HIERARCHY_LZ4])
-    hierarchy = _unpacked(found[_HIERARCHY_LZ4][8:])
+    kind = next(kind for kind in (_GZIP, _LZ4, _LZ4_TWICE) if kind in found)
+    (size,) = struct.unpack_from(">Q", found[kind])
+    packed = found[kind][8:]
+    if kind == _GZIP:
+        hierarchy = gzip.decompress(packed)
+    elif kind == _LZ4:
+        hierarchy = _unpacked(packed)
+    else:
+        hierarchy = _unpacked(_unpacked(packed[8:]))
     assert len(hierarchy) == size
     return Recorded(end * 10.0**exponent, _names(hierarchy))
 
