@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
+from scripts.shared import tools
 
 
 def _head(board: Board, comment: str) -> list[str]:
@@ -109,4 +110,4 @@ def text(board: Board) -> str:
 def write() -> None:
     """Write all constraint files."""
     for board in BOARDS.values():
-        board.constraint_file.write_text(text(board), encoding="ascii")
+        tools.write(board.constraint_file, text(board))

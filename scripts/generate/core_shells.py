@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from directmpc.mpdcc import formats as f
+from scripts.shared import tools
 
 #: Most characters of a line.
 _LINE = 120
@@ -573,4 +574,4 @@ def text(shell: Shell) -> str:
 def write() -> None:
     """Write every shell."""
     for shell in SHELLS:
-        shell.path.write_text(text(shell), encoding="ascii")
+        tools.write(shell.path, text(shell))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from directmpc.host import protocol as p
 from directmpc.host.registers import registers_of
+from scripts.shared import tools
 
 _PATH = Path(__file__).resolve().parents[2] / "rtl" / "links" / "link_constants.vhd"
 
@@ -149,4 +150,4 @@ def text() -> str:
 
 def write() -> None:
     """Write the package."""
-    _PATH.write_text(text(), encoding="ascii")
+    tools.write(_PATH, text())

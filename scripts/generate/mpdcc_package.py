@@ -15,6 +15,7 @@ import numpy as np
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc import program as ct
+from scripts.shared import tools
 
 _RTL = Path(__file__).resolve().parents[2] / "rtl"
 _PATH = _RTL / "mpdcc" / "directmpc_constants.vhd"
@@ -441,5 +442,5 @@ def leg_text() -> str:
 
 def write() -> None:
     """Write the packages."""
-    _PATH.write_text(text(), encoding="ascii")
-    _LEG.write_text(leg_text(), encoding="ascii")
+    tools.write(_PATH, text())
+    tools.write(_LEG, leg_text())

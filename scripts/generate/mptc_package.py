@@ -10,6 +10,7 @@ from directmpc.mptc import formats as f
 from directmpc.mptc import program as p
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.inverter import STATES, ZERO_FROM
+from scripts.shared import tools
 
 _PATH = Path(__file__).resolve().parents[2] / "rtl" / "mptc" / "mptc_constants.vhd"
 
@@ -265,4 +266,4 @@ def text() -> str:
 
 def write() -> None:
     """Write the package."""
-    _PATH.write_text(text(), encoding="ascii")
+    tools.write(_PATH, text())

@@ -11,6 +11,7 @@ from pathlib import Path
 from directmpc.mac_program import Program, places
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
+from scripts.shared import tools
 
 _FOLDER = Path(__file__).resolve().parents[2] / "rtl" / "observers"
 
@@ -110,4 +111,4 @@ def text(entity: str) -> str:
 def write() -> None:
     """Write both packages."""
     for entity in PROGRAMS:
-        (_FOLDER / f"{entity}_program.vhd").write_text(text(entity), encoding="ascii")
+        tools.write(_FOLDER / f"{entity}_program.vhd", text(entity))
