@@ -29,6 +29,7 @@ from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcom
 from directmpc.host.reference import LinkModel
 from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import cycles
+from scripts import __main__ as program
 from scripts.commands import virtual_board as virtual_board_command
 from scripts.hdl.virtual_board import VirtualBoard, generics
 from scripts.shared.tools import ROOT, ToolError
@@ -229,7 +230,7 @@ def test_registers_say_that_a_search_can_outlast_the_guard(
 def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     monkeypatch.setattr(board_module, "SerialStream", lambda port, baud: Line(Rehearsal()))
     given = ["--port", "a line", "monitor", "--csv", "--count", "3", "--period", "0"]
-    assert commands.main(given) == 0
+    assert program.main(["host", *given]) == 0
     head, *rows = [line.split(",") for line in capsys.readouterr().out.splitlines()]
     assert head[0] == "seconds"
     assert {"status", "flags", "faults", "cycles_last", "decisions", "gates"} < set(head)
