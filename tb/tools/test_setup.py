@@ -11,6 +11,7 @@ Does not prove: that apt and pip can deliver; `scripts/fresh_machine.sh` shows i
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -486,3 +487,22 @@ def test_ci_of_another_user_says_what_it_skips(machine, integration) -> None:
     assert done.returncode == 0
     assert "ci: skipped: 'make run' on a bare machine, which needs root" in done.stdout
     assert "fresh_machine" not in machine.log.read_text()
+
+
+def test_a_long_installation_is_not_silent() -> None:
+    text = (ROOT / "scripts" / "setup.sh").read_text(encoding="utf-8")
+    function = re.search(r"^patiently\(\) \{\n.*?^\}\n", text, re.M | re.S)
+    assert function
+    script = f"""
+        set -euo pipefail
+        say() {{ printf 'setup: %s\\n' "$*" >&2; }}
+        {function[0]}
+        sleep() {{ command sleep 0.2; }}
+        patiently command sleep 0.7
+        patiently bash -c 'exit 3' || echo "ended with $?"
+    """
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "ended with 3\n"
+    lines = done.stderr.splitlines()
+    assert lines
+    assert all(re.fullmatch(r"setup:   still at it, after \d+ s", line) for line in lines)
