@@ -145,6 +145,29 @@ def test_turning_off_waits_for_a_board_that_is_deciding(monkeypatch: pytest.Monk
     assert model.enabled[-1] == 0
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_drive_is_turned_off_waits(number: signal.Signals) -> None:
+    model = Rehearsal()
+
+    def impatient(address: int, word: int) -> int:
+        """The user presses Ctrl-C again while the gates are being turned off."""
+        if address == CONTROL and not word & 1 and model.enabled[-1:] == [1]:
+            signal.raise_signal(number)
+        return model._write(address, word)
+
+    def work() -> None:
+        with board_of(model) as board:
+            board.load(MPTC)
+            board.start()
+            model.write = impatient
+
+    # else the write would not have been reached
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        work()
+    assert model.enabled == [0, 0, 1, 0]
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
 def test_a_dead_line_says_that_the_gates_may_be_on() -> None:
     model = Rehearsal()
     board = board_of(model)

@@ -27,7 +27,7 @@ from typing import Any, Self
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
-from directmpc.host.console import terminable
+from directmpc.host.console import terminable, undisturbed
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
@@ -496,6 +496,8 @@ class Board:
     def stop(self) -> None:
         """Turn all gates off, whatever state the board is in.
 
+        A signal that comes meanwhile, a second Ctrl-C for instance, waits until it is done.
+
         Raises
         ------
         LinkError
@@ -503,20 +505,22 @@ class Board:
         RefusedError
             If it refuses again and again.
         """
-        for attempt in range(1, _STOP_ATTEMPTS + 1):
-            try:
-                self.write("system.control", enable=0, own_positions=0)
-            except RefusedError as refused:  # a step whose reply nobody waited for
-                if refused.outcome is not Outcome.BUSY or attempt == _STOP_ATTEMPTS:
-                    raise
-                time.sleep(0.001)
-            except LinkError as error:
-                raise LinkError(
-                    f"the gates could not be turned off: {error}; the watchdog of a board does it"
-                ) from error
-            else:
-                break
-        self._started = False
+        with undisturbed():
+            for attempt in range(1, _STOP_ATTEMPTS + 1):
+                try:
+                    self.write("system.control", enable=0, own_positions=0)
+                except RefusedError as refused:  # a step whose reply nobody waited for
+                    if refused.outcome is not Outcome.BUSY or attempt == _STOP_ATTEMPTS:
+                        raise
+                    time.sleep(0.001)
+                except LinkError as error:
+                    raise LinkError(
+                        f"the gates could not be turned off: {error}; the watchdog of a board does "
+                        "it"
+                    ) from error
+                else:
+                    break
+            self._started = False
 
     def faults(self) -> tuple[str, ...]:
         """Names of the faults that the gate guard holds.

@@ -85,6 +85,45 @@ def terminable() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let SIGINT, SIGTERM and SIGHUP wait until a block is through: a second Ctrl-C, for instance.
+
+    They come then, and find their handlers. Outside of the main thread nothing is changed.
+
+    Yields
+    ------
+    None
+        Once, while they wait.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def wait(number: int, _: object) -> None:
+        """Note a signal.
+
+        Parameters
+        ----------
+        number : int
+            Of the signal.
+        _ : object
+            Where the program was.
+        """
+        came.append(number)
+
+    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, wait) for number in ending}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        for number in came:
+            signal.raise_signal(number)
+
+
 _PULSES_S = (10.0, 20.0, 30.0, 60.0)
 """Silence after which a line says that work goes on: the first time, the second, and so on."""
 
