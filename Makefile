@@ -20,7 +20,7 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 JOBS ?= 2
 # 1: make run records every signal of the RTL in build/run.fst
 WAVES ?=
-# Further arguments of run, test, registers, synth, pnr and report
+# Further arguments of run, test, registers, synth, pnr, prove and report
 ARGS ?=
 export JOBS
 
@@ -37,8 +37,8 @@ BOARD ?=
 CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test test-all lint format replay registers synth budgets pnr sweep report fidelity sources \
-  generate virtual-board bitstream netlist layers clean
+.PHONY: help setup run test test-all lint format replay registers synth budgets pnr sweep prove report fidelity \
+  sources generate virtual-board bitstream netlist layers clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -107,6 +107,9 @@ pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
 
 sweep: $(READY) ## cycles, area, clock and accuracy over variants, explorers and word lengths
 	@'$(PY)' -m scripts sweep --jobs '$(JOBS)' $(ARGS)
+
+prove: $(READY) ## formal proofs of the design; ARGS=gate_guard for one entity
+	@'$(PY)' -m scripts prove --jobs '$(JOBS)' $(ARGS)
 
 report: $(READY) ## every published number, table and plot into reports/
 	@'$(PY)' -m scripts report $(ARGS)

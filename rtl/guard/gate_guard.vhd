@@ -9,7 +9,7 @@
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
 -- docs/gate-guard.md has states, times and the safety properties that are checked.
 --
--- Formats: positions a, b, c of three bits each, two-level legs use bit 0 ('1': upper gate); gates of phase
+-- Formats: positions a, b, c of three bits each, of two-level legs 0 or 1 ('1': upper gate); gates of phase
 -- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
 -- Latency: gates begin to move two clocks after decided.  All gates are off one clock (10 ns at 100 MHz) after
 -- external_trip, an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks (40 ns at

