@@ -13,7 +13,7 @@ PY ?= $(VENV)/bin/python
 # The same from any working directory
 PY_HERE = $(if $(filter /%,$(PY)),$(PY),$(CURDIR)/$(PY))
 # Commands of your own. Only those that are set are handed on: scripts/setup.sh installs the others.
-OWN := PYTHON GHDL VERILATOR YOSYS NEXTPNR
+OWN := PYTHON GHDL VERILATOR YOSYS NEXTPNR YICES
 $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 
 # Processes at a time, tests and synthesis alike

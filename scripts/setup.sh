@@ -2,7 +2,7 @@
 # Sets up what the project runs on: system tools (apt) and pinned Python packages in .venv.
 # Says on stderr what it installs, in which version and what for; silent about what is there.
 #
-# PYTHON, GHDL, VERILATOR, YOSYS and NEXTPNR may name commands of your own. Such a command is
+# PYTHON, GHDL, VERILATOR, YOSYS, NEXTPNR and YICES may name commands of your own. Such a command is
 # checked and used, and nothing is installed in its place. CXX may name another compiler.
 set -euo pipefail
 
@@ -115,6 +115,7 @@ need MAKE make make
 need CXX g++ g++
 [ -z "$(given YOSYS)" ] || need YOSYS "$(given YOSYS)" ""
 [ -z "$(given NEXTPNR)" ] || need NEXTPNR "$(given NEXTPNR)" ""
+[ -z "$(given YICES)" ] || need YICES "$(given YICES)" ""
 [ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"
 
 # check VARIABLE DEFAULT NAME MAJOR: it runs, says that it is NAME, and is version MAJOR or newer.

@@ -249,7 +249,9 @@ def test_a_ghdl_of_ones_own_is_used_and_none_installed(machine, tmp_path, throug
     assert not (machine.bin / "ghdl").exists()
 
 
-@pytest.mark.parametrize("variable", ["GHDL", "VERILATOR", "YOSYS", "NEXTPNR", "PYTHON", "CXX"])
+@pytest.mark.parametrize(
+    "variable", ["GHDL", "VERILATOR", "YOSYS", "NEXTPNR", "YICES", "PYTHON", "CXX"]
+)
 def test_a_tool_of_ones_own_that_is_not_there_is_an_error(machine, variable) -> None:
     done = machine.run(**{variable: "/opt/none"})
     assert done.returncode != 0
