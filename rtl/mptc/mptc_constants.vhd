@@ -28,6 +28,11 @@ package mptc_constants is
   constant COST_DROPPED : natural := 8; -- low bits of a cost that are not compared
   constant NORMALISE_STEPS : natural := 7; -- shifts by two bits of MPFC's rotor flux
   constant ROOT_WIDTH : natural := 17; -- bits of the square root, one a clock
+  constant TIME_WIDTH : natural := 12; -- bits of a duty
+  constant WAY_GUARD : natural := 1; -- bits below a length's LSB of a pair's flux
+  constant DUTY_SHIFT : natural := 2; -- bits below a torque term's LSB, the same
+  constant ERROR_WIDTH : natural := 26; -- bits of a torque error, the same
+  constant WAY_WIDTH : natural := 20; -- bits of a vector's way
   constant GAIN : natural := 107919; -- word: half of the magnitude's gain
   constant ROOT3_2 : natural := 113512; -- word: sqrt(3)/2
 
@@ -127,7 +132,8 @@ package mptc_constants is
   constant SEED_COUNT_ALL : natural := 12; -- kinds of seeds
   constant TERM_COUNT : natural := 4; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 81; -- products
+  constant STEP_COUNT : natural := 93; -- products
+  constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
   constant FORK_ADDRESS : natural := 48; -- its address for MPFC
@@ -143,8 +149,21 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
+  constant ADDRESS_COUNT_FAMILY : natural := 153; -- program addresses, FAMILY
+  constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
+  constant FIRST_PAIR : natural := 27; -- address: MPTC2 and GTV load the first pair
+  constant ZERO_PAIRS : natural := 6; -- pairs of MPTC2
+  constant EDGE_PAIRS : natural := 12; -- pairs of GTV
+  constant SEARCHES : natural := 4; -- searches of a duty at a time
+  constant DUTY_CLOCKS : natural := 14; -- clocks from loading a pair to its result
+  constant LAST_MPTC1 : natural := 124; -- address: valid
+  constant LAST_MPTC2 : natural := 136; -- address: valid
+  constant LAST_GTV : natural := 152; -- address: valid
   constant CYCLES_MPTC : natural := 39; -- clocks from start to valid
   constant CYCLES_MPFC : natural := 78; -- clocks from start to valid
+  constant CYCLES_MPTC1 : natural := 54; -- clocks from start to valid
+  constant CYCLES_MPTC2 : natural := 66; -- clocks from start to valid
+  constant CYCLES_GTV : natural := 82; -- clocks from start to valid
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
 
@@ -268,7 +287,19 @@ package mptc_constants is
     (102, 2, 11, 10, 6, 0),
     (103, 2, 11, 10, 6, 0),
     (104, 2, 11, 10, 6, 0),
-    (105, 2, 11, 10, 6, 0)
+    (105, 2, 11, 10, 6, 0),
+    (117, 2, 11, 10, 6, 0),
+    (118, 2, 11, 10, 6, 0),
+    (119, 2, 11, 10, 6, 0),
+    (120, 2, 11, 10, 6, 0),
+    (131, 2, 11, 10, 6, 0),
+    (132, 2, 11, 10, 6, 0),
+    (133, 2, 11, 10, 6, 0),
+    (134, 2, 11, 10, 6, 0),
+    (145, 2, 11, 10, 6, 0),
+    (146, 2, 11, 10, 6, 0),
+    (147, 2, 11, 10, 6, 0),
+    (148, 2, 11, 10, 6, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first
@@ -321,6 +352,28 @@ package mptc_constants is
     (75, 2, 1),
     (93, 0, 2),
     (97, 1, 3)
+  );
+
+  type pair_table_t is array (0 to 15, 0 to 2) of natural;
+
+  -- GTV's pairs: first vector, second (0: zero), first less second; the last again
+  constant PAIR_TABLE : pair_table_t := (
+    (1, 0, 1),
+    (1, 2, 6),
+    (1, 6, 2),
+    (2, 0, 2),
+    (2, 3, 1),
+    (3, 0, 3),
+    (3, 4, 2),
+    (4, 0, 4),
+    (4, 5, 3),
+    (5, 0, 5),
+    (5, 6, 4),
+    (6, 0, 6),
+    (6, 0, 6),
+    (6, 0, 6),
+    (6, 0, 6),
+    (6, 0, 6)
   );
 
 end package mptc_constants;

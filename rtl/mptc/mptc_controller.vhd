@@ -1,8 +1,9 @@
--- Two-level controllers MPTC and MPFC (Paper B) with records as ports; mptc_core is the same with flat ports and
--- explains what it decides.
+-- Two-level controllers (Paper B) with records as ports; mptc_core is the same with flat ports and explains what it
+-- decides.
 --
 -- Parts: mptc_sequencer counts the clocks and reads the program; mptc_datapath predicts the state with three
--- mac_blocks; mptc_vector_stream tries the vectors; mptc_flux_reference forms the reference of MPFC.
+-- mac_blocks; mptc_vector_stream tries the vectors; mptc_flux_reference forms the reference of MPFC. With FAMILY
+-- mptc_mean_share takes the mean of the running sequence and mptc_pair_stream tries the pairs.
 --
 -- Formats, latency, overflow: as in mptc_core.
 -- Licence: Apache-2.0
@@ -11,21 +12,26 @@ library ieee;
   use ieee.std_logic_1164.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.mptc_types.all;
   use work.mptc_vectors.all;
 
 entity mptc_controller is
   generic (
-    FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
+    FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
+    FAMILY       : boolean := false -- true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL
   );
   port (
     clk          : in    std_logic;           -- rising edge
     rst          : in    std_logic;           -- synchronous, active high
     start        : in    std_logic;           -- '1' for one clock: decide; ignored while busy
     inputs       : in    mptc_inputs_t;       -- measurements and references, sampled with start
+    running      : in    mptc_sequence_t;     -- FAMILY: what is being applied, sampled with start
     coefficients : in    mptc_coefficients_t; -- parameters from a drive file, stable from start to valid
     method_mpfc  : in    std_logic;           -- '1': MPFC, '0': MPTC; sampled with start
-    decision     : out   mptc_decision_t      -- stable until the next valid
+    pairs        : in    pairs_t;             -- FAMILY: method of two vectors; sampled with start
+    decision     : out   mptc_decision_t;     -- stable until the next valid
+    chosen       : out   mptc_sequence_t      -- what to apply next, stable until the next valid
   );
 end entity mptc_controller;
 
@@ -46,20 +52,29 @@ architecture rtl of mptc_controller is
   signal term       : term_t;
   signal target     : mptc_reference_t;
   signal number     : vector_t;
+  signal method     : pairs_t;
+  signal tried      : mptc_tried_t;
+  signal leader     : vector_t;
+  signal mean_alpha : word_t;
+  signal mean_beta  : word_t;
+  signal u_next     : vector_t;
 
 begin
 
   i_sequencer : entity work.mptc_sequencer
     generic map (
-      FLUX_CONTROL => FLUX_CONTROL
+      FLUX_CONTROL => FLUX_CONTROL,
+      FAMILY       => FAMILY
     )
     port map (
       clk         => clk,
       rst         => rst,
       start       => start,
       method_mpfc => method_mpfc,
+      pairs       => pairs,
       accept      => accept,
       mpfc        => mpfc,
+      method      => method,
       products    => products,
       events      => events,
       valid       => decision.valid,
@@ -82,7 +97,8 @@ begin
 
   i_datapath : entity work.mptc_datapath
     generic map (
-      FLUX_CONTROL => FLUX_CONTROL
+      FLUX_CONTROL => FLUX_CONTROL,
+      FAMILY       => FAMILY
     )
     port map (
       clk          => clk,
@@ -91,6 +107,8 @@ begin
       products     => products,
       events       => events,
       sample       => sample,
+      mean_alpha   => mean_alpha,
+      mean_beta    => mean_beta,
       coefficients => coefficients,
       difference   => difference,
       too_far      => too_far,
@@ -123,6 +141,9 @@ begin
   end generate g_torque_control;
 
   i_stream : entity work.mptc_vector_stream
+    generic map (
+      FAMILY => FAMILY
+    )
     port map (
       clk          => clk,
       rst          => rst,
@@ -132,12 +153,91 @@ begin
       applied      => sample.u,
       psi_ref      => sample.psi_ref,
       state        => state,
+      method       => method,
+      tried        => tried,
       sum          => sum,
       difference   => difference,
       term         => term,
       overflow     => too_far,
+      leader       => leader,
       number       => number
     );
+
+  ---------------------------------------------------------------------------------------------
+  -- Two vectors
+  ---------------------------------------------------------------------------------------------
+
+  g_family : if FAMILY generate
+
+    signal applied  : mptc_sequence_t;
+    signal by_pairs : std_logic; -- the last decision is of two vectors
+    signal pair     : mptc_sequence_t;
+
+  begin
+
+    p_applied : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (accept = '1') then
+          applied <= running;
+        end if;
+
+        if (events.last = '1') then
+          by_pairs <= to_std_logic(method /= PAIRS_NONE);
+        end if;
+      end if;
+
+    end process p_applied;
+
+    i_mean : entity work.mptc_mean_share
+      port map (
+        clk     => clk,
+        running => applied,
+        alpha   => mean_alpha,
+        beta    => mean_beta
+      );
+
+    i_pairs : entity work.mptc_pair_stream
+      port map (
+        clk         => clk,
+        rst         => rst,
+        begin_pairs => events.begin_pairs,
+        last        => events.last,
+        method      => method,
+        leader      => leader,
+        state       => state,
+        sum         => sum,
+        tried       => tried,
+        chosen      => pair
+      );
+
+    u_next <= number when by_pairs = '0' else
+              pair.u1;
+
+    chosen.u1 <= u_next;
+    chosen.u2 <= number when by_pairs = '0' else
+                 pair.u2;
+    chosen.u3 <= number when by_pairs = '0' else
+                 pair.u3;
+    chosen.t1 <= WHOLE_PERIOD when by_pairs = '0' else
+                 pair.t1;
+    chosen.t2 <= (others => '0') when by_pairs = '0' else
+                 pair.t2;
+
+  end generate g_family;
+
+  g_one_vector : if not FAMILY generate
+    mean_alpha <= (others => '0');
+    mean_beta  <= (others => '0');
+    tried      <= NOTHING_TRIED;
+    u_next     <= number;
+    chosen.u1  <= number;
+    chosen.u2  <= number;
+    chosen.u3  <= number;
+    chosen.t1  <= WHOLE_PERIOD;
+    chosen.t2  <= (others => '0');
+  end generate g_one_vector;
 
   p_flags : process (clk) is
   begin
@@ -151,7 +251,7 @@ begin
 
   end process p_flags;
 
-  decision.u_next   <= number;
-  decision.switches <= switches_of_vector(number);
+  decision.u_next   <= u_next;
+  decision.switches <= switches_of_vector(u_next);
 
 end architecture rtl;

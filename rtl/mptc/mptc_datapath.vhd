@@ -24,7 +24,8 @@ library work;
 
 entity mptc_datapath is
   generic (
-    FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
+    FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
+    FAMILY       : boolean := false -- true: the mean share of a sequence in place of sample.u's
   );
   port (
     clk          : in    std_logic;           -- rising edge
@@ -33,6 +34,8 @@ entity mptc_datapath is
     products     : in    mptc_products_t;     -- what the mac_blocks begin
     events       : in    mptc_events_t;       -- what is due
     sample       : in    mptc_inputs_t;       -- measurements and references, stable
+    mean_alpha   : in    word_t;              -- FAMILY: mean share in the steps along alpha
+    mean_beta    : in    word_t;              -- FAMILY: the same along beta
     coefficients : in    mptc_coefficients_t; -- stable
     difference   : in    word_t;              -- distance of a vector's length from the reference
     too_far      : in    std_logic;           -- '1': a distance saturated
@@ -136,8 +139,15 @@ begin
   words(OPERAND_NOT_ROTOR_BETA)  <= not words(OPERAND_ROTOR_BETA);
   words(OPERAND_NOT_STATOR_BETA) <= not words(OPERAND_STATOR_BETA);
 
-  words(OPERAND_SHARE_ALPHA) <= share_alpha(sample.u);
-  words(OPERAND_SHARE_BETA)  <= share_beta(sample.u);
+  g_mean : if FAMILY generate
+    words(OPERAND_SHARE_ALPHA) <= mean_alpha;
+    words(OPERAND_SHARE_BETA)  <= mean_beta;
+  end generate g_mean;
+
+  g_share : if not FAMILY generate
+    words(OPERAND_SHARE_ALPHA) <= share_alpha(sample.u);
+    words(OPERAND_SHARE_BETA)  <= share_beta(sample.u);
+  end generate g_share;
 
   g_flux_operands : if FLUX_CONTROL generate
     words(OPERAND_NOT_HALF_ANGLE) <= not std_logic_vector(shift_right(results(RESULT_ANGLE), 1));
@@ -351,6 +361,7 @@ begin
   state.level        <= terms(TERM_LEVEL);
   state.along        <= terms(TERM_ALONG);
   state.across       <= terms(TERM_ACROSS);
+  state.rotor_alpha  <= results(RESULT_ROTOR_ALPHA);
   state.moment       <= results(RESULT_MOMENT);
 
 end architecture rtl;

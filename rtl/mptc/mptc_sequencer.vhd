@@ -1,14 +1,15 @@
 -- Sequencer of the two-level controllers: counts the clocks of a decision and reads the program for each.
 --
 -- The program stands in mptc_constants; model/directmpc/mptc/program.py explains and checks it.  MPTC and MPFC share
--- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.
+-- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.  MPTC1, MPTC2 and
+-- GTV go MPTC's way to its end and on from PAIR_ADDRESS.
 --
 -- With FLUX_CONTROL the program is read a clock ahead, and products come from registers.  Reading and choosing among
 -- the longer lists of MPFC in one clock ends at 95 to 105 MHz on ECP5, five seeds; this way it is 107 at least.
 --
 -- Formats: places as in the lists of mptc_constants.
 -- Latency: products and events of clock n of the program come n clocks after the edge that accepts start.  valid
--- follows it by LAST_MPTC or LAST_MPFC clocks of the program.
+-- follows it by as many clocks of the program as the method's LAST_ says.
 -- Overflow: none.
 -- Licence: Apache-2.0
 
@@ -23,15 +24,18 @@ library work;
 
 entity mptc_sequencer is
   generic (
-    FLUX_CONTROL : boolean := true -- true: MPFC can be chosen at run time
+    FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
+    FAMILY       : boolean := false -- true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL
   );
   port (
     clk         : in    std_logic;       -- rising edge
     rst         : in    std_logic;       -- synchronous, active high
     start       : in    std_logic;       -- '1' for one clock: decide; ignored while busy
     method_mpfc : in    std_logic;       -- '1': MPFC, '0': MPTC; sampled with start
+    pairs       : in    pairs_t;         -- method of two vectors, goes before method_mpfc; sampled with start
     accept      : out   std_logic;       -- '1': start is accepted with the next edge
     mpfc        : out   std_logic;       -- '1': the decision under way is MPFC's
+    method      : out   pairs_t;         -- method of two vectors of the decision under way
     products    : out   mptc_products_t; -- what the mac_blocks begin
     events      : out   mptc_events_t;   -- what is due
     valid       : out   std_logic;       -- '1' for one clock: the decision is new
@@ -42,16 +46,19 @@ end entity mptc_sequencer;
 architecture rtl of mptc_sequencer is
 
   -- bits of an address: every one of the program, and one for an idle sequencer
-  constant ADDRESS_BITS : positive := selector_width(ADDRESS_COUNT + 1);
-  constant PARKED_BITS  : positive := selector_width(counted(FLUX_CONTROL, ADDRESS_COUNT, LAST_MPTC + 1) + 1);
+  constant ADDRESS_BITS : positive := selector_width(choose(FAMILY, ADDRESS_COUNT_FAMILY, ADDRESS_COUNT) + 1);
+  constant ADDRESSES    : natural  := counted(FLUX_CONTROL, ADDRESS_COUNT, LAST_MPTC + 1); -- without FAMILY
+  constant PARKED_BITS  : positive := selector_width(choose(FAMILY, ADDRESS_COUNT_FAMILY, ADDRESSES) + 1);
   constant PARKED       : natural  := 2 ** PARKED_BITS - 1; -- address of an idle sequencer
-  constant STEPS        : natural  := counted(FLUX_CONTROL, STEP_COUNT, STEP_COUNT_MPTC);
+  constant STEPS_SINGLE : natural  := counted(FLUX_CONTROL, STEP_COUNT_SINGLE, STEP_COUNT_MPTC);
+  constant STEPS        : natural  := choose(FAMILY, STEP_COUNT, STEPS_SINGLE);
   constant WORD_EVENTS  : natural  := counted(FLUX_CONTROL, WORD_WRITES'length(1), WORD_WRITES_MPTC);
   constant TERM_EVENTS  : natural  := counted(FLUX_CONTROL, TERM_WRITES'length(1), TERM_WRITES_MPTC);
 
   signal active  : std_logic;
   signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
   signal turned  : std_logic; -- the method is MPFC
+  signal chosen  : pairs_t;   -- method of two vectors
   signal ending  : std_logic;
   signal decoded : mptc_products_t;
 
@@ -69,6 +76,10 @@ architecture rtl of mptc_sequencer is
 
 begin
 
+  assert FLUX_CONTROL or not FAMILY
+    report "mptc_sequencer: FAMILY needs FLUX_CONTROL"
+    severity failure;
+
   p_sequence : process (clk) is
   begin
 
@@ -82,6 +93,8 @@ begin
           address <= PARKED;
         elsif (FLUX_CONTROL and turned = '1' and address = FORK - 1) then
           address <= FORK_ADDRESS;
+        elsif (FAMILY and address = LAST_MPTC) then
+          address <= PAIR_ADDRESS;
         else
           address <= (address + 1) mod 2 ** ADDRESS_BITS;
         end if;
@@ -99,10 +112,25 @@ begin
 
   end process p_sequence;
 
-  ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
+  p_ending : process (address, chosen) is
+  begin
+
+    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE)
+                           or (FLUX_CONTROL and address = LAST_MPFC - 1));
+
+    if (FAMILY) then
+      if ((chosen = PAIRS_MPTC1 and address = LAST_MPTC1 - 1) or (chosen = PAIRS_MPTC2 and address = LAST_MPTC2 - 1)
+          or (chosen = PAIRS_GTV and address = LAST_GTV - 1)) then
+        ending <= '1';
+      end if;
+    end if;
+
+  end process p_ending;
+
   busy   <= active;
   accept <= start and not active;
   mpfc   <= turned;
+  method <= chosen;
 
   g_method : if FLUX_CONTROL generate
 
@@ -112,12 +140,35 @@ begin
       if rising_edge(clk) then
         if (active = '0' and start = '1') then
           turned <= method_mpfc;
+
+          if (FAMILY and pairs /= PAIRS_NONE) then
+            turned <= '0';
+          end if;
         end if;
       end if;
 
     end process p_method;
 
   end generate g_method;
+
+  g_family : if FAMILY generate
+
+    p_pairs : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (active = '0' and start = '1') then
+          chosen <= pairs;
+        end if;
+      end if;
+
+    end process p_pairs;
+
+  end generate g_family;
+
+  g_one_vector : if not FAMILY generate
+    chosen <= PAIRS_NONE;
+  end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate
     turned <= '0';
@@ -130,17 +181,17 @@ begin
   p_decode : process (address, active, start, turned) is
 
     variable due    : boolean;
-    variable chosen : mptc_products_t;
+    variable issued : mptc_products_t;
 
   begin
 
-    chosen.issue       := (others => '0');
-    chosen.gather      := (others => '0');
-    chosen.halve       := (others => '0');
-    chosen.lead        := (others => '0');
-    chosen.a_choice    := (others => (others => '0'));
-    chosen.b_choice    := (others => (others => '0'));
-    chosen.seed_choice := (others => (others => '0'));
+    issued.issue       := (others => '0');
+    issued.gather      := (others => '0');
+    issued.halve       := (others => '0');
+    issued.lead        := (others => '0');
+    issued.a_choice    := (others => (others => '0'));
+    issued.b_choice    := (others => (others => '0'));
+    issued.seed_choice := (others => (others => '0'));
 
     for i in 0 to STEPS - 1 loop
       if (not FLUX_CONTROL) then
@@ -157,18 +208,18 @@ begin
 
       for n in 0 to BLOCK_COUNT - 1 loop
         if (due and PROGRAM(i, 1) = n) then
-          chosen.issue(n)       := '1';
-          chosen.gather(n)      := chosen.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
-          chosen.halve(n)       := chosen.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
-          chosen.lead(n)        := chosen.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
-          chosen.a_choice(n)    := chosen.a_choice(n) or bits_of(PROGRAM(i, 2));
-          chosen.b_choice(n)    := chosen.b_choice(n) or bits_of(PROGRAM(i, 3));
-          chosen.seed_choice(n) := chosen.seed_choice(n) or bits_of(PROGRAM(i, 4));
+          issued.issue(n)       := '1';
+          issued.gather(n)      := issued.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
+          issued.halve(n)       := issued.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
+          issued.lead(n)        := issued.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
+          issued.a_choice(n)    := issued.a_choice(n) or bits_of(PROGRAM(i, 2));
+          issued.b_choice(n)    := issued.b_choice(n) or bits_of(PROGRAM(i, 3));
+          issued.seed_choice(n) := issued.seed_choice(n) or bits_of(PROGRAM(i, 4));
         end if;
       end loop;
     end loop;
 
-    decoded <= chosen;
+    decoded <= issued;
 
   end process p_decode;
 
@@ -193,7 +244,7 @@ begin
   -- Events
   ---------------------------------------------------------------------------------------------
 
-  p_events : process (address, ending) is
+  p_events : process (address, ending, chosen) is
   begin
 
     events.word_writes  <= (others => '0');
@@ -203,7 +254,16 @@ begin
     events.square       <= '0';
     events.rest         <= '0';
     events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1);
+    events.begin_pairs  <= '0';
     events.last         <= ending;
+
+    if (FAMILY) then
+      if (chosen = PAIRS_MPTC1) then
+        events.begin_pairs <= to_std_logic(address = LAST_MPTC - 1);
+      else
+        events.begin_pairs <= to_std_logic(address = FIRST_PAIR - 1 and chosen /= PAIRS_NONE);
+      end if;
+    end if;
 
     for i in 0 to WORD_EVENTS - 1 loop
       events.word_writes(i) <= to_std_logic(address = WORD_WRITES(i, 0));

@@ -60,6 +60,65 @@ package mptc_types is
     clamped   : std_logic;                    -- '1': MPFC cannot reach the torque reference
   end record mptc_decision_t;
 
+  subtype pairs_t is std_logic_vector(1 downto 0); -- method of two vectors
+
+  constant PAIRS_NONE  : pairs_t := "00"; -- one vector: MPTC or MPFC
+  constant PAIRS_MPTC1 : pairs_t := "01";
+  constant PAIRS_MPTC2 : pairs_t := "10";
+  constant PAIRS_GTV   : pairs_t := "11";
+
+  subtype time_t is std_logic_vector(TIME_WIDTH downto 0); -- unsigned, 1/4096 of the period, at most 4096
+
+  -- vectors of a period in the order applied; the third has the rest of the time
+  type mptc_sequence_t is record
+    u1 : vector_t;
+    u2 : vector_t;
+    u3 : vector_t;
+    t1 : time_t;
+    t2 : time_t;
+  end record mptc_sequence_t;
+
+  constant WHOLE_PERIOD : time_t := (TIME_WIDTH => '1', others => '0');
+
+  constant NO_VOLTAGE : mptc_sequence_t := ("000", "000", "000", (others => '0'), (others => '0'));
+
+  subtype error_t is signed(ERROR_WIDTH - 1 downto 0); -- quarters of a torque term
+
+  subtype way_t is signed(WAY_WIDTH - 1 downto 0); -- flux that a vector adds in a period
+
+  -- search of a duty
+  type mptc_search_t is record
+    error : error_t; -- torque reference less torque with the second vector; complement where span was negative
+    span  : error_t; -- size of torque with the first less torque with the second, not negative
+    way_x : way_t;   -- flux that the first vector adds to the second's
+    way_y : way_t;
+  end record mptc_search_t;
+
+  subtype double_error_t is signed(ERROR_WIDTH downto 0);
+
+  -- what it found
+  type mptc_found_t is record
+    duty   : std_logic_vector(TIME_WIDTH - 1 downto 0); -- unsigned, 1/4096 of the period
+    within : std_logic;                                 -- '1': the duty is between 0 and 1, not at an end
+    error  : double_error_t;                            -- twice the torque error; within: times 4096
+    way_x  : way_t;                                     -- the duty's part of the way
+    way_y  : way_t;
+  end record mptc_found_t;
+
+  -- a pair on its way through magnitude and cost
+  type mptc_tried_t is record
+    enable : std_logic;                         -- '1': x and y are the flux of a pair
+    x      : signed(LENGTH_WIDTH - 1 downto 0);
+    y      : signed(LENGTH_WIDTH - 1 downto 0);
+    take   : std_logic;                         -- '1': left is the torque error of a pair
+    left   : term_t;
+  end record mptc_tried_t;
+
+  constant NOTHING_TRIED : mptc_tried_t :=
+  (
+    '0', (others => '0'), (others => '0'), '0', (others => '0')
+  );
+
   subtype blocks_t is std_logic_vector(0 to BLOCK_COUNT - 1); -- one bit for each mac_block
 
   subtype select_t is std_logic_vector(4 downto 0); -- place in a list
@@ -86,7 +145,8 @@ package mptc_types is
     square       : std_logic; -- MPFC: the square of the reference's length is in the last block's accumulator
     rest         : std_logic; -- MPFC: the same less the torque's part
     begin_stream : std_logic;                                            -- the first vector follows
-    last         : std_logic;                                            -- the last vector is compared
+    begin_pairs  : std_logic;                                            -- the first pair follows
+    last         : std_logic;                                            -- the last vector or pair is compared
   end record mptc_events_t;
 
   -- state at k+2 without voltage, and what the vectors add to it
@@ -98,6 +158,7 @@ package mptc_types is
     level        : term_t;        -- MPTC: torque reference less torque; MPFC: size of a step in the cost
     along        : term_t;        -- torque, or cost, of a step along alpha
     across       : term_t;        -- torque, or cost, of a step along beta
+    rotor_alpha  : signed_word_t; -- MPTC: i_s0 along alpha
     moment       : signed_word_t; -- MPFC: torque reference as flux across the rotor flux
   end record mptc_state_t;
 

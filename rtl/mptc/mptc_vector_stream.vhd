@@ -6,6 +6,9 @@
 -- Zero voltage comes last, as u_0 or u_7, whichever takes fewer commutations from the vector being applied; as u_0 it
 -- wins a tie.
 --
+-- With FAMILY the pairs of mptc_pair_stream take the same way through length and torque term, without a comparison
+-- here. For MPTC1 zero voltage is not compared, and leader is the vector found.
+--
 -- Formats: as in model/directmpc/mptc/formats.py.
 -- Latency: one vector a clock.  The clocks between length, torque term and comparison of a vector stand in
 -- mptc_constants (STREAM_*); number is stable one clock after last.
@@ -23,6 +26,9 @@ library work;
   use work.mptc_vectors.all;
 
 entity mptc_vector_stream is
+  generic (
+    FAMILY : boolean := false -- true: pairs too
+  );
   port (
     clk          : in    std_logic;                                      -- rising edge
     rst          : in    std_logic;                                      -- synchronous, active high
@@ -32,10 +38,13 @@ entity mptc_vector_stream is
     applied      : in    std_logic_vector(2 downto 0);                   -- number of the vector being applied, stable
     psi_ref      : in    std_logic_vector(REFERENCE_WIDTH - 1 downto 0); -- flux reference, unsigned, stable
     state        : in    mptc_state_t;                                   -- flux and torque terms, stable
+    method       : in    pairs_t;                                        -- method of two vectors, stable
+    tried        : in    mptc_tried_t;                                   -- pair on its way
     sum          : in    sum_t;                                          -- cost of the vector that is compared, signed
     difference   : out   word_t;                                         -- distance of a length, not negative
     term         : out   term_t;                                         -- torque term of a vector, signed
     overflow     : out   std_logic;                                      -- '1': a distance saturated
+    leader       : out   vector_t;                                       -- cheapest vector so far
     number       : out   vector_t                                        -- number of the vector to apply next
   );
 end entity mptc_vector_stream;
@@ -117,7 +126,8 @@ begin
   ---------------------------------------------------------------------------------------------
 
   length_number <= std_logic_vector(stream(2 downto 0));
-  length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
+  length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
+                    and to_std_logic(method = PAIRS_NONE or method = PAIRS_MPTC1)) or tried.enable;
 
   p_lengths : process (length_number, state) is
 
@@ -141,8 +151,10 @@ begin
 
   end process p_lengths;
 
-  x_bits      <= std_logic_vector(x);
-  y_bits      <= std_logic_vector(y);
+  x_bits      <= std_logic_vector(tried.x) when FAMILY and tried.enable = '1' else
+                 std_logic_vector(x);
+  y_bits      <= std_logic_vector(tried.y) when FAMILY and tried.enable = '1' else
+                 std_logic_vector(y);
   half_length <= as_word('0' & psi_ref);
 
   i_magnitude : entity work.mptc_magnitude
@@ -189,6 +201,10 @@ begin
         whole  := moved(whole, across, term_subtract);
         term   <= whole;
       end if;
+
+      if (FAMILY and tried.take = '1') then
+        term <= tried.left;
+      end if;
     end if;
 
   end process p_term;
@@ -200,7 +216,10 @@ begin
   cost        <= sum(COST_WIDTH - 1 downto COST_DROPPED);
   cost_number <= std_logic_vector(stream(2 downto 0));
 
-  better <= to_std_logic(cost & '0' < best_cost & wins_tie);
+  better <= to_std_logic(cost & '0' < best_cost & wins_tie)
+            and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST);
+
+  leader <= best;
 
   winner <= best when better = '0' else
             cost_number;

@@ -35,6 +35,8 @@ class Port:
         an array.
     convert : str
         Type of the field, ``signed`` or ``unsigned``; empty: the type of the port.
+    default : str
+        Value of an input that is left open; empty: it has to be connected.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Port:
     comment: str
     field: str = ""
     convert: str = ""
+    default: str = ""
 
 
 @dataclass(frozen=True)
@@ -357,8 +360,8 @@ MPTC = Shell(
     inner="mptc_controller",
     folder="mptc",
     header="""\
-Predictive torque control (MPTC) and predictive flux control (MPFC) of an induction machine on a
-two-level inverter (Paper B): the core.
+Predictive torque control (MPTC, MPTC1, MPTC2, GTV) and predictive flux control (MPFC) of an
+induction machine on a two-level inverter (Paper B): the core.
 
 Give the measurements, the references and the vector that is being applied with a one-clock start.
 valid comes with the vector to apply next. docs/specification.md says what is decided: the state is
@@ -384,9 +387,22 @@ beyond what the rotor flux allows (the arcsine's argument beyond 1).
 Corners: with all costs equal the lowest number wins. Without rotor flux MPFC takes it to lie along
 alpha, an angle of zero, so that a start from zero flux moves.
 FLUX_CONTROL = false leaves MPFC out; the core then ignores method_mpfc.
+FAMILY = true adds MPTC1, MPTC2 and GTV (pairs), which apply two vectors a period: next_u1 for
+next_t1, next_u2 for the rest. What is being applied is then u1, u2, u3, t1, t2; its mean voltage
+enters the prediction. u tells MPTC and MPFC which zero vector takes fewer commutations. Latency:
+MPTC1 54, MPTC2 66, GTV 82 clocks, always. The duty is found bit by bit by four mptc_duty
+(mptc_pair_stream). Without FAMILY these inputs have no effect.
 Considered and rejected: docs/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
-    generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
+    generics=(
+        ("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),
+        (
+            "FAMILY",
+            "boolean",
+            "false",
+            "true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL",
+        ),
+    ),
     groups=(
         Group("", _CLOCK),
         Group(
@@ -427,6 +443,37 @@ Considered and rejected: docs/alternatives.md.""",
         ),
         Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
         Group(
+            "of FAMILY, sampled with start",
+            (
+                Port(
+                    "pairs",
+                    "1",
+                    "0: see method_mpfc, 1: MPTC1, 2: MPTC2, 3: GTV",
+                    default='"00"',
+                ),
+            ),
+        ),
+        Group(
+            "",
+            (
+                *(
+                    Port(name, "2", f"{which} vector being applied, 0 to 7", default='"000"')
+                    for name, which in (("u1", "first"), ("u2", "second"), ("u3", "third"))
+                ),
+                *(
+                    Port(
+                        name,
+                        "12",
+                        f"time of the {which}, 1/4096; t1 + t2 at most 4096",
+                        default="(others => '0')",
+                    )
+                    for name, which in (("t1", "first"), ("t2", "second"))
+                ),
+            ),
+            record="running",
+            kind="mptc_sequence_t",
+        ),
+        Group(
             "decision, stable until the next valid",
             (
                 Port("valid", "", "'1' for one clock: decision is new"),
@@ -439,6 +486,22 @@ Considered and rejected: docs/alternatives.md.""",
             output=True,
             record="decision",
             kind="mptc_decision_t",
+        ),
+        Group(
+            "",
+            (
+                *(
+                    Port(f"next_{name}", "2", f"{which} vector to apply next, 0 to 7", name)
+                    for name, which in (("u1", "first"), ("u2", "second"), ("u3", "third"))
+                ),
+                *(
+                    Port(f"next_{name}", "12", f"time of the {which}, 1/4096 of the period", name)
+                    for name, which in (("t1", "first"), ("t2", "second"))
+                ),
+            ),
+            output=True,
+            record="chosen",
+            kind="mptc_sequence_t",
         ),
     ),
 )
@@ -489,9 +552,13 @@ def _declarations(shell: Shell) -> list[str]:
         rows = []
         for group, port in block:
             kind = f"std_logic_vector({port.width} downto 0)" if port.width else "std_logic"
+            kind += f" := {port.default}" if port.default else ""
             mode = "out  " if group.output else "in   "
             rows.append((port.name, mode, kind + ("" if port is final else ";")))
+        open_inputs = any(port.default for _, port in block)
+        lines += ["    -- inputs that may stay open", "    -- vsg_off port_012"] * open_inputs
         lines += _aligned(rows, [port.comment for _, port in block], (" : ", " "))
+        lines += ["    -- vsg_on port_012"] * open_inputs
     return lines
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.mptc import cycles
+from directmpc.mptc import bit_true_sequences, cycles
 from directmpc.mptc import formats as f
 from directmpc.mptc import program as p
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -59,6 +59,11 @@ def _formats() -> list[str]:
             ("COST_DROPPED", f.COST_DROPPED, "low bits of a cost that are not compared"),
             ("NORMALISE_STEPS", f.NORMALISE_STEPS, "shifts by two bits of MPFC's rotor flux"),
             ("ROOT_WIDTH", f.ROOT_WIDTH, "bits of the square root, one a clock"),
+            ("TIME_WIDTH", f.TIME_WIDTH, "bits of a duty"),
+            ("WAY_GUARD", f.WAY_GUARD, "bits below a length's LSB of a pair's flux"),
+            ("DUTY_SHIFT", f.DUTY_SHIFT, "bits below a torque term's LSB, the same"),
+            ("ERROR_WIDTH", f.TORQUE_WIDTH + f.DUTY_SHIFT, "bits of a torque error, the same"),
+            ("WAY_WIDTH", f.WAY_WIDTH, "bits of a vector's way"),
             ("GAIN", f.GAIN, "word: half of the magnitude's gain"),
             ("ROOT3_2", f.SQRT3_2, "word: sqrt(3)/2"),
         ]
@@ -94,8 +99,26 @@ def _unique(names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
+def _pairs() -> list[str]:
+    """Table of the pairs, as many rows as an index of the four searches can reach."""
+    table = bit_true_sequences.EDGE_PAIRS.tolist()
+    padded = table + [table[-1]] * (16 - len(table))
+    return [
+        "",
+        "  type pair_table_t is array (0 to 15, 0 to 2) of natural;",
+        "",
+        *_table(
+            "PAIR_TABLE",
+            "pair_table_t",
+            padded,
+            "GTV's pairs: first vector, second (0: zero), first less second; the last again",
+        ),
+    ]
+
+
 def _program() -> list[str]:
-    rows = _rows(False) + _rows(True)
+    single = _rows(False) + _rows(True)
+    rows = single + [(s, p.pair_address(s.clock), True) for s in p.PAIRS]
     basic = len(_rows(False))
     lines: list[str] = []
     for prefix, names in (
@@ -135,6 +158,7 @@ def _program() -> list[str]:
             ("TERM_COUNT", len(p.TERMS), "torque terms that the program writes"),
             ("BLOCK_COUNT", p.BLOCKS, "multiply-accumulate blocks"),
             ("STEP_COUNT", len(rows), "products"),
+            ("STEP_COUNT_SINGLE", len(single), "those without FAMILY, they come first"),
             ("STEP_COUNT_MPTC", basic, "those without MPFC, they come first"),
             ("FORK", p.FORK, "first clock in which the methods differ"),
             ("FORK_ADDRESS", p.address(p.FORK, True), "its address for MPFC"),
@@ -158,8 +182,21 @@ def _program() -> list[str]:
                 p.address(p.RADICAND + p.SUM_LATENCY, True),
                 "address: the radicand without the torque is in the accumulator",
             ),
+            ("ADDRESS_COUNT_FAMILY", p.pair_address(p.GTV_LAST) + 1, "program addresses, FAMILY"),
+            ("PAIR_ADDRESS", p.pair_address(p.MPTC_LAST + 1), "address behind LAST_MPTC for pairs"),
+            ("FIRST_PAIR", p.MPTC_FIRST_TERM, "address: MPTC2 and GTV load the first pair"),
+            ("ZERO_PAIRS", p.ZERO_PAIRS, "pairs of MPTC2"),
+            ("EDGE_PAIRS", p.EDGE_PAIRS, "pairs of GTV"),
+            ("SEARCHES", p.SEARCHES, "searches of a duty at a time"),
+            ("DUTY_CLOCKS", p.DUTY_CLOCKS, "clocks from loading a pair to its result"),
+            ("LAST_MPTC1", p.pair_address(p.MPTC1_LAST), "address: valid"),
+            ("LAST_MPTC2", p.pair_address(p.MPTC2_LAST), "address: valid"),
+            ("LAST_GTV", p.pair_address(p.GTV_LAST), "address: valid"),
             ("CYCLES_MPTC", cycles.CORE["MPTC"], "clocks from start to valid"),
             ("CYCLES_MPFC", cycles.CORE["MPFC"], "clocks from start to valid"),
+            ("CYCLES_MPTC1", cycles.FAMILY["MPTC1"], "clocks from start to valid"),
+            ("CYCLES_MPTC2", cycles.FAMILY["MPTC2"], "clocks from start to valid"),
+            ("CYCLES_GTV", cycles.FAMILY["GTV"], "clocks from start to valid"),
         ]
     )
     lines += ["", "  type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;", ""]
@@ -258,6 +295,7 @@ def text() -> str:
             "",
             *_vectors(),
             *_program(),
+            *_pairs()[1:],
             "end package mptc_constants;",
             "",
         ]

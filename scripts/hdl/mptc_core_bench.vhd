@@ -14,15 +14,16 @@ library directmpc;
 
 entity mptc_core_bench is
   generic (
-    FLUX_CONTROL : boolean := true -- of the core
+    FLUX_CONTROL : boolean := true; -- of the core
+    FAMILY       : boolean := false -- of the core
   );
   port (
     rst        : in    std_logic;                      -- synchronous, active high
     request    : in    std_logic;                      -- a change asks for a decision on row
-    row        : in    std_logic_vector(129 downto 0); -- u, psi_ref, ... is_alpha rightmost
-    parameters : in    std_logic_vector(216 downto 0); -- method, ... c_current rightmost
+    row        : in    std_logic_vector(164 downto 0); -- t2, t1, u3, u2, u1, u, psi_ref, ... is_alpha rightmost
+    parameters : in    std_logic_vector(218 downto 0); -- pairs, method, ... c_current rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
-    response   : out   std_logic_vector(7 downto 0);   -- clamped, saturated, switches, u_next
+    response   : out   std_logic_vector(42 downto 0);  -- t2, t1, u3, u2, u1, clamped, saturated, switches, u_next
     cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
   );
 end entity mptc_core_bench;
@@ -33,17 +34,22 @@ architecture bench of mptc_core_bench is
   constant MOST_CLOCKS_MPTC : natural := 40;
   constant MOST_CLOCKS_MPFC : natural := 80;
 
+  type most_t is array (1 to 3) of natural;
+
+  constant MOST_CLOCKS_PAIRS : most_t := (64, 80, 90);
+
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';
   signal start    : std_logic := '0';
-  signal inputs   : std_logic_vector(129 downto 0) := (others => '0');
+  signal inputs   : std_logic_vector(164 downto 0) := (others => '0');
   signal method   : std_logic := '0';
+  signal pairs    : std_logic_vector(1 downto 0) := "00";
   signal noise    : std_logic_vector(63 downto 0) := x"9E3779B97F4A7C15";
   signal answered : std_logic := '0';
   signal count    : unsigned(15 downto 0) := (others => '0');
   signal valid    : std_logic;
   signal busy     : std_logic;
-  signal decision : std_logic_vector(7 downto 0);
+  signal decision : std_logic_vector(42 downto 0);
 
 begin
 
@@ -63,6 +69,7 @@ begin
       noise  <= v;
       start  <= '0';
       method <= v(3);
+      pairs  <= v(8 downto 7);
       count  <= count + 1;
 
       if (start = '1' and busy = '0') then
@@ -72,12 +79,13 @@ begin
       if (request /= answered and start = '0' and busy = '0') then
         inputs   <= row;
         method   <= parameters(216);
+        pairs    <= parameters(218 downto 217);
         start    <= '1';
         answered <= request;
         idle     <= 0;
       else
         idle   <= idle + 1;
-        inputs <= v(1 downto 0) & v & (v xor x"5555555555555555");
+        inputs <= v(36 downto 0) & v & (v xor x"5555555555555555");
         -- a start while busy has to be ignored
         if (busy = '1' and count < 30) then
           start <= v(5);
@@ -89,13 +97,21 @@ begin
         report "no request for " & integer'image(PATIENCE) & " clocks"
         severity failure;
 
-      assert busy = '0' or count <= MOST_CLOCKS_MPFC
+      assert busy = '0' or count <= MOST_CLOCKS_MPFC or (FAMILY and parameters(218 downto 217) = "11")
         report "a decision takes more than " & integer'image(MOST_CLOCKS_MPFC) & " clocks"
         severity failure;
 
       assert busy = '0' or count <= MOST_CLOCKS_MPTC or parameters(216) = '1'
+             or (FAMILY and parameters(218 downto 217) /= "00")
         report "a decision takes more than " & integer'image(MOST_CLOCKS_MPTC) & " clocks"
         severity failure;
+
+      for code in 1 to 3 loop
+        assert busy = '0' or not FAMILY or to_integer(unsigned(parameters(218 downto 217))) /= code
+               or count <= MOST_CLOCKS_PAIRS(code)
+          report "a decision takes more than " & integer'image(MOST_CLOCKS_PAIRS(code)) & " clocks"
+          severity failure;
+      end loop;
 
       if (valid = '1') then
         finished <= answered;
@@ -108,7 +124,8 @@ begin
 
   i_core : entity directmpc.mptc_core
     generic map (
-      FLUX_CONTROL => FLUX_CONTROL
+      FLUX_CONTROL => FLUX_CONTROL,
+      FAMILY       => FAMILY
     )
     port map (
       clk             => clk,
@@ -136,12 +153,23 @@ begin
       c_torque        => parameters(197 downto 180),
       c_weight        => parameters(215 downto 198),
       method_mpfc     => method,
+      pairs           => pairs,
+      u1              => inputs(132 downto 130),
+      u2              => inputs(135 downto 133),
+      u3              => inputs(138 downto 136),
+      t1              => inputs(151 downto 139),
+      t2              => inputs(164 downto 152),
       valid           => valid,
       busy            => busy,
       u_next          => decision(2 downto 0),
       switches        => decision(5 downto 3),
       saturated       => decision(6),
-      clamped         => decision(7)
+      clamped         => decision(7),
+      next_u1         => decision(10 downto 8),
+      next_u2         => decision(13 downto 11),
+      next_u3         => decision(16 downto 14),
+      next_t1         => decision(29 downto 17),
+      next_t2         => decision(42 downto 30)
     );
 
 end architecture bench;

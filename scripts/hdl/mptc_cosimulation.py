@@ -15,12 +15,36 @@ from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
-from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, WORD_WIDTH
+from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
 from directmpc.mptc.plant import step
+from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl.mptc_simulation import FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
+_SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence
+_PAIRS_AT = WORD_WIDTH * len(COEFFICIENTS) + 1  # bits of the parameters below the method
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
+
+
+def pack_sequence(applied: np.ndarray) -> int:
+    """A sequence as the bench takes it.
+
+    Parameters
+    ----------
+    applied : np.ndarray
+        u1, u2, u3, t1, t2, shape (5,).
+
+    Returns
+    -------
+    int
+        Three bits a vector, the first lowest, then 13 bits a time.
+    """
+    value = 0
+    for index, number in enumerate(applied[:3]):
+        value |= int(number) << 3 * index
+    for index, time in enumerate(applied[3:]):
+        value |= int(time) << 9 + TIME_PORT_WIDTH * index
+    return value
 
 
 def pack_row(measurement: np.ndarray, u: int) -> int:
@@ -53,6 +77,25 @@ def _pack_parameters(registers: np.ndarray) -> int:
     return value | int(registers[-1]) << (WORD_WIDTH * len(COEFFICIENTS))
 
 
+def unpack_sequence(value: int) -> tuple[int, ...]:
+    """A sequence as the bench answers it.
+
+    Parameters
+    ----------
+    value : int
+        As of `pack_sequence`.
+
+    Returns
+    -------
+    tuple[int, ...]
+        u1, u2, u3, t1, t2.
+    """
+    vectors = (value >> 3 * index & 7 for index in range(3))
+    mask = (1 << TIME_PORT_WIDTH) - 1
+    times = (value >> 9 + TIME_PORT_WIDTH * index & mask for index in range(2))
+    return (*vectors, *times)
+
+
 class Bench:
     """Drives the bench's ports.
 
@@ -65,6 +108,8 @@ class Bench:
     def __init__(self, dut) -> None:
         self.dut = dut
         self.level = 0
+        self.parameters = 0
+        self.sequence: tuple[int, ...] = ()
 
     async def reset(self, registers: np.ndarray) -> None:
         """Reset and load the parameters.
@@ -90,9 +135,12 @@ class Bench:
         registers : np.ndarray
             Coefficients, then the method.
         """
-        self.dut.parameters.value = _pack_parameters(registers)
+        self.parameters = _pack_parameters(registers)
+        self.dut.parameters.value = self.parameters
 
-    async def decide(self, measurement: np.ndarray, u: int) -> tuple[int, ...]:
+    async def decide(
+        self, measurement: np.ndarray, u: int, applied: np.ndarray | None = None, pairs: int = 0
+    ) -> tuple[int, ...]:
         """One decision in the order of ``FIELDS``.
 
         Parameters
@@ -101,11 +149,15 @@ class Bench:
             Words in the order of ``formats.MEASUREMENTS``, shape (8,).
         u : int
             Number of the vector being applied, 0 to 7.
+        applied : np.ndarray, optional
+            u1, u2, u3, t1, t2; `u` for the whole period without.
+        pairs : int
+            Method of two vectors.
 
         Returns
         -------
         tuple[int, ...]
-            Vector, clock cycles, two flags and switchings.
+            Vector, clock cycles, two flags and switchings; `sequence` is what comes beside them.
 
         Raises
         ------
@@ -113,25 +165,35 @@ class Bench:
             If no answer comes.
         """
         self.level ^= 1
-        self.dut.row.value = pack_row(measurement, u)
+        sequence = np.array([u, u, u, TIME_STEPS, 0]) if applied is None else applied
+        self.dut.row.value = pack_row(measurement, u) | pack_sequence(sequence) << _SEQUENCE_AT
+        self.dut.parameters.value = self.parameters | pairs << _PAIRS_AT
         self.dut.request.value = self.level
         await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
         response = self.dut.response.value.to_unsigned()
         cycles = self.dut.cycles.value.to_unsigned()
+        self.sequence = unpack_sequence(response >> 8)
         return (response & 7, cycles, response >> 6 & 1, response >> 7 & 1, response >> 3 & 7)
 
 
 async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
     """Feed recorded rows, each with its own parameters where the job has them."""
     out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
+    sequences = np.zeros((len(out), 5), dtype=np.int64)
     for k in range(len(out)):
         if job.each_registers is not None and (
             k == 0 or not np.array_equal(job.each_registers[k], job.each_registers[k - 1])
         ):
             bench.load(job.each_registers[k])
-        out[k] = await bench.decide(job.measurements[k], job.u[k])
+        out[k] = await bench.decide(
+            job.measurements[k],
+            job.u[k],
+            None if job.applied is None else job.applied[k],
+            0 if job.pairs is None else int(job.pairs[k]),
+        )
+        sequences[k] = bench.sequence
         progress(k + 1)
-    return {"decisions": out}
+    return {"decisions": out, "sequences": sequences}
 
 
 async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
-from scripts.hdl.mptc_simulation import Job
+from scripts.hdl.mptc_simulation import PAIRS, Job
 from scripts.hdl.simulator import in_parallel
 
 
@@ -52,12 +52,24 @@ def decide(
     if engine == "model":
         twin = bit_true_sequences.run if drive.control.sequences else bit_true.run
         return twin(drive, trace)
-    if drive.control.sequences:
-        raise ValueError(
-            f"control.method: {drive.control.method} has no RTL; the engine ideal serves it"
-        )
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
+    if drive.control.sequences:
+        applied = bit_true_sequences.applied_words(trace)
+        pairs = np.full(len(u), PAIRS[drive.control.method])
+
+        def _run_pairs(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+            job = Job(
+                values, measurements[rows], u[rows], family=True, pairs=pairs[rows],
+                applied=applied[rows],
+            )  # fmt: skip
+            answer = rtl_simulation.simulate(job, advance)
+            return np.hstack([answer["decisions"], answer["sequences"]]).astype(np.int64)
+
+        out = in_parallel(len(trace), _run_pairs, progress)
+        return bit_true_sequences.decisions(
+            out[:, [5, 6, 8, 2]], clipped.astype(np.int64), out[:, 1]
+        )
 
     def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         job = Job(values, measurements[rows], u[rows])

@@ -21,6 +21,9 @@ BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
 #: Columns of a decision as the bench returns it.
 FIELDS = ("u", "cycles", "saturated", "clamped", "switches")
 
+#: Port `pairs` of the methods of two vectors.
+PAIRS = {"MPTC1": 1, "MPTC2": 2, "GTV": 3}
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -63,7 +66,23 @@ class Loop:
 
 @dataclass
 class Job(simulator.Job):
-    """What the simulator has to do; see ``simulate``."""
+    """What the simulator has to do; see ``simulate``.
+
+    Attributes
+    ----------
+    registers, measurements, u
+        Of `Registers.array`, (n, 8) and (n,).
+    flux_control, family : bool
+        Generics of the core.
+    loop : Loop, optional
+        Instead of rows.
+    each_registers : (n, 13), optional
+        Registers of each row.
+    pairs : (n,), optional
+        Port `pairs` of each row; 0 without.
+    applied : (n, 5), optional
+        u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
+    """
 
     registers: IntArray
     measurements: IntArray
@@ -71,6 +90,9 @@ class Job(simulator.Job):
     flux_control: bool = True
     loop: Loop | None = None
     each_registers: IntArray | None = None
+    family: bool = False
+    pairs: IntArray | None = None
+    applied: IntArray | None = None
 
     @property
     def steps(self) -> int:
@@ -101,15 +123,16 @@ def simulate(
     Returns
     -------
     dict
-        ``decisions`` (n, 5) in the order of ``FIELDS``; for a closed loop ``seen`` (n, 8): what
-        the controller saw, and ``u`` last, before quantisation.
+        ``decisions`` (n, 5) in the order of ``FIELDS``; for rows ``sequences`` (n, 5): u1, u2, u3,
+        t1, t2; for a closed loop ``seen`` (n, 8): what the controller saw, and ``u`` last, before
+        quantisation.
 
     Raises
     ------
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    arguments = [str(job.flux_control).lower(), str(rtl or "")]
+    arguments = [str(job.flux_control).lower(), str(job.family).lower(), str(rtl or "")]
     return simulator.simulate(job, "scripts.hdl.mptc_simulation", arguments, progress)
 
 
@@ -119,6 +142,6 @@ if __name__ == "__main__":
         core="mptc_core",
         toplevel=BENCH,
         module="scripts.hdl.mptc_cosimulation",
-        generics={"FLUX_CONTROL": sys.argv[2]},
-        rtl=Path(sys.argv[3]) if sys.argv[3] else None,
+        generics={"FLUX_CONTROL": sys.argv[2], "FAMILY": sys.argv[3]},
+        rtl=Path(sys.argv[4]) if sys.argv[4] else None,
     )

@@ -149,8 +149,9 @@ def test_every_clock_is_asserted_by_a_bench() -> None:
         rows = [row for row in table.values() if isinstance(row, dict)] or [table]
         for figure in {name for row in rows for name in row} - {"worst"}:
             assert (entity, figure) in read or (entity == "mptc_core"), f"{entity}.{figure}"
-    assert set(budgets.load().cycles["mptc_core"]) == {"mptc", "mpfc"}
+    assert set(budgets.load().cycles["mptc_core"]) == {"mptc", "mpfc", "mptc1", "mptc2", "gtv"}
     assert 'clocks_of("mptc_core", method.lower())' in text
+    assert 'clocks_of("mptc_core", name.lower())' in text
 
 
 def test_unknown_clocks_are_refused() -> None:

@@ -4,7 +4,8 @@ As `bit_true`, whose state and torque terms it shares. A pair is a first vector 
 second for the rest. The difference of two vectors one leg apart is an active vector itself, and so
 is a vector's difference from zero: every pair is a start (its second vector) and a direction, an
 active vector. The torque is linear in the duty, so the duty is a quotient of two torque terms. It
-is found bit by bit, and the flux is added up with it: no product and no divider.
+is found bit by bit, and its part of the way is added up with it: the product of duty and way, which
+stands here as one, takes no multiplier there.
 """
 
 from __future__ import annotations
@@ -37,8 +38,7 @@ ZERO_PAIRS = np.array([[a, 0, a] for a in range(1, 7)], dtype=np.int64)
 
 _SHARE_ALPHA = f.FRACTION - 2 - f.TIME_WIDTH
 _SHARE_BETA = f.FRACTION - 1 - f.TIME_WIDTH
-_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION + f.DUTY_GUARD
-_DUTY_GUARD = f.DUTY_GUARD
+_WAY_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION + f.WAY_GUARD
 _TIME_WIDTH = f.TIME_WIDTH
 _DUTY_SHIFT = f.DUTY_SHIFT
 _COMPLEMENT_SHIFT = f.TORQUE_SHIFT - f.DUTY_SHIFT
@@ -145,15 +145,12 @@ def pair(o, level, along, across, tau_a, second, direction):
     error = (level << _DUTY_SHIFT) - (tau_a >> _COMPLEMENT_SHIFT)
     error -= fine_change(second, along, across)
     duty, left = search(error, fine_change(direction, along, across))
-    x = (o.base_a << _GUARD) + VECTOR_ALPHA[second] * (o.step_a << (_DUTY_GUARD - 1))
-    y = (o.base_b << _GUARD) + VECTOR_BETA[second] * (o.step_b << _DUTY_GUARD)
-    step_x = VECTOR_ALPHA[direction] * (o.step_a << (_DUTY_GUARD - 1))
-    step_y = VECTOR_BETA[direction] * (o.step_b << _DUTY_GUARD)
-    for k in range(1, _TIME_WIDTH + 1):
-        if duty >> (_TIME_WIDTH - k) & 1:
-            x += step_x >> k
-            y += step_y >> k
-    return duty, left, x >> _DUTY_GUARD, y >> _DUTY_GUARD
+    # one bit more than a length has: half of a step along alpha
+    way_x = (duty * (VECTOR_ALPHA[direction] * o.step_a)) >> _TIME_WIDTH
+    way_y = (duty * (2 * VECTOR_BETA[direction] * o.step_b)) >> _TIME_WIDTH
+    x = (o.base_a << _WAY_GUARD) + VECTOR_ALPHA[second] * o.step_a + way_x
+    y = (o.base_b << _WAY_GUARD) + 2 * VECTOR_BETA[second] * o.step_b + way_y
+    return duty, left, x >> 1, y >> 1
 
 
 @njit

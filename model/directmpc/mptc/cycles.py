@@ -1,4 +1,4 @@
-"""Clock cycles of a decision of MPTC and MPFC, from the program of the multipliers.
+"""Clock cycles of a decision, from the program of the multipliers.
 
 Counted from the clock edge that accepts ``start`` to the one that samples ``valid``.  They do not
 depend on the measurements.
@@ -6,10 +6,17 @@ depend on the measurements.
 
 from __future__ import annotations
 
-from directmpc.mptc.program import MPFC_LAST, MPTC_LAST
+from directmpc.mptc.program import GTV_LAST, MPFC_LAST, MPTC1_LAST, MPTC2_LAST, MPTC_LAST
 
 #: Of ``mptc_core``, by the method of the drive file.
 CORE: dict[str, int] = {"MPTC": MPTC_LAST + 1, "MPFC": MPFC_LAST + 1}
+
+#: Of ``mptc_core`` with ``FAMILY``, the methods of two vectors.
+FAMILY: dict[str, int] = {
+    "MPTC1": MPTC1_LAST + 1,
+    "MPTC2": MPTC2_LAST + 1,
+    "GTV": GTV_LAST + 1,
+}
 
 #: Of ``mptc_drive``, which registers the decision.
 DRIVE: dict[str, int] = {method: clocks + 1 for method, clocks in CORE.items()}

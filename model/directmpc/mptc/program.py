@@ -20,7 +20,13 @@ from dataclasses import dataclass
 
 from directmpc.mac_program import SUM_LATENCY
 from directmpc.mptc.coefficients import COEFFICIENTS
-from directmpc.mptc.formats import ITERATIONS, MEASUREMENTS, NORMALISE_STEPS, ROOT_WIDTH
+from directmpc.mptc.formats import (
+    ITERATIONS,
+    MEASUREMENTS,
+    NORMALISE_STEPS,
+    ROOT_WIDTH,
+    TIME_WIDTH,
+)
 
 ALPHA, BETA, FLUX = 0, 1, 2
 BLOCKS = 3
@@ -242,6 +248,43 @@ def last_clock(first_term: int) -> int:
 MPTC_LAST = last_clock(MPTC_FIRST_TERM)
 MPFC_LAST = last_clock(MPFC_FIRST_TERM)
 
+#: Pairs of MPTC2 and of GTV.
+ZERO_PAIRS, EDGE_PAIRS = 6, 12
+#: Searches of a duty at a time, begun a clock apart; clocks from one's beginning to its result: one
+#: to begin, one to compare with the whole period, one for each bit.
+SEARCHES = 4
+DUTY_CLOCKS = 2 + TIME_WIDTH
+
+
+def pair_clock(n: int) -> int:
+    """Clock in which the flux of a pair enters the magnitude.
+
+    Parameters
+    ----------
+    n : int
+        Number of the pair, from 0.
+
+    Returns
+    -------
+    int
+        Clock.
+    """
+    return MPTC_FIRST_TERM + n % SEARCHES + DUTY_CLOCKS * (n // SEARCHES + 1)
+
+
+#: Costs of MPTC2 and GTV: behind MPTC's program, which they share.
+PAIRS: tuple[Step, ...] = tuple(
+    Step(pair_clock(n) + LENGTH_LATENCY, FLUX, "difference", "c_weight", "cost")
+    for n in range(EDGE_PAIRS)
+)
+
+#: MPTC1's pair is known when MPTC's vector is.
+MPTC1_LAST = MPTC_LAST + DUTY_CLOCKS + 1
+MPTC2_LAST = pair_clock(ZERO_PAIRS - 1) + STREAM_COMPARE + 1
+GTV_LAST = pair_clock(EDGE_PAIRS - 1) + STREAM_COMPARE + 1
+#: What is added to a clock behind MPTC's last for its address.
+PAIR_OFFSET = MPFC_LAST + FORK_OFFSET - MPTC_LAST
+
 
 def base(name: str) -> str:
     """Operand without ``half_`` or ``lead_``.
@@ -275,6 +318,22 @@ def address(clock: int, flux_control: bool) -> int:
         0 to 127.
     """
     return clock + FORK_OFFSET if flux_control and clock >= FORK else clock
+
+
+def pair_address(clock: int) -> int:
+    """Program address of a clock of MPTC1, MPTC2 and GTV.
+
+    Parameters
+    ----------
+    clock : int
+        Clock after the one that accepts ``start``.
+
+    Returns
+    -------
+    int
+        As MPTC's up to its last, then behind MPFC's.
+    """
+    return clock + PAIR_OFFSET if clock > MPTC_LAST else clock
 
 
 def check(steps: tuple[Step, ...]) -> None:
@@ -325,4 +384,5 @@ def check(steps: tuple[Step, ...]) -> None:
 if MPTC_LAST >= FORK + FORK_OFFSET:
     raise ValueError("the addresses of MPFC overlap those of MPTC")
 check(COMMON + MPTC)
+check(COMMON + MPTC + PAIRS)
 check(COMMON + MPFC)

@@ -26,6 +26,10 @@ class ResetBench(Bench):
         """Ask for a decision; returns in the clock before the edge that accepts ``start``."""
         self.load(rows.registers[k])
         self.dut.row.value = pack_row(rows.measurements[k], rows.u[k])
+        await self.asked()
+
+    async def asked(self) -> None:
+        """Ask with the row and the parameters that stand there."""
         self.level ^= 1
         self.dut.request.value = self.level
         await with_timeout(RisingEdge(self.dut.start), PATIENCE_CLOCKS * CLOCK_NS, "ns")

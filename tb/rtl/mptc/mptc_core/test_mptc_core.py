@@ -101,7 +101,10 @@ def core_inputs(rows: core.Rows) -> dict[str, np.ndarray]:
     """Rows by port."""
     inputs = {name: rows.measurements[:, i] for i, name in enumerate(core.f.MEASUREMENTS)}
     inputs |= {f"c_{name}": rows.registers[:, i] for i, name in enumerate(core.COEFFICIENTS)}
-    return inputs | {"u": rows.u, "method_mpfc": rows.registers[:, -1]}
+    inputs |= {"u": rows.u, "method_mpfc": rows.registers[:, -1]}
+    # of FAMILY, without effect here
+    noise = np.random.default_rng(1).integers(0, 4, (6, len(rows)))
+    return inputs | dict(zip(("pairs", "u1", "u2", "u3", "t1", "t2"), noise, strict=True))
 
 
 def test_netlist_decides_as_the_twin() -> None:

@@ -1,0 +1,86 @@
+"""Rows for ``mptc_core`` with ``FAMILY``: methods of two vectors beside MPTC and MPFC."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from directmpc.mptc import bit_true_sequences as twin
+from directmpc.mptc import cycles
+from directmpc.mptc.sequence import TIME_STEPS
+from directmpc.mptc.trace import IntArray
+from scripts.hdl.mptc_simulation import FIELDS, PAIRS
+from tb.helpers import mptc_rows as core
+
+METHODS = tuple(PAIRS)
+
+
+@dataclass(frozen=True)
+class PairRows:
+    """Inputs of the core, one row per decision.
+
+    Attributes
+    ----------
+    rows : core.Rows
+        Registers, measurements, u.
+    pairs : (n,)
+        Port `pairs`.
+    applied : (n, 5)
+        u1, u2, u3, t1, t2; u for the whole period where `pairs` is 0.
+    """
+
+    rows: core.Rows
+    pairs: IntArray
+    applied: IntArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def cycles(self) -> IntArray:
+        """Clocks that each decision takes."""
+        of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])
+        return np.where(self.pairs == 0, self.rows.cycles(), of_pairs[self.pairs])
+
+    def expected(self) -> IntArray:
+        """Decisions of the twins: in the order of ``FIELDS``, then u1, u2, u3, t1, t2."""
+        table = np.zeros((len(self), len(FIELDS) + 5), dtype=np.int64)
+        clocks = self.cycles()
+        single = self.rows.expected()
+        for k, code in enumerate(self.pairs):
+            if code == 0:
+                u, saturated, clamped = single[k]
+                sequence = (u, u, u, TIME_STEPS, 0)
+            else:
+                u, second, duty, saturated = twin.decide_words(
+                    self.rows.registers[k], code - 1, self.rows.measurements[k], self.applied[k]
+                )
+                clamped, sequence = 0, (u, second, second, duty, TIME_STEPS - duty)
+            table[k] = (u, clocks[k], saturated, clamped, core.SWITCHES[u], *sequence)
+        return table
+
+
+def any_sequences(rng: np.random.Generator, n: int) -> IntArray:
+    """Sequences of any content, times of zero and of the whole period among them."""
+    t1 = np.where(
+        rng.random(n) < 0.2, rng.choice([0, TIME_STEPS], n), rng.integers(0, TIME_STEPS + 1, n)
+    )
+    left = TIME_STEPS - t1
+    share = np.where(rng.random(n) < 0.3, rng.choice([0.0, 1.0], n), rng.random(n))
+    return np.column_stack([rng.integers(0, 8, (n, 3)), t1, (share * left).astype(np.int64)])
+
+
+def mixed(seed: int, n: int) -> PairRows:
+    """Recorded states, states and registers of any content; all methods in random order."""
+    rng = np.random.default_rng(seed)
+    rows = core.mixed(seed, n)
+    count = len(rows)
+    # MPFC's rows keep their method half of the time: it goes behind `pairs`
+    pairs = rng.integers(0, len(METHODS) + 1, count)
+    registers = rows.registers.copy()
+    rows = core.Rows(registers, rows.measurements, rows.u)
+    applied = any_sequences(rng, count)
+    alone = pairs == 0
+    applied[alone, :3] = rows.u[alone, None]
+    applied[alone, 3], applied[alone, 4] = TIME_STEPS, 0
+    return PairRows(rows, pairs, applied)
