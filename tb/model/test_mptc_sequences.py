@@ -44,6 +44,7 @@ from directmpc.mptc.trace import (
     write_decisions,
     write_trace,
 )
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import mptc_rows as core
 from tb.helpers.commands import command
 
@@ -523,16 +524,20 @@ def test_replay_of_the_ideal_controller(method: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", TWINS)
-def test_replay_of_the_twin(method: str, tmp_path: Path) -> None:
+def test_replay_of_the_twin_and_of_the_rtl(method: str, tmp_path: Path) -> None:
     drive, trace = small(tmp_path, method)
-    out = tmp_path / "out.csv"
-    done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", "model")
-    assert done.returncode == 0, done.stderr
-    found = read_decisions(out, sequences=True)
     wanted = bit_true_sequences.run(drive_of(method, ts=50e-6), read_trace(trace, sequences=True))
-    np.testing.assert_array_equal(found.vectors, wanted.vectors)
-    np.testing.assert_array_equal(found.times, wanted.times)
-    assert found.saturated.sum() == 0
+    for engine in ("model", "rtl"):
+        out = tmp_path / f"{engine}.csv"
+        done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", engine)
+        assert done.returncode == 0, done.stderr
+        found = read_decisions(out, sequences=True)
+        np.testing.assert_array_equal(found.vectors, wanted.vectors)
+        np.testing.assert_array_equal(found.times, wanted.times)
+        assert found.saturated.sum() == 0
+        if engine == "rtl":
+            assert found.cycles is not None
+            assert set(found.cycles.tolist()) == {clocks_of("mptc_core", method.lower())}
 
 
 @pytest.mark.parametrize(("method", "rule"), [("MPC2", "deadbeat"), ("MPTC1", "mean")])
