@@ -145,8 +145,8 @@ package mptc_types is
     square       : std_logic; -- MPFC: the square of the reference's length is in the last block's accumulator
     rest         : std_logic; -- MPFC: the same less the torque's part
     begin_stream : std_logic;                                            -- the first vector follows
-    begin_pairs  : std_logic;                                            -- the first pair follows
     last         : std_logic;                                            -- the last vector or pair is compared
+    begin_pairs  : std_logic;                                            -- the first pair follows
   end record mptc_events_t;
 
   -- state at k+2 without voltage, and what the vectors add to it
@@ -158,8 +158,8 @@ package mptc_types is
     level        : term_t;        -- MPTC: torque reference less torque; MPFC: size of a step in the cost
     along        : term_t;        -- torque, or cost, of a step along alpha
     across       : term_t;        -- torque, or cost, of a step along beta
-    rotor_alpha  : signed_word_t; -- MPTC: i_s0 along alpha
     moment       : signed_word_t; -- MPFC: torque reference as flux across the rotor flux
+    rotor_alpha  : signed_word_t; -- MPTC: i_s0 along alpha
   end record mptc_state_t;
 
   -- MPFC's reference of the stator flux in the coordinates of the rotor flux

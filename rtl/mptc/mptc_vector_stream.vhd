@@ -126,8 +126,20 @@ begin
   ---------------------------------------------------------------------------------------------
 
   length_number <= std_logic_vector(stream(2 downto 0));
-  length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
-                    and to_std_logic(method = PAIRS_NONE or method = PAIRS_MPTC1)) or tried.enable;
+  g_single_length : if not FAMILY generate
+    length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
+    x_bits        <= std_logic_vector(x);
+    y_bits        <= std_logic_vector(y);
+  end generate g_single_length;
+
+  g_family_length : if FAMILY generate
+    length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
+                      and to_std_logic(method = PAIRS_NONE or method = PAIRS_MPTC1)) or tried.enable;
+    x_bits        <= std_logic_vector(x) when tried.enable = '0' else
+                     std_logic_vector(tried.x);
+    y_bits        <= std_logic_vector(y) when tried.enable = '0' else
+                     std_logic_vector(tried.y);
+  end generate g_family_length;
 
   p_lengths : process (length_number, state) is
 
@@ -151,10 +163,6 @@ begin
 
   end process p_lengths;
 
-  x_bits      <= std_logic_vector(tried.x) when FAMILY and tried.enable = '1' else
-                 std_logic_vector(x);
-  y_bits      <= std_logic_vector(tried.y) when FAMILY and tried.enable = '1' else
-                 std_logic_vector(y);
   half_length <= as_word('0' & psi_ref);
 
   i_magnitude : entity work.mptc_magnitude
@@ -216,8 +224,14 @@ begin
   cost        <= sum(COST_WIDTH - 1 downto COST_DROPPED);
   cost_number <= std_logic_vector(stream(2 downto 0));
 
-  better <= to_std_logic(cost & '0' < best_cost & wins_tie)
-            and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST);
+  g_single_better : if not FAMILY generate
+    better <= to_std_logic(cost & '0' < best_cost & wins_tie);
+  end generate g_single_better;
+
+  g_family_better : if FAMILY generate
+    better <= to_std_logic(cost & '0' < best_cost & wins_tie)
+              and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST);
+  end generate g_family_better;
 
   leader <= best;
 
