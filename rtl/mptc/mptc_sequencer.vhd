@@ -112,21 +112,6 @@ begin
 
   end process p_sequence;
 
-  p_ending : process (address, chosen) is
-  begin
-
-    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE)
-                           or (FLUX_CONTROL and address = LAST_MPFC - 1));
-
-    if (FAMILY) then
-      if ((chosen = PAIRS_MPTC1 and address = LAST_MPTC1 - 1) or (chosen = PAIRS_MPTC2 and address = LAST_MPTC2 - 1)
-          or (chosen = PAIRS_GTV and address = LAST_GTV - 1)) then
-        ending <= '1';
-      end if;
-    end if;
-
-  end process p_ending;
-
   busy   <= active;
   accept <= start and not active;
   mpfc   <= turned;
@@ -164,10 +149,16 @@ begin
 
     end process p_pairs;
 
+    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE) or address = LAST_MPFC - 1
+                           or (address = LAST_MPTC1 - 1 and chosen = PAIRS_MPTC1)
+                           or (address = LAST_MPTC2 - 1 and chosen = PAIRS_MPTC2)
+                           or (address = LAST_GTV - 1 and chosen = PAIRS_GTV));
+
   end generate g_family;
 
   g_one_vector : if not FAMILY generate
     chosen <= PAIRS_NONE;
+    ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
   end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate

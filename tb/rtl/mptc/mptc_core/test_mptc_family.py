@@ -109,7 +109,7 @@ FAULTS = {
         "and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST)",
         "",
     ),
-    "end": ("mptc_sequencer", "address = LAST_MPTC2 - 1)", "address = LAST_MPTC2 - 2)"),
+    "end": ("mptc_sequencer", "address = LAST_MPTC2 - 1 and", "address = LAST_MPTC2 - 2 and"),
     "result": ("mptc_controller", "(method /= PAIRS_NONE)", "(method = PAIRS_GTV)"),
 }
 
