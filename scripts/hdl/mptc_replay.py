@@ -8,11 +8,26 @@ import numpy as np
 
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
-from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.mptc_simulation import PAIRS, Job
 from scripts.hdl.simulator import in_parallel
+
+
+def _demand_rtl(drive: MptcDrive) -> None:
+    """Refuse a method or a duty rule that the RTL has not."""
+    c = drive.control
+    if c.method not in (*SINGLE_METHODS, *PAIRS):
+        raise ValueError(
+            f"control.method: {c.method} is not in the RTL; the engines model and ideal serve it; "
+            f"rtl serves {', '.join((*SINGLE_METHODS, *PAIRS))}"
+        )
+    if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
+        raise ValueError(
+            f'control.duty_rule: "{c.duty_rule}" is not in the RTL; the engines model and ideal '
+            'serve it; rtl serves "deadbeat"'
+        )
 
 
 def decide(
@@ -42,7 +57,8 @@ def decide(
     Raises
     ------
     ValueError
-        If the drive's registers cannot be represented; the message names the key.
+        If the drive's registers cannot be represented or the RTL has not its method or duty rule;
+        the message names the key.
     SimulationError
         If the simulation fails.
     """
@@ -52,6 +68,7 @@ def decide(
     if engine == "model":
         twin = bit_true_sequences.run if drive.control.sequences else bit_true.run
         return twin(drive, trace)
+    _demand_rtl(drive)
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
     if drive.control.sequences:
@@ -68,7 +85,7 @@ def decide(
 
         out = in_parallel(len(trace), _run_pairs, progress)
         return bit_true_sequences.decisions(
-            out[:, [5, 6, 8, 2]], clipped.astype(np.int64), out[:, 1]
+            out[:, [5, 6, 7, 8, 9, 2]], clipped.astype(np.int64), out[:, 1]
         )
 
     def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:

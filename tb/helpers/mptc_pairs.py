@@ -52,10 +52,11 @@ class PairRows:
                 u, saturated, clamped = single[k]
                 sequence = (u, u, u, TIME_STEPS, 0)
             else:
-                u, second, duty, saturated = twin.decide_words(
-                    self.rows.registers[k], code - 1, self.rows.measurements[k], self.applied[k]
-                )
-                clamped, sequence = 0, (u, second, second, duty, TIME_STEPS - duty)
+                sequence, saturated, clamped = twin.decide_words(
+                    self.rows.registers[k], code - 1, twin.DEADBEAT, self.rows.measurements[k],
+                    self.applied[k],
+                )  # fmt: skip
+                u = sequence[0]
             table[k] = (u, clocks[k], saturated, clamped, core.SWITCHES[u], *sequence)
         return table
 

@@ -195,35 +195,52 @@ def square_root(radicand):
     return root
 
 
-@njit
-def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
-    """What MPFC compares (Paper B, eqs. 18 to 21): N*|step|/4 and N*(base - psi_s,ref).
+class ScaledReference(NamedTuple):
+    """MPFC's reference vector in parts: N*psi_s,ref = -v*along - j*v*across, with N = modulus.
 
-    N is the gain of the magnitude times |w|^2. w is brought to full size first: shifts by two bits
-    until a component is an eighth or more, then one by one bit if none is a quarter. No shift
-    brings |w|^2 to one half or more.
+    Attributes
+    ----------
+    v_a, v_b : int
+        w(k+1) turned by omega_r*T_s and brought to full size, words.
+    along, across : int
+        Parts of the reference along -v and across it, words.
+    modulus : int
+        N: |v|^2 times the gain of the magnitude, a word.
+    saturated, clamped : int
+        1 where a word did not hold its value; where the arcsine's argument was clamped.
+    """
+
+    v_a: int
+    v_b: int
+    along: int
+    across: int
+    modulus: int
+    saturated: int
+    clamped: int
+
+
+@njit
+def scaled_reference(w_a, w_b, q, reference, t):
+    """Reference vector of the stator flux times N (Paper B, eqs. 18 to 21).
+
+    w is brought to full size first: shifts by two bits until a component is an eighth or more, then
+    one by one bit if none is a quarter. No shift brings |w|^2 to one half or more.
 
     Parameters
     ----------
     w_a, w_b : int
         w(k+1), words.
-    base_a, base_b : int
-        psi_s(k+2) without voltage, words.
     q : int
         T_s*omega_r, a word.
     reference : int
         psi_ref, a word, times half of the magnitude's gain, as are the following products.
     t : int
         Torque reference over 1.5*N_p, a word.
-    d : int
-        Twice the length of the flux step of a voltage vector, a word.
 
     Returns
     -------
-    length, alpha, beta : int
-        Torque terms' format; beta times -sqrt(3)/2.
-    saturated, clamped : int
-        1 where a word did not hold its value; where the arcsine's argument was clamped.
+    ScaledReference
+        Words.
     """
     q2, s0 = to_word(q * ~(q >> 1))
     square, s1 = to_word(reference * reference)
@@ -258,16 +275,38 @@ def flux_terms(w_a, w_b, base_a, base_b, q, reference, t, d):
     if clamped:
         along = 0
         across = root if t >= 0 else ~root
-    alpha = v_a * along + ~v_b * across + n * base_a
-    z_b, s5 = to_word(v_b * along + v_a * across + n * base_b)
+    return ScaledReference(v_a, v_b, along, across, n, saturated | s4 | s7, clamped)
+
+
+@njit
+def flux_terms(r, base_a, base_b, d):
+    """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref).
+
+    Parameters
+    ----------
+    r : ScaledReference
+        Of ``scaled_reference``.
+    base_a, base_b : int
+        psi_s(k+2) without voltage, words.
+    d : int
+        Twice the length of the flux step of a voltage vector, a word.
+
+    Returns
+    -------
+    length, alpha, beta : int
+        Torque terms' format; beta times -sqrt(3)/2.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    alpha = r.v_a * r.along + ~r.v_b * r.across + r.modulus * base_a
+    z_b, saturated = to_word(r.v_b * r.along + r.v_a * r.across + r.modulus * base_b)
     beta = ~z_b * _SQRT3_2
-    length = n * d
+    length = r.modulus * d
     return (
         (length + _TORQUE_HALF) >> (_TORQUE_SHIFT + 3),
         (alpha + _HALF) >> _TORQUE_SHIFT,
         (beta + _TORQUE_HALF) >> _TORQUE_SHIFT,
-        saturated | s4 | s5 | s7,
-        clamped,
+        saturated,
     )
 
 
@@ -472,10 +511,10 @@ def decide_words(register, m, u):
     clamped = 0
     if c.flux_control:
         t, s0 = to_word(o.torque)
-        level, along, across, s1, clamped = flux_terms(
-            o.w_a, o.w_b, o.base_a, o.base_b, o.q, o.reference, t, o.step_a
-        )
-        saturated |= s0 | s1
+        r = scaled_reference(o.w_a, o.w_b, o.q, o.reference, t)
+        level, along, across, s1 = flux_terms(r, o.base_a, o.base_b, o.step_a)
+        saturated |= s0 | s1 | r.saturated
+        clamped = r.clamped
     else:
         level, along, across, _, s0 = torque_terms(c, o)
         saturated |= s0

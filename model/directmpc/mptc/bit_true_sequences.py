@@ -1,6 +1,8 @@
-"""The bit-true twin of ``mptc_core`` with ``FAMILY``: methods that apply two vectors a period.
+"""The bit-true twin of the methods that apply two or three vectors a period.
 
-As `bit_true`, whose state and torque terms it shares. A pair is a first vector for the duty and a
+As `bit_true`, whose state and torque terms it shares. MPTC1, MPTC2 and GTV stand here, the flux
+methods in `bit_true_hexagon`. ``mptc_core`` with ``FAMILY`` has MPTC1, MPTC2 and GTV, by the rule
+deadbeat. A pair is a first vector for the duty and a
 second for the rest. The difference of two vectors one leg apart is an active vector itself, and so
 is a vector's difference from zero: every pair is a start (its second vector) and a direction, an
 active vector. The torque is linear in the duty, so the duty is a quotient of two torque terms. It
@@ -10,20 +12,23 @@ stands here as one, takes no multiplier there.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from directmpc import fixed_point
 from directmpc.compiled import njit
-from directmpc.mptc import bit_true
+from directmpc.mptc import bit_true, bit_true_hexagon
 from directmpc.mptc import formats as f
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA, encode, encode_row
 from directmpc.mptc.coefficients import Registers, registers, words
-from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
+from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.inverter import ZERO_FROM
 from directmpc.mptc.sequence import TIME_STEPS, VectorSequence
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 
 MPTC1, MPTC2, GTV = (SEQUENCE_METHODS.index(name) for name in ("MPTC1", "MPTC2", "GTV"))
+DEADBEAT, MEAN, BEST = (DUTY_RULES.index(name) for name in ("deadbeat", "mean", "best"))
 
 #: Pairs of GTV in the order in which they are tried: first vector, second (0: zero), direction.
 EDGE_PAIRS = np.array(
@@ -38,8 +43,12 @@ ZERO_PAIRS = np.array([[a, 0, a] for a in range(1, 7)], dtype=np.int64)
 
 _SHARE_ALPHA = f.FRACTION - 2 - f.TIME_WIDTH
 _SHARE_BETA = f.FRACTION - 1 - f.TIME_WIDTH
+_LENGTH_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION
 _WAY_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION + f.WAY_GUARD
 _TIME_WIDTH = f.TIME_WIDTH
+_MEAN_WIDTH = f.MEAN_WIDTH
+_TORQUE_SHIFT = f.TORQUE_SHIFT
+_TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _DUTY_SHIFT = f.DUTY_SHIFT
 _COMPLEMENT_SHIFT = f.TORQUE_SHIFT - f.DUTY_SHIFT
 
@@ -121,15 +130,127 @@ def search(error, span):
 
 
 @njit
-def pair(o, level, along, across, tau_a, second, direction):
-    """Duty of a pair, its torque error, and the flux at k+2 (Paper B, eqs. 13 and 15).
+def mean_search(error, begin, span):
+    """Duty that makes the mean torque of the period the reference (docs/specification.md, 3.6).
+
+    Parameters
+    ----------
+    error, span : int
+        As for `search`.
+    begin : int
+        Torque reference less torque at k+1, in quarters of a torque term.
+
+    Returns
+    -------
+    int
+        0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
+    """
+    # square of the second vector's part of the period, times span
+    part = span - error - begin
+    if span < 0:
+        part, span = ~part, ~span
+    if span == 0 or part < 0:
+        return TIME_STEPS - 1
+    if part >= span:
+        return 0
+    quotient = 0
+    for _ in range(_MEAN_WIDTH):
+        part <<= 1
+        quotient <<= 1
+        if part >= span:
+            part -= span
+            quotient |= 1
+    root = 0
+    for k in range(_TIME_WIDTH - 1, -1, -1):
+        trial = root | (1 << k)
+        if trial * trial <= quotient:
+            root = trial
+    return TIME_STEPS - 1 - root
+
+
+@njit
+def flux_with(o, second, direction, duty):
+    """Flux at k+2 with a pair (Paper B, eq. 13).
 
     Parameters
     ----------
     o : bit_true.Outlook
         Of this period.
-    level, along, across, tau_a : int
+    second, direction : int
+        Vectors, 0 to 6.
+    duty : int
+        Steps of the period of the first; 4096 for all of it.
+
+    Returns
+    -------
+    x, y : int
+        psi_s, MAGNITUDE_FRACTION fractional bits.
+    """
+    # one bit more than a length has: half of a step along alpha
+    way_x = (duty * (VECTOR_ALPHA[direction] * o.step_a)) >> _TIME_WIDTH
+    way_y = (duty * (2 * VECTOR_BETA[direction] * o.step_b)) >> _TIME_WIDTH
+    x = (o.base_a << _WAY_GUARD) + VECTOR_ALPHA[second] * o.step_a + way_x
+    y = (o.base_b << _WAY_GUARD) + 2 * VECTOR_BETA[second] * o.step_b + way_y
+    return x >> 1, y >> 1
+
+
+@njit
+def flux_duty(o, direction):
+    """Duty with zero voltage that makes the flux the reference (docs/specification.md, 3.6).
+
+    Parameters
+    ----------
+    o : bit_true.Outlook
+        Of this period.
+    direction : int
+        The active vector.
+
+    Returns
+    -------
+    int
+        As of `search`.
+    """
+    x, y = flux_with(o, 0, direction, TIME_STEPS)
+    without = bit_true.magnitude(o.base_a << _LENGTH_GUARD, o.base_b << _LENGTH_GUARD)
+    wanted = o.reference << (_LENGTH_GUARD + 1)
+    return search(wanted - without, bit_true.magnitude(x, y) - without)[0]
+
+
+class Terms(NamedTuple):
+    """What pairs are judged by; torque terms' format unless stated otherwise.
+
+    Attributes
+    ----------
+    level, along, across : int
         Of ``bit_true.torque_terms``.
+    error : int
+        Torque reference less torque without voltage, in quarters of a torque term.
+    begin : int
+        Torque reference less torque at k+1, the same.
+    rule : int
+        Place in `DUTY_RULES`.
+    """
+
+    level: int
+    along: int
+    across: int
+    error: int
+    begin: int
+    rule: int
+
+
+@njit
+def pair(c, o, terms, second, direction):
+    """Duty and cost of a pair (Paper B, eqs. 11, 13 and 15; docs/specification.md, 3.6).
+
+    Parameters
+    ----------
+    c : coefficients.Words
+        Of ``coefficients.words``.
+    o : bit_true.Outlook
+        Of this period.
+    terms : Terms
+        Of this period.
     second, direction : int
         Vectors, 0 to 6.
 
@@ -137,50 +258,50 @@ def pair(o, level, along, across, tau_a, second, direction):
     -------
     duty : int
         0 to 4095 steps of the period.
-    left : int
-        Torque error, torque terms' format.
-    x, y : int
-        psi_s, MAGNITUDE_FRACTION fractional bits.
+    cost : int
+        As of ``bit_true.cost_of``.
+    saturated : int
+        1 where the error of the flux did not fit.
     """
-    error = (level << _DUTY_SHIFT) - (tau_a >> _COMPLEMENT_SHIFT)
-    error -= fine_change(second, along, across)
-    duty, left = search(error, fine_change(direction, along, across))
-    # one bit more than a length has: half of a step along alpha
-    way_x = (duty * (VECTOR_ALPHA[direction] * o.step_a)) >> _TIME_WIDTH
-    way_y = (duty * (2 * VECTOR_BETA[direction] * o.step_b)) >> _TIME_WIDTH
-    x = (o.base_a << _WAY_GUARD) + VECTOR_ALPHA[second] * o.step_a + way_x
-    y = (o.base_b << _WAY_GUARD) + 2 * VECTOR_BETA[second] * o.step_b + way_y
-    return duty, left, x >> 1, y >> 1
+    error = terms.error - fine_change(second, terms.along, terms.across)
+    span = fine_change(direction, terms.along, terms.across)
+    duty, left = search(error, span)
+    if terms.rule == MEAN:
+        duty = mean_search(error, terms.begin, span)
+        left = _left(error, span, duty)
+    cost, saturated = _cost(c, o, second, direction, duty, left)
+    if terms.rule == BEST:
+        other = flux_duty(o, direction)
+        dear, s1 = _cost(c, o, second, direction, other, _left(error, span, other))
+        saturated |= s1
+        if dear < cost:
+            duty, cost = other, dear
+    return duty, cost, saturated
 
 
 @njit
-def decide_words(register, method, m, applied):
-    """One decision (docs/specification.md, section 3.6).
+def _left(error, span, duty):
+    """Torque error that a duty leaves, torque terms' format."""
+    return ((error << _TIME_WIDTH) - duty * span) >> (_DUTY_SHIFT + _TIME_WIDTH)
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    method : int
-        Place in `SEQUENCE_METHODS`.
-    m : ndarray of int64, shape (8,)
-        In the order of ``formats.MEASUREMENTS``.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied; times in steps, their sum 4096 at most.
 
-    Returns
-    -------
-    first, second : int
-        Vectors to apply, 0 to 7.
-    duty : int
-        Steps of the period of the first; the second has the rest.
-    saturated : int
-        1 where a word did not hold its value.
-    """
-    c = words(register)
-    share_a, share_b = shares(applied)
-    o = bit_true.outlook(c, m, share_a, share_b)
+@njit
+def _cost(c, o, second, direction, duty, left):
+    x, y = flux_with(o, second, direction, duty)
+    difference, saturated = bit_true.flux_difference(x, y, o.reference)
+    return bit_true.cost_of(left, difference, c.weight), saturated
+
+
+@njit
+def _torque_methods(c, o, method, rule):
+    """First vector, second, duty and flag of MPTC1, MPTC2 and GTV."""
     level, along, across, tau_a, s0 = bit_true.torque_terms(c, o)
+    begin = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+    begin -= (o.w_b * o.p_a + o.w_a * ~o.p_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+    terms = Terms(
+        level, along, across, (level << _DUTY_SHIFT) - (tau_a >> _COMPLEMENT_SHIFT),
+        (begin << _DUTY_SHIFT) - (o.w_a >> _COMPLEMENT_SHIFT), DEADBEAT if method == GTV else rule,
+    )  # fmt: skip
     saturated = o.saturated | s0
     best, best_cost, best_duty = -1, np.int64(0), 0
     pairs = EDGE_PAIRS if method == GTV else ZERO_PAIRS
@@ -190,17 +311,48 @@ def decide_words(register, method, m, applied):
             saturated |= s1
             if n < 7 and (best < 0 or cost < best_cost):
                 best, best_cost = n - 1, cost
-        best_duty = pair(o, level, along, across, tau_a, 0, pairs[best, 2])[0]
+        best_duty, _, s2 = pair(c, o, terms, 0, pairs[best, 2])
+        if terms.rule == BEST:
+            saturated |= s2
     else:
         for n in range(len(pairs)):
-            duty, left, x, y = pair(o, level, along, across, tau_a, pairs[n, 1], pairs[n, 2])
-            difference, s1 = bit_true.flux_difference(x, y, o.reference)
+            duty, cost, s1 = pair(c, o, terms, pairs[n, 1], pairs[n, 2])
             saturated |= s1
-            cost = bit_true.cost_of(left, difference, c.weight)
             if best < 0 or cost < best_cost:
                 best, best_cost, best_duty = n, cost, duty
     first, second = pairs[best, 0], pairs[best, 1]
     return first, ZERO_FROM[first] if second == 0 else second, best_duty, saturated
+
+
+@njit
+def decide_words(register, method, rule, m, applied):
+    """One decision (docs/specification.md, section 3.6).
+
+    Parameters
+    ----------
+    register : ndarray of int64
+        ``Registers.array()``.
+    method, rule : int
+        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
+    m : ndarray of int64, shape (8,)
+        In the order of ``formats.MEASUREMENTS``.
+    applied : ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2 that are being applied; times in steps, their sum 4096 at most.
+
+    Returns
+    -------
+    chosen : tuple of 5 int
+        u1, u2, u3, t1, t2 to apply; vectors 0 to 7, times in steps of the period.
+    saturated, clamped : int
+        1 where a word did not hold its value; where the arcsine's argument was clamped.
+    """
+    c = words(register)
+    share_a, share_b = shares(applied)
+    o = bit_true.outlook(c, m, share_a, share_b)
+    if method >= bit_true_hexagon.MPFC2:
+        return bit_true_hexagon.decide_words(c, o, method, applied)
+    first, second, duty, saturated = _torque_methods(c, o, method, rule)
+    return (first, second, second, duty, TIME_STEPS - duty), saturated, 0
 
 
 @njit
@@ -226,8 +378,8 @@ def in_steps(sequence):
 
 def parameters(
     drive: MptcDrive, values: Registers | None = None
-) -> tuple[IntArray, int, FloatArray, FloatArray, FloatArray]:
-    """Registers, method and formats of a drive, as `decide` takes them.
+) -> tuple[IntArray, int, int, FloatArray, FloatArray, FloatArray]:
+    """Registers, method, rule and formats of a drive, as `decide` takes them.
 
     Parameters
     ----------
@@ -240,20 +392,20 @@ def parameters(
     -------
     register : ndarray of int64, shape (13,)
         ``Registers.array()``.
-    method : int
-        Place in `SEQUENCE_METHODS`.
+    method, rule : int
+        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
     scales, lows, highs : ndarray of float64, shape (8,)
         Of the measurement ports, see ``fixed_point.limits``.
 
     Raises
     ------
     ValueError
-        Without ``values``, where a value of the drive cannot be represented or the core has not the
-        method.
+        Without ``values``, where a value of the drive cannot be represented.
     """
     scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
-    method = SEQUENCE_METHODS.index(drive.control.method)
-    return (values or registers(drive)).array(), method, scales, lows, highs
+    c = drive.control
+    method, rule = SEQUENCE_METHODS.index(c.method), DUTY_RULES.index(c.duty_rule)
+    return (values or registers(drive)).array(), method, rule, scales, lows, highs
 
 
 @njit
@@ -278,35 +430,39 @@ def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
     sequence : VectorSequence
         What to apply from k+1 on.
     saturated, clamped : int
-        `saturated` covers the inputs; `clamped` is 0: these methods have no arcsine.
+        `saturated` covers the inputs; `clamped` is for the arcsine of the flux methods.
     """
-    seen, clipped = encode_row(p[2], p[3], p[4], i, psi, omega_r, vdc, torque_ref, psi_ref)
-    first, second, duty, saturated = decide_words(p[0], p[1], seen, in_steps(applied))
-    t1 = duty / TIME_STEPS
-    return VectorSequence(first, second, second, t1, 1.0 - t1), saturated | clipped, 0
+    seen, clipped = encode_row(p[3], p[4], p[5], i, psi, omega_r, vdc, torque_ref, psi_ref)
+    chosen, saturated, clamped = decide_words(p[0], p[1], p[2], seen, in_steps(applied))
+    u1, u2, u3, t1, t2 = chosen
+    sequence = VectorSequence(u1, u2, u3, t1 / TIME_STEPS, t2 / TIME_STEPS)
+    return sequence, saturated | clipped, clamped
 
 
 @njit
-def run_words(register, method, measurements, applied, out):
+def run_words(register, method, rule, measurements, applied, out):
     """``decide_words`` for every row.
 
     Parameters
     ----------
     register : ndarray of int64
         ``Registers.array()``.
-    method : int
-        Place in `SEQUENCE_METHODS`.
+    method, rule : int
+        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
     measurements : ndarray of int64, shape (n, 8)
         In the order of ``formats.MEASUREMENTS``.
     applied : ndarray of int64, shape (n, 5)
         u1, u2, u3, t1, t2 that are being applied.
-    out : ndarray of int64, shape (n, 4)
-        Filled with first, second, duty, saturated.
+    out : ndarray of int64, shape (n, 6)
+        Filled with u1, u2, u3, t1, t2 and 1 where anything was saturated or clamped.
     """
     for k in range(measurements.shape[0]):
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = decide_words(
-            register, method, measurements[k], applied[k]
+        chosen, saturated, clamped = decide_words(
+            register, method, rule, measurements[k], applied[k]
         )
+        for n in range(5):
+            out[k, n] = chosen[n]
+        out[k, 5] = saturated | clamped
 
 
 def applied_words(trace: MptcTrace) -> IntArray:
@@ -333,8 +489,8 @@ def decisions(out: IntArray, clipped: IntArray, cycles: IntArray | None) -> Mptc
 
     Parameters
     ----------
-    out : ndarray of int64, shape (n, 4)
-        first, second, duty, saturated.
+    out : ndarray of int64, shape (n, 6)
+        u1, u2, u3, t1, t2, flag.
     clipped : ndarray of int64, shape (n,)
         1 where an input lay outside its word.
     cycles : ndarray of int64, shape (n,), or None
@@ -345,13 +501,12 @@ def decisions(out: IntArray, clipped: IntArray, cycles: IntArray | None) -> Mptc
     MptcDecisions
         With vectors and times.
     """
-    t1 = out[:, 2] / TIME_STEPS
     return MptcDecisions(
         u=out[:, 0],
         cycles=cycles,
-        saturated=out[:, 3] | clipped,
-        vectors=out[:, [0, 1, 1]],
-        times=np.column_stack([t1, 1.0 - t1]),
+        saturated=out[:, 5] | clipped,
+        vectors=out[:, 0:3],
+        times=out[:, 3:5] / TIME_STEPS,
     )
 
 
@@ -361,7 +516,8 @@ def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> 
     Parameters
     ----------
     drive : MptcDrive
-        Supplies the formats and the method, and the registers unless ``values`` is given.
+        Supplies the formats, the method and the duty rule, and the registers unless ``values`` is
+        given.
     trace : MptcTrace
         n independent rows.
     values : Registers, optional
@@ -370,16 +526,16 @@ def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> 
     Returns
     -------
     MptcDecisions
-        ``cycles`` is None: the model has no clock.
+        ``cycles`` is None: the model has no clock.  ``saturated`` is set as well where the
+        arcsine's argument of a flux method was clamped: a decisions file has no other flag for it.
 
     Raises
     ------
     ValueError
-        Without ``values``, where a value of the drive cannot be represented or the core has not the
-        method.
+        Without ``values``, where a value of the drive cannot be represented.
     """
-    register, method, *_ = parameters(drive, values)
+    register, method, rule, *_ = parameters(drive, values)
     measurements, clipped = encode(drive, trace)
-    out = np.empty((len(trace), 4), dtype=np.int64)
-    run_words(register, method, measurements, applied_words(trace), out)
+    out = np.empty((len(trace), 6), dtype=np.int64)
+    run_words(register, method, rule, measurements, applied_words(trace), out)
     return decisions(out, clipped.astype(np.int64), None)

@@ -30,10 +30,7 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.mptc import formats as f
-from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
-
-#: Methods that the core has.
-BUILT_METHODS: tuple[str, ...] = (*SINGLE_METHODS, "MPTC1", "MPTC2", "GTV")
+from directmpc.mptc.drive import MptcDrive
 
 #: Coefficient ports in port order; all 18 bits signed.
 COEFFICIENTS: tuple[str, ...] = (
@@ -183,20 +180,9 @@ def registers(drive: MptcDrive) -> Registers:
     Raises
     ------
     ValueError
-        Where a value cannot be represented or the core has not the method; the message names the
-        drive file's key.
+        Where a value cannot be represented; the message names the drive file's key.
     """
     m, c = drive.machine, drive.control
-    if c.method not in BUILT_METHODS:
-        raise ValueError(
-            f"control.method: {c.method} has no bit-true model and no RTL; the engine ideal serves "
-            f"it; the others serve {', '.join(BUILT_METHODS)}"
-        )
-    if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
-        raise ValueError(
-            f'control.duty_rule: "{c.duty_rule}" has no bit-true model and no RTL; the engine '
-            'ideal serves it; the others serve "deadbeat"'
-        )
     lam = 1.0 / (m.ls * m.lr - m.lm * m.lm)
     current, flux = c.current_max * _FULL, c.psi_max * _FULL
     speed, torque = c.speed_max * _FULL, c.torque_max * _FULL

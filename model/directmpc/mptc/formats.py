@@ -81,6 +81,16 @@ WAY_WIDTH = WORD_WIDTH + 1 + WAY_GUARD  # bits of a vector's way: a step, of eit
 #: Torque differences of a search count a quarter of a torque term: u_2's share is a quarter.
 DUTY_SHIFT = 2
 
+#: Flux methods of several vectors: e and ways before the division, times |w|^2; below 2.
+REST_FRACTION = 24
+#: Coordinates of e in ways of a vector, a sign and 3 bits before the point: the hexagon has 1.
+QUOTIENT_FRACTION = 13
+QUOTIENT_WIDTH = QUOTIENT_FRACTION + 4
+FAR_STEPS = 5  # halvings of a longer e: 256 ways of a vector
+HEXAGON_FRACTION = QUOTIENT_FRACTION + 1  # h/2 is exact
+RESIDUE_FRACTION = 13  # a residue is below 16 ways: a word
+MEAN_WIDTH = 2 * TIME_WIDTH  # bits of the quotient whose root is a duty by the mean torque
+
 SQRT3_2 = round(math.sqrt(3.0) / 2.0 * 2**FRACTION)  # a word
 NORMALISE_STEPS = 7  # of two bits each, for the rotor flux of MPFC
 ROOT_WIDTH = FRACTION  # bits of the square root in MPFC, one a clock
