@@ -112,6 +112,17 @@ begin
 
   end process p_sequence;
 
+  g_ending : if not FAMILY generate
+    ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
+  end generate g_ending;
+
+  g_ending_family : if FAMILY generate
+    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE) or address = LAST_MPFC - 1
+                           or (address = LAST_MPTC1 - 1 and chosen = PAIRS_MPTC1)
+                           or (address = LAST_MPTC2 - 1 and chosen = PAIRS_MPTC2)
+                           or (address = LAST_GTV - 1 and chosen = PAIRS_GTV));
+  end generate g_ending_family;
+
   busy   <= active;
   accept <= start and not active;
   mpfc   <= turned;
@@ -149,16 +160,10 @@ begin
 
     end process p_pairs;
 
-    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE) or address = LAST_MPFC - 1
-                           or (address = LAST_MPTC1 - 1 and chosen = PAIRS_MPTC1)
-                           or (address = LAST_MPTC2 - 1 and chosen = PAIRS_MPTC2)
-                           or (address = LAST_GTV - 1 and chosen = PAIRS_GTV));
-
   end generate g_family;
 
   g_one_vector : if not FAMILY generate
     chosen <= PAIRS_NONE;
-    ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
   end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate

@@ -128,17 +128,11 @@ begin
   length_number <= std_logic_vector(stream(2 downto 0));
   g_single_length : if not FAMILY generate
     length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
-    x_bits        <= std_logic_vector(x);
-    y_bits        <= std_logic_vector(y);
   end generate g_single_length;
 
   g_family_length : if FAMILY generate
     length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
                       and to_std_logic(method = PAIRS_NONE or method = PAIRS_MPTC1)) or tried.enable;
-    x_bits        <= std_logic_vector(x) when tried.enable = '0' else
-                     std_logic_vector(tried.x);
-    y_bits        <= std_logic_vector(y) when tried.enable = '0' else
-                     std_logic_vector(tried.y);
   end generate g_family_length;
 
   p_lengths : process (length_number, state) is
@@ -162,6 +156,18 @@ begin
                     negative_beta(length_number));
 
   end process p_lengths;
+
+  g_single_bits : if not FAMILY generate
+    x_bits <= std_logic_vector(x);
+    y_bits <= std_logic_vector(y);
+  end generate g_single_bits;
+
+  g_family_bits : if FAMILY generate
+    x_bits <= std_logic_vector(x) when tried.enable = '0' else
+              std_logic_vector(tried.x);
+    y_bits <= std_logic_vector(y) when tried.enable = '0' else
+              std_logic_vector(tried.y);
+  end generate g_family_bits;
 
   half_length <= as_word('0' & psi_ref);
 

@@ -18,10 +18,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--resources", action="store_true",
         help="measure the resources alone; clock frequencies stay those of the placed commit",
     )  # fmt: skip
+    parser.add_argument(
+        "--methods", action="store_true", help="run every method at low speed alone"
+    )
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    mptc_report.regenerate(given.jobs, given.seeds, given.texts, given.resources)
+    mptc_report.regenerate(given.jobs, given.seeds, given.texts, given.resources, given.methods)
     return 0
 
 

@@ -53,15 +53,17 @@ DESIGNS: tuple[tuple[str, str, tools.Generics], ...] = (
     ("observer", "mptc_observer", {}),
     ("preexcitation", "mptc_preexcitation", {}),
     ("drive", "mptc_drive", {}),
+    ("family", "mptc_core", {"FAMILY": True}),
 )
 #: Those that are placed and routed.
-PLACED = ("", "mpfc", "observer", "preexcitation")
+PLACED = ("", "mpfc", "observer", "preexcitation", "family")
 CYCLES = {
     "": clocks_of("mptc_core", "mptc"),
     "mpfc": clocks_of("mptc_core", "mpfc"),
     "observer": clocks_of("mptc_observer", "latency"),
     "preexcitation": clocks_of("mptc_preexcitation", "latency"),
     "drive": clocks_of("mptc_drive", "mptc"),
+    "family": clocks_of("mptc_core", "gtv"),
 }
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 SAMPLE = 3000  # rows of each run that go through the netlist in Verilator
@@ -195,6 +197,8 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
     held = tuple(name for name in found.inputs if name.startswith("c_"))
     inputs = {name: words[:, i].tolist() for i, name in enumerate(MEASUREMENTS)}
     inputs |= {f"c_{name}": every[:, i].tolist() for i, name in enumerate(COEFFICIENTS)}
+    # of FAMILY, without effect here
+    inputs |= {name: [0] * len(u) for name in ("pairs", "u1", "u2", "u3", "t1", "t2")}
     checked = netlist_check.check(
         "mptc_core",
         generics,
@@ -392,6 +396,7 @@ _DESIGN_NAMES = {
     "observer": "`mptc_observer`",
     "preexcitation": "`mptc_preexcitation`",
     "drive": "`mptc_drive`: all of these",
+    "family": "`mptc_core`, `FAMILY => true`: MPTC1, MPTC2 and GTV too",
 }
 
 
@@ -412,6 +417,8 @@ def _hardware_table(figures: dict[str, Any]) -> str:
         clocks = str(one["cycles"])
         if key == "mpfc":
             clocks = f"{figures['cycles']}, MPFC {one['cycles']}"
+        if key == "family":
+            clocks = ", ".join(f"{name} {n}" for name, n in cycles.FAMILY.items())
         if key == "drive":
             clocks = f"{one['cycles']}, MPFC {cycles.DRIVE['MPFC']}"
         rows.append(
@@ -419,6 +426,28 @@ def _hardware_table(figures: dict[str, Any]) -> str:
              str(area["slices_unpacked"]), str(area["slices_packed"]), str(ecp5["lut"]), clock]
         )  # fmt: skip
     return _table(rows)
+
+
+def _methods_table(figures: dict[str, Any]) -> str:
+    """Every method at low speed."""
+    rows = [["150 r/min, no load, 0.986 Wb", "control period, us", "THD of the current, %",
+             "vectors that differ from ideal, %", "clocks"]]  # fmt: skip
+    for method, ts in study.PERIODS.items():
+        one = figures[method.lower()]
+        rows.append(
+            [method, f"{1e6 * ts:.1f}", f"{one['thd_150_pct']:.2f}",
+             f"{one['vectors_mismatch_pct']:.2f}", f"{one.get('cycles', 'not in the RTL')}"]
+        )  # fmt: skip
+    return _table(rows)
+
+
+def _methods(drive: MptcDrive) -> dict[str, dict[str, float]]:
+    """Figures of every method by its name in metrics.json; clocks where the RTL has it."""
+    clocks = cycles.CORE | cycles.FAMILY
+    return {
+        method.lower(): found | ({"cycles": clocks[method]} if method in clocks else {})
+        for method, found in study.methods(drive).items()
+    }
 
 
 def _weights_table(weights: dict[str, dict[str, float]]) -> str:
@@ -543,6 +572,7 @@ def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     return {
         "origin": origin,
         "hardware": _hardware_table(figures),
+        "methods": _methods_table(figures),
         "agreement": _table(agreement),
         "paper": _paper_table(figures),
         "weights": _weights_table(paper["weights"]),
@@ -656,6 +686,9 @@ def build(
         "starts": study.starts(drive),
         "saturated_link": study.saturated_link(drive),
     }
+    say("MPTC: every method at low speed")
+    for method, found in _methods(drive).items():
+        figures[method] = figures.get(method, {}) | found
     say("MPTC: decisions against the ideal controller")
     figures["fidelity"] = fidelity(study.fidelity(drive))
 
@@ -720,15 +753,33 @@ def _update_resources(jobs: int) -> None:
     document = json.loads(path.read_text(encoding="utf-8"))
     figures = document["mptc"]
     for key, one in measured.items():
-        kept = figures[key] if key else figures
+        kept = figures.setdefault(key, {}) if key else figures
+        kept["cycles"] = one["cycles"]
         for family in one.keys() - {"cycles"}:
-            kept[family] |= one[family]
+            kept[family] = kept.get(family, {}) | one[family]
     figures["resources_commit"] = commit + "-dirty" * dirty
     tools.write(path, json.dumps(document, indent=1) + "\n")
     write_texts(figures)
 
 
-def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = False) -> None:
+def _update_methods() -> None:
+    """Run every method anew and keep all else of ``mptc`` in metrics.json."""
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    figures = document["mptc"]
+    for method, found in _rounded(_methods(load_mptc_drive(DRIVE))).items():
+        figures[method] = figures.get(method, {}) | found
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_texts(figures)
+
+
+def regenerate(
+    jobs: int,
+    seeds: int,
+    texts_only: bool,
+    resources_only: bool = False,
+    methods_only: bool = False,
+) -> None:
     """Regenerate the two-level part of the reports, or only the pages that show it.
 
     Parameters
@@ -741,6 +792,8 @@ def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = F
         Whether only docs/figures.md and docs/mptc.md are written.
     resources_only : bool
         Whether only the resources are measured, see `_update_resources`.
+    methods_only : bool
+        Whether only the methods are run, see `_update_methods`.
 
     Raises
     ------
@@ -756,6 +809,8 @@ def regenerate(jobs: int, seeds: int, texts_only: bool, resources_only: bool = F
             write_texts(document["mptc"])
         elif resources_only:
             _update_resources(jobs)
+        elif methods_only:
+            _update_methods()
         else:
             _update(jobs, seeds, say)
     say("done")
