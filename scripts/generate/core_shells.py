@@ -35,8 +35,6 @@ class Port:
         an array.
     convert : str
         Type of the field, ``signed`` or ``unsigned``; empty: the type of the port.
-    default : str
-        Value of an input that is left open; empty: it has to be connected.
     """
 
     name: str
@@ -44,7 +42,6 @@ class Port:
     comment: str
     field: str = ""
     convert: str = ""
-    default: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,6 +82,10 @@ class Shell:
         Packages of library work that are used.
     generics : tuple of (name, type, default, comment)
     groups : tuple of Group
+    fixed : tuple of (name, value)
+        Generics of the inner entity that the shell sets.
+    tied : tuple of (name, value)
+        Ports of the inner entity that the shell has not: a constant, or ``open`` for an output.
     """
 
     entity: str
@@ -94,6 +95,8 @@ class Shell:
     packages: tuple[str, ...]
     generics: tuple[tuple[str, str, str, str], ...]
     groups: tuple[Group, ...]
+    fixed: tuple[tuple[str, str], ...] = ()
+    tied: tuple[tuple[str, str], ...] = ()
 
     @property
     def path(self) -> Path:
@@ -355,13 +358,71 @@ def _coefficient(name: str, comment: str) -> Port:
     return Port(f"c_{name}", "WORD_WIDTH - 1", comment, name)
 
 
+#: Ports that both cores of the two-level drive have.
+_MPTC_INPUTS = (
+    Group("", _CLOCK),
+    Group(
+        "measurements and references, sampled with start",
+        (
+            Port("is_alpha", "15", "stator current, signed, current_max/32767"),
+            Port("is_beta", "15", "signed, current_max/32767"),
+            Port("psis_alpha", "15", "stator flux linkage, signed, psi_max/32767"),
+            Port("psis_beta", "15", "signed, psi_max/32767"),
+            Port("omega_r", "15", "electrical speed, signed, speed_max/32767"),
+            Port("v_dc", "15", "dc-link voltage, unsigned, vdc/32768"),
+            Port("torque_ref", "15", "torque reference, signed, torque_max/32767"),
+            Port("psi_ref", "14", "flux reference, unsigned, psi_max/26979"),
+            Port("u", "2", "number of the vector being applied, 0 to 7"),
+        ),
+        record="inputs",
+        kind="mptc_inputs_t",
+    ),
+    Group(
+        "parameters from a drive file, stable from start to valid; coefficients signed, 17 "
+        "fractional bits",
+        (
+            _coefficient("current", "I/W: current in w"),
+            _coefficient("flux", "-lambda*L_r*P/W: flux in w"),
+            _coefficient("rotor", "w in T_s*dw/dt"),
+            _coefficient("rotor_flux", "flux in T_s*dw/dt"),
+            _coefficient("drop_current", "-T_s*R_s*I/P: current in T_s*dpsi_s/dt"),
+            _coefficient("drop", "w in T_s*dpsi_s/dt"),
+            _coefficient("drop_flux", "flux in T_s*dpsi_s/dt"),
+            _coefficient("speed", "T_s*speed_max"),
+            _coefficient("voltage_alpha", "2*T_s*2/3*v_dc in fluxes"),
+            _coefficient("voltage_beta", "2*T_s*v_dc/sqrt(3) in fluxes"),
+            _coefficient("torque", "torque_max in torque terms"),
+            _coefficient("weight", "k_psi, not negative"),
+        ),
+        record="coefficients",
+        kind="mptc_coefficients_t",
+    ),
+    Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
+)
+_MPTC_DECISION = (
+    Group(
+        "decision, stable until the next valid",
+        (
+            Port("valid", "", "'1' for one clock: decision is new"),
+            Port("busy", "", "'1': a decision is under way"),
+            Port("u_next", "2", "number of the vector to apply next, 0 to 7"),
+            Port("switches", "2", "its switch states a, b, c; '1': positive rail"),
+            Port("saturated", "", "'1': a value did not fit its word"),
+            Port("clamped", "", "'1': MPFC cannot reach torque_ref"),
+        ),
+        output=True,
+        record="decision",
+        kind="mptc_decision_t",
+    ),
+)
+
 MPTC = Shell(
     entity="mptc_core",
     inner="mptc_controller",
     folder="mptc",
     header="""\
-Predictive torque control (MPTC, MPTC1, MPTC2, GTV) and predictive flux control (MPFC) of an
-induction machine on a two-level inverter (Paper B): the core.
+Predictive torque control (MPTC) and predictive flux control (MPFC) of an induction machine on a
+two-level inverter (Paper B): the core.
 
 Give the measurements, the references and the vector that is being applied with a one-clock start.
 valid comes with the vector to apply next. docs/specification.md says what is decided: the state is
@@ -387,106 +448,62 @@ beyond what the rotor flux allows (the arcsine's argument beyond 1).
 Corners: with all costs equal the lowest number wins. Without rotor flux MPFC takes it to lie along
 alpha, an angle of zero, so that a start from zero flux moves.
 FLUX_CONTROL = false leaves MPFC out; the core then ignores method_mpfc.
-FAMILY = true adds MPTC1, MPTC2 and GTV (pairs), which apply two vectors a period: next_u1 for
-next_t1, next_u2 for the rest. What is being applied is then u1, u2, u3, t1, t2; its mean voltage
-enters the prediction. u tells MPTC and MPFC which zero vector takes fewer commutations. Latency:
-MPTC1 54, MPTC2 66, GTV 82 clocks, always. The duty is found bit by bit by four mptc_duty
-(mptc_pair_stream). Without FAMILY these inputs have no effect.
+mptc_family_core has MPTC1, MPTC2 and GTV, which apply two vectors a period, too.
 Considered and rejected: docs/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
-    generics=(
-        ("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),
-        (
-            "FAMILY",
-            "boolean",
-            "false",
-            "true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL",
-        ),
-    ),
+    generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
+    groups=(*_MPTC_INPUTS, *_MPTC_DECISION),
+    fixed=(("FAMILY", "false"),),
+    tied=(("pairs", "PAIRS_NONE"), ("running", "NO_VOLTAGE"), ("chosen", "open")),
+)
+
+MPTC_FAMILY = Shell(
+    entity="mptc_family_core",
+    inner="mptc_controller",
+    folder="mptc",
+    header="""\
+Predictive torque control with one and two vectors a period (MPTC, MPTC1, MPTC2, GTV) and
+predictive flux control (MPFC) of an induction machine on a two-level inverter (Paper B): the core.
+
+MPTC and MPFC are those of mptc_core, which explains them. pairs chooses MPTC1, MPTC2 or GTV
+(docs/specification.md, section 3.6): next_u1 is applied for next_t1, next_u2 for the rest. What is
+being applied is u1, u2, u3, t1, t2; its mean voltage enters the prediction (eq. 5). u is for MPTC
+and MPFC and tells which zero vector takes fewer commutations. With them next_u1 to next_u3 are
+u_next, next_t1 is the whole period.
+
+How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
+quotient, found bit by bit by four mptc_duty (mptc_pair_stream). Lengths and costs of pairs take
+the way that single vectors take.
+
+Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
+Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 54 for MPTC1, 66 for MPTC2, 82 for GTV,
+always. One decision at a time; the next start may come with valid.
+Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
+Considered and rejected: docs/alternatives.md.""",
+    packages=("mptc_constants", "mptc_types"),
+    generics=(),
     groups=(
-        Group("", _CLOCK),
+        *_MPTC_INPUTS,
         Group(
-            "measurements and references, sampled with start",
-            (
-                Port("is_alpha", "15", "stator current, signed, current_max/32767"),
-                Port("is_beta", "15", "signed, current_max/32767"),
-                Port("psis_alpha", "15", "stator flux linkage, signed, psi_max/32767"),
-                Port("psis_beta", "15", "signed, psi_max/32767"),
-                Port("omega_r", "15", "electrical speed, signed, speed_max/32767"),
-                Port("v_dc", "15", "dc-link voltage, unsigned, vdc/32768"),
-                Port("torque_ref", "15", "torque reference, signed, torque_max/32767"),
-                Port("psi_ref", "14", "flux reference, unsigned, psi_max/26979"),
-                Port("u", "2", "number of the vector being applied, 0 to 7"),
-            ),
-            record="inputs",
-            kind="mptc_inputs_t",
-        ),
-        Group(
-            "parameters from a drive file, stable from start to valid; coefficients signed, 17 "
-            "fractional bits",
-            (
-                _coefficient("current", "I/W: current in w"),
-                _coefficient("flux", "-lambda*L_r*P/W: flux in w"),
-                _coefficient("rotor", "w in T_s*dw/dt"),
-                _coefficient("rotor_flux", "flux in T_s*dw/dt"),
-                _coefficient("drop_current", "-T_s*R_s*I/P: current in T_s*dpsi_s/dt"),
-                _coefficient("drop", "w in T_s*dpsi_s/dt"),
-                _coefficient("drop_flux", "flux in T_s*dpsi_s/dt"),
-                _coefficient("speed", "T_s*speed_max"),
-                _coefficient("voltage_alpha", "2*T_s*2/3*v_dc in fluxes"),
-                _coefficient("voltage_beta", "2*T_s*v_dc/sqrt(3) in fluxes"),
-                _coefficient("torque", "torque_max in torque terms"),
-                _coefficient("weight", "k_psi, not negative"),
-            ),
-            record="coefficients",
-            kind="mptc_coefficients_t",
-        ),
-        Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
-        Group(
-            "of FAMILY, sampled with start",
-            (
-                Port(
-                    "pairs",
-                    "1",
-                    "0: see method_mpfc, 1: MPTC1, 2: MPTC2, 3: GTV",
-                    default='"00"',
-                ),
-            ),
+            "sampled with start as well",
+            (Port("pairs", "1", "0: see method_mpfc, 1: MPTC1, 2: MPTC2, 3: GTV"),),
         ),
         Group(
             "",
             (
                 *(
-                    Port(name, "2", f"{which} vector being applied, 0 to 7", default='"000"')
+                    Port(name, "2", f"{which} vector being applied, 0 to 7")
                     for name, which in (("u1", "first"), ("u2", "second"), ("u3", "third"))
                 ),
                 *(
-                    Port(
-                        name,
-                        "12",
-                        f"time of the {which}, 1/4096; t1 + t2 at most 4096",
-                        default="(others => '0')",
-                    )
+                    Port(name, "12", f"time of the {which}, 1/4096; t1 + t2 at most 4096")
                     for name, which in (("t1", "first"), ("t2", "second"))
                 ),
             ),
             record="running",
             kind="mptc_sequence_t",
         ),
-        Group(
-            "decision, stable until the next valid",
-            (
-                Port("valid", "", "'1' for one clock: decision is new"),
-                Port("busy", "", "'1': a decision is under way"),
-                Port("u_next", "2", "number of the vector to apply next, 0 to 7"),
-                Port("switches", "2", "its switch states a, b, c; '1': positive rail"),
-                Port("saturated", "", "'1': a value did not fit its word"),
-                Port("clamped", "", "'1': MPFC cannot reach torque_ref"),
-            ),
-            output=True,
-            record="decision",
-            kind="mptc_decision_t",
-        ),
+        *_MPTC_DECISION,
         Group(
             "",
             (
@@ -504,9 +521,10 @@ Considered and rejected: docs/alternatives.md.""",
             kind="mptc_sequence_t",
         ),
     ),
+    fixed=(("FLUX_CONTROL", "true"), ("FAMILY", "true")),
 )
 
-SHELLS: tuple[Shell, ...] = (MPDCC, MPTC)
+SHELLS: tuple[Shell, ...] = (MPDCC, MPTC, MPTC_FAMILY)
 
 
 def _aligned(
@@ -552,13 +570,9 @@ def _declarations(shell: Shell) -> list[str]:
         rows = []
         for group, port in block:
             kind = f"std_logic_vector({port.width} downto 0)" if port.width else "std_logic"
-            kind += f" := {port.default}" if port.default else ""
             mode = "out  " if group.output else "in   "
             rows.append((port.name, mode, kind + ("" if port is final else ";")))
-        open_inputs = any(port.default for _, port in block)
-        lines += ["    -- inputs that may stay open", "    -- vsg_off port_012"] * open_inputs
         lines += _aligned(rows, [port.comment for _, port in block], (" : ", " "))
-        lines += ["    -- vsg_on port_012"] * open_inputs
     return lines
 
 
@@ -569,6 +583,15 @@ def _copied(group: Group, port: Port) -> tuple[str, str]:
     if group.output:
         return port.name, f"std_logic_vector({inside})" if port.convert else inside
     return inside, f"{port.convert}({port.name})" if port.convert else port.name
+
+
+def _associated(pairs: dict[str, str]) -> list[str]:
+    """Lines of a map."""
+    width, final = max(map(len, pairs)), list(pairs)[-1]
+    return [
+        f"      {name:<{width}} => {value}{',' if name != final else ''}"
+        for name, value in pairs.items()
+    ]
 
 
 def text(shell: Shell) -> str:
@@ -600,14 +623,15 @@ def text(shell: Shell) -> str:
         *(f"  use work.{name}.all;" for name in shell.packages),
         "",
         f"entity {shell.entity} is",
-        "  generic (",
     ]
-    rows = [
-        (name, kind, default + ("" if name == shell.generics[-1][0] else ";"))
-        for name, kind, default, _ in shell.generics
-    ]
-    lines += _aligned(rows, [comment for *_, comment in shell.generics], (" : ", " := "))
-    lines += ["  );", "  port (", *_declarations(shell), "  );", f"end entity {shell.entity};", ""]
+    if shell.generics:
+        rows = [
+            (name, kind, default + ("" if name == shell.generics[-1][0] else ";"))
+            for name, kind, default, _ in shell.generics
+        ]
+        comments = [comment for *_, comment in shell.generics]
+        lines += ["  generic (", *_aligned(rows, comments, (" : ", " := ")), "  );"]
+    lines += ["  port (", *_declarations(shell), "  );", f"end entity {shell.entity};", ""]
     lines += [f"architecture rtl of {shell.entity} is", ""]
     records = [group for group in shell.groups if group.record]
     kinds = {group.record: group.kind for group in records}
@@ -624,16 +648,10 @@ def text(shell: Shell) -> str:
         for group in shell.groups
         for name in ([group.record] if group.record else [port.name for port in group.ports])
     ]
-    inner = list(dict.fromkeys(names))
-    generics = [name for name, *_ in shell.generics]
+    inner = {name: name for name in names} | dict(shell.tied)
+    generics = {name: name for name, *_ in shell.generics} | dict(shell.fixed)
     lines += [f"  i_core : entity work.{shell.inner}", "    generic map ("]
-    wide = max(map(len, generics))
-    lines += [
-        f"      {name:<{wide}} => {name}{',' if name != generics[-1] else ''}" for name in generics
-    ]
-    lines += ["    )", "    port map ("]
-    wide = max(map(len, inner))
-    lines += [f"      {name:<{wide}} => {name}{',' if name != inner[-1] else ''}" for name in inner]
+    lines += [*_associated(generics), "    )", "    port map (", *_associated(inner)]
     lines += ["    );", "", "end architecture rtl;", ""]
     return "\n".join(lines)
 

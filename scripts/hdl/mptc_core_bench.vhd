@@ -1,4 +1,4 @@
--- Flat bench around mptc_core: presents one row of inputs on the start edge and random values on
+-- Flat bench around mptc_core, or mptc_family_core: presents one row of inputs on the start edge and random values on
 -- every other, counts clocks from the accepting edge to the one that samples valid, and hands the
 -- decision out. The clock is made here: a simulator toggles it much faster than a coroutine.
 --
@@ -14,8 +14,8 @@ library directmpc;
 
 entity mptc_core_bench is
   generic (
-    FLUX_CONTROL : boolean := true; -- of the core
-    FAMILY       : boolean := false -- of the core
+    FLUX_CONTROL : boolean := true; -- of mptc_core
+    FAMILY       : boolean := false -- true: mptc_family_core
   );
   port (
     rst        : in    std_logic;                      -- synchronous, active high
@@ -122,54 +122,101 @@ begin
 
   end process p_inputs;
 
-  i_core : entity directmpc.mptc_core
-    generic map (
-      FLUX_CONTROL => FLUX_CONTROL,
-      FAMILY       => FAMILY
-    )
-    port map (
-      clk             => clk,
-      rst             => rst,
-      start           => start,
-      is_alpha        => inputs(15 downto 0),
-      is_beta         => inputs(31 downto 16),
-      psis_alpha      => inputs(47 downto 32),
-      psis_beta       => inputs(63 downto 48),
-      omega_r         => inputs(79 downto 64),
-      v_dc            => inputs(95 downto 80),
-      torque_ref      => inputs(111 downto 96),
-      psi_ref         => inputs(126 downto 112),
-      u               => inputs(129 downto 127),
-      c_current       => parameters(17 downto 0),
-      c_flux          => parameters(35 downto 18),
-      c_rotor         => parameters(53 downto 36),
-      c_rotor_flux    => parameters(71 downto 54),
-      c_drop_current  => parameters(89 downto 72),
-      c_drop          => parameters(107 downto 90),
-      c_drop_flux     => parameters(125 downto 108),
-      c_speed         => parameters(143 downto 126),
-      c_voltage_alpha => parameters(161 downto 144),
-      c_voltage_beta  => parameters(179 downto 162),
-      c_torque        => parameters(197 downto 180),
-      c_weight        => parameters(215 downto 198),
-      method_mpfc     => method,
-      pairs           => pairs,
-      u1              => inputs(132 downto 130),
-      u2              => inputs(135 downto 133),
-      u3              => inputs(138 downto 136),
-      t1              => inputs(151 downto 139),
-      t2              => inputs(164 downto 152),
-      valid           => valid,
-      busy            => busy,
-      u_next          => decision(2 downto 0),
-      switches        => decision(5 downto 3),
-      saturated       => decision(6),
-      clamped         => decision(7),
-      next_u1         => decision(10 downto 8),
-      next_u2         => decision(13 downto 11),
-      next_u3         => decision(16 downto 14),
-      next_t1         => decision(29 downto 17),
-      next_t2         => decision(42 downto 30)
-    );
+  g_single : if not FAMILY generate
+
+    i_core : entity directmpc.mptc_core
+      generic map (
+        FLUX_CONTROL => FLUX_CONTROL
+      )
+      port map (
+        clk             => clk,
+        rst             => rst,
+        start           => start,
+        is_alpha        => inputs(15 downto 0),
+        is_beta         => inputs(31 downto 16),
+        psis_alpha      => inputs(47 downto 32),
+        psis_beta       => inputs(63 downto 48),
+        omega_r         => inputs(79 downto 64),
+        v_dc            => inputs(95 downto 80),
+        torque_ref      => inputs(111 downto 96),
+        psi_ref         => inputs(126 downto 112),
+        u               => inputs(129 downto 127),
+        c_current       => parameters(17 downto 0),
+        c_flux          => parameters(35 downto 18),
+        c_rotor         => parameters(53 downto 36),
+        c_rotor_flux    => parameters(71 downto 54),
+        c_drop_current  => parameters(89 downto 72),
+        c_drop          => parameters(107 downto 90),
+        c_drop_flux     => parameters(125 downto 108),
+        c_speed         => parameters(143 downto 126),
+        c_voltage_alpha => parameters(161 downto 144),
+        c_voltage_beta  => parameters(179 downto 162),
+        c_torque        => parameters(197 downto 180),
+        c_weight        => parameters(215 downto 198),
+        method_mpfc     => method,
+        valid           => valid,
+        busy            => busy,
+        u_next          => decision(2 downto 0),
+        switches        => decision(5 downto 3),
+        saturated       => decision(6),
+        clamped         => decision(7)
+      );
+
+    -- one vector for the whole period
+    decision(16 downto 8)  <= decision(2 downto 0) & decision(2 downto 0) & decision(2 downto 0);
+    decision(29 downto 17) <= "1000000000000";
+    decision(42 downto 30) <= (others => '0');
+
+  end generate g_single;
+
+  g_family : if FAMILY generate
+
+    i_core : entity directmpc.mptc_family_core
+      port map (
+        clk             => clk,
+        rst             => rst,
+        start           => start,
+        is_alpha        => inputs(15 downto 0),
+        is_beta         => inputs(31 downto 16),
+        psis_alpha      => inputs(47 downto 32),
+        psis_beta       => inputs(63 downto 48),
+        omega_r         => inputs(79 downto 64),
+        v_dc            => inputs(95 downto 80),
+        torque_ref      => inputs(111 downto 96),
+        psi_ref         => inputs(126 downto 112),
+        u               => inputs(129 downto 127),
+        c_current       => parameters(17 downto 0),
+        c_flux          => parameters(35 downto 18),
+        c_rotor         => parameters(53 downto 36),
+        c_rotor_flux    => parameters(71 downto 54),
+        c_drop_current  => parameters(89 downto 72),
+        c_drop          => parameters(107 downto 90),
+        c_drop_flux     => parameters(125 downto 108),
+        c_speed         => parameters(143 downto 126),
+        c_voltage_alpha => parameters(161 downto 144),
+        c_voltage_beta  => parameters(179 downto 162),
+        c_torque        => parameters(197 downto 180),
+        c_weight        => parameters(215 downto 198),
+        method_mpfc     => method,
+        pairs           => pairs,
+        u1              => inputs(132 downto 130),
+        u2              => inputs(135 downto 133),
+        u3              => inputs(138 downto 136),
+        t1              => inputs(151 downto 139),
+        t2              => inputs(164 downto 152),
+        valid           => valid,
+        busy            => busy,
+        u_next          => decision(2 downto 0),
+        switches        => decision(5 downto 3),
+        saturated       => decision(6),
+        clamped         => decision(7),
+        next_u1         => decision(10 downto 8),
+        next_u2         => decision(13 downto 11),
+        next_u3         => decision(16 downto 14),
+        next_t1         => decision(29 downto 17),
+        next_t2         => decision(42 downto 30)
+      );
+
+  end generate g_family;
 
 end architecture bench;

@@ -72,8 +72,10 @@ class Job(simulator.Job):
     ----------
     registers, measurements, u
         Of `Registers.array`, (n, 8) and (n,).
-    flux_control, family : bool
-        Generics of the core.
+    flux_control : bool
+        Generic of the core.
+    family : bool
+        Whether it is ``mptc_family_core``.
     loop : Loop, optional
         Instead of rows.
     each_registers : (n, 13), optional
@@ -139,7 +141,7 @@ def simulate(
 if __name__ == "__main__":
     simulator.build_and_run(
         Path(sys.argv[1]),
-        core="mptc_core",
+        core="mptc_core mptc_family_core",
         toplevel=BENCH,
         module="scripts.hdl.mptc_cosimulation",
         generics={"FLUX_CONTROL": sys.argv[2], "FAMILY": sys.argv[3]},

@@ -286,7 +286,7 @@ def build_and_run(
             toplevel.stem,
             module,
             job_path.parent,
-            units=[core],
+            units=core.split(),
             files=[toplevel],
             generics=generics,
             environment={"DIRECTMPC_JOB": str(job_path)},

@@ -53,7 +53,7 @@ DESIGNS: tuple[tuple[str, str, tools.Generics], ...] = (
     ("observer", "mptc_observer", {}),
     ("preexcitation", "mptc_preexcitation", {}),
     ("drive", "mptc_drive", {}),
-    ("family", "mptc_core", {"FAMILY": True}),
+    ("family", "mptc_family_core", {}),
 )
 #: Those that are placed and routed.
 PLACED = ("", "mpfc", "observer", "preexcitation", "family")
@@ -63,7 +63,7 @@ CYCLES = {
     "observer": clocks_of("mptc_observer", "latency"),
     "preexcitation": clocks_of("mptc_preexcitation", "latency"),
     "drive": clocks_of("mptc_drive", "mptc"),
-    "family": clocks_of("mptc_core", "gtv"),
+    "family": clocks_of("mptc_family_core", "gtv"),
 }
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
 SAMPLE = 3000  # rows of each run that go through the netlist in Verilator
@@ -197,8 +197,6 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
     held = tuple(name for name in found.inputs if name.startswith("c_"))
     inputs = {name: words[:, i].tolist() for i, name in enumerate(MEASUREMENTS)}
     inputs |= {f"c_{name}": every[:, i].tolist() for i, name in enumerate(COEFFICIENTS)}
-    # of FAMILY, without effect here
-    inputs |= {name: [0] * len(u) for name in ("pairs", "u1", "u2", "u3", "t1", "t2")}
     checked = netlist_check.check(
         "mptc_core",
         generics,
@@ -396,7 +394,7 @@ _DESIGN_NAMES = {
     "observer": "`mptc_observer`",
     "preexcitation": "`mptc_preexcitation`",
     "drive": "`mptc_drive`: all of these",
-    "family": "`mptc_core`, `FAMILY => true`: MPTC1, MPTC2 and GTV too",
+    "family": "`mptc_family_core`: MPTC1, MPTC2 and GTV too",
 }
 
 

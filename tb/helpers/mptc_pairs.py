@@ -1,4 +1,4 @@
-"""Rows for ``mptc_core`` with ``FAMILY``: methods of two vectors beside MPTC and MPFC."""
+"""Rows for ``mptc_family_core``: methods of two vectors beside MPTC and MPFC."""
 
 from __future__ import annotations
 

@@ -628,7 +628,7 @@ def test_replay_of_the_twin_and_of_the_rtl(method: str, tmp_path: Path) -> None:
         assert found.saturated.sum() == 0
         if engine == "rtl":
             assert found.cycles is not None
-            assert set(found.cycles.tolist()) == {clocks_of("mptc_core", method.lower())}
+            assert set(found.cycles.tolist()) == {clocks_of("mptc_family_core", method.lower())}
 
 
 @pytest.mark.parametrize(("method", "rule"), [("MPC2", "deadbeat"), ("MPTC1", "mean")])

@@ -11,7 +11,7 @@ from directmpc.mptc.program import GTV_LAST, MPFC_LAST, MPTC1_LAST, MPTC2_LAST, 
 #: Of ``mptc_core``, by the method of the drive file.
 CORE: dict[str, int] = {"MPTC": MPTC_LAST + 1, "MPFC": MPFC_LAST + 1}
 
-#: Of ``mptc_core`` with ``FAMILY``, the methods of two vectors.
+#: Of ``mptc_family_core``, the methods of two vectors; the others as ``mptc_core``.
 FAMILY: dict[str, int] = {
     "MPTC1": MPTC1_LAST + 1,
     "MPTC2": MPTC2_LAST + 1,

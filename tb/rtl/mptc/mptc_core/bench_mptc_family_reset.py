@@ -1,4 +1,4 @@
-"""A reset in the middle of a decision of ``mptc_core`` with ``FAMILY`` leaves nothing behind.
+"""A reset in the middle of a decision of ``mptc_family_core`` leaves nothing behind.
 
 As bench_mptc_core_reset, for the methods of two vectors.
 """

@@ -101,10 +101,7 @@ def core_inputs(rows: core.Rows) -> dict[str, np.ndarray]:
     """Rows by port."""
     inputs = {name: rows.measurements[:, i] for i, name in enumerate(core.f.MEASUREMENTS)}
     inputs |= {f"c_{name}": rows.registers[:, i] for i, name in enumerate(core.COEFFICIENTS)}
-    inputs |= {"u": rows.u, "method_mpfc": rows.registers[:, -1]}
-    # of FAMILY, without effect here
-    noise = np.random.default_rng(1).integers(0, 4, (6, len(rows)))
-    return inputs | dict(zip(("pairs", "u1", "u2", "u3", "t1", "t2"), noise, strict=True))
+    return inputs | {"u": rows.u, "method_mpfc": rows.registers[:, -1]}
 
 
 def test_netlist_decides_as_the_twin() -> None:
@@ -174,7 +171,7 @@ def resets(rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_core_bench",
         "tb.rtl.mptc.mptc_core.bench_mptc_core_reset",
-        units=["mptc_core"],
+        units=["mptc_core", "mptc_family_core"],
         files=[rtl_simulation.BENCH],
         generics={"FLUX_CONTROL": "true"},
         rtl=rtl,

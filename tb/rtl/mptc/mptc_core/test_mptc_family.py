@@ -1,4 +1,4 @@
-"""``mptc_core`` with ``FAMILY`` against its bit-true twins: every decision, time, flag and clock.
+"""``mptc_family_core`` against its bit-true twins: every decision, time, flag and clock.
 
 Sweep: MPTC, MPFC, MPTC1, MPTC2 and GTV, chosen anew for every decision; both drives that ship.
 Stimulus: states out of closed loops; measurements and registers of any content, with corners, zero
@@ -59,7 +59,7 @@ def test_rtl_decides_as_the_twins() -> None:
     for code, name in enumerate(mptc_pairs.METHODS, start=1):
         mine = rows.pairs == code
         assert mine.sum() > 80
-        assert set(got[mine, 1].tolist()) == {clocks_of("mptc_core", name.lower())}
+        assert set(got[mine, 1].tolist()) == {clocks_of("mptc_family_core", name.lower())}
         duties = got[mine, 8]
         assert ((duties > 0) & (duties < 4095)).sum() >= 10
         assert (duties == 0).sum() + (duties == 4095).sum() >= 10
@@ -70,7 +70,7 @@ def test_rtl_decides_as_the_twins() -> None:
 
 def test_clocks_are_those_of_the_program() -> None:
     for name, clocks in cycles.FAMILY.items():
-        assert clocks_of("mptc_core", name.lower()) == clocks
+        assert clocks_of("mptc_family_core", name.lower()) == clocks
 
 
 FAULTS = {
@@ -126,7 +126,7 @@ def resets(rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_core_bench",
         "tb.rtl.mptc.mptc_core.bench_mptc_family_reset",
-        units=["mptc_core"],
+        units=["mptc_core", "mptc_family_core"],
         files=[rtl_simulation.BENCH],
         generics={"FLUX_CONTROL": "true", "FAMILY": "true"},
         rtl=rtl,
