@@ -135,10 +135,12 @@ def mean_search(error, begin, span):
 
     Parameters
     ----------
-    error, span : int
+    error : int
         As for `search`.
     begin : int
         Torque reference less torque at k+1, in quarters of a torque term.
+    span : int
+        As for `search`.
 
     Returns
     -------
