@@ -81,7 +81,7 @@ FAULTS = {
     ),
     "span's sign": ("mptc_pair_stream", "<= span xor sign;", "<= span;"),
     "whole period": ("mptc_duty", "beyond or (within and", "(within and"),
-    "last bit": ("mptc_duty", "count <= TIME_WIDTH;", "count <= TIME_WIDTH - 1;"),
+    "last bit": ("mptc_duty", "& bit_set;", "& (bit_set and to_std_logic(count /= 1));"),
     "flux": ("mptc_duty", "shift_left(part_y, 1) + gated", "shift_left(part_y, 1) - gated"),
     "pairs": ("mptc_constants", "(1, 6, 2),", "(1, 6, 1),"),
     "complement": (
