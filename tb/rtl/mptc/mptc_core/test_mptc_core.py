@@ -122,7 +122,7 @@ def test_netlist_without_mpfc_decides_as_the_twin() -> None:
 
 
 FAULTS = {
-    "tie rule": ("mptc_vector_stream", "best_cost & wins_tie", "best_cost & '0'"),
+    "tie rule": ("mptc_vector_stream", "best_cost & wins_tie);", "best_cost & '0');"),
     "torque sign": (
         "mptc_vector_stream",
         "negative_beta(vector) xor mpfc",
@@ -150,7 +150,11 @@ FAULTS = {
     ),
     "one adder": ("mptc_types", "      b := not b;", "      b := b;"),
     "voltage": ("mptc_vectors", 'number = "001" or number = "100"', 'number = "001"'),
-    "sample": ("mptc_controller", "if (accept = '1') then", "if (start = '1') then"),
+    "sample": (
+        "mptc_controller",
+        "if (accept = '1') then\n        sample <=",
+        "if (start = '1') then\n        sample <=",
+    ),
     "wiring": ("mptc_core", "inputs.is_beta    <= is_beta;", "inputs.is_beta    <= is_alpha;"),
 }
 
