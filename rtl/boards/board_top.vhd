@@ -1,10 +1,12 @@
 -- The top of every board: clock, reset, host links, controller, gate guard, and the pins.
 --
--- The core runs at the oscillator's clock divided by DIVIDE, 25 MHz on all boards: there one explorer
--- decides within 4.5 us (SESE without a budget: 141 us), and the worst seed is far from that clock.
--- Inputs come in through two flip-flops. The reset holds for the first 15 clocks after configuration;
--- the gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
--- clock (gate_release); the guard latches a fault with it.
+-- The core's clock is the oscillator's, divided by DIVIDE, or with PLL the output of board_clock. That is a vendor's PLL
+-- with a second oscillator beside it, a file of its own for each family (rtl/boards/ecp5_clock.v).
+-- Inputs come in through two flip-flops. The reset holds for the first 15 clocks after configuration, with PLL for the
+-- first 15 after the clock has proved good.
+-- The gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
+-- clock (gate_release); the guard latches a fault with it. With PLL an unlocked PLL, or a clock that clock_monitor finds
+-- too slow, too fast or dead, does the same, and resets the whole when the clock is back.
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
@@ -26,8 +28,9 @@ entity board_top is
     FOLDED            : boolean               := false;      -- MPDCC: true: the paper's explorers
     SECOND_LEVEL      : boolean               := true;       -- MPDCC: true: SESE, delay compensation; fast explorers
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
-    CLOCK_HZ          : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, Hz
-    DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4
+    CLOCK_HZ          : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, or of the PLL, Hz
+    DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
+    PLL               : boolean               := false;      -- true: board_clock makes the core's clock
     BAUD              : positive              := 3_000_000;  -- UART, 1/s
     LEAST_DEAD_TIME   : positive              := 400         -- ns; shorter dead times are raised to it
   );
@@ -50,7 +53,20 @@ architecture rtl of board_top is
 
   constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
   constant DEAD_CLOCKS    : positive := clocks_in(LEAST_DEAD_TIME, CLOCK_HZ);
+
+  component board_clock is
+    port (
+      clock      : in    std_logic; -- oscillator of the board
+      core_clock : out   std_logic; -- CLOCK_HZ
+      locked     : out   std_logic; -- '1': core_clock is as it should be; asynchronous
+      oscillator : out   std_logic  -- of the part, 2.42 MHz within 15 %
+    );
+  end component board_clock;
+
   signal core_clock      : std_logic;
+  signal clock_good      : std_logic; -- '1': locked, and clock_monitor finds it running; asynchronous
+  signal ready           : std_logic; -- '1': the reset may end; synchronous to core_clock
+  signal allowed         : std_logic; -- '1': permitted and the clock is good; asynchronous
   -- what there is before the reset, which these two make
   -- vsg_off signal_007
   signal since_start     : unsigned(3 downto 0) := (others => '0');
@@ -100,9 +116,66 @@ begin
     report "board_top: DIVIDE is 3, but has to be 1, 2 or 4"
     severity failure;
 
-  g_direct : if DIVIDE = 1 generate
+  assert DIVIDE = 1 or not PLL
+    report "board_top: with PLL, DIVIDE has to be 1"
+    severity failure;
+
+  g_pll : if PLL generate
+
+    constant DIVIDE_BITS   : positive := 9;
+    constant OSCILLATOR_HZ : positive := 2_421_875;                                           -- 310 MHz / 128
+    -- clocks of the oscillator, in thousandths, to 2**DIVIDE_BITS of the core's
+    constant BEAT          : positive := 2 ** DIVIDE_BITS * OSCILLATOR_HZ / (CLOCK_HZ / 1000);
+
+    signal locked     : std_logic;
+    signal oscillator : std_logic;
+    signal alive      : std_logic;
+
+  begin
+
+    i_board_clock : component board_clock
+      port map (
+        clock      => clock,
+        core_clock => core_clock,
+        locked     => locked,
+        oscillator => oscillator
+      );
+
+    i_clock_monitor : entity work.clock_monitor
+      generic map (
+        DIVIDE_BITS => DIVIDE_BITS,
+        SHORTEST    => BEAT * 85 / 100_000 - 2,
+        LONGEST     => BEAT * 115 / 100_000 + 3
+      )
+      port map (
+        clk        => core_clock,
+        oscillator => oscillator,
+        alive      => alive
+      );
+
+    clock_good <= locked and alive;
+
+    i_ready : entity work.sync_bits
+      generic map (
+        WIDTH  => 1,
+        STAGES => 2
+      )
+      port map (
+        clk             => core_clock,
+        asynchronous(0) => clock_good,
+        synchronous(0)  => ready
+      );
+
+  end generate g_pll;
+
+  g_direct : if DIVIDE = 1 and not PLL generate
     core_clock <= clock;
   end generate g_direct;
+
+  g_no_pll : if not PLL generate
+    clock_good <= '1';
+    ready      <= '1';
+  end generate g_no_pll;
 
   g_divided : if DIVIDE > 1 generate
 
@@ -144,13 +217,15 @@ begin
       synchronous(0)  => control
     );
 
+  allowed <= permit and clock_good;
+
   i_release : entity work.gate_release
     generic map (
       WIDTH => gates'length
     )
     port map (
       clk       => core_clock,
-      permit    => permit,
+      permit    => allowed,
       gates     => gates_now,
       pins      => gates,
       permitted => permitted
@@ -165,6 +240,11 @@ begin
         rst         <= '1';
       else
         rst <= '0';
+      end if;
+
+      if (ready = '0') then
+        since_start <= (others => '0');
+        rst         <= '1';
       end if;
     end if;
 

@@ -31,6 +31,8 @@ class Board:
         Device, package and speed grade.
     clock_mhz, divide
         Oscillator, and by how much board_top divides it for the core.
+    pll_mhz
+        What its PLL makes of the oscillator for the core; 0 without one.
     baud
         UART rate it is built for.
     controllers
@@ -62,6 +64,7 @@ class Board:
     notes: tuple[str, ...] = ()
     clock_standard: str = "LVCMOS33"
     tail: tuple[str, ...] = ()
+    pll_mhz: int = 0
     pulls: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -73,7 +76,7 @@ class Board:
         float
             MHz.
         """
-        return self.clock_mhz / self.divide
+        return self.pll_mhz or self.clock_mhz / self.divide
 
     def generics(self, controller: str, explorers: int = 1) -> Generics:
         """Generics of board_top.
@@ -101,9 +104,22 @@ class Board:
             "DIVIDE": self.divide,
             "BAUD": self.baud,
         }
+        if self.pll_mhz:
+            found["PLL"] = True
         if controller == "mpdcc":
             found["EXPLORERS"] = explorers
         return found
+
+    @property
+    def vendor_files(self) -> tuple[Path, ...]:
+        """Verilog with the vendor's primitives that its top needs.
+
+        Returns
+        -------
+        tuple of Path
+            The module ``board_clock`` of a board with a PLL, else nothing.
+        """
+        return (ROOT / "rtl" / "boards" / f"{self.family}_clock.v",) if self.pll_mhz else ()
 
     @property
     def constraint_file(self) -> Path:
@@ -152,6 +168,7 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         part=f"LFE5U-{size.upper()}-6BG381C",
         clock_mhz=25,
         divide=1,
+        pll_mhz=100,
         baud=3_000_000,
         controllers=controllers,
         pins=_ULX3S_PINS,

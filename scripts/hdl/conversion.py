@@ -454,7 +454,20 @@ def _synthesise(
         return ""
     chosen = [f"-g{name}={tools.generic_text(value)}" for name, value in generics.items()]
     command = [*tools.tool("ghdl"), "--synth", *options, *chosen, f"--out={form}", top]
-    return tools.run(command).stdout
+    return _without_vendors(tools.run(command).stdout)
+
+
+def _vendors() -> str:
+    """Verilog of the modules that vendors provide."""
+    files = sorted(sources.RTL.rglob("*.v"))
+    return "".join(path.read_text(encoding="utf-8") for path in files)
+
+
+def _without_vendors(verilog: str) -> str:
+    """Verilog without the empty modules that GHDL writes for components of vendors."""
+    for name in re.findall(r"^module (\w+)", _vendors(), re.M):
+        verilog = re.sub(rf"^module {name}\n[^;]*;\nendmodule\n", "", verilog, flags=re.M)
+    return verilog
 
 
 #: Assignments to parts ahead of the design, one conversion each; the first is the design alone.
@@ -623,8 +636,19 @@ def check_structure(verilog: Path, top: str) -> None:
     ToolError
         If there is no Yosys.
     """
+    with tempfile.NamedTemporaryFile(
+        "w", dir=verilog.parent, suffix=".v", encoding="utf-8"
+    ) as interfaces:
+        interfaces.write(_vendors())
+        interfaces.flush()
+        _check_structure(verilog, Path(interfaces.name), top)
+
+
+def _check_structure(verilog: Path, interfaces: Path, top: str) -> None:
+    """As `check_structure`; of the modules in `interfaces` only the ports are looked at."""
     script = "; ".join(
         [
+            f'read_verilog -lib "{interfaces.name}"',
             f'read_verilog "{verilog.name}"',
             f"hierarchy -check -top {top.lower()}",
             "proc",

@@ -1,10 +1,10 @@
 // The simulated board's pins, driven from outside: see scripts/hdl/virtual_board.py.
 //
-//   board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI FREE   its UART on a pseudo-terminal, LINK a symbolic link to it
-//   board script CLOCKS_PER_BIT DIVIDE                    orders on standard input, what came of each on standard output
+//   board pty CLOCKS_PER_BIT DIVIDE SETTLE LINK GATES SPI FREE   its UART on a pseudo-terminal, LINK a symbolic link to it
+//   board script CLOCKS_PER_BIT DIVIDE SETTLE                    orders on standard input, what came of each on standard output
 //
 // FREE 1: time runs on without traffic too, as fast as the simulation goes.
-// Clocks are the core's: DIVIDE of the oscillator's.
+// Clocks are the core's: DIVIDE of the oscillator's. Before anything else the board gets SETTLE of them.
 //
 // Licence: Apache-2.0
 
@@ -143,7 +143,7 @@ static void leave(int) {
     _exit(0);
 }
 
-static void start() {
+static void start(int settle) {
     m = new Vboard;
     m->clock = 0;
     m->uart_rx = 1;
@@ -159,7 +159,7 @@ static void start() {
     m->permit = 1;
     m->eval();
     // from the first clock on, before the reset has done anything
-    for (int i = 0; i < 100; i++) {
+    for (int i = 0; i < settle; i++) {
         if (m->gates) {
             fprintf(stderr, "board: gates are on at clock %d\n", i);
             exit(3);
@@ -290,18 +290,18 @@ static int run_script() {
 
 int main(int argc, char **argv) {
     Verilated::commandArgs(argc, argv);
-    if (argc >= 4) {
+    if (argc >= 5) {
         uart.period = atof(argv[2]);
         divide = atoi(argv[3]);
     }
-    if (argc >= 8 && !strcmp(argv[1], "pty")) {
-        start();
-        return run_pty(argv[4], argv[5], argv[6][0] == '1', argv[7][0] == '1');
+    if (argc >= 9 && !strcmp(argv[1], "pty")) {
+        start(atoi(argv[4]));
+        return run_pty(argv[5], argv[6], argv[7][0] == '1', argv[8][0] == '1');
     }
-    if (argc >= 4 && !strcmp(argv[1], "script")) {
-        start();
+    if (argc >= 5 && !strcmp(argv[1], "script")) {
+        start(atoi(argv[4]));
         return run_script();
     }
-    fprintf(stderr, "usage: board pty CLOCKS_PER_BIT DIVIDE LINK GATES SPI FREE | board script CLOCKS_PER_BIT DIVIDE\n");
+    fprintf(stderr, "usage: board pty CLOCKS_PER_BIT DIVIDE SETTLE LINK GATES SPI FREE | board script CLOCKS_PER_BIT DIVIDE SETTLE\n");
     return 2;
 }

@@ -40,12 +40,17 @@ OPTIONS = (
     *("-CFLAGS", "-std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O1 OPT_SLOW=-O0"),
 )
 HARNESS = ROOT / "scripts" / "hdl" / "virtual_board.cpp"
+CLOCK = ROOT / "scripts" / "hdl" / "virtual_clock.v"
+CLOCK_HZ = 25_000_000
+"""Clock of the core, but for `--board`."""
+SETTLE, SETTLE_PLL = 100, 4096
+"""Clocks before the first order; with a PLL clock_monitor takes three times 512 to find it good."""
 CLOCKS_PER_BIT = 4
 """The simulated UART is as fast as its receiver allows, 6.25 Mbaud at 25 MHz, but for `--board`."""
 
 
 def generics(controller: str, explorers: int = 1, folded: bool = False) -> Generics:
-    """Build options of a simulated ULX3S, whose UART is faster than the board's.
+    """Build options of a simulated board without a PLL, whose UART is faster than a board's.
 
     Parameters
     ----------
@@ -67,29 +72,34 @@ def generics(controller: str, explorers: int = 1, folded: bool = False) -> Gener
         If there is no such controller.
     """
     found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
-    found["BAUD"] = int(found["CLOCK_HZ"]) // CLOCKS_PER_BIT
+    del found["PLL"]
+    found["CLOCK_HZ"] = CLOCK_HZ
+    found["BAUD"] = CLOCK_HZ // CLOCKS_PER_BIT
     if folded:
         found["FOLDED"] = True
     return found
 
 
 def _line(chosen: Generics) -> list[str]:
-    """Clocks a bit of the UART, and clocks of the oscillator to one of the core."""
-    return [repr(int(chosen["CLOCK_HZ"]) / int(chosen["BAUD"])), str(chosen["DIVIDE"])]
+    """Clocks a bit of the UART, clocks of the oscillator to one of the core, clocks to settle."""
+    period = repr(int(chosen["CLOCK_HZ"]) / int(chosen["BAUD"]))
+    return [period, str(chosen["DIVIDE"]), str(SETTLE_PLL if chosen.get("PLL") else SETTLE)]
 
 
-def _model(chosen: Generics, verilog: Path | None) -> Path:
+def _model(chosen: Generics, verilog: Path | None, pll: Path) -> Path:
     """Folder with the compiled board, without the harness around its pins."""
     source = verilog or netlist.cached("board_top", chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
-    key = tools.digest(text, tools.version("verilator"), *OPTIONS)[:16]
+    clock = [pll] if chosen.get("PLL") else []
+    key = tools.digest(text, tools.version("verilator"), *OPTIONS, *clock)[:16]
     folder = BUILD / "verilated" / f"{tools.configuration_name('board', chosen)}-{key}"
     if not folder.exists():
         # Built elsewhere and moved: Verilator's makefiles work in no path with a blank in it.
         with tempfile.TemporaryDirectory(prefix="verilated-") as name:
             work = Path(name)
             shutil.copy(source, work / "board.v")
-            tools.run([*tools.tool("verilator"), *OPTIONS, "board.v"], cwd=work, timeout=1500)
+            files = ["board.v", *(Path(shutil.copy(path, work)).name for path in clock)]
+            tools.run([*tools.tool("verilator"), *OPTIONS, *files], cwd=work, timeout=1500)
             # Verilator's own objects are built for an executable alone, so they are asked for here
             listed = (work / "obj" / "Vboard_classes.mk").read_text(encoding="utf-8")
             block = listed.split("VM_GLOBAL_FAST +=")[1].split("\n\n")[0]
@@ -112,9 +122,9 @@ def _model(chosen: Generics, verilog: Path | None) -> Path:
     return folder
 
 
-def _build(chosen: Generics, verilog: Path | None = None) -> Path:
+def _build(chosen: Generics, verilog: Path | None = None, clock: Path = CLOCK) -> Path:
     """Compile the simulation, or find it compiled; `verilog`: of another netlist than converted."""
-    folder = _model(chosen, verilog)
+    folder = _model(chosen, verilog, clock)
     program = folder / f"board-{tools.digest(HARNESS)[:16]}"
     if not program.exists():
         root = tools.run([*tools.tool("verilator"), "--getenv", "VERILATOR_ROOT"]).stdout.strip()
@@ -256,10 +266,12 @@ class Script:
         Build options, see ``generics``.
     seed : int
         Of what registers without a reset hold at first.
+    clock : Path
+        Verilog of ``board_clock``, for a board with a PLL.
     """
 
-    def __init__(self, chosen: Generics, seed: int = 1) -> None:
-        command = [str(_build(chosen)), "script", *_line(chosen), *_seeded(seed)]
+    def __init__(self, chosen: Generics, seed: int = 1, clock: Path = CLOCK) -> None:
+        command = [str(_build(chosen, clock=clock)), "script", *_line(chosen), *_seeded(seed)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._orders: list[bytes] = []
 

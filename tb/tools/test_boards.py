@@ -72,7 +72,24 @@ def test_clocks_are_constrained(board: Board) -> None:
     for line in wanted:
         assert line in text.splitlines()
     # what register values are made for unless another clock is given
-    assert board.core_mhz * 1e6 == registers.CORE_CLOCK == registers.GuardSettings().clock
+    assert registers.GuardSettings().clock == registers.CORE_CLOCK
+    assert board.core_mhz * 1e6 == (100e6 if board.pll_mhz else registers.CORE_CLOCK)
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
+def test_the_pll_makes_the_cores_clock(board: Board) -> None:
+    if not board.pll_mhz:
+        assert board.vendor_files == ()
+        return
+    (path,) = board.vendor_files
+    text = path.read_text(encoding="utf-8")
+    number = {name: int(n) for name, n in re.findall(r"\.(\w+)\((\d+)\)", text)}
+    clock = board.clock_mhz / number["CLKI_DIV"] * number["CLKFB_DIV"]
+    assert clock == board.pll_mhz == board.core_mhz
+    assert 400 <= clock * number["CLKOP_DIV"] <= 800  # range of its oscillator, MHz
+    assert f'FREQUENCY_PIN_CLKI = "{board.clock_mhz}"' in text
+    assert f'FREQUENCY_PIN_CLKOP = "{board.pll_mhz}"' in text
+    assert board.generics("mptc")["PLL"] is True
 
 
 def test_constraint_files_are_what_their_table_makes() -> None:

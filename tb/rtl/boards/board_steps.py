@@ -61,8 +61,8 @@ def exhausted_of(drive: Drive, seen: MpdccTrace) -> list[int]:
 class Hostile:
     """A board with its gates let through, requests one at a time over SPI or UART pins."""
 
-    def __init__(self, script: Script, spi: bool) -> None:
-        self.script, self.spi = script, spi
+    def __init__(self, script: Script, spi: bool, clock: float = CLOCK) -> None:
+        self.script, self.spi, self.clock = script, spi, clock
         self.number = p.first_sequence(int(spi))
         script.steps_over_spi(spi)
         script.wait(40)
@@ -107,7 +107,7 @@ class Hostile:
     def run_up(self) -> Decision:
         """Load a drive, enable the gates, decide twice: the gates are on now."""
         drive = load_drive(MPTC)
-        found = values(drive, GuardSettings(clock=CLOCK))
+        found = values(drive, GuardSettings(clock=self.clock))
         # nothing else may switch the gates off during the test: no watchdog within its length
         for _, address, word in found.writes():
             self.request(Type.WRITE, struct.pack("<HI", address, word))

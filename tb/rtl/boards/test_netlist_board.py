@@ -12,7 +12,8 @@ frames with the gates on; a second start.
 Checks: the text is what the bitstream's synthesis reads; identity, version, capabilities,
 registers read back; every decision against the bit-true model, a sample of MPDCC's against replay
 by the RTL, clocks included; flags, cycles, counters of decisions and frames, gates; a corrupted
-frame changes no gate; gates are off from the start on; each module is the same text as in the other
+frame changes no gate; gates are off from the start on, while the PLL is not locked, and while
+clock_monitor finds its clock too slow; each module is the same text as in the other
 boards' netlists and in the cores that are proven alone; with a part of a signal lost all this turns
 red.
 Does not prove: anything about synthesis after the conversion, nor about a vendor's tools.
@@ -43,6 +44,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import conversion as netlist
+from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard
@@ -253,7 +255,7 @@ def check_replay(
 def synthesised(controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What `make bitstream` gives to Yosys; Yosys itself is left out."""
     read: list[Path] = []
-    monkeypatch.setattr(bitstream, "map_netlist", lambda verilog, *_: read.append(verilog))
+    monkeypatch.setattr(bitstream, "map_netlist", lambda verilog, *_, **__: read.append(verilog))
     bitstream.synthesise(ULX3S, controller, 1, folder)
     return read[0]
 
@@ -281,6 +283,54 @@ def test_the_bitstreams_netlist_controls_a_drive(
             assert answer.gates == 0
             stream.close()
         assert log.read_text() == "clock,gates\n"
+
+
+def test_without_a_locked_pll_no_gate_is_on(tmp_path: Path) -> None:
+    lost, back = 200_000, 300
+    clock = tmp_path / "clock.v"
+    text, count = re.subn(
+        r"assign locked = 1'b1;",
+        f"reg [31:0] age = 0; always @(posedge clock) age <= age + 1;\n"
+        f"  assign locked = age < {lost} || age >= {lost + back};",
+        virtual_board.CLOCK.read_text(encoding="utf-8"),
+    )
+    assert count == 1
+    clock.write_text(text, encoding="utf-8")
+    with Script(ULX3S.generics("mptc"), clock=clock) as script:
+        board = Hostile(script, True, ULX3S.core_mhz * 1e6)
+        position = board.run_up().position & 7
+        here = 0
+        while here < lost - 20_000:  # the watchdog wants decisions
+            position = board.step(position).position & 7
+            script.wait(2000)
+            here = script.run()[-1].clock
+        script.wait(lost - here - 10)
+        script.wait(30)
+        before, after = script.run()
+        assert (before.gates != 0, after.gates) == (True, 0)
+        script.wait(back + 5000)
+        seen = script.run()[-1]
+        assert (seen.gates, seen.changes) == (0, 0)
+        # the whole board has begun anew
+        board.number = p.first_sequence(1)
+        assert board.read("system.control") == 0
+        assert board.read("system.commits") == 1
+        assert board.step(0).faults == 0
+        assert script_gates(board) == 0
+
+
+def test_a_clock_that_clock_monitor_finds_too_slow_lets_no_gate_on(tmp_path: Path) -> None:
+    clock = tmp_path / "clock.v"
+    text, count = re.subn(
+        "5'd19", "5'd9", virtual_board.CLOCK.read_text(encoding="utf-8")
+    )  # the second oscillator counts twice as many clocks: the first has half its frequency
+    assert count == 1
+    clock.write_text(text, encoding="utf-8")
+    with Script(ULX3S.generics("mptc"), clock=clock) as script:
+        board = Hostile(script, True)
+        board.send(Frame(Type.IDENTIFY, board.number + 1, b"").wire(), 70)
+        script.wait(20_000)
+        assert not any(any(seen.spi) or seen.gates for seen in script.run())
 
 
 def test_the_netlist_with_a_divided_clock_controls_a_drive(tmp_path: Path) -> None:
@@ -311,7 +361,7 @@ def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(tmp_p
 @pytest.mark.parametrize("name", ["ulx3s-85f", "arty-s7-50", "spartan3-starter"])
 def test_steps_over_spi_switch_the_gates_and_permit_stops_them(name: str) -> None:
     with Script(BOARDS[name].generics("mptc")) as script:
-        board = Hostile(script, True)
+        board = Hostile(script, True, BOARDS[name].core_mhz * 1e6)
         decision = board.run_up()
         on = script_gates(board)
         assert on == gates_of("mptc", decision)

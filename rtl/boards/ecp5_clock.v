@@ -1,0 +1,53 @@
+// Clock of the core on a board with an ECP5: 100 MHz from 25, and a second oscillator that watches it.
+//
+// The one file with a vendor's primitives: EHXPLLL (25 MHz * 4; its oscillator runs at 600 MHz) and OSCG (310 MHz / 128).
+// It is Verilog, because GHDL writes texts of generics as numbers, which place and route does not take.
+// core_clock is the feedback, so that its edges are those of clock.
+// Latency: locked rises within 15 ms of clock; see clock_monitor for what watches core_clock.
+// Licence: Apache-2.0
+
+module board_clock (
+  input  clock,      // oscillator of the board, 25 MHz
+  output core_clock, // 100 MHz
+  output locked,     // 1: core_clock is as it should be; asynchronous
+  output oscillator  // 2.42 MHz within 15 %
+);
+
+  (* FREQUENCY_PIN_CLKI = "25" *)
+  (* FREQUENCY_PIN_CLKOP = "100" *)
+  (* ICP_CURRENT = "12" *)
+  (* LPF_RESISTOR = "8" *)
+  (* MFG_ENABLE_FILTEROPAMP = "1" *)
+  (* MFG_GMCREF_SEL = "2" *)
+  EHXPLLL #(
+    .CLKI_DIV(1),
+    .CLKFB_DIV(4),
+    .CLKOP_DIV(6),
+    .CLKOP_CPHASE(5),
+    .CLKOP_FPHASE(0),
+    .CLKOP_ENABLE("ENABLED"),
+    .FEEDBK_PATH("CLKOP"),
+    .INTFB_WAKE("DISABLED"),
+    .STDBY_ENABLE("DISABLED"),
+    .DPHASE_SOURCE("DISABLED"),
+    .PLLRST_ENA("DISABLED"),
+    .OUTDIVIDER_MUXA("DIVA")
+  ) pll (
+    .CLKI(clock),
+    .CLKFB(core_clock),
+    .CLKOP(core_clock),
+    .LOCK(locked),
+    .RST(1'b0),
+    .STDBY(1'b0),
+    .PHASESEL0(1'b0),
+    .PHASESEL1(1'b0),
+    .PHASEDIR(1'b0),
+    .PHASESTEP(1'b0),
+    .PHASELOADREG(1'b0),
+    .PLLWAKESYNC(1'b0),
+    .ENCLKOP(1'b0)
+  );
+
+  OSCG #(.DIV(128)) second (.OSC(oscillator));
+
+endmodule

@@ -1,0 +1,24 @@
+// board_clock of the virtual board: the core's clock is the oscillator's, always locked, and the second oscillator has a
+// fortieth of its frequency (see rtl/boards/ecp5_clock.v for the real one).
+// Licence: Apache-2.0
+
+module board_clock (
+  input      clock,      // what the simulation drives, once per clock of the core
+  output     core_clock, // clock
+  output     locked,     // 1
+  output reg oscillator  // clock / 40
+);
+
+  reg [4:0] count;
+
+  assign core_clock = clock;
+  assign locked = 1'b1;
+
+  always @(posedge clock)
+    if (count >= 5'd19) begin
+      count <= 5'd0;
+      oscillator <= ~oscillator;
+    end else
+      count <= count + 5'd1;
+
+endmodule
