@@ -83,9 +83,10 @@ architecture rtl of directmpc_mpdcc_registers is
         rdata : std_logic_vector(31 downto 0);
     end record axil_resp_buffer_t;
     type axil_resp_buffer_array_t is array (integer range <>) of axil_resp_buffer_t;
-    signal axil_resp_buffer : axil_resp_buffer_array_t(1 downto 0);
-    signal axil_resp_wptr : unsigned(1 downto 0);
-    signal axil_resp_rptr : unsigned(1 downto 0);
+    signal axil_resp_buffer : axil_resp_buffer_array_t(3 downto 0);
+    signal axil_resp_wptr : unsigned(2 downto 0);
+    signal axil_resp_rptr : unsigned(2 downto 0);
+    signal cpuif_req_stall_sr : std_logic_vector(0 downto 0);
 
     ----------------------------------------------------------------------------
     -- Address Decode Signals
@@ -2134,6 +2135,29 @@ architecture rtl of directmpc_mpdcc_registers is
     signal readback_err : std_logic;
     signal readback_done : std_logic;
     signal readback_data : std_logic_vector(31 downto 0);
+    type readback_data_array_t is array (0 to 15) of std_logic_vector(32 downto 0);
+    constant READBACK_DATA_ARRAY_ZEROS : readback_data_array_t := (0 to 15 => std_logic_vector'(0 to 32 => '0'));
+    signal readback_data_rt_c : readback_data_array_t;
+    signal readback_data_rt : readback_data_array_t;
+    signal readback_done_rt : std_logic;
+    signal readback_err_rt : std_logic;
+    signal readback_addr_rt : unsigned(9 downto 0);
+    function ad_low(addr: unsigned(9 downto 0)) return unsigned is
+    begin
+        return addr(5 downto 0);
+    end function;
+    function ad_low(addr: natural) return natural is
+    begin
+        return to_integer(ad_low(to_unsigned(addr, 10)));
+    end function;
+    function ad_hi(addr: unsigned(9 downto 0)) return unsigned is
+    begin
+        return addr(9 downto 6);
+    end function;
+    function ad_hi(addr: natural) return natural is
+    begin
+        return to_integer(ad_hi(to_unsigned(addr, 10)));
+    end function;
 begin
 
     ----------------------------------------------------------------------------
@@ -2141,7 +2165,7 @@ begin
     ----------------------------------------------------------------------------
     
 
-    -- Max Outstanding Transactions: 2
+    -- Max Outstanding Transactions: 3
     -- Transaction request acceptance
     process(clk) begin
         if false then -- async reset
@@ -2216,30 +2240,31 @@ begin
         end loop;
         cpuif_req <= '0';
         cpuif_req_is_wr <= '0';
-        cpuif_addr <= (others => '0');
+        if (axil_awvalid and axil_wvalid) and not (axil_arvalid and not axil_prev_was_rd) then
+            cpuif_addr <= (9 downto 2 => axil_awaddr(9 downto 2), others => '0');
+        else
+            cpuif_addr <= (9 downto 2 => axil_araddr(9 downto 2), others => '0');
+        end if;
         axil_ar_accept <= '0';
         axil_aw_accept <= '0';
 
-        if axil_n_in_flight < to_unsigned(2, 2) then
+        if axil_n_in_flight < to_unsigned(3, 2) then
             -- Can safely issue more transactions without overwhelming response buffer
             if axil_arvalid and not axil_prev_was_rd then
                 cpuif_req <= '1';
                 cpuif_req_is_wr <= '0';
-                cpuif_addr <= (9 downto 2 => axil_araddr(9 downto 2), others => '0');
                 if not cpuif_req_stall_rd then
                     axil_ar_accept <= '1';
                 end if;
             elsif axil_awvalid and axil_wvalid then
                 cpuif_req <= '1';
                 cpuif_req_is_wr <= '1';
-                cpuif_addr <= (9 downto 2 => axil_awaddr(9 downto 2), others => '0');
                 if not cpuif_req_stall_wr then
                     axil_aw_accept <= '1';
                 end if;
             elsif axil_arvalid then
                 cpuif_req <= '1';
                 cpuif_req_is_wr <= '0';
-                cpuif_addr <= (9 downto 2 => axil_araddr(9 downto 2), others => '0');
                 if not cpuif_req_stall_rd then
                     axil_ar_accept <= '1';
                 end if;
@@ -2247,6 +2272,11 @@ begin
         end if;
     end process;
     -- AXI4-Lite Response Logic
+    -- axil_resp_buffer is intentionally padded to the next power of two despite
+    -- only requiring 3 entries.
+    -- This is to avoid quirks in some tools that cannot handle indexing into a non-power-of-2 array.
+    -- Unused entries are expected to be optimized away
+
     process(clk) begin
         if false then -- async reset
             for i in axil_resp_buffer'RANGE loop
@@ -2269,20 +2299,30 @@ begin
                 -- Store responses in buffer until AXI response channel accepts them
                 if cpuif_rd_ack or cpuif_wr_ack then
                     if cpuif_rd_ack then
-                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).is_wr <= '0';
-                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).err <= cpuif_rd_err;
-                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).rdata <= cpuif_rd_data;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).is_wr <= '0';
+                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).err <= cpuif_rd_err;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).rdata <= cpuif_rd_data;
 
                     elsif cpuif_wr_ack then
-                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).is_wr <= '1';
-                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).err <= cpuif_wr_err;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).is_wr <= '1';
+                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).err <= cpuif_wr_err;
                     end if;
-                    axil_resp_wptr <= axil_resp_wptr + 1;
+                    if axil_resp_wptr(1 downto 0) = 2 then
+                        axil_resp_wptr(1 downto 0) <= (others => '0');
+                        axil_resp_wptr(2) <= not axil_resp_wptr(2);
+                    else
+                        axil_resp_wptr(1 downto 0) <= axil_resp_wptr(1 downto 0) + 1;
+                    end if;
                 end if;
 
                 -- Advance read pointer when acknowledged
                 if axil_resp_acked then
-                    axil_resp_rptr <= axil_resp_rptr + 1;
+                    if axil_resp_rptr(1 downto 0) = 2 then
+                        axil_resp_rptr(1 downto 0) <= (others => '0');
+                        axil_resp_rptr(2) <= not axil_resp_rptr(2);
+                    else
+                        axil_resp_rptr(1 downto 0) <= axil_resp_rptr(1 downto 0) + 1;
+                    end if;
                 end if;
             end if;
         end if;
@@ -2293,7 +2333,7 @@ begin
         s_axil_bvalid <= '0';
         s_axil_rvalid <= '0';
         if axil_resp_rptr /= axil_resp_wptr then
-            if axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).is_wr then
+            if axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).is_wr then
                 s_axil_bvalid <= '1';
                 if s_axil_bready then
                     axil_resp_acked <= '1';
@@ -2306,8 +2346,8 @@ begin
             end if;
         end if;
 
-        s_axil_rdata <= axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).rdata;
-        if axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).err then
+        s_axil_rdata <= axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).rdata;
+        if axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).err then
             s_axil_bresp <= "10";
             s_axil_rresp <= "10";
         else
@@ -2317,9 +2357,22 @@ begin
     end process;
 
 
-    -- Read & write latencies are balanced. Stalls not required
+    -- Read latency > write latency. May need to delay next write that follows a read
+    process(clk) begin
+        if false then -- async reset
+            cpuif_req_stall_sr <= (others => '0');
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                cpuif_req_stall_sr <= (others => '0');
+            elsif cpuif_req and not cpuif_req_is_wr then
+                cpuif_req_stall_sr <= (others => '1');
+            else
+                cpuif_req_stall_sr <= std_logic_vector(shift_right(unsigned(cpuif_req_stall_sr), 1));
+            end if;
+        end if;
+    end process;
     cpuif_req_stall_rd <= '0';
-    cpuif_req_stall_wr <= '0';
+    cpuif_req_stall_wr <= cpuif_req_stall_sr(0);
     cpuif_req_masked <= cpuif_req
                         and not (not cpuif_req_is_wr and cpuif_req_stall_rd)
                         and not (cpuif_req_is_wr and cpuif_req_stall_wr);
@@ -5891,324 +5944,354 @@ begin
     ----------------------------------------------------------------------------
     -- Readback
     ----------------------------------------------------------------------------
-    rd_mux_addr <= unsigned(decoded_addr);
+    rd_mux_addr <= unsigned(axil_araddr(9 downto 2)) & "00";
 
+    -- readback stage 1
     process(all)
-        variable readback_data_var : std_logic_vector(31 downto 0);
+        variable readback_data_var : readback_data_array_t;
     begin
-        readback_data_var := (others => '0');
-        if rd_mux_addr = 16#0# then
-            readback_data_var(31 downto 0) := 32x"444D5043";
-        end if;
-        if rd_mux_addr = 16#4# then
-            readback_data_var(7 downto 0) := 8x"0";
-            readback_data_var(15 downto 8) := 8x"1";
-            readback_data_var(23 downto 16) := 8x"0";
-            readback_data_var(31 downto 24) := 8x"1";
-        end if;
-        if rd_mux_addr = 16#8# then
-            readback_data_var(3 downto 0) := hwif_in.system.capabilities.controller.next_q;
-            readback_data_var(7 downto 4) := hwif_in.system.capabilities.explorers.next_q;
-            readback_data_var(8) := hwif_in.system.capabilities.folded.next_q;
-            readback_data_var(9) := hwif_in.system.capabilities.flux_control.next_q;
-            readback_data_var(10) := hwif_in.system.capabilities.observer.next_q;
-            readback_data_var(11) := hwif_in.system.capabilities.second_level.next_q;
-            readback_data_var(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
-            readback_data_var(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
-        end if;
-        if rd_mux_addr = 16#C# then
-            readback_data_var(0) := field_storage.system.control.enable.value;
-            readback_data_var(1) := field_storage.system.control.registers_as_source.value;
-            readback_data_var(2) := field_storage.system.control.use_observer.value;
-            readback_data_var(3) := field_storage.system.control.own_positions.value;
-        end if;
-        if rd_mux_addr = 16#14# then
-            readback_data_var(0) := hwif_in.system.status.busy.next_q;
-            readback_data_var(1) := hwif_in.system.status.commit_pending.next_q;
-            readback_data_var(2) := hwif_in.system.status.running.next_q;
-            readback_data_var(3) := hwif_in.system.status.commutating.next_q;
-            readback_data_var(4) := hwif_in.system.status.fault.next_q;
-            readback_data_var(5) := hwif_in.system.status.enabled.next_q;
-        end if;
-        if rd_mux_addr = 16#18# then
-            readback_data_var(0) := field_storage.system.flags.saturated.value;
-            readback_data_var(1) := field_storage.system.flags.deadlock.value;
-            readback_data_var(2) := field_storage.system.flags.start_ignored.value;
-            readback_data_var(3) := field_storage.system.flags.observer_saturated.value;
-            readback_data_var(4) := field_storage.system.flags.clamped.value;
-        end if;
-        if rd_mux_addr = 16#1C# then
-            readback_data_var(0) := field_storage.system.faults.external_trip.value;
-            readback_data_var(1) := field_storage.system.faults.over_current.value;
-            readback_data_var(2) := field_storage.system.faults.link_high.value;
-            readback_data_var(3) := field_storage.system.faults.link_low.value;
-            readback_data_var(4) := field_storage.system.faults.illegal_edge.value;
-            readback_data_var(5) := field_storage.system.faults.late.value;
-            readback_data_var(6) := field_storage.system.faults.missing.value;
-            readback_data_var(7) := field_storage.system.faults.overrun.value;
-            readback_data_var(8) := field_storage.system.faults.interlock.value;
-        end if;
-        if rd_mux_addr = 16#24# then
-            readback_data_var(15 downto 0) := hwif_in.system.cycles.last.next_q;
-            readback_data_var(31 downto 16) := hwif_in.system.cycles.worst.next_q;
-        end if;
-        if rd_mux_addr = 16#28# then
-            readback_data_var(31 downto 0) := hwif_in.system.decisions.count.next_q;
-        end if;
-        if rd_mux_addr = 16#2C# then
-            readback_data_var(15 downto 0) := hwif_in.system.commits.count.next_q;
-        end if;
-        if rd_mux_addr = 16#30# then
-            readback_data_var(23 downto 0) := hwif_in.system.gates.gates.next_q;
+        readback_data_var := READBACK_DATA_ARRAY_ZEROS;
+        if ad_low(rd_mux_addr) = ad_low(16#0#) then
+            readback_data_var(ad_hi(16#0#))(31 downto 0) := 32x"444D5043";
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#4#) then
+            readback_data_var(ad_hi(16#4#))(7 downto 0) := 8x"0";
+            readback_data_var(ad_hi(16#4#))(15 downto 8) := 8x"1";
+            readback_data_var(ad_hi(16#4#))(23 downto 16) := 8x"0";
+            readback_data_var(ad_hi(16#4#))(31 downto 24) := 8x"1";
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#8#) then
+            readback_data_var(ad_hi(16#8#))(3 downto 0) := hwif_in.system.capabilities.controller.next_q;
+            readback_data_var(ad_hi(16#8#))(7 downto 4) := hwif_in.system.capabilities.explorers.next_q;
+            readback_data_var(ad_hi(16#8#))(8) := hwif_in.system.capabilities.folded.next_q;
+            readback_data_var(ad_hi(16#8#))(9) := hwif_in.system.capabilities.flux_control.next_q;
+            readback_data_var(ad_hi(16#8#))(10) := hwif_in.system.capabilities.observer.next_q;
+            readback_data_var(ad_hi(16#8#))(11) := hwif_in.system.capabilities.second_level.next_q;
+            readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
+            readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#C#) then
+            readback_data_var(ad_hi(16#C#))(0) := field_storage.system.control.enable.value;
+            readback_data_var(ad_hi(16#C#))(1) := field_storage.system.control.registers_as_source.value;
+            readback_data_var(ad_hi(16#C#))(2) := field_storage.system.control.use_observer.value;
+            readback_data_var(ad_hi(16#C#))(3) := field_storage.system.control.own_positions.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#14#) then
+            readback_data_var(ad_hi(16#14#))(0) := hwif_in.system.status.busy.next_q;
+            readback_data_var(ad_hi(16#14#))(1) := hwif_in.system.status.commit_pending.next_q;
+            readback_data_var(ad_hi(16#14#))(2) := hwif_in.system.status.running.next_q;
+            readback_data_var(ad_hi(16#14#))(3) := hwif_in.system.status.commutating.next_q;
+            readback_data_var(ad_hi(16#14#))(4) := hwif_in.system.status.fault.next_q;
+            readback_data_var(ad_hi(16#14#))(5) := hwif_in.system.status.enabled.next_q;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#18#) then
+            readback_data_var(ad_hi(16#18#))(0) := field_storage.system.flags.saturated.value;
+            readback_data_var(ad_hi(16#18#))(1) := field_storage.system.flags.deadlock.value;
+            readback_data_var(ad_hi(16#18#))(2) := field_storage.system.flags.start_ignored.value;
+            readback_data_var(ad_hi(16#18#))(3) := field_storage.system.flags.observer_saturated.value;
+            readback_data_var(ad_hi(16#18#))(4) := field_storage.system.flags.clamped.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1C#) then
+            readback_data_var(ad_hi(16#1C#))(0) := field_storage.system.faults.external_trip.value;
+            readback_data_var(ad_hi(16#1C#))(1) := field_storage.system.faults.over_current.value;
+            readback_data_var(ad_hi(16#1C#))(2) := field_storage.system.faults.link_high.value;
+            readback_data_var(ad_hi(16#1C#))(3) := field_storage.system.faults.link_low.value;
+            readback_data_var(ad_hi(16#1C#))(4) := field_storage.system.faults.illegal_edge.value;
+            readback_data_var(ad_hi(16#1C#))(5) := field_storage.system.faults.late.value;
+            readback_data_var(ad_hi(16#1C#))(6) := field_storage.system.faults.missing.value;
+            readback_data_var(ad_hi(16#1C#))(7) := field_storage.system.faults.overrun.value;
+            readback_data_var(ad_hi(16#1C#))(8) := field_storage.system.faults.interlock.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#24#) then
+            readback_data_var(ad_hi(16#24#))(15 downto 0) := hwif_in.system.cycles.last.next_q;
+            readback_data_var(ad_hi(16#24#))(31 downto 16) := hwif_in.system.cycles.worst.next_q;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#28#) then
+            readback_data_var(ad_hi(16#28#))(31 downto 0) := hwif_in.system.decisions.count.next_q;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#2C#) then
+            readback_data_var(ad_hi(16#2C#))(15 downto 0) := hwif_in.system.commits.count.next_q;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#30#) then
+            readback_data_var(ad_hi(16#30#))(23 downto 0) := hwif_in.system.gates.gates.next_q;
         end if;
-        if rd_mux_addr = 16#40# then
-            readback_data_var(11 downto 0) := field_storage.guard.dead_time.clocks.value;
+        if ad_low(rd_mux_addr) = ad_low(16#40#) then
+            readback_data_var(ad_hi(16#40#))(11 downto 0) := field_storage.guard.dead_time.clocks.value;
         end if;
-        if rd_mux_addr = 16#44# then
-            readback_data_var(11 downto 0) := field_storage.guard.minimum_on.clocks.value;
+        if ad_low(rd_mux_addr) = ad_low(16#44#) then
+            readback_data_var(ad_hi(16#44#))(11 downto 0) := field_storage.guard.minimum_on.clocks.value;
         end if;
-        if rd_mux_addr = 16#48# then
-            readback_data_var(11 downto 0) := field_storage.guard.minimum_off.clocks.value;
+        if ad_low(rd_mux_addr) = ad_low(16#48#) then
+            readback_data_var(ad_hi(16#48#))(11 downto 0) := field_storage.guard.minimum_off.clocks.value;
         end if;
-        if rd_mux_addr = 16#4C# then
-            readback_data_var(15 downto 0) := field_storage.guard.decision_limit.clocks.value;
+        if ad_low(rd_mux_addr) = ad_low(16#4C#) then
+            readback_data_var(ad_hi(16#4C#))(15 downto 0) := field_storage.guard.decision_limit.clocks.value;
         end if;
-        if rd_mux_addr = 16#50# then
-            readback_data_var(15 downto 0) := field_storage.guard.watchdog.clocks.value;
+        if ad_low(rd_mux_addr) = ad_low(16#50#) then
+            readback_data_var(ad_hi(16#50#))(15 downto 0) := field_storage.guard.watchdog.clocks.value;
         end if;
-        if rd_mux_addr = 16#54# then
-            readback_data_var(15 downto 0) := field_storage.guard.current_limit.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#54#) then
+            readback_data_var(ad_hi(16#54#))(15 downto 0) := field_storage.guard.current_limit.value.value;
         end if;
-        if rd_mux_addr = 16#58# then
-            readback_data_var(15 downto 0) := field_storage.guard.link_high.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#58#) then
+            readback_data_var(ad_hi(16#58#))(15 downto 0) := field_storage.guard.link_high.value.value;
         end if;
-        if rd_mux_addr = 16#5C# then
-            readback_data_var(15 downto 0) := field_storage.guard.link_low.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#5C#) then
+            readback_data_var(ad_hi(16#5C#))(15 downto 0) := field_storage.guard.link_low.value.value;
         end if;
-        if rd_mux_addr = 16#80# then
-            readback_data_var(2 downto 0) := field_storage.result.decision.s_a.value;
-            readback_data_var(5 downto 3) := field_storage.result.decision.s_b.value;
-            readback_data_var(8 downto 6) := field_storage.result.decision.s_c.value;
-            readback_data_var(9) := field_storage.result.decision.held.value;
-            readback_data_var(10) := field_storage.result.decision.deadlock.value;
-            readback_data_var(11) := field_storage.result.decision.saturated.value;
-            readback_data_var(12) := field_storage.result.decision.exhausted.value;
-            readback_data_var(21 downto 16) := field_storage.result.decision.length.value;
+        if ad_low(rd_mux_addr) = ad_low(16#80#) then
+            readback_data_var(ad_hi(16#80#))(2 downto 0) := field_storage.result.decision.s_a.value;
+            readback_data_var(ad_hi(16#80#))(5 downto 3) := field_storage.result.decision.s_b.value;
+            readback_data_var(ad_hi(16#80#))(8 downto 6) := field_storage.result.decision.s_c.value;
+            readback_data_var(ad_hi(16#80#))(9) := field_storage.result.decision.held.value;
+            readback_data_var(ad_hi(16#80#))(10) := field_storage.result.decision.deadlock.value;
+            readback_data_var(ad_hi(16#80#))(11) := field_storage.result.decision.saturated.value;
+            readback_data_var(ad_hi(16#80#))(12) := field_storage.result.decision.exhausted.value;
+            readback_data_var(ad_hi(16#80#))(21 downto 16) := field_storage.result.decision.length.value;
         end if;
-        if rd_mux_addr = 16#84# then
-            readback_data_var(15 downto 0) := field_storage.result.rotor_flux.alpha.value;
-            readback_data_var(31 downto 16) := field_storage.result.rotor_flux.beta.value;
+        if ad_low(rd_mux_addr) = ad_low(16#84#) then
+            readback_data_var(ad_hi(16#84#))(15 downto 0) := field_storage.result.rotor_flux.alpha.value;
+            readback_data_var(ad_hi(16#84#))(31 downto 16) := field_storage.result.rotor_flux.beta.value;
         end if;
-        if rd_mux_addr = 16#100# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_error_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#100#) then
+            readback_data_var(ad_hi(16#100#))(15 downto 0) := field_storage.parameters.c_error_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#104# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_error_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#104#) then
+            readback_data_var(ad_hi(16#104#))(15 downto 0) := field_storage.parameters.c_error_beta.value.value;
         end if;
-        if rd_mux_addr = 16#108# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_error_neutral.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#108#) then
+            readback_data_var(ad_hi(16#108#))(15 downto 0) := field_storage.parameters.c_error_neutral.value.value;
         end if;
-        if rd_mux_addr = 16#10C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_error_phase.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#10C#) then
+            readback_data_var(ad_hi(16#10C#))(15 downto 0) := field_storage.parameters.c_error_phase.value.value;
         end if;
-        if rd_mux_addr = 16#110# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_stator_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#110#) then
+            readback_data_var(ad_hi(16#110#))(15 downto 0) := field_storage.parameters.c_stator_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#114# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_stator_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#114#) then
+            readback_data_var(ad_hi(16#114#))(15 downto 0) := field_storage.parameters.c_stator_beta.value.value;
         end if;
-        if rd_mux_addr = 16#118# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_rotor_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#118#) then
+            readback_data_var(ad_hi(16#118#))(15 downto 0) := field_storage.parameters.c_rotor_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#11C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_rotor_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#11C#) then
+            readback_data_var(ad_hi(16#11C#))(15 downto 0) := field_storage.parameters.c_rotor_beta.value.value;
         end if;
-        if rd_mux_addr = 16#120# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_reference_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#120#) then
+            readback_data_var(ad_hi(16#120#))(15 downto 0) := field_storage.parameters.c_reference_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#124# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_reference_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#124#) then
+            readback_data_var(ad_hi(16#124#))(15 downto 0) := field_storage.parameters.c_reference_beta.value.value;
         end if;
-        if rd_mux_addr = 16#128# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_emf_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#128#) then
+            readback_data_var(ad_hi(16#128#))(15 downto 0) := field_storage.parameters.c_emf_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#12C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_emf_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#12C#) then
+            readback_data_var(ad_hi(16#12C#))(15 downto 0) := field_storage.parameters.c_emf_beta.value.value;
         end if;
-        if rd_mux_addr = 16#130# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_correction_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#130#) then
+            readback_data_var(ad_hi(16#130#))(15 downto 0) := field_storage.parameters.c_correction_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#134# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_correction_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#134#) then
+            readback_data_var(ad_hi(16#134#))(15 downto 0) := field_storage.parameters.c_correction_beta.value.value;
         end if;
-        if rd_mux_addr = 16#138# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_forced_voltage.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#138#) then
+            readback_data_var(ad_hi(16#138#))(15 downto 0) := field_storage.parameters.c_forced_voltage.value.value;
         end if;
-        if rd_mux_addr = 16#13C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_forced_neutral.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#13C#) then
+            readback_data_var(ad_hi(16#13C#))(15 downto 0) := field_storage.parameters.c_forced_neutral.value.value;
         end if;
-        if rd_mux_addr = 16#140# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_phase_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#140#) then
+            readback_data_var(ad_hi(16#140#))(15 downto 0) := field_storage.parameters.c_phase_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#144# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_phase_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#144#) then
+            readback_data_var(ad_hi(16#144#))(15 downto 0) := field_storage.parameters.c_phase_beta.value.value;
         end if;
-        if rd_mux_addr = 16#148# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_midpoint_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#148#) then
+            readback_data_var(ad_hi(16#148#))(15 downto 0) := field_storage.parameters.c_midpoint_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#14C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_midpoint_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#14C#) then
+            readback_data_var(ad_hi(16#14C#))(15 downto 0) := field_storage.parameters.c_midpoint_beta.value.value;
         end if;
-        if rd_mux_addr = 16#150# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_weight.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#150#) then
+            readback_data_var(ad_hi(16#150#))(15 downto 0) := field_storage.parameters.c_weight.value.value;
         end if;
-        if rd_mux_addr = 16#154# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_weight_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#154#) then
+            readback_data_var(ad_hi(16#154#))(15 downto 0) := field_storage.parameters.c_weight_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#158# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_weight_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#158#) then
+            readback_data_var(ad_hi(16#158#))(15 downto 0) := field_storage.parameters.c_weight_beta.value.value;
         end if;
-        if rd_mux_addr = 16#15C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_emf_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#15C#) then
+            readback_data_var(ad_hi(16#15C#))(15 downto 0) := field_storage.parameters.c_curvature_emf_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#160# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_emf_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#160#) then
+            readback_data_var(ad_hi(16#160#))(15 downto 0) := field_storage.parameters.c_curvature_emf_beta.value.value;
         end if;
-        if rd_mux_addr = 16#164# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_flux_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#164#) then
+            readback_data_var(ad_hi(16#164#))(15 downto 0) := field_storage.parameters.c_curvature_flux_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#168# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_flux_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#168#) then
+            readback_data_var(ad_hi(16#168#))(15 downto 0) := field_storage.parameters.c_curvature_flux_beta.value.value;
         end if;
-        if rd_mux_addr = 16#16C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_reference_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#16C#) then
+            readback_data_var(ad_hi(16#16C#))(15 downto 0) := field_storage.parameters.c_curvature_reference_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#170# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_curvature_reference_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#170#) then
+            readback_data_var(ad_hi(16#170#))(15 downto 0) := field_storage.parameters.c_curvature_reference_beta.value.value;
         end if;
-        if rd_mux_addr = 16#174# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_change_phase.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#174#) then
+            readback_data_var(ad_hi(16#174#))(15 downto 0) := field_storage.parameters.c_change_phase.value.value;
         end if;
-        if rd_mux_addr = 16#178# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_change_midpoint.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#178#) then
+            readback_data_var(ad_hi(16#178#))(15 downto 0) := field_storage.parameters.c_change_midpoint.value.value;
         end if;
-        if rd_mux_addr = 16#17C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_change_weight.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#17C#) then
+            readback_data_var(ad_hi(16#17C#))(15 downto 0) := field_storage.parameters.c_change_weight.value.value;
         end if;
-        if rd_mux_addr = 16#180# then
-            readback_data_var(15 downto 0) := field_storage.parameters.c_error_forced.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#180#) then
+            readback_data_var(ad_hi(16#180#))(15 downto 0) := field_storage.parameters.c_error_forced.value.value;
         end if;
-        if rd_mux_addr = 16#184# then
-            readback_data_var(15 downto 0) := field_storage.parameters.bound_current.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#184#) then
+            readback_data_var(ad_hi(16#184#))(15 downto 0) := field_storage.parameters.bound_current.value.value;
         end if;
-        if rd_mux_addr = 16#188# then
-            readback_data_var(15 downto 0) := field_storage.parameters.bound_neutral.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#188#) then
+            readback_data_var(ad_hi(16#188#))(15 downto 0) := field_storage.parameters.bound_neutral.value.value;
         end if;
-        if rd_mux_addr = 16#18C# then
-            readback_data_var(15 downto 0) := field_storage.parameters.bound_phase.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#18C#) then
+            readback_data_var(ad_hi(16#18C#))(15 downto 0) := field_storage.parameters.bound_phase.value.value;
         end if;
-        if rd_mux_addr = 16#190# then
-            readback_data_var(5 downto 0) := field_storage.parameters.horizon.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#190#) then
+            readback_data_var(ad_hi(16#190#))(5 downto 0) := field_storage.parameters.horizon.value.value;
         end if;
-        if rd_mux_addr = 16#194# then
-            readback_data_var(1 downto 0) := field_storage.parameters.weight_scale.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#194#) then
+            readback_data_var(ad_hi(16#194#))(1 downto 0) := field_storage.parameters.weight_scale.value.value;
         end if;
-        if rd_mux_addr = 16#198# then
-            readback_data_var(0) := field_storage.parameters.two_switchings.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#198#) then
+            readback_data_var(ad_hi(16#198#))(0) := field_storage.parameters.two_switchings.value.value;
         end if;
-        if rd_mux_addr = 16#19C# then
-            readback_data_var(11 downto 0) := field_storage.parameters.budget.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#19C#) then
+            readback_data_var(ad_hi(16#19C#))(11 downto 0) := field_storage.parameters.budget.value.value;
         end if;
-        if rd_mux_addr = 16#1A0# then
-            readback_data_var(0) := field_storage.parameters.compensate.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1A0#) then
+            readback_data_var(ad_hi(16#1A0#))(0) := field_storage.parameters.compensate.value.value;
         end if;
-        if rd_mux_addr = 16#1A4# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_speed.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1A4#) then
+            readback_data_var(ad_hi(16#1A4#))(17 downto 0) := field_storage.parameters.o_speed.value.value;
         end if;
-        if rd_mux_addr = 16#1A8# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_voltage_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1A8#) then
+            readback_data_var(ad_hi(16#1A8#))(17 downto 0) := field_storage.parameters.o_voltage_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#1AC# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_voltage_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1AC#) then
+            readback_data_var(ad_hi(16#1AC#))(17 downto 0) := field_storage.parameters.o_voltage_beta.value.value;
         end if;
-        if rd_mux_addr = 16#1B0# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_drop.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1B0#) then
+            readback_data_var(ad_hi(16#1B0#))(17 downto 0) := field_storage.parameters.o_drop.value.value;
         end if;
-        if rd_mux_addr = 16#1B4# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_pull.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1B4#) then
+            readback_data_var(ad_hi(16#1B4#))(17 downto 0) := field_storage.parameters.o_pull.value.value;
         end if;
-        if rd_mux_addr = 16#1B8# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_pull_flux.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1B8#) then
+            readback_data_var(ad_hi(16#1B8#))(17 downto 0) := field_storage.parameters.o_pull_flux.value.value;
         end if;
-        if rd_mux_addr = 16#1BC# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_pull_current.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1BC#) then
+            readback_data_var(ad_hi(16#1BC#))(17 downto 0) := field_storage.parameters.o_pull_current.value.value;
         end if;
-        if rd_mux_addr = 16#1C0# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_decay.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1C0#) then
+            readback_data_var(ad_hi(16#1C0#))(17 downto 0) := field_storage.parameters.o_decay.value.value;
         end if;
-        if rd_mux_addr = 16#1C4# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_excitation.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1C4#) then
+            readback_data_var(ad_hi(16#1C4#))(17 downto 0) := field_storage.parameters.o_excitation.value.value;
         end if;
-        if rd_mux_addr = 16#1C8# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_output_flux.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1C8#) then
+            readback_data_var(ad_hi(16#1C8#))(17 downto 0) := field_storage.parameters.o_output_flux.value.value;
         end if;
-        if rd_mux_addr = 16#1CC# then
-            readback_data_var(17 downto 0) := field_storage.parameters.o_output_current.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1CC#) then
+            readback_data_var(ad_hi(16#1CC#))(17 downto 0) := field_storage.parameters.o_output_current.value.value;
         end if;
-        if rd_mux_addr = 16#1D0# then
-            readback_data_var(0) := field_storage.parameters.deadlock_rule.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#1D0#) then
+            readback_data_var(ad_hi(16#1D0#))(0) := field_storage.parameters.deadlock_rule.value.value;
         end if;
-        if rd_mux_addr = 16#200# then
-            readback_data_var(15 downto 0) := field_storage.measurements.is_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#200#) then
+            readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#204# then
-            readback_data_var(15 downto 0) := field_storage.measurements.is_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#204#) then
+            readback_data_var(ad_hi(16#204#))(15 downto 0) := field_storage.measurements.is_beta.value.value;
         end if;
-        if rd_mux_addr = 16#208# then
-            readback_data_var(15 downto 0) := field_storage.measurements.psir_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#208#) then
+            readback_data_var(ad_hi(16#208#))(15 downto 0) := field_storage.measurements.psir_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#20C# then
-            readback_data_var(15 downto 0) := field_storage.measurements.psir_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#20C#) then
+            readback_data_var(ad_hi(16#20C#))(15 downto 0) := field_storage.measurements.psir_beta.value.value;
         end if;
-        if rd_mux_addr = 16#210# then
-            readback_data_var(15 downto 0) := field_storage.measurements.v_n.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#210#) then
+            readback_data_var(ad_hi(16#210#))(15 downto 0) := field_storage.measurements.v_n.value.value;
         end if;
-        if rd_mux_addr = 16#214# then
-            readback_data_var(15 downto 0) := field_storage.measurements.v_ph_a.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#214#) then
+            readback_data_var(ad_hi(16#214#))(15 downto 0) := field_storage.measurements.v_ph_a.value.value;
         end if;
-        if rd_mux_addr = 16#218# then
-            readback_data_var(15 downto 0) := field_storage.measurements.v_ph_b.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#218#) then
+            readback_data_var(ad_hi(16#218#))(15 downto 0) := field_storage.measurements.v_ph_b.value.value;
         end if;
-        if rd_mux_addr = 16#21C# then
-            readback_data_var(15 downto 0) := field_storage.measurements.v_ph_c.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#21C#) then
+            readback_data_var(ad_hi(16#21C#))(15 downto 0) := field_storage.measurements.v_ph_c.value.value;
         end if;
-        if rd_mux_addr = 16#220# then
-            readback_data_var(15 downto 0) := field_storage.measurements.v_dc.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#220#) then
+            readback_data_var(ad_hi(16#220#))(15 downto 0) := field_storage.measurements.v_dc.value.value;
         end if;
-        if rd_mux_addr = 16#224# then
-            readback_data_var(15 downto 0) := field_storage.measurements.iref_alpha.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#224#) then
+            readback_data_var(ad_hi(16#224#))(15 downto 0) := field_storage.measurements.iref_alpha.value.value;
         end if;
-        if rd_mux_addr = 16#228# then
-            readback_data_var(15 downto 0) := field_storage.measurements.iref_beta.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#228#) then
+            readback_data_var(ad_hi(16#228#))(15 downto 0) := field_storage.measurements.iref_beta.value.value;
         end if;
-        if rd_mux_addr = 16#22C# then
-            readback_data_var(15 downto 0) := field_storage.measurements.omega_s.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#22C#) then
+            readback_data_var(ad_hi(16#22C#))(15 downto 0) := field_storage.measurements.omega_s.value.value;
         end if;
-        if rd_mux_addr = 16#230# then
-            readback_data_var(15 downto 0) := field_storage.measurements.omega_r.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#230#) then
+            readback_data_var(ad_hi(16#230#))(15 downto 0) := field_storage.measurements.omega_r.value.value;
         end if;
-        if rd_mux_addr = 16#234# then
-            readback_data_var(2 downto 0) := field_storage.measurements.s_prev_a.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#234#) then
+            readback_data_var(ad_hi(16#234#))(2 downto 0) := field_storage.measurements.s_prev_a.value.value;
         end if;
-        if rd_mux_addr = 16#238# then
-            readback_data_var(2 downto 0) := field_storage.measurements.s_prev_b.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#238#) then
+            readback_data_var(ad_hi(16#238#))(2 downto 0) := field_storage.measurements.s_prev_b.value.value;
         end if;
-        if rd_mux_addr = 16#23C# then
-            readback_data_var(2 downto 0) := field_storage.measurements.s_prev_c.value.value;
+        if ad_low(rd_mux_addr) = ad_low(16#23C#) then
+            readback_data_var(ad_hi(16#23C#))(2 downto 0) := field_storage.measurements.s_prev_c.value.value;
         end if;
-        readback_data <= readback_data_var;
-        readback_done <= decoded_req and not decoded_req_is_wr;
-        readback_err <= decoded_err;
+        readback_data_rt_c <= readback_data_var;
+    end process;
+
+    process(clk) begin
+        if false then -- async reset
+            readback_data_rt <= READBACK_DATA_ARRAY_ZEROS;
+            readback_done_rt <= '0';
+            readback_err_rt <= '0';
+            readback_addr_rt <= (others => '0');
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                readback_data_rt <= READBACK_DATA_ARRAY_ZEROS;
+                readback_done_rt <= '0';
+                readback_err_rt <= '0';
+                readback_addr_rt <= (others => '0');
+            else
+                readback_data_rt <= readback_data_rt_c;
+                readback_err_rt <= decoded_err;
+                readback_done_rt <= decoded_req and not decoded_req_is_wr;
+                readback_addr_rt <= rd_mux_addr;
+            end if;
+        end if;
+    end process;
+
+
+
+    -- readback stage 2
+    process(all)
+    begin
+        readback_data <= readback_data_rt(to_integer(readback_addr_rt(9 downto 6)))(31 downto 0);
+        readback_done <= readback_done_rt;
+        readback_err <= readback_err_rt;
     end process;
 
     cpuif_rd_ack <= readback_done;
