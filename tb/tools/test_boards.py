@@ -73,7 +73,7 @@ def test_clocks_are_constrained(board: Board) -> None:
         assert line in text.splitlines()
     # what register values are made for unless another clock is given
     assert registers.GuardSettings().clock == registers.CORE_CLOCK
-    assert board.core_mhz * 1e6 == (100e6 if board.pll_mhz else registers.CORE_CLOCK)
+    assert board.core_mhz * 1e6 == (80e6 if board.pll_mhz else registers.CORE_CLOCK)
 
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
