@@ -1,12 +1,12 @@
 -- The top of every board: clock, reset, host links, controller, gate guard, and the pins.
 --
--- The core's clock is the oscillator's, divided by DIVIDE, or with PLL the output of board_clock. That is a vendor's PLL
--- with a second oscillator beside it, a file of its own for each family (rtl/boards/ecp5_clock.v).
+-- The core's clock is the oscillator's, divided by DIVIDE, or with PLL the output of board_clock. That is a
+-- vendor's PLL with a second oscillator beside it, a file of its own for each family (rtl/boards/ecp5_clock.v).
 -- Inputs come in through two flip-flops. The reset holds for the first 15 clocks after configuration, with PLL for the
 -- first 15 after the clock has proved good.
 -- The gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
--- clock (gate_release); the guard latches a fault with it. With PLL an unlocked PLL, or a clock that clock_monitor finds
--- too slow, too fast or dead, does the same, and resets the whole when the clock is back.
+-- clock (gate_release); the guard latches a fault with it. With PLL an unlocked PLL, or a clock that clock_monitor
+-- finds too slow, too fast or dead, does the same, and resets the whole when the clock is back.
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
@@ -28,7 +28,7 @@ entity board_top is
     FOLDED            : boolean               := false;      -- MPDCC: true: the paper's explorers
     SECOND_LEVEL      : boolean               := true;       -- MPDCC: true: SESE, delay compensation; fast explorers
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
-    CLOCK_HZ          : positive              := 25_000_000; -- clock of the core: clock divided by DIVIDE, or of the PLL, Hz
+    CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
     BAUD              : positive              := 3_000_000;  -- UART, 1/s
@@ -54,12 +54,14 @@ architecture rtl of board_top is
   constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
   constant DEAD_CLOCKS    : positive := clocks_in(LEAST_DEAD_TIME, CLOCK_HZ);
 
+  -- clock: oscillator of the board; core_clock: CLOCK_HZ; locked: '1': core_clock is as it should be, asynchronous;
+  -- oscillator: of the part, 2.42 MHz within 15 %
   component board_clock is
     port (
-      clock      : in    std_logic; -- oscillator of the board
-      core_clock : out   std_logic; -- CLOCK_HZ
-      locked     : out   std_logic; -- '1': core_clock is as it should be; asynchronous
-      oscillator : out   std_logic  -- of the part, 2.42 MHz within 15 %
+      clock      : in    std_logic;
+      core_clock : out   std_logic;
+      locked     : out   std_logic;
+      oscillator : out   std_logic
     );
   end component board_clock;
 
