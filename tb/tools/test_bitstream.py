@@ -151,6 +151,17 @@ def test_a_word_of_several_tiles_is_found_at_one_of_them() -> None:
     assert bitstream.differing(placed, {}) == 3
 
 
+def test_a_word_of_zeros_is_left_out_for_a_pll_alone() -> None:
+    pll = bitstream._words(".tile_group R4:PLL0_UL R5:PLL1_UL\nword: KVCO 000\nword: DIV 0110\n")
+    found = bitstream._words(".tile R5:PLL1_UL\nword: DIV 0110\n")
+    assert bitstream.differing(pll, found) == 0
+    assert bitstream.differing(pll, {}) == 1
+    wrong = bitstream._words(".tile R5:PLL1_UL\nword: DIV 0010\n")
+    assert bitstream.differing(pll, wrong) == 2
+    table = bitstream._words(".tile R1:LUT\nword: K0.INIT 0000\n")
+    assert bitstream.differing(table, {}) == 1
+
+
 def test_the_second_build_converts_the_vhdl_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
