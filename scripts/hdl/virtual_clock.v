@@ -1,12 +1,12 @@
 // board_clock of the virtual board: the core's clock is the oscillator's, always locked, and the second oscillator has a
-// fortieth of its frequency (see rtl/boards/ecp5_clock.v for the real one).
+// thirtieth of its frequency (see rtl/boards/ecp5_clock.v for the real one).
 // Licence: Apache-2.0
 
 module board_clock (
   input      clock,      // what the simulation drives, once per clock of the core
   output     core_clock, // clock
   output     locked,     // 1
-  output reg oscillator  // clock / 40
+  output reg oscillator  // clock / 30
 );
 
   reg [4:0] count;
@@ -15,7 +15,7 @@ module board_clock (
   assign locked = 1'b1;
 
   always @(posedge clock)
-    if (count >= 5'd19) begin
+    if (count >= 5'd14) begin
       count <= 5'd0;
       oscillator <= ~oscillator;
     end else
