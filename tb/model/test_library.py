@@ -191,8 +191,8 @@ class TwinBoard:
     def __init__(self, drive: MptcDrive, wrong: int) -> None:
         self.core, self.wrong, self.steps = bit_true.parameters(drive)[0], wrong, 0
 
-    def exchange(self, words: list[int], position: int) -> Answer:
-        """As `Board.exchange`."""
+    def answer(self, words: list[int], position: int, name: str) -> Answer:
+        """As `Board.answer`."""
         u, saturated, clamped = bit_true.decide_words(self.core, np.array(words), position)
         u ^= self.steps == self.wrong
         self.steps += 1

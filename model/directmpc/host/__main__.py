@@ -172,7 +172,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     RegisterError
         If a register cannot be written, or does not keep what was written.
     TrippedError
-        If a fault stands against the start.
+        If a fault stands against the start, or turns the gates off in a step.
     ValueError
         If the drive file cannot be used, or `out` cannot be written.
     """

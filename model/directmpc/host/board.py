@@ -592,11 +592,7 @@ class Board:
         if self.drive is None or self._encoder is None:
             raise RuntimeError("step: no drive has been loaded; load(drive) comes first")
         words, clipped, position = self._encoder.words(state)
-        answer = self.exchange(words, position)
-        if self._started and answer.has(Flag.TRIPPED):
-            raise TrippedError(self.faults(), "step")
-        if answer.has(Flag.NO_ANSWER):
-            raise LinkError("the core gave no decision")
+        answer = self.answer(words, position)
         return Reply(
             decision_of(self.drive.controller, answer, clipped),
             answer.cycles,
@@ -604,6 +600,39 @@ class Board:
             answer.has(Flag.ENABLED),
             answer.has(Flag.EXHAUSTED),
         )
+
+    def answer(self, words: list[int], position: int, name: str = "step") -> Decision:
+        """Measurement words in, a decision out, or the error that says why there is none.
+
+        Parameters
+        ----------
+        words : list of int
+            The core's measurement ports, in port order, in LSB of their formats.
+        position : int
+            MPDCC: s(k-1), packed; MPTC: u.
+        name : str
+            Of the step, for the message.
+
+        Returns
+        -------
+        Decision
+            With the clocks that it took.
+
+        Raises
+        ------
+        TrippedError
+            If the drive was started and the gate guard holds a fault.
+        LinkError
+            If no reply comes (a step is sent once), or the core gives no decision.
+        RefusedError
+            If the board refuses it.
+        """
+        answer = self.exchange(words, position)
+        if self._started and answer.has(Flag.TRIPPED):
+            raise TrippedError(self.faults(), name)
+        if answer.has(Flag.NO_ANSWER):
+            raise LinkError(f"{name}: the core gave no decision")
+        return answer
 
     def exchange(self, words: list[int], position: int) -> Decision:
         """Measurement words in, the reply as it comes out.

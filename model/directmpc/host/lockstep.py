@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from directmpc.api.controllers import ModelController
 from directmpc.host.board import Board, decision_of
-from directmpc.host.link import LinkError
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Decision as Answer
 from directmpc.host.protocol import Flag
@@ -180,13 +179,13 @@ class BoardController:
             If the board does not answer, or the core gives no decision.
         RefusedError
             If the board refuses the step.
+        TrippedError
+            If the drive was started and the gate guard holds a fault.
         TypeError, StateError
             If the state is none.
         """
         words, clipped, position = self._encoder.words(state)
-        answer = self.board.exchange(words, position)
-        if answer.has(Flag.NO_ANSWER):
-            raise LinkError(f"step {len(self.answers)}: the core gave no decision")
+        answer = self.board.answer(words, position, f"step {len(self.answers)}")
         self.answers.append(answer)
         decision = decision_of(self.drive.controller, answer, clipped)
         self.differing += decision != self._model.decide(state)
@@ -271,6 +270,8 @@ def run_mpdcc(
         If the board does not answer, or the core gives no decision.
     RefusedError
         If the board refuses a step.
+    TrippedError
+        If the drive was started and the gate guard holds a fault.
     ValueError
         If there is no steady state at this speed.
     """
@@ -325,6 +326,8 @@ def run_mptc(
         If the board does not answer, or the core gives no decision.
     RefusedError
         If the board refuses a step.
+    TrippedError
+        If the drive was started and the gate guard holds a fault.
     ValueError
         If the torque is beyond breakdown at this flux.
     """
