@@ -8,9 +8,10 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
+from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host.console import check_output, terminable
@@ -18,11 +19,13 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.drive import MptcDrive
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
 from scripts.shared.tools import BUILD, ROOT, replacing, write
-from scripts.studies import rtl_loop
+from scripts.studies import mptc_loop, rtl_loop
 
 OUTPUTS = {
     "out": "picture",
@@ -32,6 +35,11 @@ OUTPUTS = {
     "view": "their view",
 }
 """Arguments that name a file to write, and what it is; `view` follows from `waves`."""
+
+MPDCC_ONLY = ("explorers", "variant", "errors")
+"""Arguments that a two-level drive has no use for."""
+
+Outputs = dict[str, Path]
 
 
 def _errors(text: str) -> DriveErrors:
@@ -56,16 +64,26 @@ def _errors(text: str) -> DriveErrors:
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
-    parser.add_argument("--speed", type=float, default=1.0, help="stator frequency, per unit")
-    parser.add_argument("--steps", type=int, help="control steps; two fundamental periods without")
-    parser.add_argument("--explorers", type=int, choices=EXPLORERS, default=2, metavar="1..8")
-    parser.add_argument("--variant", choices=tuple(VARIANTS), default=DEFAULT_VARIANT)
+    parser.add_argument(
+        "--speed", type=float,
+        help="MPDCC: stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
+    )  # fmt: skip
+    parser.add_argument(
+        "--steps", type=int,
+        help="control steps; two fundamental periods without, MPTC: at most "
+        f"{mptc_loop.MOST_STEPS}",
+    )  # fmt: skip
+    parser.add_argument(
+        "--explorers", type=int, choices=EXPLORERS, metavar="1..8", help="MPDCC; 2 without"
+    )
+    parser.add_argument(
+        "--variant", choices=tuple(VARIANTS), help=f"MPDCC; {DEFAULT_VARIANT} without"
+    )
     parser.add_argument(
         "--errors",
         type=_errors,
-        default=NO_ERRORS,
         metavar="NAME=VALUE,...",
-        help="errors of sensors and switches, see directmpc.DriveErrors",
+        help="MPDCC: errors of sensors and switches, see directmpc.DriveErrors",
     )
     parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
     parser.add_argument("--trace", type=Path, help="what the RTL saw: a trace for replay (CSV)")
@@ -92,21 +110,87 @@ def _outputs(given: argparse.Namespace) -> dict[str, Path]:
     return outputs
 
 
+class _Result(NamedTuple):
+    """What a run leaves to be told: lines and tables, decisions, and how many are not the model's.
+
+    `differing` is None where there is no RTL to check.
+    """
+
+    report: tuple[str | Table, ...]
+    steps: int
+    differing: int | None
+
+
+def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
+    """Run a drive with a multilevel converter and write its files."""
+    run = rtl_loop.simulate(
+        drive, given.speed, given.steps, given.explorers or 2, given.variant or DEFAULT_VARIANT,
+        given.errors or NO_ERRORS, new.get("waves"),
+    )  # fmt: skip
+    rtl_loop.draw(run, new["out"])
+    if "trace" in new:
+        write_trace(new["trace"], run.result.seen)
+    if "decisions" in new:
+        write_decisions(new["decisions"], run.result.decisions)
+    if "view" in new:
+        write(new["view"], view(given.waves.name, rtl_loop.signals()))
+    said = (
+        f"{given.drive.name}: {len(run.result)} steps of {1e6 * drive.control.ts:g} us at "
+        f"{given.speed * drive.base.frequency:g} Hz and rated current; RTL simulated in "
+        f"{run.seconds:.0f} s"
+    )
+    report = (said, rtl_loop.outcome(run), rtl_loop.latency(run))
+    return _Result(report, len(run.result), run.differing)
+
+
+def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
+    """Run a two-level drive and write its files."""
+    point = mptc_loop.Point.of(drive, given.speed)
+    run = mptc_loop.simulate(drive, point, given.steps, new.get("waves"))
+    mptc_loop.draw(run, given.drive.name, new["out"])
+    if "trace" in new:
+        mptc_trace.write_trace(new["trace"], run.trace)
+    if "decisions" in new:
+        mptc_trace.write_decisions(new["decisions"], run.decisions)
+    if "view" in new:
+        write(new["view"], view(given.waves.name, mptc_loop.signals(drive)))
+    said = (
+        f"{given.drive.name}: {len(run)} periods of {1e6 * drive.control.ts:g} us, "
+        f"{point.rpm:g} r/min, {drive.control.method}; {run.controller}, {run.seconds:.0f} s"
+    )
+    return _Result((said, mptc_loop.outcome(run)), len(run), run.differing)
+
+
+def _check_mpdcc(given: argparse.Namespace) -> None:
+    """Refuse a speed that an MPDCC run cannot have; without one it is 1 pu."""
+    if given.speed is None:
+        given.speed = 1.0
+    if not math.isfinite(given.speed) or abs(given.speed) > 2.0:
+        raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
+    if given.speed == 0.0:
+        raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
+
+
+def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
+    """Refuse what a two-level run cannot have."""
+    for name in MPDCC_ONLY:
+        if getattr(given, name) is not None:
+            raise UsageError(f"argument --{name}: it is for MPDCC; {given.drive} is an mptc drive")
+    try:
+        mptc_loop.Point.of(drive, given.speed)
+    except ValueError as error:
+        raise UsageError(f"argument --speed: {error}") from error
+
+
 def _run(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
         raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
-    if not math.isfinite(given.speed) or abs(given.speed) > 2.0:
-        raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
     console = Console(width=None if sys.stdout.isatty() else 110)
     drive = load_drive(given.drive)
-    if not isinstance(drive, Drive):
-        raise InputError(
-            f"{given.drive}: controller: got {drive.controller!r}; this command simulates drives "
-            "of mpdcc. For the others: make replay, with a trace; directmpc.simulate closes the "
-            "loop with the bit-true model and writes such a trace"
-        )
-    if given.speed == 0.0:
-        raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
+    if isinstance(drive, Drive):
+        _check_mpdcc(given)
+    else:
+        _check_mptc(given, drive)
     if given.waves is not None:
         given.view = given.waves.with_suffix(".gtkw")
     outputs = _outputs(given)
@@ -114,32 +198,19 @@ def _run(given: argparse.Namespace) -> int | None:
         # none of them replaces an older one before all are whole
         new = {name: files.enter_context(replacing(path)) for name, path in outputs.items()}
         try:
-            run = rtl_loop.simulate(
-                drive, given.speed, given.steps, given.explorers, given.variant, given.errors,
-                new.get("waves"),
-            )  # fmt: skip
+            if isinstance(drive, Drive):
+                done = _mpdcc(given, drive, new)
+            else:
+                done = _mptc(given, drive, new)
         except ValueError as error:  # names the key, but does not know the file
             raise InputError(f"{given.drive}: {error}") from error
-        rtl_loop.draw(run, new["out"])
-        if "trace" in new:
-            write_trace(new["trace"], run.result.seen)
-        if "decisions" in new:
-            write_decisions(new["decisions"], run.result.decisions)
-        if "view" in new:
-            write(new["view"], view(given.waves.name, rtl_loop.signals()))
-    base = drive.base
-    console.print(
-        f"{given.drive.name}: {len(run.result)} steps of {1e6 * drive.control.ts:g} us at "
-        f"{given.speed * base.frequency:g} Hz and rated current; RTL simulated in "
-        f"{run.seconds:.0f} s"
-    )
-    console.print(rtl_loop.outcome(run))
-    console.print(rtl_loop.latency(run))
+    for part in done.report:
+        console.print(part)
     for name, path in outputs.items():
         console.print(f"{OUTPUTS[name]}: {path}", soft_wrap=True)
-    if run.differing:
+    if done.differing:
         print(
-            f"run: {run.differing} of {len(run.result)} decisions of the RTL differ from its "
+            f"run: {done.differing} of {done.steps} decisions of the RTL differ from its "
             "bit-true model",
             file=sys.stderr,
         )

@@ -16,7 +16,7 @@ from cocotb.triggers import Timer, with_timeout
 from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
-from directmpc.mptc.plant import step
+from directmpc.mptc.plant import step, step_sequence
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl.mptc_simulation import FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
@@ -206,8 +206,11 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     assert loop is not None
     steps = job.steps
     out = np.empty((steps, len(FIELDS)), dtype=np.int64)
+    sequences = np.empty((steps, 5), dtype=np.int64)
     seen = np.empty((steps, 8))
-    current, flux, omega_r, applied, integral = loop.current, loop.flux, loop.omega_r, 0, 0.0
+    current, flux, omega_r, integral = loop.current, loop.flux, loop.omega_r, 0.0
+    applied = np.array([0, 0, 0, TIME_STEPS, 0])
+    inside = np.empty(1, dtype=np.complex128), np.empty(1)
     for k in range(steps):
         wanted = float(loop.torque_ref[k])
         if loop.use_speed:
@@ -218,18 +221,28 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
             wanted += min(max(gain * error + integral, -limit), limit)
         seen[k] = (
             current.real, current.imag, flux.real, flux.imag, omega_r, wanted, loop.psi_ref[k],
-            applied,
+            applied[0],
         )  # fmt: skip
         measurement, clipped = bit_true.encode_row(
             loop.scales, loop.lows, loop.highs, current, flux, omega_r, loop.vdc, wanted,
             loop.psi_ref[k],
         )  # fmt: skip
-        out[k] = await bench.decide(measurement, applied)
+        pairs = 0 if job.pairs is None else int(job.pairs[k])
+        out[k] = await bench.decide(measurement, applied[0], applied, pairs)
         out[k, 2] |= clipped
-        current, flux, omega_r = step(loop.plant, current, flux, omega_r, applied, loop.load[k])
-        applied = int(out[k, 0])
+        if pairs == 0:
+            current, flux, omega_r = step(
+                loop.plant, current, flux, omega_r, applied[0], loop.load[k]
+            )
+        else:
+            times = applied[3:] / TIME_STEPS
+            current, flux, omega_r = step_sequence(
+                loop.plant, current, flux, omega_r, applied[:3], np.append(times, 1 - times.sum()),
+                loop.load[k], *inside,
+            )  # fmt: skip
+        applied = sequences[k] = np.array(bench.sequence)
         progress(k + 1)
-    return {"decisions": out, "seen": seen}
+    return {"decisions": out, "sequences": sequences, "seen": seen}
 
 
 @cocotb.test()

@@ -15,18 +15,34 @@ from scripts.hdl.mptc_simulation import PAIRS, Job
 from scripts.hdl.simulator import in_parallel
 
 
-def _demand_rtl(drive: MptcDrive) -> None:
-    """Refuse a method or a duty rule that the RTL has not."""
+def lacking_in_rtl(drive: MptcDrive) -> tuple[str, str]:
+    """What a drive asks for that the RTL has not.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Drive the controller is set up for.
+
+    Returns
+    -------
+    missing, served : str
+        Key and value, and what the RTL serves instead; both empty if the RTL has all of it.
+    """
     c = drive.control
     if c.method not in (*SINGLE_METHODS, *PAIRS):
-        raise ValueError(
-            f"control.method: {c.method} is not in the RTL; the engines model and ideal serve it; "
-            f"rtl serves {', '.join((*SINGLE_METHODS, *PAIRS))}"
-        )
+        return f"control.method: {c.method}", ", ".join((*SINGLE_METHODS, *PAIRS))
     if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
+        return f'control.duty_rule: "{c.duty_rule}"', '"deadbeat"'
+    return "", ""
+
+
+def _demand_rtl(drive: MptcDrive) -> None:
+    """Refuse a method or a duty rule that the RTL has not."""
+    missing, served = lacking_in_rtl(drive)
+    if missing:
         raise ValueError(
-            f'control.duty_rule: "{c.duty_rule}" is not in the RTL; the engines model and ideal '
-            'serve it; rtl serves "deadbeat"'
+            f"{missing} is not in the RTL; the engines model and ideal serve it; rtl serves "
+            f"{served}"
         )
 
 

@@ -125,8 +125,8 @@ def simulate(
     Returns
     -------
     dict
-        ``decisions`` (n, 5) in the order of ``FIELDS``; for rows ``sequences`` (n, 5): u1, u2, u3,
-        t1, t2; for a closed loop ``seen`` (n, 8): what the controller saw, and ``u`` last, before
+        ``decisions`` (n, 5) in the order of ``FIELDS``; ``sequences`` (n, 5): u1, u2, u3, t1, t2;
+        for a closed loop ``seen`` (n, 8): what the controller saw, and ``u`` last, before
         quantisation.
 
     Raises

@@ -1,8 +1,10 @@
 """`make run` on few steps: it checks, prints, draws, records, and says no to a difference.
 
-Stimulus: a tenth of a fundamental period on the simulated RTL; errors of sensors; every output.
+Stimulus: a tenth of a fundamental period on the simulated RTL; errors of sensors; every output;
+two-level drives with one vector a period and with two, and with methods that have no RTL.
 Checks: the recorded trace, replayed on the RTL, gives the recorded decisions, byte by byte; every
-signal of the view is in the file of signals; of several outputs all are written or none.
+signal of the view is in the file of signals; of several outputs all are written or none. The RTL of
+a two-level drive makes the loop of its bit-true model; a falsified answer of the RTL is counted.
 Does not prove: the figures it prints (see the tests of the model).
 """
 
@@ -16,14 +18,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.api.drive_file import load_mpdcc_drive, load_mptc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
+from directmpc.mptc import closed_loop as mptc_closed_loop
 from scripts.commands import replay, run
+from scripts.hdl import mptc_simulation
 from scripts.shared.tools import ROOT
-from scripts.studies import rtl_loop
+from scripts.studies import mptc_loop, rtl_loop
 from tb.helpers import fst
+
+TWO_LEVEL = ROOT / "drives" / "induction_2kw2.toml"
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,7 +200,6 @@ def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
     [
         ["--speed", "0"],
         ["--drive", "none.toml"],
-        ["--drive", str(ROOT / "drives" / "induction_2kw2.toml")],
     ],
 )
 def test_errors_are_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -202,3 +207,133 @@ def test_errors_are_one_line(arguments: list[str], capsys: pytest.CaptureFixture
     errors = capsys.readouterr().err
     assert errors.startswith("run: ")
     assert errors.count("\n") == 1
+
+
+# --- two-level drives -----------------------------------------------------------------------------
+
+
+def two_level(folder: Path, setting: str) -> Path:
+    """A two-level drive file with another setting in place of its method."""
+    drive = folder / "drive.toml"
+    text = TWO_LEVEL.read_text(encoding="utf-8")
+    assert 'method = "MPTC"' in text
+    drive.write_text(text.replace('method = "MPTC"', setting), encoding="utf-8")
+    return drive
+
+
+def test_a_two_level_run_is_replayed_and_its_signals_are_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive, outputs = two_level(tmp_path, 'method = "GTV"'), outputs_in(tmp_path)
+    given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
+    assert run.COMMAND.main(given) == 0
+    shown = capsys.readouterr().out
+    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "82 clock"):
+        assert words in shown
+    for path in outputs.values():
+        assert str(path) in shown
+    assert outputs["out"].read_bytes().startswith(b"\x89PNG")
+    replayed = tmp_path / "replayed.csv"
+    given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
+    assert replay.COMMAND.main(given) == 0
+    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+    assert len(replayed.read_text(encoding="utf-8").splitlines()) == 31
+    view = (tmp_path / "run.gtkw").read_text(encoding="utf-8").splitlines()
+    viewed = [line for line in view if ".i_core." in line]
+    assert len(viewed) == 5 + 8 + 1 + 4 + 6 + 5
+    assert set(viewed) <= set(fst.read(outputs["waves"]).signals)
+
+
+def test_the_rtl_makes_the_loop_of_the_two_level_model(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = load_mptc_drive(TWO_LEVEL)
+    point = mptc_loop.Point.of(drive, 900.0)
+    answers = []
+
+    def told(*arguments: object) -> dict[str, np.ndarray]:
+        if not answers:
+            answers.append(simulated(*arguments))
+        return {name: part.copy() for name, part in answers[0].items()}
+
+    simulated = mptc_simulation.simulate
+    monkeypatch.setattr(mptc_simulation, "simulate", told)
+    found = mptc_loop.simulate(drive, point, 40)
+    assert found.differing == 0
+    scenario = mptc_closed_loop.constant(drive, 900.0, 0.0, point.flux, 40)
+    asked = np.where(np.arange(40) < 20, 0.0, point.torque)
+    wanted = mptc_closed_loop.simulate(drive, dataclasses.replace(scenario, torque_ref=asked))
+    np.testing.assert_array_equal(found.decisions.u, wanted.u)
+    np.testing.assert_allclose(found.torque, wanted.torque, atol=1e-9)
+    assert found.unlike_ideal == (wanted.u != wanted.shadow).sum()
+    # one falsified answer of the RTL, in the vector or in a flag, is seen and fails the command
+    for column in (0, 2):
+        simulated_decisions = answers[0]["decisions"]
+        simulated_decisions[7, column] ^= 1
+        assert mptc_loop.simulate(drive, point, 40).differing == 1
+        given = ["--drive", str(TWO_LEVEL), "--speed", "900", "--steps", "40"]
+        assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 1
+        assert "1 of 40 decisions of the RTL differ" in capsys.readouterr().err
+        simulated_decisions[7, column] ^= 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "missing"),
+    [
+        ('method = "MPC2"', "control.method: MPC2 is not in the RTL"),
+        ('method = "SVM"', "control.method: SVM is not in the RTL"),
+        ('method = "MPTC2"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
+    ],
+)
+def test_without_rtl_the_model_decides_and_it_is_said(
+    setting: str, missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive, outputs = two_level(tmp_path, setting), outputs_in(tmp_path)
+    waves = outputs.pop("waves")
+    given = ["--drive", str(drive), "--steps", "60", *arguments_for(outputs)]
+    assert run.COMMAND.main([*given, "--waves", str(waves)]) == 2
+    errors = capsys.readouterr().err
+    assert missing in errors
+    assert "leave out --waves" in errors
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.toml"]
+    assert run.COMMAND.main(given) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "bit-true model, no RTL" in shown
+    assert f"60 by the bit-true model: {missing}" in shown
+    assert "checked" not in shown
+    replayed = tmp_path / "replayed.csv"
+    given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
+    assert replay.COMMAND.main([*given, "--engine", "model"]) == 0
+    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--speed", "9000"], "--speed: got 9000; with this drive's control.speed_max"),
+        (["--speed", "nan"], "--speed: got nan"),
+        (["--variant", "paper"], "--variant: it is for MPDCC"),
+        (["--explorers", "2"], "--explorers: it is for MPDCC"),
+        (["--errors", "bits=12"], "--errors: it is for MPDCC"),
+    ],
+)
+def test_what_a_two_level_run_cannot_have_is_one_line(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.png"
+    with pytest.raises(SystemExit) as left:
+        run.COMMAND.main(["--drive", str(TWO_LEVEL), "--out", str(out), *arguments])
+    assert left.value.code == 2
+    errors = capsys.readouterr().err
+    assert words in errors
+    assert errors.count("\n") == 1
+    assert not out.exists()
+
+
+def test_the_usual_point_of_a_two_level_drive() -> None:
+    drive = load_mptc_drive(TWO_LEVEL)
+    usual = mptc_loop.Point.of(drive)
+    assert (usual.rpm, usual.torque, usual.flux) == (720.0, 20.0, 0.9375)
+    # full scale itself is allowed, either way
+    full = 500.0 / 2 / mptc_closed_loop.RPM
+    assert mptc_loop.Point.of(drive, -full).rpm == -full

@@ -1,0 +1,397 @@
+"""A two-level drive in closed loop, as `make run` shows it: RTL where there is RTL.
+
+The plant is the exact one in float64 with an imposed speed. The torque reference steps from zero to
+what is asked for in the middle of the run. Every decision of the RTL is checked against the
+bit-true model on the states that the plant went through, and compared with the ideal controller's.
+Methods and duty rules that the RTL has not are decided by the bit-true model.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from directmpc.host.console import progress_bar
+from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences, sequence_loop
+from directmpc.mptc.closed_loop import RPM, Scenario, constant
+from directmpc.mptc.coefficients import registers
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.formats import MEASUREMENTS, measurement_formats
+from directmpc.mptc.machine import torque
+from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.sequence import TIME_STEPS
+from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
+from scripts.hdl import mptc_simulation
+from scripts.hdl.mptc_replay import lacking_in_rtl
+from scripts.hdl.mptc_simulation import PAIRS, Job, Loop
+from scripts.hdl.waves import Signal
+from scripts.shared.figures import COLOURS, pyplot, save_png
+
+PERIODS = 2
+"""Periods of the rotor's electrical speed that are run unless the number of steps is given."""
+
+MOST_STEPS = 1000
+"""At most so many are run then; at standstill all of them."""
+
+SHARE_OF_SPEED = 0.3
+SHARE_OF_FLUX = 0.75
+SHARE_OF_TORQUE = 0.5
+"""Speed, flux and torque that are asked for unless they are given, in full scales of the drive."""
+
+CLOCKS_MHZ = (40, 100)
+"""Clock frequencies that the time of a decision is stated for."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is asked of the drive.
+
+    Attributes
+    ----------
+    rpm : float
+        Mechanical speed, r/min.
+    torque : float
+        Torque reference of the second half, N*m.
+    flux : float
+        Stator flux reference, Wb.
+    """
+
+    rpm: float
+    torque: float
+    flux: float
+
+    @classmethod
+    def of(cls, drive: MptcDrive, rpm: float | None = None) -> Point:
+        """A speed with the usual torque and flux.
+
+        Parameters
+        ----------
+        drive : MptcDrive
+            Its full scales count.
+        rpm : float, optional
+            Mechanical speed, r/min; the usual one without.
+
+        Returns
+        -------
+        Point
+            Within the drive's full scales.
+
+        Raises
+        ------
+        ValueError
+            If the speed is beyond the drive's full scale.
+        """
+        c = drive.control
+        full = c.speed_max / drive.machine.pole_pairs / RPM
+        if rpm is not None and not abs(rpm) <= full:
+            raise ValueError(
+                f"got {rpm:g}; with this drive's control.speed_max it must be from {-full:.5g} to "
+                f"{full:.5g} r/min"
+            )
+        usual = float(f"{SHARE_OF_SPEED * full:.2g}") if rpm is None else rpm
+        return cls(usual, SHARE_OF_TORQUE * c.torque_max, SHARE_OF_FLUX * c.psi_max)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A closed loop and what the models say about it; n control periods.
+
+    Attributes
+    ----------
+    drive : MptcDrive
+        Plant and controller.
+    point : Point
+        What was asked for.
+    trace : MptcTrace
+        What the controller saw.
+    decisions : MptcDecisions
+        What it decided, applied one period later.
+    torque : (n,)
+        Electromagnetic torque at each period's beginning, N*m.
+    differing : int or None
+        Periods in which RTL and bit-true model differ in any field; None where the model decided.
+    unlike_ideal : int
+        Periods in which the ideal controller takes other vectors.
+    seconds : float
+        Time the simulation took.
+    """
+
+    drive: MptcDrive
+    point: Point
+    trace: MptcTrace
+    decisions: MptcDecisions
+    torque: FloatArray
+    differing: int | None
+    unlike_ideal: int
+    seconds: float
+
+    def __len__(self) -> int:
+        return len(self.torque)
+
+    @property
+    def controller(self) -> str:
+        """What decided.
+
+        Returns
+        -------
+        str
+            Entity and simulation, or the bit-true model.
+        """
+        if self.differing is None:
+            return "bit-true model, no RTL"
+        return f"{_entity(self.drive)} in RTL simulation"
+
+
+def _entity(drive: MptcDrive) -> str:
+    """Core that has the drive's method."""
+    return "mptc_family_core" if drive.control.sequences else "mptc_core"
+
+
+def _rows(decisions: MptcDecisions) -> FloatArray:
+    """Vectors and times of decisions of either kind, shape (n, 5)."""
+    if decisions.vectors is None or decisions.times is None:
+        return np.column_stack([decisions.u] * 3 + [np.ones(len(decisions)), 0.0 * decisions.u])
+    return np.column_stack([decisions.vectors, decisions.times])
+
+
+def _scenario(drive: MptcDrive, point: Point, steps: int | None) -> Scenario:
+    """Steady state without load, with the torque reference's step in the middle."""
+    omega = abs(point.rpm) * RPM * drive.machine.pole_pairs
+    count = MOST_STEPS if steps is None else steps
+    if steps is None and omega > 0.0:
+        count = max(1, min(count, round(PERIODS * 2.0 * np.pi / (omega * drive.control.ts))))
+    asked = np.where(np.arange(count) < count // 2, 0.0, point.torque)
+    return replace(constant(drive, point.rpm, 0.0, point.flux, count), torque_ref=asked)
+
+
+def _on_rtl(
+    drive: MptcDrive, scenario: Scenario, waves: Path | None
+) -> tuple[MptcTrace, MptcDecisions]:
+    """What the RTL saw and decided."""
+    count, several = len(scenario.torque_ref), drive.control.sequences
+    _, scales, lows, highs = bit_true.parameters(drive)
+    loop = Loop(
+        plant_parameters(drive), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
+        scenario.psi_ref, scenario.load, scenario.torque_ref, False, scenario.gains,
+        scenario.current, scenario.flux, scenario.omega_r,
+    )  # fmt: skip
+    empty = np.zeros((0, len(MEASUREMENTS)), dtype=np.int64)
+    job = Job(
+        registers(drive).array(), empty, empty[:, 0], loop=loop, family=several,
+        pairs=np.full(count, PAIRS[drive.control.method]) if several else None, waves=waves,
+    )  # fmt: skip
+    with progress_bar("RTL in closed loop", count) as progress:
+        answer = mptc_simulation.simulate(job, progress)
+    told, seen = np.asarray(answer["decisions"], dtype=np.int64), np.asarray(answer["seen"])
+    made: IntArray = np.asarray(answer["sequences"], dtype=np.int64)
+    applied = np.vstack([[0, 0, 0, TIME_STEPS, 0], made[:-1]])
+    trace = MptcTrace(
+        seen[:, 0:2], seen[:, 2:4], *seen[:, 4:7].T, applied[:, 0],
+        *((applied[:, :3], applied[:, 3:] / TIME_STEPS) if several else ()),
+    )  # fmt: skip
+    flags = told[:, 2] | told[:, 3]
+    if several:
+        out = np.column_stack([made, flags])
+        return trace, bit_true_sequences.decisions(out, np.zeros(count, np.int64), told[:, 1])
+    return trace, MptcDecisions(u=told[:, 0], cycles=told[:, 1], saturated=flags)
+
+
+def simulate(
+    drive: MptcDrive, point: Point, steps: int | None = None, waves: Path | None = None
+) -> Run:
+    """Run a closed loop from the steady state without load, on the RTL where it has the method.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Plant and controller.
+    point : Point
+        What is asked for.
+    steps : int, optional
+        Control periods; without, ``PERIODS`` periods of the rotor's electrical speed, but at most
+        ``MOST_STEPS``.
+    waves : Path, optional
+        File for every signal of the simulation (FST); RTL alone.
+
+    Returns
+    -------
+    Run
+        Decisions and states, with what model and ideal controller decide on the same states.
+
+    Raises
+    ------
+    ValueError
+        If the drive cannot be represented, or signals are asked for where there is no RTL; the
+        message names the key.
+    SimulationError
+        If the simulation fails.
+    """
+    missing, served = lacking_in_rtl(drive)
+    if missing and waves is not None:
+        raise ValueError(
+            f"{missing} is not in the RTL, so there are no signals to record: leave out --waves; "
+            f"the RTL serves {served}"
+        )
+    scenario = _scenario(drive, point, steps)
+    several = drive.control.sequences
+    twin = bit_true_sequences.run if several else bit_true.run
+    began = time.perf_counter()
+    if missing:
+        trace = sequence_loop.simulate(drive, scenario).trace
+        decisions, differing = twin(drive, trace), None
+    else:
+        trace, decisions = _on_rtl(drive, scenario, waves)
+        expected = twin(drive, trace)
+        other = np.any(_rows(decisions) != _rows(expected), axis=1)
+        differing = int((other | (decisions.saturated != expected.saturated)).sum())
+    seconds = time.perf_counter() - began
+    wanted = (ideal_sequences.run if several else ideal.run)(drive, trace)
+    plant = plant_parameters(drive)
+    return Run(
+        drive=drive,
+        point=point,
+        trace=trace,
+        decisions=decisions,
+        torque=np.array(
+            [
+                torque(plant, complex(*i), complex(*psi))
+                for i, psi in zip(trace.i_s, trace.psi_s, strict=True)
+            ]
+        ),
+        differing=differing,
+        unlike_ideal=int(np.any(_rows(decisions)[:, :3] != _rows(wanted)[:, :3], axis=1).sum()),
+        seconds=seconds,
+    )
+
+
+def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
+    """Ports of the drive's core as a view of its signals groups them.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Its method decides which core it is.
+
+    Returns
+    -------
+    dict of str to list of Signal
+        Heading -> ports; words are shown as integers, in LSB of their formats.
+    """
+    family = drive.control.sequences
+    groups: dict[str, list[Signal]] = {
+        "handshake": [(name, 1, False) for name in ("clk", "rst", "start", "busy", "valid")],
+        "measurements, sampled with start": [
+            (name, form.width, form.signed) for name, form in measurement_formats(drive).items()
+        ],
+        "vector u(k), sampled with start": [("u", 3, False)],
+        "decision, valid with valid": [
+            ("u_next", 3, False), ("switches", 3, False), ("saturated", 1, False),
+            ("clamped", 1, False),
+        ],
+    }  # fmt: skip
+    if family:
+        parts = (*((f"u{n}", 3, False) for n in (1, 2, 3)), ("t1", 13, False), ("t2", 13, False))
+        groups["sequence of period k, sampled with start"] = [("pairs", 2, False), *parts]
+        groups["next sequence, valid with valid"] = [
+            (f"next_{name}", bits, signed) for name, bits, signed in parts
+        ]
+    around = "g_family" if family else "g_single"
+    return {
+        heading: [(f"{around}.i_core.{name}", bits, signed) for name, bits, signed in ports]
+        for heading, ports in groups.items()
+    }
+
+
+def outcome(run: Run) -> Table:
+    """What the drive did.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    Table
+        For a terminal.
+    """
+    n = len(run)
+    last = slice(n // 2 + n // 8, None)
+    flux, cycles = np.hypot(*run.trace.psi_s.T), run.decisions.cycles
+    table = Table(title="Closed loop", show_header=False)
+    table.add_column("", style="bold")
+    table.add_column("")
+    if run.differing is None:
+        missing, served = lacking_in_rtl(run.drive)
+        table.add_row(
+            "decisions", f"{n} by the bit-true model: {missing} is not in the RTL, which serves "
+            f"{served}",
+        )  # fmt: skip
+    else:
+        table.add_row(
+            "decisions", f"{n} checked against the bit-true model, {run.differing} differ"
+        )
+    table.add_row(
+        "ideal controller",
+        f"takes other vectors in {run.unlike_ideal} of {n} periods on the same states "
+        f"({100 * run.unlike_ideal / n:.1f} %)",
+    )
+    table.add_row(
+        "torque after the step",
+        f"{run.torque[last].mean():.2f} N m (asked {run.point.torque:g}), standard deviation "
+        f"{run.torque[last].std():.2f} N m at control instants",
+    )
+    table.add_row("stator flux", f"{flux[last].mean():.3f} Wb (asked {run.point.flux:g})")
+    table.add_row("largest current", f"{np.hypot(*run.trace.i_s.T).max():.2f} A")
+    if cycles is not None:
+        most = int(cycles.max())
+        times = ", ".join(f"{most / clock:.2f} us at {clock} MHz" for clock in CLOCKS_MHZ)
+        table.add_row("decision time", f"{most} clock cycles; {times}")
+    table.add_row("saturated", f"{int(run.decisions.saturated.sum())} decisions")
+    return table
+
+
+def draw(run: Run, name: str, path: Path) -> None:
+    """Draw speed, torque, flux and a phase current into a PNG file.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+    name : str
+        What the drive is called.
+    path : Path
+        PNG file; its folder is made.
+    """
+    plt = pyplot()
+    t = 1e3 * run.drive.control.ts * np.arange(len(run))
+    figure, axes = plt.subplots(
+        4, 1, figsize=(9.0, 8.0), sharex=True, height_ratios=(1.0, 2.5, 1.5, 2.0),
+        layout="constrained",
+    )  # fmt: skip
+    axes[0].plot(t, run.trace.omega_r / run.drive.machine.pole_pairs / RPM, color=COLOURS[0])
+    axes[0].set_ylabel("imposed\nspeed (r/min)")
+    for ax, made, asked, label in (
+        (axes[1], run.torque, run.trace.torque_ref, "torque (N m)"),
+        (axes[2], np.hypot(*run.trace.psi_s.T), run.trace.psi_ref, "stator flux (Wb)"),
+    ):
+        ax.plot(t, made, color=COLOURS[0], linewidth=0.8, label="machine")
+        ax.step(t, asked, where="post", color="0.4", linewidth=0.8, label="reference")
+        ax.set_ylabel(label)
+    axes[1].legend(loc="upper left", ncols=2, frameon=False)
+    axes[3].plot(t, run.trace.i_s[:, 0], color=COLOURS[0], linewidth=0.8)
+    axes[3].set_ylabel("current of phase a (A)")
+    axes[3].set_xlabel("time (ms)")
+    axes[3].set_xlim(0, t[-1] if len(t) > 1 else 1)
+    figure.suptitle(
+        f"{name}, {run.point.rpm:g} r/min, {run.drive.control.method}: {run.controller}, exact "
+        "plant", fontsize=10,
+    )  # fmt: skip
+    figure.align_ylabels(axes)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_png(figure, path)
+    plt.close(figure)
