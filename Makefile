@@ -20,7 +20,7 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 JOBS ?= 2
 # 1: make run records every signal of the RTL in build/run.fst
 WAVES ?=
-# Further arguments of run, test, registers, synth, pnr, prove and report
+# Further arguments of run, test, registers, synth, check, pnr, prove and report
 ARGS ?=
 export JOBS
 
@@ -37,7 +37,7 @@ BOARD ?=
 CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test test-all lint format replay registers synth budgets pnr sweep prove report fidelity \
+.PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove report fidelity \
   sources generate virtual-board bitstream netlist layers clean
 
 help: ## this list
@@ -101,6 +101,9 @@ synth: $(READY) ## resources of every entity and configuration (Yosys)
 
 budgets: $(READY) ## measure resources and cycles anew, rewrite what tests hold them to
 	@'$(PY)' -m scripts budgets --jobs '$(JOBS)' $(ARGS)
+
+check: $(READY) ## cycles, resources and decisions of a core beside a stored baseline (docs/check.md)
+	@'$(PY)' -m scripts check $(ARGS)
 
 pnr: $(READY) ## placed and routed on ECP5, worst-seed Fmax (nextpnr)
 	@'$(PY)' -m scripts pnr --jobs '$(JOBS)' --seeds '$(SEEDS)' $(ARGS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from scripts.measure import budgets
+from scripts.measure import budgets, check
 from scripts.publish import report
 from scripts.shared.command import Command
 
@@ -28,6 +28,8 @@ def _run(given: argparse.Namespace) -> int | None:
             if line.startswith("clocks"):
                 print("  (state them in the entity's header too)")
     report.refresh_tables()
+    for path in check.follow_budgets():
+        print(f"{path}: resources written anew")
     for line in problems:
         print(f"budgets: {line}", file=sys.stderr)
     return 1 if problems else 0

@@ -135,8 +135,23 @@ def figures(family: str) -> tuple[str, ...]:
     return ("lut", "ff", "mult" if family == "xc3s" else "dsp", "bram")
 
 
-def _allowed(figure: str, expected: int, held_with: dict[str, str], here: dict[str, str]) -> int:
-    """How far a figure may be from its budget: 0 unless GHDL, and it alone, is another."""
+def allowed(figure: str, expected: int, held_with: dict[str, str], here: dict[str, str]) -> int:
+    """How far a figure may be from what is held: 0 unless GHDL, and it alone, is another.
+
+    Parameters
+    ----------
+    figure : str
+        One of `figures`.
+    expected : int
+        What is held.
+    held_with, here : dict[str, str]
+        Versions as of `versions`: those it was measured with, and those that measure.
+
+    Returns
+    -------
+    int
+        In the unit of the figure, to either side.
+    """
     others = {tool for tool in held_with if here.get(tool) != held_with[tool]}
     if figure != "lut" or others != {"ghdl"}:
         return 0
@@ -194,7 +209,7 @@ def compare(
         budget = expected.get(figure)
         if figure == "lut" and here.get("ghdl") != budgets.tools.get("ghdl"):
             budget = _luts_with(here.get("ghdl", ""), name, family, budgets) or budget
-        spread = 0 if budget is None else _allowed(figure, budget, budgets.tools, here)
+        spread = 0 if budget is None else allowed(figure, budget, budgets.tools, here)
         if budget is None or abs(measured[figure] - budget) > spread:
             lines.append(
                 f"{name} for {family}: {figure} is {measured[figure]}, but {BUDGETS.name} says "
