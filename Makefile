@@ -8,6 +8,7 @@ SHELL := /bin/bash
 ROOT := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 VENV := $(ROOT)/.venv
 READY := $(VENV)/.ready
+SITE_READY := $(VENV)/.site-ready
 
 PY ?= $(VENV)/bin/python
 # The same from any working directory
@@ -38,7 +39,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove report fidelity \
-  sources generate virtual-board bitstream netlist layers clean
+  sources generate virtual-board bitstream netlist layers site clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -54,6 +55,12 @@ help: ## this list
 $(READY): $(ROOT)/requirements.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2
 
+# Only the site needs them, so that the other commands install less.
+$(SITE_READY): $(ROOT)/requirements-site.txt $(READY)
+	@echo 'setup: installing the Python packages of requirements-site.txt into .venv' >&2
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input -r '$(ROOT)/requirements-site.txt' >&2
+	@touch '$@'
+
 setup: ## install what is missing: system tools (apt) and .venv
 	@'$(ROOT)/scripts/setup.sh' >&2
 
@@ -64,7 +71,9 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); about 11 minutes on two cores
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
 
+# without MkDocs, the test of the site says that it is skipped
 test-all: $(READY) ## every test
+	@$(MAKE) --no-print-directory -f '$(firstword $(MAKEFILE_LIST))' '$(SITE_READY)' || echo 'test-all: the packages of the site cannot be installed' >&2
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
 lint: $(READY) ## VHDL and Python style, docstrings, layers, analysis as VHDL-93 and VHDL-2008, fresh files
@@ -136,6 +145,9 @@ netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 
 layers: $(READY) ## draw the layers of the project, from its imports, into docs/layers.svg
 	@'$(PY)' -m scripts layers $(ARGS)
+
+site: $(SITE_READY) ## the documentation as a site in build/site
+	@'$(PY)' -m scripts site $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m scripts generate

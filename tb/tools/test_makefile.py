@@ -55,8 +55,10 @@ REPLAY = ("replay", "DRIVE=drive.toml", "IN=work dir/trace 1.csv", "OUT=work dir
 def test_help_is_the_default_and_lists_every_target(project):
     done = make(project)
     assert done.returncode == 0
-    targets = "run test lint replay registers synth budgets check pnr sweep report fidelity sources clean"
-    targets += " setup generate format help"
+    targets = (
+        "run test lint replay registers synth budgets check pnr sweep report fidelity sources clean"
+    )
+    targets += " setup generate format site help"
     for target in targets.split():
         assert f"make {target} " in done.stdout
     assert not (project / ".venv").exists(), "help needs no environment"
@@ -170,7 +172,18 @@ def test_exit_code_is_the_program_s(project):
     make(project, "setup")
     python = project / ".venv" / "bin" / "python"
     python.write_text("#!/bin/sh\nexit 3\n")
-    for target in ("run", "test", "lint", "synth", "budgets", "check", "pnr", "sweep", "report", "generate"):
+    for target in (
+        "run",
+        "test",
+        "lint",
+        "synth",
+        "budgets",
+        "check",
+        "pnr",
+        "sweep",
+        "report",
+        "generate",
+    ):
         assert make(project, target).returncode != 0, target
     assert make(project, *REPLAY).returncode != 0
     assert make(project, "sources", "TOP=x").returncode != 0
