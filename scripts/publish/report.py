@@ -30,7 +30,7 @@ from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, proofs, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
-from scripts.publish import mptc_report
+from scripts.publish import mptc_report, paper_b
 from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import cache, paper_a, progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
@@ -62,6 +62,7 @@ DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
 STUDIES: dict[str, Callable[[], Any]] = {
     "switching horizons SE and SESE in closed loop": horizon_study.study,
     "rotor-flux observer over speed and mismatch": observer_study.study,
+    "every method at Paper B's operating points": paper_b.regenerate,
 }
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)

@@ -19,6 +19,7 @@ from directmpc.mptc.closed_loop import RPM, Run, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.plant import PlantParameters, plant_parameters
+from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
@@ -134,8 +135,21 @@ def _at_speed(
     return closed_loop.simulate(drive, scenario, engine=engine, plant=plant)
 
 
-def _fundamental(run: Run, first: int) -> float:
-    """Mean angular frequency of the stator flux from step `first` on, rad/s."""
+def fundamental(run: Run | SequenceRun, first: int) -> float:
+    """Mean angular frequency of the stator flux.
+
+    Parameters
+    ----------
+    run : Run or SequenceRun
+        At least two control periods from `first` on.
+    first : int
+        Periods that are left out.
+
+    Returns
+    -------
+    float
+        rad/s, signed.
+    """
     flux = run.trace.psi_s[first:] @ np.array([1.0, 1.0j])
     angle = np.unwrap(np.angle(flux))
     return float(np.polyfit(np.arange(len(angle)) * run.ts, angle, 1)[0])
@@ -159,7 +173,7 @@ def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
     """
     first = len(run.u) // 10
     changes = COMMUTATIONS[run.trace.u[first:-1], run.trace.u[first + 1 :]].sum()
-    omega = _fundamental(run, first) if omega_s is None else omega_s
+    omega = fundamental(run, first) if omega_s is None else omega_s
     return {
         "torque_ripple_nm": float(run.torque[first:].std()),
         "torque_mean_nm": float(run.torque[first:].mean()),
@@ -238,7 +252,7 @@ def band_limited(run: Run, highest: float) -> float:
         Percent of the fundamental.
     """
     first = len(run.u) // 10
-    omega = _fundamental(run, first)
+    omega = fundamental(run, first)
     x = run.trace.i_s[first:, 0]
     period = 2.0 * np.pi / (abs(omega) * run.ts)
     periods = int(len(x) // period)

@@ -1,0 +1,615 @@
+"""docs/paper-b.md: what Paper B states beside what every method does here, bit-true.
+
+`regenerate` runs `scripts.studies.paper_b`, stores its figures in reports/paper_b.csv, draws, and
+writes the tables of the page from the stored figures. Whether a claim of the paper holds is
+computed from them too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from directmpc.api.drive_file import load_mptc_drive
+from directmpc.host.console import terminable
+from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.sequence_loop import SequenceRun
+from scripts.shared import progress, tables, tools
+from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.tools import ROOT
+from scripts.studies import mptc as low
+from scripts.studies import paper_b as study
+
+REPORTS = ROOT / "reports"
+CSV = REPORTS / "paper_b.csv"
+PAGE = ROOT / "docs" / "paper-b.md"
+DRIVE = ROOT / "drives" / "induction_2kw2.toml"
+COMMAND = "python -m scripts paper-b"
+
+CLOSE = 0.05
+"""Two figures that differ by at most this share count as alike."""
+
+STEADY_SPAN = 1.3
+"""A switching frequency whose largest value is at most so many times its smallest is steady."""
+
+FOC_HZ = 5000.0
+"""Switching frequency of FOC with seven-segment modulation at the paper's 5 kHz."""
+
+_FOUR = (*COLOURS, "#8a5a9e")
+
+
+class Figures:
+    """Figures of the study, as stored.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+        study, controller, rpm, quantity, value; text or numbers.
+    """
+
+    def __init__(self, rows: Iterable[study.Row | dict[str, str]]) -> None:
+        self._values = {
+            (r["study"], r["controller"], float(r["rpm"]), r["quantity"]): float(r["value"])
+            for r in rows
+        }
+
+    def __call__(self, name: str, controller: str, rpm: float, quantity: str) -> float:
+        """One figure.
+
+        Parameters
+        ----------
+        name, controller : str
+            Study and controller.
+        rpm : float
+            r/min.
+        quantity : str
+            With its unit.
+
+        Returns
+        -------
+        float
+            The value.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        return self._values[name, controller, rpm, quantity]
+
+    def unloaded(self, controller: str, quantity: str = "thd_pct") -> float:
+        """A figure at 150 r/min without load.
+
+        Parameters
+        ----------
+        controller, quantity : str
+            Which.
+
+        Returns
+        -------
+        float
+            The value.
+        """
+        return self("no load", controller, study.LOW_SPEED, quantity)
+
+    def over_speed(self, controller: str, quantity: str) -> np.ndarray:
+        """A figure at rated load at all speeds.
+
+        Parameters
+        ----------
+        controller, quantity : str
+            Which.
+
+        Returns
+        -------
+        ndarray of float64
+            In the order of `study.SPEEDS`.
+        """
+        return np.array([self("rated load", controller, rpm, quantity) for rpm in study.SPEEDS])
+
+
+class Claim(NamedTuple):
+    """A statement of the paper, and what is found here.
+
+    Attributes
+    ----------
+    source : str
+        Figure or section.
+    text : str
+        The statement.
+    found : str
+        Figures here.
+    holds : str
+        "yes", "no" or "in part", with the speeds.
+    """
+
+    source: str
+    text: str
+    found: str
+    holds: str
+
+
+def _list(values: Iterable[float], form: str) -> str:
+    return ", ".join(format(value, form) for value in values)
+
+
+def _yes(holds: bool) -> str:
+    return "yes" if holds else "no"
+
+
+def _where(holds: np.ndarray, first: int = 0) -> str:
+    """Verdict on a statement about the speeds from number `first` on."""
+    if holds.all():
+        return "yes"
+    if not holds.any():
+        return "no"
+    speeds = np.array(study.SPEEDS)[first:]
+    fewer = holds if holds.sum() <= len(holds) / 2 else ~holds
+    return f"in part: {'not ' * (fewer is not holds)}at {_list(speeds[fewer], 'g')} r/min"
+
+
+def _span(values: np.ndarray, form: str = ".0f") -> str:
+    return f"{values.min():{form}} to {values.max():{form}}"
+
+
+def _torque_claims(f: Figures) -> list[Claim]:
+    """Claims of sections 4, 5.1 and 5.2."""
+    thd = {name: f.over_speed(name, "thd_pct") for name in study.LOADED}
+    ripple = {name: f.over_speed(name, "torque_ripple_nm") for name in study.LOADED}
+    hertz = {name: f.over_speed(name, "switching_hz") for name in study.LOADED}
+    at_rest = [f.unloaded(name) for name in ("MPTC2", "MPTC", "MPTC1")]
+    calm = [f.unloaded(name, "torque_ripple_nm") for name in ("MPTC", "MPTC1", "MPTC2")]
+    second = f.over_speed("GTV", "second_active_pct")
+    spans = [float(hertz[n].max() / hertz[n].min()) for n in ("MPTC", "MPTC1", "GTV")]
+    slow, fast = slice(0, 3), slice(6, None)  # of the speeds
+    alike = np.abs(thd["GTV"] / thd["MPTC2"] - 1.0) <= CLOSE
+    claims = [
+        Claim(
+            "Fig. 6", "150 r/min, no load: MPFC has the lowest THD, below MPTC with k_psi = 100; "
+            "MPTC with k_psi = 32 is much worse",
+            f"{_list((f.unloaded(n) for n in ('MPFC', 'MPTC', 'MPTC, k_psi 32')), '.2f')} %",
+            _yes(
+                f.unloaded("MPFC") < f.unloaded("MPTC")
+                and f.unloaded("MPTC, k_psi 32") > 2.0 * f.unloaded("MPTC")
+            ),
+        ),
+        Claim(
+            "Fig. 8", "150 r/min: torque ripple of MPTC I and II much lower than MPTC's (no load)",
+            f"{_list(calm[1:], '.2f')} against {calm[0]:.2f} N m",
+            _yes(max(calm[1:]) < 0.5 * calm[0]),
+        ),
+        Claim(
+            "Fig. 9", "150 r/min, no load: THD of MPTC II below MPTC's, MPTC I's above it",
+            f"{_list(at_rest, '.2f')} %", _yes(at_rest[0] < at_rest[1] < at_rest[2]),
+        ),
+    ]  # fmt: skip
+    for rule, two in (("deadbeat", "MPTC2"), ("mean", "MPTC2, mean")):
+        claims += [
+            Claim(
+                "Fig. 10", "MPTC has the highest torque ripple at all speeds (II with rule "
+                f"{rule})",
+                f"II {_span(ripple[two], '.2f')}, I {_span(ripple['MPTC1'], '.2f')}, MPTC "
+                f"{_span(ripple['MPTC'], '.2f')} N m",
+                _where((ripple["MPTC"] > ripple[two]) & (ripple["MPTC"] > ripple["MPTC1"])),
+            ),
+            Claim(
+                "Fig. 10", f"THD of MPTC II (rule {rule}) below MPTC's and I's 'over a wide speed "
+                "range, especially at low speed'",
+                f"II {_span(thd[two], '.1f')}, I {_span(thd['MPTC1'], '.1f')}, MPTC "
+                f"{_span(thd['MPTC'], '.1f')} %",
+                _where((thd[two] < thd["MPTC"]) & (thd[two] < thd["MPTC1"])),
+            ),
+        ]  # fmt: skip
+    return [
+        *claims,
+        Claim(
+            "Fig. 11", "GTV: the second vector is not always zero, especially at medium and high "
+            "speed", f"second vector active in {_list(second, '.1f')} % of the periods",
+            _where(second > 0.0),
+        ),
+        Claim(
+            "Fig. 14", "GTV has a lower torque ripple than MPTC at all speeds",
+            f"{_span(ripple['GTV'], '.2f')} against {_span(ripple['MPTC'], '.2f')} N m",
+            _where(ripple["GTV"] < ripple["MPTC"]),
+        ),
+        Claim(
+            "Fig. 14", "GTV has the lowest torque ripple of MPTC, I and GTV at all speeds",
+            f"GTV {_span(ripple['GTV'], '.2f')}, I {_span(ripple['MPTC1'], '.2f')} N m",
+            _where((ripple["GTV"] < ripple["MPTC"]) & (ripple["GTV"] < ripple["MPTC1"])),
+        ),
+        Claim(
+            "Fig. 14", "GTV has the lowest THD of the three at all speeds",
+            f"GTV {_span(thd['GTV'], '.1f')}, I {_span(thd['MPTC1'], '.1f')}, MPTC "
+            f"{_span(thd['MPTC'], '.1f')} %",
+            _where((thd["GTV"] < thd["MPTC"]) & (thd["GTV"] < thd["MPTC1"])),
+        ),
+        Claim(
+            "Fig. 14", "MPTC has the highest THD of the three at all speeds", "the same",
+            _where((thd["MPTC"] > thd["GTV"]) & (thd["MPTC"] > thd["MPTC1"])),
+        ),
+        Claim(
+            "Fig. 15", "the switching frequency of MPTC varies strongly, I's and GTV's little",
+            f"MPTC {_span(hertz['MPTC'])}, I {_span(hertz['MPTC1'])}, GTV {_span(hertz['GTV'])} Hz",
+            _yes(spans[0] > STEADY_SPAN >= max(spans[1:])),
+        ),
+        Claim(
+            "Fig. 15", "GTV switches less than MPTC at medium speeds (600 to 900 r/min)",
+            f"GTV {_list(hertz['GTV'][3:6], '.0f')}, MPTC {_list(hertz['MPTC'][3:6], '.0f')} Hz",
+            _yes(bool((hertz["GTV"] < hertz["MPTC"])[3:6].all())),
+        ),
+        Claim(
+            "Fig. 16", f"GTV and MPTC II alike at low speed (up to 450 r/min; THD within "
+            f"{100 * CLOSE:g} %)",
+            f"GTV {_list(thd['GTV'][slow], '.2f')}, II {_list(thd['MPTC2'][slow], '.2f')} %",
+            _yes(bool(alike[slow].all())),
+        ),
+        Claim(
+            "Fig. 16", "GTV has a lower THD than MPTC II at high speed (from 1050 r/min)",
+            f"GTV {_list(thd['GTV'][fast], '.2f')}, II {_list(thd['MPTC2'][fast], '.2f')} %",
+            _where((thd["GTV"] < thd["MPTC2"])[fast], 6),
+        ),
+        Claim(
+            "Fig. 16", "GTV has a lower torque ripple than MPTC II there",
+            f"GTV {_list(ripple['GTV'][fast], '.2f')}, II "
+            f"{_list(ripple['MPTC2'][fast], '.2f')} N m",
+            _where((ripple["GTV"] < ripple["MPTC2"])[fast], 6),
+        ),
+    ]  # fmt: skip
+
+
+def _flux_claims(f: Figures) -> list[Claim]:
+    """Claims of sections 5.3 and 7."""
+    claims = []
+    for source, name, rpm, what in (
+        ("Fig. 18", "load step", study.DISTURBED, "100 % load step"),
+        ("Fig. 19", "reversal", 1500.0, "after the reversal"),
+        ("Fig. 20", "crawl", study.CRAWL, "15 r/min with rated load"),
+    ):
+        two, three = (f(name, method, rpm, "torque_ripple_nm") for method in ("MPFC2", "MPFC3"))
+        claims.append(
+            Claim(source, f"{what}: torque ripple of three vectors lower than of two",
+                  f"{three:.2f} against {two:.2f} N m", _yes(three < two))
+        )  # fmt: skip
+    for source, name, rpm, quantity, unit in (
+        ("Fig. 18", "load step", study.DISTURBED, "speed_loss_rpm", "r/min lost"),
+        ("Fig. 19", "reversal", 1500.0, "to_1400_rpm_ms", "ms to 1400 r/min"),
+    ):
+        two, three = (f(name, method, rpm, quantity) for method in ("MPFC2", "MPFC3"))
+        claims.append(
+            Claim(source, "the dynamic response of two and three vectors is alike",
+                  f"{two:.0f} and {three:.0f} {unit}", _yes(abs(three / two - 1.0) <= CLOSE))
+        )  # fmt: skip
+    hertz = {name: f.over_speed(name, "switching_hz") for name in ("MPFC2", "MPFC3", "MPC2")}
+    thd = {name: f.over_speed(name, "thd_pct") for name in ("MPTC", "MPC2")}
+    ripple = {name: f.over_speed(name, "torque_ripple_nm") for name in ("MPTC", "MPC2")}
+    rises = [
+        [f("torque step", name, rpm, "rise_longest_ms") for rpm in study.STEP_SPEEDS]
+        for name in ("MPTC", "MPC2")
+    ]
+    return [
+        *claims,
+        Claim(
+            "sec. 5.3", "three vectors 'significantly reduce the average switching frequency' "
+            "(against what is not said; here against two)",
+            f"{_span(hertz['MPFC3'])} against {_span(hertz['MPFC2'])} Hz",
+            _where(hertz["MPFC3"] < hertz["MPFC2"]),
+        ),
+        Claim(
+            "Fig. 30", "torque step 0 to 120 %: MPC2 and MPTC rise in less than 1 ms",
+            f"MPC2 {_list(rises[1], '.2f')}, MPTC {_list(rises[0], '.2f')} ms",
+            _yes(max(map(max, rises)) < 1.0),
+        ),
+        Claim(
+            "Fig. 31", "MPC2 has a lower THD than MPTC at all speeds",
+            f"{_span(thd['MPC2'], '.1f')} against {_span(thd['MPTC'], '.1f')} %",
+            _where(thd["MPC2"] < thd["MPTC"]),
+        ),
+        Claim(
+            "Fig. 31", "MPC2 has a lower torque ripple than MPTC at all speeds",
+            f"{_span(ripple['MPC2'], '.2f')} against {_span(ripple['MPTC'], '.2f')} N m",
+            _where(ripple["MPC2"] < ripple["MPTC"]),
+        ),
+        Claim(
+            "Fig. 32", "MPC2 switches slightly less than FOC (5000 Hz by its modulation)",
+            f"{_list(hertz['MPC2'], '.0f')} Hz", _where(hertz["MPC2"] < FOC_HZ),
+        ),
+    ]  # fmt: skip
+
+
+def claims(f: Figures) -> list[Claim]:
+    """Every claim of the paper that the figures decide.
+
+    Parameters
+    ----------
+    f : Figures
+        Of the study.
+
+    Returns
+    -------
+    list of Claim
+        In the order of the paper's sections.
+    """
+    return [*_torque_claims(f), *_flux_claims(f)]
+
+
+def _numbers(f: Figures) -> str:
+    """What the paper states as a number, beside ours."""
+    rise = [
+        [f("torque step", name, rpm, "rise_longest_ms") for rpm in study.STEP_SPEEDS]
+        for name in ("MPTC", "MPC2")
+    ]
+    rules = {
+        "MPTC1": ("MPTC1", "MPTC1, mean"),
+        "MPTC2": ("MPTC2", "MPTC2, mean", "MPTC2, best"),
+    }
+    one, two = (" / ".join(f"{f.unloaded(n):.2f}" for n in rules[m]) for m in rules)
+    speeds = " / ".join(f"{rpm:g}" for rpm in study.STEP_SPEEDS)
+    return tables.markdown(
+        ["", "Paper B", "here"],
+        [
+            ["THD, 150 r/min, no load: MPTC, 20 kHz (Fig. 9)", "8.90 %",
+             f"{f.unloaded('MPTC'):.2f} %"],
+            ["the same: MPTC I, 20 kHz, rule deadbeat / mean", "11.16 %", f"{one} %"],
+            ["the same: MPTC II, 10 kHz, rule deadbeat / mean / best", "3.64 %", f"{two} %"],
+            [f"rise of MPTC, torque 0 to 120 %, at {speeds} r/min (Fig. 30)", "< 1 ms",
+             " / ".join(f"{x:.2f}" for x in rise[0]) + " ms"],
+            ["the same: MPC2, 15 kHz", "< 1 ms", " / ".join(f"{x:.2f}" for x in rise[1]) + " ms"],
+            ["the same: FOC, 5 kHz", "> 10 ms", "not built"],
+        ],
+        "lr",
+    )  # fmt: skip
+
+
+def _bands(f: Figures) -> str:
+    """Distortion by band and by where it is sampled."""
+    columns = {
+        "to 100 kHz": "thd_pct",
+        **{f"to {b / 1e3:g} kHz": f"thd_to_{b / 1e3:g}khz_pct" for b in reversed(study.BANDS)},
+        "at control instants": "thd_at_instants_pct",
+    }
+    return tables.markdown(
+        ["THD, %, 150 r/min, no load", *columns, "f_sw, Hz"],
+        [
+            [name, *(f"{f.unloaded(name, q):.2f}" for q in columns.values()),
+             f"{f.unloaded(name, 'switching_hz'):.0f}"]
+            for name in study.UNLOADED
+        ],
+        "lr",
+    )  # fmt: skip
+
+
+def _over_speed(f: Figures, title: str, quantity: str, form: str) -> str:
+    return tables.markdown(
+        [title, *(f"{rpm:g}" for rpm in study.SPEEDS)],
+        [[name, *(format(x, form) for x in f.over_speed(name, quantity))] for name in study.LOADED],
+        "lr",
+    )
+
+
+def _transients(f: Figures) -> str:
+    """Load step, reversal and low speed."""
+    rows = []
+    for text, name, rpm, quantity, form in (
+        ("load step at 900 r/min: torque ripple, N m", "load step", study.DISTURBED,
+         "torque_ripple_nm", ".2f"),
+        ("load step: largest loss of speed, r/min", "load step", study.DISTURBED,
+         "speed_loss_rpm", ".0f"),
+        ("reversal: to 1400 r/min, ms", "reversal", 1500.0, "to_1400_rpm_ms", ".0f"),
+        ("reversal: torque ripple at 1500 r/min, N m", "reversal", 1500.0, "torque_ripple_nm",
+         ".2f"),
+        ("15 r/min, 14 N m: torque ripple, N m", "crawl", study.CRAWL, "torque_ripple_nm", ".2f"),
+        ("15 r/min, 14 N m: largest error of the speed, r/min", "crawl", study.CRAWL,
+         "speed_error_rpm", ".2f"),
+    ):  # fmt: skip
+        cells = [
+            "-" if name == "crawl" and method == "MPC2"
+            else format(f(name, method, rpm, quantity), form)
+            for method in study.FLUX_METHODS
+        ]  # fmt: skip
+        rows.append([text, *cells])
+    return tables.markdown(["", *study.FLUX_METHODS], rows, "lr")
+
+
+def texts(f: Figures) -> dict[str, str]:
+    """Every table of the page.
+
+    Parameters
+    ----------
+    f : Figures
+        Of the study.
+
+    Returns
+    -------
+    dict of str to str
+        Name of the marker -> table.
+    """
+    return {
+        "numbers": _numbers(f),
+        "bands": _bands(f),
+        "claims": tables.markdown(["source", "Paper B", "here", "holds"], claims(f)),
+        "distortion": _over_speed(f, "THD, %, at r/min", "thd_pct", ".2f"),
+        "ripple": _over_speed(f, "torque ripple, N m, at r/min", "torque_ripple_nm", ".2f"),
+        "switching": _over_speed(f, "switching frequency, Hz, at r/min", "switching_hz", ".0f"),
+        "transients": _transients(f),
+    }
+
+
+def _markers(name: str) -> tuple[str, str]:
+    return f"<!-- {name}: begin (written by {COMMAND}) -->", f"<!-- {name}: end -->"
+
+
+def write_texts(f: Figures, page: Path = PAGE) -> None:
+    """Rewrite the tables of the page.
+
+    Parameters
+    ----------
+    f : Figures
+        Of the study.
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers of a table.
+    """
+    tables.rewrite(page, {_markers(name): text for name, text in texts(f).items()})
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def _axes(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Any, Any]:
+    return pyplot().subplots(
+        rows, columns, figsize=size, layout="constrained", squeeze=False, **options
+    )
+
+
+def _save(figure: Any, path: Path) -> None:
+    save_png(figure, path)
+    pyplot().close(figure)
+
+
+def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
+    """Fig. 9: spectra of the current without load at low speed."""
+    shown = ("MPTC", "MPTC1", "MPTC2")
+    figure, axes = _axes(len(shown), 1, (8.0, 5.0), sharex=True, sharey=True)
+    for (ax,), name, colour in zip(axes, shown, COLOURS, strict=True):
+        frequency, amplitude = curves.spectra[name]
+        seen = frequency <= 6000.0
+        ax.plot(frequency[seen], amplitude[seen], color=colour, linewidth=0.5)
+        ax.set_title(f"{name}, THD {f.unloaded(name):.2f} %", fontsize=9)
+        ax.set_ylabel("% of fundamental")
+    axes[-1][0].set_xlabel("frequency (Hz)")
+    figure.suptitle("Current of phase a, 150 r/min, no load (Paper B, Fig. 9)", fontsize=10)
+    _save(figure, path)
+
+
+def _draw_speeds(f: Figures, path: Path) -> None:
+    """Figs. 10, 14, 15, 16, 31 and 32: figures over speed at rated load."""
+    groups = (("MPTC", "MPTC1", "MPTC2", "GTV"), ("MPTC", "MPFC2", "MPFC3", "MPC2"))
+    figure, axes = _axes(3, 2, (9.0, 7.5), sharex=True, sharey="row")
+    for row, (quantity, label) in enumerate(
+        (
+            ("torque_ripple_nm", "torque ripple (N m)"),
+            ("thd_pct", "THD of the current (%)"),
+            ("switching_hz", "switching frequency (Hz)"),
+        )
+    ):
+        for column, names in enumerate(groups):
+            for name, colour in zip(names, _FOUR, strict=True):
+                values = f.over_speed(name, quantity)
+                axes[row][column].plot(
+                    study.SPEEDS, values, color=colour, marker="o", markersize=3, linewidth=1.0,
+                    label=f"{name}, {1e-3 / low.PERIODS[name]:g} kHz",
+                )  # fmt: skip
+        axes[row][0].set_ylim(bottom=0.0)  # both columns have the same
+        axes[row][0].set_ylabel(label)
+    for column, title in enumerate(("Figs. 10, 14, 15, 16", "sec. 5.3, Figs. 31, 32 without FOC")):
+        axes[0][column].set_title(f"Paper B, {title}", fontsize=9)
+        axes[1][column].legend(frameon=False, fontsize=8)
+        axes[2][column].set_xlabel("speed (r/min)")
+    figure.suptitle("14 N m, 0.9 Wb, bit-true model", fontsize=10)
+    _save(figure, path)
+
+
+def _rpm(run: SequenceRun) -> np.ndarray:
+    return run.trace.omega_r / 2.0 / RPM
+
+
+def _draw_dynamics(curves: study.Curves, path: Path) -> None:
+    """Figs. 18, 19, 20 and 30."""
+    columns: Sequence[tuple[str, dict[str, SequenceRun]]] = (
+        ("100 % load at 900 r/min (Fig. 18)", curves.disturbed),
+        ("reversal (Figs. 19, 29)", curves.reversed),
+        ("15 r/min, 14 N m (Fig. 20)", curves.crawling),
+    )
+    figure, axes = _axes(3, len(columns), (11.0, 6.5), sharex="col")
+    for column, (title, runs) in enumerate(columns):
+        for name, colour in zip(runs, COLOURS, strict=False):
+            run = runs[name]
+            t = run.ts * np.arange(len(run.torque))
+            inside = run.sample_time * np.arange(0, len(run.torque_inside), 10)
+            axes[0][column].plot(t, _rpm(run), color=colour, linewidth=0.9, label=name)
+            axes[1][column].plot(inside, run.torque_inside[::10], color=colour, linewidth=0.4)
+            axes[2][column].plot(inside, run.current_inside[::10].real, color=colour, linewidth=0.4)
+        axes[0][column].set_title(title, fontsize=9)
+        axes[2][column].set_xlabel("time (s)")
+    for row, label in enumerate(("speed (r/min)", "torque (N m)", "current of phase a (A)")):
+        axes[row][0].set_ylabel(label)
+    axes[0][0].legend(frameon=False)
+    _save(figure, path)
+
+
+def _draw_steps(curves: study.Curves, path: Path) -> None:
+    """Fig. 30: the torque step."""
+    figure, axes = _axes(1, 1, (7.0, 3.2))
+    ax = axes[0][0]
+    for (name, (t, made)), colour in zip(curves.steps.items(), COLOURS, strict=True):
+        ax.plot(t, made, color=colour, linewidth=0.9, label=name)
+    ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6)
+    ax.set_xlabel("time from the step of the reference (ms)")
+    ax.set_ylabel("torque (N m)")
+    ax.legend(frameon=False)
+    ax.set_title("torque 0 to 120 % at 150 r/min (Paper B, Fig. 30, without FOC)", fontsize=9)
+    _save(figure, path)
+
+
+# --- all of it ------------------------------------------------------------------------------------
+
+
+def stored(path: Path = CSV) -> Figures:
+    """Figures of the last run of the study.
+
+    Parameters
+    ----------
+    path : Path
+        CSV file.
+
+    Returns
+    -------
+    Figures
+        As stored.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    return Figures(tables.read_csv(path))
+
+
+def regenerate(texts_only: bool = False) -> None:
+    """Run the study, store and draw what it finds, and write the page; or write the page alone.
+
+    Parameters
+    ----------
+    texts_only : bool
+        Whether only the tables are written, from the stored figures.
+
+    Raises
+    ------
+    DriveFileError
+        If the drive file is not right.
+    MarkerError
+        If the page lacks the markers of a table.
+    """
+    with terminable():
+        if not texts_only:
+            drive = load_mptc_drive(DRIVE)
+            with progress.counter("Paper B's operating points", study.count()) as advance:
+                rows, curves = study.measure(drive, advance)
+            found = Figures(rows)
+            drawings: dict[str, Callable[[Path], None]] = {
+                "spectra": lambda path: _draw_spectra(curves, found, path),
+                "speeds": lambda path: _draw_speeds(found, path),
+                "dynamics": lambda path: _draw_dynamics(curves, path),
+                "steps": lambda path: _draw_steps(curves, path),
+            }
+            for name, draw in drawings.items():
+                draw(REPORTS / f"paper_b_{name}.png")
+            tools.write(CSV, tables.csv_text(rows))
+        write_texts(stored())
