@@ -38,7 +38,7 @@ _SQRT3_2 = math.sqrt(3.0) / 2.0
 #: Parameters of the core besides the coefficients, in port order.
 OPTIONS = (
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
-    "two_switchings", "budget", "compensate", "deadlock_rule",
+    "two_switchings", "budget", "compensate", "deadlock_rule", "outside_inwards",
 )  # fmt: skip
 
 #: Place of every parameter in ``Registers.array()``.
@@ -67,6 +67,8 @@ class Registers:
         1 to decide for k+1, fast variant alone.
     deadlock_rule : int
         1 for the weighted rule in deadlocks, fast variant alone.
+    outside_inwards : int
+        1 for the rule "inwards" of what starts outside its bound, fast variant alone.
     unit : float
         U, trajectory units per unit; for reports only, no register.
     extrapolation : int
@@ -85,6 +87,7 @@ class Registers:
     budget: int
     compensate: int
     deadlock_rule: int
+    outside_inwards: int
     unit: float
     extrapolation: int
     correction: float
@@ -143,6 +146,22 @@ def weighted_deadlock(values: NDArray[np.int64]) -> bool:
         True where a row sets ``deadlock_rule``.
     """
     return _any(values, "deadlock_rule")
+
+
+def inwards(values: NDArray[np.int64]) -> bool:
+    """Whether register values need INWARDS built in.
+
+    Parameters
+    ----------
+    values : ndarray of int64, shape (p,) or (n, p)
+        ``Registers.array()``, or n rows of it.
+
+    Returns
+    -------
+    bool
+        True where a row sets ``outside_inwards``.
+    """
+    return _any(values, "outside_inwards")
 
 
 def _any(values: NDArray[np.int64], *options: str) -> bool:
@@ -357,6 +376,7 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
         ("switching_horizon", control.switching_horizon != "SE", '"SESE"', '"SE"'),
         ("delay_compensation", control.delay_compensation, "true", "false"),
         ("deadlock_rule", control.deadlock_rule != "largest", '"weighted"', '"largest"'),
+        ("outside_rule", control.outside_rule != "dead", '"inwards"', '"dead"'),
     ):
         if asked:
             raise ValueError(
@@ -400,6 +420,7 @@ def registers(drive: Drive, variant: str) -> Registers:
         budget=drive.control.budget if variant == "fast" else 0,
         compensate=int(drive.control.delay_compensation),
         deadlock_rule=int(drive.control.deadlock_rule == "weighted"),
+        outside_inwards=int(drive.control.outside_rule == "inwards"),
         unit=exact.unit,
         extrapolation=exact.extrapolation,
         correction=exact.correction,

@@ -56,6 +56,8 @@ class Control(Section):
     their model; `delay_compensation` decides for k + 1 from the state predicted under s(k-1).
     `deadlock_rule` says what is chosen where no candidate stays inside its bounds: "largest" takes
     the least of the largest excesses, "weighted" weighs v_n's and adds a share of the currents'.
+    `outside_rule` says what a variable that starts outside its bound means for a candidate: "dead"
+    gives it the length 0, "inwards" follows it while it comes back.
     """
 
     ts: Annotated[
@@ -70,6 +72,7 @@ class Control(Section):
     budget: integer(0, 4095) = 0
     delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
     deadlock_rule: Literal["largest", "weighted"] = "largest"
+    outside_rule: Literal["dead", "inwards"] = "dead"
 
 
 class Drive(AnyDrive):

@@ -29,6 +29,9 @@ NEUTRAL_WEIGHT = 8.0
 CURRENT_SHARE = 1.0 / 16.0
 """Of the currents' largest excess that this rule adds."""
 
+STILL = 1e-12
+"""Per unit and step: a voltage that moves less does not move; three currents add up to rounding."""
+
 
 class IdealParameters(NamedTuple):
     """All that `decide` needs to know about a drive, as numbers and arrays, per unit.
@@ -49,6 +52,7 @@ class IdealParameters(NamedTuple):
     horizon: int
     two_switchings: bool
     weighted_deadlock: bool
+    inwards: bool
     next_count: IntArray
     next_table: IntArray
     half_dc: IntArray
@@ -87,6 +91,7 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
         horizon=int(drive.control.horizon),
         two_switchings=drive.control.switching_horizon == "SESE",
         weighted_deadlock=drive.control.deadlock_rule == "weighted",
+        inwards=drive.control.outside_rule == "inwards",
         next_count=anpc.NEXT_COUNT,
         next_table=anpc.NEXT_TABLE,
         half_dc=anpc.HALF_DC,
@@ -196,11 +201,52 @@ def _natural(a11, a12, a21, a22, current, flux, horizon, natural):
 
 
 @njit
+def _keeps_current(bound, before, now):
+    """Whether a phase's current error may go from `before` to `now` by the rule "inwards".
+
+    It may if it is inside, or if its excess over the bound falls; the first step out of the bound
+    is none in which it falls.
+    """
+    return abs(now) <= bound or abs(now) < abs(before)
+
+
+@njit
+def _keeps_voltage(bound, start, slope, now):
+    """Whether a voltage's deviation `now`, on a line from `start`, is allowed by "inwards"."""
+    if start > bound:
+        return slope < -STILL and now >= -bound
+    if start < -bound:
+        return slope > STILL and now <= bound
+    return abs(now) <= bound
+
+
+@njit
 def _extend(
-    bounds, horizon, natural, forced, reference, offset,
+    bounds, inwards, horizon, natural, forced, reference, offset,
     voltage, v_n, d_a, d_b, d_c, r_n, r_a, r_b, r_c,
 ):  # fmt: skip
-    """L* (eqs. 8, 22): last step 0..N before the first violation, looking at every step."""
+    """L* (eqs. 8, 22): last step 0..N before the first violation, looking at every step.
+
+    With `inwards` what starts outside its bound may come back, see `_keeps_current` and
+    `_keeps_voltage`.
+    """
+    if inwards:
+        b_a, b_b, b_c = phases(reference[offset] - (natural[0] + forced[0] * voltage))
+        for step in range(1, horizon + 1):
+            error = reference[offset + step] - (natural[step] + forced[step] * voltage)
+            e_a, e_b, e_c = phases(error)
+            if not (
+                _keeps_current(bounds[0], b_a, e_a)
+                and _keeps_current(bounds[1], b_b, e_b)
+                and _keeps_current(bounds[2], b_c, e_c)
+                and _keeps_voltage(bounds[3], v_n, r_n, v_n + step * r_n)
+                and _keeps_voltage(bounds[4], d_a, r_a, d_a + step * r_a)
+                and _keeps_voltage(bounds[5], d_b, r_b, d_b + step * r_b)
+                and _keeps_voltage(bounds[6], d_c, r_c, d_c + step * r_c)
+            ):
+                return step - 1
+            b_a, b_b, b_c = e_a, e_b, e_c
+        return horizon
     for step in range(horizon + 1):
         error = reference[offset + step] - (natural[step] + forced[step] * voltage)
         if not _inside(
@@ -331,7 +377,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
                     p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c
                 )
                 length = _extend(
-                    p.bounds, n, natural, forced, reference, 0, voltage,
+                    p.bounds, p.inwards, n, natural, forced, reference, 0, voltage,
                     v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
                 )  # fmt: skip
                 if length == 0:
@@ -421,7 +467,7 @@ def _best_leaf(
                     p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, t_a, t_b, t_c
                 )
                 more = _extend(
-                    p.bounds, n, natural2, forced, reference, length, voltage,
+                    p.bounds, p.inwards, n, natural2, forced, reference, length, voltage,
                     v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
                 )  # fmt: skip
                 if more == 0:

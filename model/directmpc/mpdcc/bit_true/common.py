@@ -76,6 +76,7 @@ _TWO_SWITCHINGS = INDEX["two_switchings"]
 _BUDGET = INDEX["budget"]
 _COMPENSATE = INDEX["compensate"]
 _DEADLOCK_RULE = INDEX["deadlock_rule"]
+_OUTSIDE_INWARDS = INDEX["outside_inwards"]
 
 
 class Options(NamedTuple):
@@ -93,6 +94,8 @@ class Options(NamedTuple):
         0 or 1: SESE; decide for k+1; the weighted rule in deadlocks.
     budget : int
         Candidates of the second level, 0 without limit.
+    outside_inwards : int
+        1 for the rule "inwards" of what starts outside its bound.
     """
 
     bound: NDArray[np.int64]
@@ -102,6 +105,7 @@ class Options(NamedTuple):
     budget: int
     compensate: int
     deadlock_rule: int
+    outside_inwards: int
 
 
 class Node(NamedTuple):
@@ -162,6 +166,7 @@ def options(register):
         register[_BUDGET],
         register[_COMPENSATE],
         register[_DEADLOCK_RULE],
+        register[_OUTSIDE_INWARDS],
     )
 
 

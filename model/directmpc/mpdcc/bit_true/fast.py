@@ -17,9 +17,18 @@ changes, and the largest of the three magnitudes after step one needs no compari
 
 Capacitor voltages and v_n are straight lines; their lengths depend on the phase's position or on
 which phases hang on the neutral point, not on the whole candidate.
+
+With the rule "inwards" a current that starts outside its bound is followed while it comes back. If
+it is outside on the side of sgn(c) and does not leave on the far side, a step is allowed if the
+error is inside or still falls there, which is monotone in l too. If it is outside on the other
+side, it comes back faster and faster and can leave on the side of sgn(c) alone. Step one is looked
+at apart: it has to be inside or nearer. What is further outside than a word of ``BASE_WIDTH`` bits
+is dead.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +72,13 @@ _EFFORTS = 2**f.EFFORT_WIDTH
 CANDIDATES = inverter.MAX_NEXT**3
 
 
+class Rule(NamedTuple):
+    """The two choices of the specification's rule, each 0 or 1; see ``common.Options``."""
+
+    deadlock_rule: int
+    outside_inwards: int
+
+
 @njit
 def turn_threshold(error, curvature, bound):
     """T: the slope against the curvature from which a trajectory leaves before it turns.
@@ -89,8 +105,9 @@ def turn_threshold(error, curvature, bound):
 def first_exit(error, slope, curvature, bound, threshold):
     """Largest l of 0..63 up to which a parabola stays in the band (Paper A, eqs. 8, 22 to 24).
 
-    The paper's line is a parabola here; |error| <= bound. One bit of l per stage of the explorer's
-    pipeline.
+    The paper's line is a parabola here. One bit of l per stage of the explorer's pipeline. An error
+    that starts outside is followed while it comes back, as the rule "inwards" has it; whether step
+    one does is for ``length_inwards`` to say.
 
     Parameters
     ----------
@@ -106,8 +123,12 @@ def first_exit(error, slope, curvature, bound, threshold):
     """
     upwards = curvature >= 0
     exceeds = slope < -threshold if upwards else slope > threshold
+    # outside on the side away from sgn(c) there is no room that a threshold could tell of
+    if (error < -bound) if upwards else (error > bound):
+        exceeds = False
     side_up = upwards != exceeds
     margin = error - bound - 1 if side_up else error + bound
+    outside = margin >= 0 if side_up else margin < 0
     length = 0
     beta = slope
     for m in range(f.LENGTH_WIDTH - 1, -1, -1):
@@ -116,12 +137,20 @@ def first_exit(error, slope, curvature, bound, threshold):
         step = secant << m
         trial = margin + step
         inside = trial < 0 if side_up else trial >= 0
-        # the sign of the slope there, from its upper bits
-        tail = (secant >> f.TURN_SHIFT) + ((curvature << m) >> f.TURN_SHIFT)
-        turned = tail >= 0 if upwards else tail < 0
-        # one step beyond one that is inside and before the turn cannot have missed an exit
-        if -_REACH <= step < _REACH and inside and not (exceeds and turned and m > 0):
+        if outside:
+            # what the error moves by in the last of the steps: exact for m < 3, of the slope at the
+            # end of them for others
+            last = after - curvature if m < 3 else after
+            allowed = inside or (last < 0 if upwards else last >= 0)
+        else:
+            # the sign of the slope there, from its upper bits
+            tail = (secant >> f.TURN_SHIFT) + ((curvature << m) >> f.TURN_SHIFT)
+            turned = tail >= 0 if upwards else tail < 0
+            # one step beyond one that is inside and before the turn cannot have missed an exit
+            allowed = inside and not (exceeds and turned and m > 0)
+        if -_REACH <= step < _REACH and allowed:
             margin = trial
+            outside = not inside
             beta = after
             length += 1 << m
     return length
@@ -383,20 +412,26 @@ def has_successors(t, start):
 
 
 @njit
-def _still(s, error, moving):
-    """Errors into `moving`, 0 for the voltages that do not move under s.
+def _still(s, error, back, moving):
+    """Errors into `moving`, 0 for the voltages that do not move under s and are inside.
 
-    At the second level those are inside: they were at k + L1, by the length of the first level. The
-    predicted state may say otherwise by what it rounds.
+    At the second level those are inside that are `back`: all that were inside at the root, by the
+    length of the first level. The predicted state may say otherwise by what it rounds.
     """
     moving[:] = error
     hanging = 0
     for x in range(3):
         hanging += inverter.NEUTRAL_CURRENT[s[x]]
-        if inverter.CAPACITOR_CURRENT[s[x]] == 0:
+        if inverter.CAPACITOR_CURRENT[s[x]] == 0 and back[4 + x]:
             moving[4 + x] = 0
-    if hanging == 0:
+    if hanging == 0 and back[3]:
         moving[3] = 0
+
+
+@njit
+def _fits(value, width):
+    """Whether a number fits a signed word."""
+    return not saturate(value, width)[1]
 
 
 # --- the rule of the specification ----------------------------------------------------------------
@@ -408,7 +443,7 @@ def length_inside(rule, error, first, slope, curvature, bound, threshold, horizo
 
     Parameters
     ----------
-    rule : int
+    rule : int or tuple
         Without effect; ``search`` hands it to every part of a rule.
     error : ndarray of int64, shape (7,)
         At the node: i_a, i_b, and their sum, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
@@ -442,6 +477,75 @@ def length_inside(rule, error, first, slope, curvature, bound, threshold, horizo
             found = search_length(error[j], slope[j], bound[j], horizon)
         length = min(length, found)
     return length
+
+
+@njit
+def length_inwards(rule, error, first, slope, curvature, bound, threshold, horizon):
+    """L* by the rule "inwards": what starts outside its bound is followed while it comes back.
+
+    Arguments and result as ``length_inside``.
+
+    Parameters
+    ----------
+    rule : int or tuple
+        Without effect.
+    error, first, slope, curvature, bound, threshold : ndarray of int64
+        Trajectory units.
+    horizon : int
+        N, steps.
+
+    Returns
+    -------
+    int
+        0..N
+    """
+    length = horizon
+    for j in range(7):
+        outside = abs(error[j]) > bound[j]
+        if outside and not _fits(error[j], f.BASE_WIDTH):
+            return 0
+        if j < 3:
+            limit = max(bound[j], abs(error[j]) - 1)
+            if abs(first[j] + slope[j]) > limit or not _fits(slope[j], f.START_SLOPE_WIDTH):
+                return 0
+            # an error may come nearer in step one by crossing the whole band
+            found = max(
+                first_exit(error[j], slope[j], curvature[j], bound[j], threshold[j]), 1
+            )
+        elif outside:
+            room = bound[j] + abs(error[j])
+            if slope[j] == 0 or (slope[j] > 0) == (error[j] > 0):
+                return 0
+            found = room // abs(slope[j])
+        else:
+            found = search_length(error[j], slope[j], bound[j], horizon)
+        length = min(length, found)
+    return length
+
+
+@njit
+def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
+    """L* by ``Rule``: ``length_inwards`` or ``length_inside``.
+
+    Arguments and result as ``length_inside``.
+
+    Parameters
+    ----------
+    rule : Rule
+        Its `outside_inwards` chooses.
+    error, first, slope, curvature, bound, threshold : ndarray of int64
+        Trajectory units.
+    horizon : int
+        N, steps.
+
+    Returns
+    -------
+    int
+        0..N
+    """
+    if rule.outside_inwards:
+        return length_inwards(rule, error, first, slope, curvature, bound, threshold, horizon)
+    return length_inside(rule, error, first, slope, curvature, bound, threshold, horizon)
 
 
 @njit
@@ -485,8 +589,8 @@ def least_excess(
 
     Parameters
     ----------
-    rule : int
-        1 for the weighted rule, see ``deadlock_rank``.
+    rule : Rule
+        Its `deadlock_rule` is 1 for the weighted rule, see ``deadlock_rank``.
     error, first, slope, curvature, bound : ndarray of int64
         As in ``length_inside``.
     effort : int
@@ -501,7 +605,7 @@ def least_excess(
     bool
         True where it is; `record` is updated then.
     """
-    rank = deadlock_rank(first, slope, bound, rule)
+    rank = deadlock_rank(first, slope, bound, rule.deadlock_rule)
     if none_yet or rank < record[0]:
         record[0] = rank
         return True
@@ -514,7 +618,7 @@ def no_surcharge(rule, error, slope, length):
 
     Parameters
     ----------
-    rule : int
+    rule : int or tuple
         Without effect, as are all others.
     error, slope : ndarray of int64, shape (7,)
         As in ``length_inside``.
@@ -533,7 +637,7 @@ def no_surcharge(rule, error, slope, length):
 
 
 @njit(kept=False, inline=True)
-def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
+def _best_leaf(length_of, surcharge, rule, t, root, s1, effort1, steps, o):
     """The cheapest leaf below a node.
 
     Parameters
@@ -542,6 +646,8 @@ def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
         As in ``search``.
     t : ndarray of int64, shape (22,)
         Terms of the node.
+    root : ndarray of int64, shape (7,)
+        Errors at the root.
     s1 : ndarray of int64, shape (3,)
         The node's positions.
     effort1, steps : int
@@ -566,6 +672,9 @@ def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
         threshold[x] = turn_threshold(error[x], curvature[x], bound[x])
     slope = np.empty(7, dtype=np.int64)
     moving = np.empty(7, dtype=np.int64)
+    back = np.empty(7, dtype=np.bool_)
+    for j in range(7):
+        back[j] = not o.outside_inwards or min(abs(root[j]), abs(error[j])) <= bound[j]
     s = np.empty(3, dtype=np.int64)
     best, best_clipped = -1, False
     for ia in range(inverter.NEXT_COUNT[s1[0]]):
@@ -575,7 +684,7 @@ def _best_leaf(length_of, surcharge, rule, t, s1, effort1, steps, o):
             for ic in range(inverter.NEXT_COUNT[s1[2]]):
                 s[2] = inverter.NEXT_TABLE[s1[2], ic]
                 slopes(s, natural, forced, phase, midpoint, slope)
-                _still(s, error, moving)
+                _still(s, error, back, moving)
                 length = length_of(rule, moving, first, slope, curvature, bound, threshold, horizon)
                 if length == 0:
                     continue
@@ -739,7 +848,7 @@ def search(
             looked_at += 1
             following, over = successor(register, reference, t, entry[4:6], entry[0:3], entry[3])
             value, clipped = _best_leaf(
-                length_of, surcharge, rule, following, entry[0:3], effort, entry[3], o
+                length_of, surcharge, rule, following, error, entry[0:3], effort, entry[3], o
             )
             if value >= 0 and (
                 deep_cost < 0 or value < deep_cost or (value == deep_cost and entry[6] < deep_place)
@@ -775,8 +884,9 @@ def search_words(register, measurement, s_prev, order):
         As ``search``.
     """
     record = np.zeros(8, dtype=np.int64)
+    o = options(register)
     return search(
-        length_inside, least_excess, no_surcharge, options(register).deadlock_rule,
+        length_of, least_excess, no_surcharge, Rule(o.deadlock_rule, o.outside_inwards),
         register, measurement, s_prev, order, record,
     )  # fmt: skip
 
