@@ -58,6 +58,9 @@ extern "C" {
 #define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bm 0x1000
 #define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bp 12
 #define SYSTEM_REGISTERS__CAPABILITIES__WEIGHTED_DEADLOCK_bw 1
+#define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bm 0x2000
+#define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bp 13
+#define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bw 1
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bm 0xfff0000
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bp 16
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bw 12
@@ -646,6 +649,12 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_bw 1
 #define MPDCC_PARAMETERS__DEADLOCK_RULE__VALUE_reset 0x0
 
+// reg - mpdcc_parameters::outside_inwards
+#define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_bm 0x1
+#define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_bp 0
+#define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_bw 1
+#define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_reset 0x0
+
 // regfile - mpdcc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_error_alpha;
@@ -701,6 +710,7 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t o_output_flux;
     uint32_t o_output_current;
     uint32_t deadlock_rule;
+    uint32_t outside_inwards;
 } mpdcc_parameters_t;
 
 // reg - mpdcc_measurements::is_alpha
@@ -828,7 +838,7 @@ typedef struct __attribute__ ((__packed__)) {
     mpdcc_decision_t result;
     uint8_t RESERVED_88_ff[0x78];
     mpdcc_parameters_t parameters;
-    uint8_t RESERVED_1d4_1ff[0x2c];
+    uint8_t RESERVED_1d8_1ff[0x28];
     mpdcc_measurements_t measurements;
 } directmpc_mpdcc_t;
 

@@ -28,6 +28,7 @@ entity board_top is
     FOLDED            : boolean               := false;      -- MPDCC: true: the paper's explorers
     SECOND_LEVEL      : boolean               := true;       -- MPDCC: true: SESE, delay compensation; fast explorers
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
+    INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
     CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
@@ -325,6 +326,7 @@ begin
         FOLDED            => FOLDED,
         SECOND_LEVEL      => SECOND_LEVEL,
         WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+        INWARDS           => INWARDS,
         LEAST_DEAD_TIME   => DEAD_CLOCKS
       )
       port map (

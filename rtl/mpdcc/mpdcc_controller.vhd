@@ -18,7 +18,8 @@ entity mpdcc_controller is
     EXPLORERS         : positive range 1 to 8 := 2;     -- number of explorers
     FOLDED            : boolean               := false; -- true: the paper's explorer, false: the fast one
     SECOND_LEVEL      : boolean               := false; -- true: SESE and delay compensation, fast explorer alone
-    WEIGHTED_DEADLOCK : boolean               := false  -- true: the weighted deadlock rule, fast explorer alone
+    WEIGHTED_DEADLOCK : boolean               := false; -- true: the weighted deadlock rule, fast explorer alone
+    INWARDS           : boolean               := false  -- true: the rule inwards, fast explorer alone
   );
   port (
     clk          : in    std_logic;      -- rising edge
@@ -51,11 +52,16 @@ begin
     report "mpdcc_controller: WEIGHTED_DEADLOCK needs the fast explorer, FOLDED = false"
     severity failure;
 
+  assert not (FOLDED and INWARDS)
+    report "mpdcc_controller: INWARDS needs the fast explorer, FOLDED = false"
+    severity failure;
+
   i_scheduler : entity work.mpdcc_scheduler
     generic map (
       EXPLORERS    => EXPLORERS,
       FOLDED       => FOLDED,
-      SECOND_LEVEL => SECOND_LEVEL
+      SECOND_LEVEL => SECOND_LEVEL,
+      INWARDS      => INWARDS
     )
     port map (
       clk          => clk,
@@ -80,7 +86,8 @@ begin
       generic map (
         FOLDED            => FOLDED,
         SECOND_LEVEL      => SECOND_LEVEL,
-        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+        INWARDS           => INWARDS
       )
       port map (
         clk        => clk,

@@ -17,7 +17,8 @@ entity mpdcc_explorer is
   generic (
     FOLDED            : boolean := false; -- true: the paper's variant, false: the fast one
     SECOND_LEVEL      : boolean := false; -- true: fast variant with leaves of the second level
-    WEIGHTED_DEADLOCK : boolean := false  -- true: fast variant with the weighted deadlock rule to choose
+    WEIGHTED_DEADLOCK : boolean := false; -- true: fast variant with the weighted deadlock rule to choose
+    INWARDS           : boolean := false  -- true: fast variant with the rule inwards to choose
   );
   port (
     clk        : in    std_logic;    -- rising edge
@@ -33,8 +34,8 @@ architecture rtl of mpdcc_explorer is
 
 begin
 
-  assert not (FOLDED and (SECOND_LEVEL or WEIGHTED_DEADLOCK))
-    report "mpdcc_explorer: SECOND_LEVEL and WEIGHTED_DEADLOCK need the fast variant, FOLDED = false"
+  assert not (FOLDED and (SECOND_LEVEL or WEIGHTED_DEADLOCK or INWARDS))
+    report "mpdcc_explorer: SECOND_LEVEL, WEIGHTED_DEADLOCK and INWARDS need the fast variant, FOLDED = false"
     severity failure;
 
   g_paper : if FOLDED generate
@@ -67,7 +68,8 @@ begin
     i_explorer : entity work.explorer_fast
       generic map (
         SECOND_LEVEL      => SECOND_LEVEL,
-        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+        WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+        INWARDS           => INWARDS
       )
       port map (
         clk             => clk,

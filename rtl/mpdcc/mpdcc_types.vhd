@@ -36,7 +36,9 @@ package mpdcc_types is
 
   subtype curvature_t is signed(CURVATURE_WIDTH - 1 downto 0);
 
-  subtype margin_t is signed(MARGIN_WIDTH - 1 downto 0);
+  -- an error that is inside needs MARGIN_WIDTH bits
+
+  subtype margin_t is signed(MARGIN_WIDTH downto 0);
 
   subtype turn_t is signed(TURN_WIDTH - 1 downto 0);
 
@@ -55,6 +57,8 @@ package mpdcc_types is
   type margins_t is array (0 to 2) of margin_t;
 
   type turns_t is array (0 to 2) of turn_t;
+
+  type reaches_t is array (0 to 2) of bound_t;
 
   type weights_t is array (0 to 2) of weight_t;
 
@@ -77,7 +81,8 @@ package mpdcc_types is
     first       : pair_t;                       -- error + curvature: the error at k+1 but for the slope; a and b
     margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound
     margin_down : margins_t;                    -- error + bound: not negative inside the lower bound
-    outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k
+    outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k, and dead for it
+    limit       : reaches_t;                    -- INWARDS: what the error at k+1 may be, see inward_step; one clock late
     turn        : turns_t;                      -- threshold, or -threshold - 1 with a negative curvature
     previous    : positions_t;                  -- s(k-1)
     negative    : std_logic_vector(2 downto 0); -- '1': negative phase current
@@ -93,6 +98,7 @@ package mpdcc_types is
     length : length_t;        -- steps, at most the horizon
     excess : trajectory_t;    -- |error at k+1| - bound
     bank   : std_logic;       -- which of two tables; successors of the root take turns
+    inside : std_logic;       -- INWARDS: '1': inside at k
   end record capacitor_t;
 
   constant CAPACITOR_NONE : capacitor_t := (
@@ -100,7 +106,8 @@ package mpdcc_types is
     row    => (others => '0'),
     length => (others => '0'),
     excess => (others => '0'),
-    bank   => '0'
+    bank   => '0',
+    inside => '0'
   );
 
   type limits_t is record
@@ -110,6 +117,7 @@ package mpdcc_types is
     horizon       : length_t;             -- N, steps
     weight_scale  : unsigned(1 downto 0); -- index into WEIGHT_SHIFTS
     deadlock_rule : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
+    outside_inwards : std_logic;          -- '1': what is outside at k is followed inwards; INWARDS alone
   end record limits_t;
 
   -- what common_terms multiplies at the root, stable while it does

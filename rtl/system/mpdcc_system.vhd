@@ -26,6 +26,7 @@ entity mpdcc_system is
     FOLDED            : boolean                  := false; -- true: the paper's explorer, false: the fast one
     SECOND_LEVEL      : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
     WEIGHTED_DEADLOCK : boolean                  := true;  -- true: the weighted deadlock rule, fast explorer alone
+    INWARDS           : boolean                  := true;  -- true: the rule inwards, fast explorer alone
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
@@ -317,7 +318,8 @@ begin
       EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,
       SECOND_LEVEL      => SECOND_LEVEL and not FOLDED,
-      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK and not FOLDED
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK and not FOLDED,
+      INWARDS           => INWARDS and not FOLDED
     )
     port map (
       clk                         => clk,
@@ -377,6 +379,7 @@ begin
       budget                      => in_force.budget.value.value,
       compensate                  => in_force.compensate.value.value,
       deadlock_rule               => in_force.deadlock_rule.value.value,
+      outside_inwards             => in_force.outside_inwards.value.value,
       c_change_phase              => in_force.c_change_phase.value.value,
       c_change_midpoint           => in_force.c_change_midpoint.value.value,
       c_change_weight             => in_force.c_change_weight.value.value,
@@ -421,6 +424,7 @@ begin
   capabilities.folded.next_q          <= to_std_logic(FOLDED);
   capabilities.second_level.next_q    <= to_std_logic(SECOND_LEVEL and not FOLDED);
   capabilities.weighted_deadlock.next_q <= to_std_logic(WEIGHTED_DEADLOCK and not FOLDED);
+  capabilities.inwards.next_q         <= to_std_logic(INWARDS and not FOLDED);
   capabilities.flux_control.next_q    <= '0';
   capabilities.observer.next_q        <= '1';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

@@ -220,8 +220,10 @@ Where no candidate stays inside its bounds the decision is the candidate of the 
 excess at k+1.  With deadlock_rule (WEIGHTED_DEADLOCK) the excess of v_n counts eight times and a
 sixteenth of the currents' largest is added, see step_one and docs/deadlocks.md.  It takes no
 clock more.
+What is outside its bound at k makes a candidate dead.  With outside_inwards (INWARDS) it is
+followed while it comes back, see docs/specification.md, section 2.4.  It takes no clock more.
 Overflow: saturates and sets saturated; nothing wraps.
-FOLDED = true excludes SECOND_LEVEL and WEIGHTED_DEADLOCK; elaboration fails with both.
+FOLDED = true excludes SECOND_LEVEL, WEIGHTED_DEADLOCK and INWARDS; elaboration fails with one.
 Considered and rejected: docs/alternatives.md.""",
     packages=("anpc5l_leg", "directmpc_constants", "mpdcc_types"),
     generics=(
@@ -239,6 +241,7 @@ Considered and rejected: docs/alternatives.md.""",
             "false",
             "true: the weighted deadlock rule, fast explorer alone",
         ),
+        ("INWARDS", "boolean", "false", "true: the rule inwards, fast explorer alone"),
     ),
     groups=(
         Group("", _CLOCK),
@@ -289,7 +292,7 @@ Considered and rejected: docs/alternatives.md.""",
             kind="limits_t",
         ),
         Group(
-            "of SECOND_LEVEL and WEIGHTED_DEADLOCK, stable from start to valid",
+            "of SECOND_LEVEL, WEIGHTED_DEADLOCK and INWARDS, stable from start to valid",
             (
                 Port("two_switchings", "", "'1': SESE, SECOND_LEVEL only; '0': SE"),
                 Port(
@@ -315,6 +318,7 @@ Considered and rejected: docs/alternatives.md.""",
                     "",
                     "'1': weighted, WEIGHTED_DEADLOCK only",
                 ),
+                Port("outside_inwards", "", "'1': followed inwards, INWARDS only"),
             ),
             record="limits",
             kind="limits_t",

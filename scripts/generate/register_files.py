@@ -198,9 +198,10 @@ def parameters(controller: str) -> list[Word]:
             for name, text in rotor_flux_observer.COEFFICIENTS.items()
         ]
         # last, so that the addresses before it stay
-        words.append(
-            Word("deadlock_rule", 1, False, "1: weighted, 0: largest excess; fast variant only")
-        )
+        words += [
+            Word("deadlock_rule", 1, False, "1: weighted, 0: largest excess; fast variant only"),
+            Word("outside_inwards", 1, False, "1: outside rule inwards, 0: dead; fast variant only"),
+        ]
         return words
     width = mptc_formats.WORD_WIDTH
     names = [*mptc_coefficients.COEFFICIENTS, *mptc_observer.COEFFICIENTS[-2:]]

@@ -32,6 +32,7 @@ entity mpdcc_core_bench is
     FOLDED            : boolean  := true;  -- variant of the explorers
     SECOND_LEVEL      : boolean  := false; -- true: SESE and delay compensation built in
     WEIGHTED_DEADLOCK : boolean  := false; -- true: the weighted deadlock rule built in
+    INWARDS           : boolean  := false; -- true: the rule inwards built in
     MOST_CLOCKS       : positive;          -- most clocks a decision may take, from scripts/measure/budgets.toml
     SESE_CLOCKS       : positive := 1;     -- the same with two switchings, likewise
     PREDICTION_CLOCKS : natural  := 0      -- further clocks with delay compensation, likewise
@@ -40,7 +41,7 @@ entity mpdcc_core_bench is
     rst        : in    std_logic;                      -- synchronous, active high
     request    : in    std_logic;                      -- a change asks for a decision on row
     row        : in    std_logic_vector(216 downto 0); -- s_prev c, b, a, then measurements, is_alpha rightmost
-    parameters : in    std_logic_vector(598 downto 0); -- parameter ports, c_error_alpha rightmost
+    parameters : in    std_logic_vector(599 downto 0); -- parameter ports, c_error_alpha rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
     response   : out   std_logic_vector(18 downto 0);  -- exhausted, saturated, length, deadlock, held, s_c, s_b, s_a
     cycles     : out   std_logic_vector(15 downto 0);  -- clocks from start to valid
@@ -143,7 +144,8 @@ begin
       EXPLORERS         => EXPLORERS,
       FOLDED            => FOLDED,
       SECOND_LEVEL      => SECOND_LEVEL,
-      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+      INWARDS           => INWARDS
     )
     port map (
       clk                => clk,
@@ -207,6 +209,7 @@ begin
       budget             => parameters(596 downto 585),
       compensate         => parameters(597),
       deadlock_rule      => parameters(598),
+      outside_inwards    => parameters(599),
       valid              => valid,
       busy               => busy,
       s_a                => decision(2 downto 0),

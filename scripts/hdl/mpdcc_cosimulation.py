@@ -45,7 +45,7 @@ def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
 
 
 #: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction, rule.
-_TAIL = (6, 2, 1, 12, 1, 1)
+_TAIL = (6, 2, 1, 12, 1, 1, 1)
 
 
 def pack_parameters(registers: np.ndarray) -> int:
@@ -54,7 +54,7 @@ def pack_parameters(registers: np.ndarray) -> int:
     Parameters
     ----------
     registers : np.ndarray
-        `Registers.array()`, shape (42,).
+        `Registers.array()`, shape (43,).
 
     Returns
     -------
@@ -105,7 +105,7 @@ class Bench:
     dut : cocotb handle
         The bench ``mpdcc_core_bench``.
     registers : np.ndarray
-        Parameters, shape (42,), or (n, 42) for n rows.
+        Parameters, shape (43,), or (n, 43) for n rows.
     """
 
     def __init__(self, dut, registers: np.ndarray) -> None:

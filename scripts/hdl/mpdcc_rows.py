@@ -13,7 +13,7 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
-from directmpc.mpdcc.coefficients import registers, second_level, weighted_deadlock
+from directmpc.mpdcc.coefficients import inwards, registers, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_simulation as rtl_simulation
@@ -36,7 +36,7 @@ SLOW: tuple[tuple[list[int], list[int], list[int]], ...] = (
         [
             8388, 7265, -2097, 2097, 466, 403, -141, -122, -4318, 5008, -5128, 4474, -2628, -2276,
             3925, 1962, 15015, 14606, 28647, 1659, 20972, -1197, -1037, 0, 0, 0, 0, 0, 0,
-            0, 0, 0, 0, 65535, 65535, 65535, 63, 0, 0, 0, 0, 0,
+            0, 0, 0, 0, 65535, 65535, 65535, 63, 0, 0, 0, 0, 0, 0,
         ],
     ),
 )  # fmt: skip
@@ -54,7 +54,7 @@ class Rows:
     ----------
     measurements : (n, 13)
     s_prev : (n, 3)
-    registers : (n, 42)
+    registers : (n, 43)
         Parameter ports of each row.
     """
 
@@ -130,7 +130,7 @@ def of_trace(trace, array: IntArray) -> Rows:
     trace : MpdccTrace
         n states, per unit.
     array : IntArray
-        Parameter ports, `Registers.array()`, shape (42,).
+        Parameter ports, `Registers.array()`, shape (43,).
 
     Returns
     -------
@@ -343,6 +343,7 @@ def simulate(
     bound: int | None = None,
     second: bool | None = None,
     weighted: bool | None = None,
+    inward: bool | None = None,
     aborts: IntArray | None = None,
 ) -> Answers:
     """Decisions of the RTL on independent rows.
@@ -365,6 +366,8 @@ def simulate(
         Whether the second level is built in; if None, where the rows need it.
     weighted : bool | None
         Whether the weighted deadlock rule is built in; if None, where the rows need it.
+    inward : bool | None
+        Whether the rule inwards is built in; if None, where the rows need it.
     aborts : IntArray | None
         A row for each decision that a reset ends before one is made, see ``cosimulation_reset``;
         none if None.
@@ -388,6 +391,7 @@ def simulate(
     bound = bound or worst_clocks(explorers, variant)
     second = second_level(rows.registers) if second is None else second
     weighted = weighted_deadlock(rows.registers) if weighted is None else weighted
+    inward = inwards(rows.registers) if inward is None else inward
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
         folder = Path(name)
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
@@ -404,7 +408,10 @@ def simulate(
             folder,
             units=["mpdcc_core"],
             files=[BENCH],
-            generics={**generics(explorers, variant, second, weighted), "MOST_CLOCKS": bound},
+            generics={
+                **generics(explorers, variant, second, weighted, inward),
+                "MOST_CLOCKS": bound,
+            },
             environment=environment,
             rtl=rtl,
             timeout=240,
@@ -428,7 +435,7 @@ def in_closed_loop(
     drive : Drive
         Plant and controller.
     array : IntArray
-        The drive's parameters of that variant, as the model had them, shape (42,).
+        The drive's parameters of that variant, as the model had them, shape (43,).
     variant : str
         "fast" or "paper".
     expected : ClosedLoopResult

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
+from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.plant import Plant
@@ -126,13 +126,17 @@ def simulate(
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    options = (second_level(job.registers), weighted_deadlock(job.registers))
+    options = (
+        second_level(job.registers),
+        weighted_deadlock(job.registers),
+        inwards(job.registers),
+    )
     arguments = [str(explorers), variant, *(str(int(option)) for option in options)]
     return simulator.simulate(job, "scripts.hdl.mpdcc_simulation", arguments, progress)
 
 
 def generics(
-    explorers: int, variant: str, second: bool, weighted: bool = False
+    explorers: int, variant: str, second: bool, weighted: bool = False, inward: bool = False
 ) -> dict[str, int | str]:
     """Generics of the bench around a core.
 
@@ -146,6 +150,8 @@ def generics(
         Whether SESE and delay compensation are built in.
     weighted : bool
         Whether the weighted deadlock rule is built in.
+    inward : bool
+        Whether the rule inwards is built in.
 
     Returns
     -------
@@ -162,6 +168,7 @@ def generics(
         "FOLDED": str(variant == "paper").lower(),
         "SECOND_LEVEL": str(second).lower(),
         "WEIGHTED_DEADLOCK": str(weighted).lower(),
+        "INWARDS": str(inward).lower(),
         "MOST_CLOCKS": worst_clocks(explorers, variant),
         "SESE_CLOCKS": worst_clocks(explorers, "sese"),
         "PREDICTION_CLOCKS": clocks_of("mpdcc_core", "prediction", "sese"),
@@ -169,7 +176,7 @@ def generics(
 
 
 def _build_and_run(
-    job_path: Path, explorers: int, variant: str, second: bool, weighted: bool
+    job_path: Path, explorers: int, variant: str, second: bool, weighted: bool, inward: bool
 ) -> None:
     """Analyse the RTL and run the bench in this process's children."""
     simulator.build_and_run(
@@ -177,7 +184,7 @@ def _build_and_run(
         core="mpdcc_core",
         toplevel=BENCH,
         module="scripts.hdl.mpdcc_cosimulation",
-        generics=generics(explorers, variant, second, weighted),
+        generics=generics(explorers, variant, second, weighted, inward),
     )
 
 
@@ -199,7 +206,7 @@ def simulate_rows(
     s_prev : ndarray of int64, shape (n, 3)
         s(k-1), positions 0 to 7.
     values : IntArray
-        `Registers.array()`, shape (42,).
+        `Registers.array()`, shape (43,).
     explorers : int
         Explorers of the core.
     variant : str
@@ -230,5 +237,5 @@ def simulate_rows(
 
 if __name__ == "__main__":
     _build_and_run(
-        Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4] == "1", sys.argv[5] == "1"
+        Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], *(given == "1" for given in sys.argv[4:7])
     )

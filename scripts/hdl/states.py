@@ -213,7 +213,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
     Returns
     -------
     IntArray
-        Shape (42,), as `Registers.array()`.
+        Shape (43,), as `Registers.array()`.
     """
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
     # those of successors do not matter to a single level, and draw nothing from its sequence
@@ -231,7 +231,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
             *bounds,
             rng.choice([1, 63, rng.integers(1, 64)]),
             rng.integers(0, 4),
-            *(0, 0, 0, 0),
+            *(0, 0, 0, 0, 0),
         ],
         dtype=np.int64,
     )

@@ -16,9 +16,10 @@ package mpdcc_flat is
 
   constant NODE_BITS      : natural := (OUTPUTS + 3) * TRAJECTORY_WIDTH + 5 * FORCED_WIDTH
                                        + 6 * CURRENT_TERM_WIDTH + 4 * WEIGHT_WIDTH + 3 * CURVATURE_WIDTH;
-  constant BAND_BITS      : natural := 2 * TRAJECTORY_WIDTH + 6 * MARGIN_WIDTH + 3 * TURN_WIDTH + 15;
+  constant BAND_BITS      : natural := 2 * TRAJECTORY_WIDTH + 6 * (MARGIN_WIDTH + 1) + 3 * TURN_WIDTH + 15
+                                       + 3 * BOUND_WIDTH;
   constant CAPACITOR_BITS : natural := 6 + LENGTH_WIDTH + TRAJECTORY_WIDTH;
-  constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 3;
+  constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 4;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
   constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + RANK_WIDTH;
   constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
@@ -104,8 +105,9 @@ package body mpdcc_flat is
   function to_vector (value : band_t) return std_logic_vector is
 
     variable firsts : std_logic_vector(2 * TRAJECTORY_WIDTH - 1 downto 0);
-    variable ups    : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
-    variable downs  : std_logic_vector(3 * MARGIN_WIDTH - 1 downto 0);
+    variable ups    : std_logic_vector(3 * margin_t'length - 1 downto 0);
+    variable downs  : std_logic_vector(3 * margin_t'length - 1 downto 0);
+    variable limits : std_logic_vector(3 * BOUND_WIDTH - 1 downto 0);
     variable turns  : std_logic_vector(3 * TURN_WIDTH - 1 downto 0);
 
   begin
@@ -115,12 +117,13 @@ package body mpdcc_flat is
     end loop;
 
     for i in 0 to 2 loop
-      ups((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)            := std_logic_vector(value.margin_up(i));
-      downs((i + 1) * MARGIN_WIDTH - 1 downto i * MARGIN_WIDTH)          := std_logic_vector(value.margin_down(i));
+      ups((i + 1) * margin_t'length - 1 downto i * margin_t'length)      := std_logic_vector(value.margin_up(i));
+      downs((i + 1) * margin_t'length - 1 downto i * margin_t'length)    := std_logic_vector(value.margin_down(i));
+      limits((i + 1) * BOUND_WIDTH - 1 downto i * BOUND_WIDTH)           := std_logic_vector(value.limit(i));
       turns((i + 1) * TURN_WIDTH - 1 downto i * TURN_WIDTH)              := std_logic_vector(value.turn(i));
     end loop;
 
-    return value.negative & to_vector(value.previous) & turns & value.outside & downs & ups & firsts;
+    return limits & value.negative & to_vector(value.previous) & turns & value.outside & downs & ups & firsts;
 
   end function to_vector;
 
@@ -265,7 +268,14 @@ package body mpdcc_flat is
     end loop;
 
     result.previous := to_positions(bits(used + 8 downto used));
-    result.negative := bits(BAND_BITS - 1 downto BAND_BITS - 3);
+    result.negative := bits(used + 11 downto used + 9);
+    used            := used + 12;
+
+    for i in 0 to 2 loop
+      result.limit(i) := unsigned(bits(used + BOUND_WIDTH - 1 downto used));
+      used            := used + BOUND_WIDTH;
+    end loop;
+
     return result;
 
   end function to_band;
@@ -283,6 +293,7 @@ package body mpdcc_flat is
     result.length := unsigned(bits(5 + LENGTH_WIDTH downto 6));
     result.excess := signed(bits(CAPACITOR_BITS - 1 downto 6 + LENGTH_WIDTH));
     result.bank   := '0';
+    result.inside := '0';
     return result;
 
   end function to_capacitor;
@@ -298,9 +309,10 @@ package body mpdcc_flat is
     result.bound_current := unsigned(bits(BOUND_WIDTH - 1 downto 0));
     result.bound_neutral := unsigned(bits(2 * BOUND_WIDTH - 1 downto BOUND_WIDTH));
     result.bound_phase   := unsigned(bits(3 * BOUND_WIDTH - 1 downto 2 * BOUND_WIDTH));
-    result.horizon       := unsigned(bits(LIMITS_BITS - 4 downto 3 * BOUND_WIDTH));
-    result.weight_scale  := unsigned(bits(LIMITS_BITS - 2 downto LIMITS_BITS - 3));
-    result.deadlock_rule := bits(LIMITS_BITS - 1);
+    result.horizon       := unsigned(bits(LIMITS_BITS - 5 downto 3 * BOUND_WIDTH));
+    result.weight_scale  := unsigned(bits(LIMITS_BITS - 3 downto LIMITS_BITS - 4));
+    result.deadlock_rule := bits(LIMITS_BITS - 2);
+    result.outside_inwards := bits(LIMITS_BITS - 1);
     return result;
 
   end function to_limits;

@@ -183,7 +183,7 @@ def common_terms(
 
 @dataclass
 class Limits:
-    """Bounds, horizon, scale of the cost, deadlock rule, see ``mpdcc_types.limits_t``."""
+    """Bounds, horizon, scale of the cost, both rules, see ``mpdcc_types.limits_t``."""
 
     bound_current: int
     bound_neutral: int
@@ -191,6 +191,7 @@ class Limits:
     horizon: int
     weight_scale: int
     deadlock_rule: int = 0
+    outside_inwards: int = 0
 
     @property
     def bounds(self) -> list[int]:
@@ -206,6 +207,7 @@ class Limits:
             | self.horizon << 48
             | self.weight_scale << 54
             | self.deadlock_rule << 56
+            | self.outside_inwards << 57
         )
 
 

@@ -21,6 +21,10 @@ def plain_node(registers_array: IntArray, row: IntArray, variant: str = "paper")
 
 
 def plain_limits(registers_array: IntArray) -> plain.Limits:
-    """Bounds, horizon, scale and deadlock rule out of the registers."""
+    """Bounds, horizon, scale and both rules out of the registers."""
     options = registers_array[len(COEFFICIENTS) :]
-    return plain.Limits(*(int(v) for v in options[:5]), deadlock_rule=int(options[8]))
+    return plain.Limits(
+        *(int(v) for v in options[:5]),
+        deadlock_rule=int(options[8]),
+        outside_inwards=int(options[9]),
+    )

@@ -55,6 +55,7 @@ _NEEDED = {
     "parameters.two_switchings": "second_level",
     "parameters.compensate": "second_level",
     "parameters.deadlock_rule": "weighted_deadlock",
+    "parameters.outside_inwards": "inwards",
     "parameters.method_mpfc": "flux_control",
 }
 

@@ -31,6 +31,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "observer": (10, 1, False),
                 "second_level": (11, 1, False),
                 "weighted_deadlock": (12, 1, False),
+                "inwards": (13, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),
@@ -498,6 +499,12 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 1, False),
             },
         ),
+        "parameters.outside_inwards": (
+            0x1D4,
+            {
+                "value": (0, 1, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {
@@ -621,6 +628,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "observer": (10, 1, False),
                 "second_level": (11, 1, False),
                 "weighted_deadlock": (12, 1, False),
+                "inwards": (13, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),

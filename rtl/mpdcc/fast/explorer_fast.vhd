@@ -16,6 +16,7 @@
 -- Leaves: candidates of the second level come one a clock past the blocks, as leaf. node and band
 -- change in time with the stages (see node_shown), steps and efforts of reached add to the leaf's.
 -- Weighted deadlock rule (WEIGHTED_DEADLOCK, chosen with limits.deadlock_rule): see step_one.
+-- Rule inwards (INWARDS, chosen with limits.outside_inwards): see inward_step, length_search, capacitor_search.
 -- Formats: trajectory units. See model/directmpc/mpdcc/bit_true/fast.py.
 -- Latency: a probe is answered 10 clocks after it is taken, a candidate is compared 19 clocks after
 -- its block is taken; initiation interval one clock per candidate.
@@ -38,7 +39,8 @@ library work;
 entity explorer_fast is
   generic (
     SECOND_LEVEL      : boolean := false; -- true: leaves of the second level besides
-    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule besides
+    WEIGHTED_DEADLOCK : boolean := false; -- true: the weighted deadlock rule besides
+    INWARDS           : boolean := false  -- true: the rule inwards besides
   );
   port (
     clk             : in    std_logic;   -- rising edge
@@ -103,6 +105,7 @@ architecture rtl of explorer_fast is
   signal effort_cost  : efforts_t;
 
   signal slopes  : slopes_t;
+  signal gone    : std_logic; -- '1': a current is dead by the rule inwards
   signal allowed : length_t;
   signal length  : length_t;
   signal dead    : dead_t;
@@ -299,10 +302,28 @@ begin
       slopes   => slopes
     );
 
+  g_bounds : if not INWARDS generate
+    gone <= '0';
+  end generate g_bounds;
+
+  g_inwards : if INWARDS generate
+
+    i_inward_step : entity work.inward_step
+      port map (
+        clk    => clk,
+        band   => band,
+        valid  => valid,
+        slopes => slopes,
+        leaves => gone
+      );
+
+  end generate g_inwards;
+
   i_step_one : entity work.step_one
     generic map (
       SECOND_LEVEL      => SECOND_LEVEL,
-      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+      INWARDS           => INWARDS
     )
     port map (
       clk       => clk,
@@ -312,6 +333,7 @@ begin
       valid     => valid,
       error     => slopes.error,
       connected => connected_5,
+      gone      => gone,
       index     => index_dead,
       held      => probe_held,
       allowed   => allowed,
@@ -322,7 +344,8 @@ begin
 
   i_search : entity work.length_search
     generic map (
-      ALLOWED_AT => ALLOW_STAGE + LATE
+      ALLOWED_AT => ALLOW_STAGE + LATE,
+      INWARDS    => INWARDS
     )
     port map (
       clk     => clk,

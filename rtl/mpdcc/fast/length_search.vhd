@@ -13,6 +13,9 @@
 -- One bound: the parabola may leave the band and come back. If the slope exceeds its threshold (see
 -- turn_threshold) the error leaves before it turns, and steps beyond the turn do not count. Otherwise
 -- it can leave on the side of the curvature alone. So one margin is tested, and the test is monotone.
+-- Rule inwards (INWARDS): an error that starts outside is followed while it comes back. On the side of the curvature
+-- a step is allowed that is inside or in which the error still comes nearer, which is monotone too. On the other side
+-- it comes nearer ever faster, and can leave on the curvature's side alone. Step one is inward_step's.
 -- Formats: trajectory units; MARGIN_WIDTH and SLOPE_WIDTH hold whatever stays inside a bound of
 -- 29000 units.
 -- Latency: LENGTH_STAGE - SLOPE_STAGE clocks from the slopes; one candidate a clock.
@@ -34,7 +37,8 @@ library work;
 
 entity length_search is
   generic (
-    ALLOWED_AT : natural range ALLOW_STAGE to SHORTEST - 1 := ALLOW_STAGE -- stage of allowed
+    ALLOWED_AT : natural range ALLOW_STAGE to SHORTEST - 1 := ALLOW_STAGE; -- stage of allowed
+    INWARDS    : boolean                                  := false        -- true: errors that start outside, too
   );
   port (
     clk     : in    std_logic; -- rising edge
@@ -51,14 +55,17 @@ architecture rtl of length_search is
 
   subtype slope_t is signed(SLOPE_WIDTH - 1 downto 0);
 
-  subtype inside_t is unsigned(MARGIN_WIDTH - 2 downto 0);
+  constant INSIDE_WIDTH : natural := MARGIN_WIDTH - choose(INWARDS, 0, 1);
+
+  subtype inside_t is unsigned(INSIDE_WIDTH - 1 downto 0);
 
   type slope_set_t is array (0 to 2) of slope_t;
 
   -- one phase in the search
   type cell_t is record
     side_up : std_logic; -- '1': the upper bound is left to test
-    margin  : inside_t;  -- error at the length so far, seen from that bound; what is inside has side_up for a sign
+    outside : std_logic; -- INWARDS: '1': the error is beyond it at the length so far
+    margin  : inside_t;  -- error there, seen from that bound; what is inside has side_up for a sign
     secant  : slope_t;   -- mean slope of the steps that the next stage tries
     length  : length_t;  -- length so far
   end record cell_t;
@@ -95,6 +102,8 @@ begin
       variable steeper : signed(TURN_WIDTH downto 0);
       variable exceeds : std_logic;
       variable side_up : std_logic;
+      variable away    : std_logic;
+      variable margin  : margin_t;
 
     begin
 
@@ -106,6 +115,15 @@ begin
           -- against the curvature and steeper than the threshold: it leaves on the curvature's other side
           steeper := resize(start, TURN_WIDTH + 1) + band.turn(x);
           exceeds := steeper(TURN_WIDTH) xor node.curvature(x)(CURVATURE_WIDTH - 1);
+
+          -- outside on the curvature's other side: it comes back ever faster, there is no threshold
+          away := band.margin_down(x)(MARGIN_WIDTH) and not node.curvature(x)(CURVATURE_WIDTH - 1);
+          away := away or (not band.margin_up(x)(MARGIN_WIDTH) and node.curvature(x)(CURVATURE_WIDTH - 1));
+
+          if (INWARDS and away = '1') then
+            exceeds := '0';
+          end if;
+
           side_up := node.curvature(x)(CURVATURE_WIDTH - 1) xnor exceeds;
 
           lanes(0)(x).side_up <= side_up;
@@ -114,10 +132,13 @@ begin
           lanes(0)(x).length  <= (others => '0');
 
           if (side_up = '1') then
-            lanes(0)(x).margin <= unsigned(band.margin_up(x)(MARGIN_WIDTH - 2 downto 0));
+            margin := band.margin_up(x);
           else
-            lanes(0)(x).margin <= unsigned(band.margin_down(x)(MARGIN_WIDTH - 2 downto 0));
+            margin := band.margin_down(x);
           end if;
+
+          lanes(0)(x).margin  <= unsigned(margin(INSIDE_WIDTH - 1 downto 0));
+          lanes(0)(x).outside <= to_std_logic(INWARDS) and (margin(MARGIN_WIDTH) xor side_up);
         end if;
       end if;
 
@@ -140,7 +161,10 @@ begin
       variable cell    : cell_t;
       variable secant  : slope_t;
       variable curve   : slope_t; -- change of the slope over the steps tried
-      variable tail    : signed(SLOPE_WIDTH - TURN_SHIFT - 1 downto 0);
+      variable rise    : slope_t; -- of the slope, up to the last step tried
+      variable tail    : slope_t;
+      variable outside : std_logic;
+      variable within  : std_logic;
       variable moved   : signed(SLOPE_WIDTH - m downto 0);
       variable trial   : signed(SLOPE_WIDTH downto 0);
       variable side    : std_logic;
@@ -160,26 +184,51 @@ begin
             secant := lanes(DECIDED - 1)(x).secant;
             curve  := shift_left(resize(node.curvature(x), SLOPE_WIDTH), m);
             side   := lanes(DECIDED - 1)(x).side_up;
-            trial  := resize(signed(side & std_logic_vector(lanes(DECIDED - 1)(x).margin)), SLOPE_WIDTH + 1);
+
+            outside := lanes(DECIDED - 1)(x).outside and to_std_logic(INWARDS);
+            trial   := resize(signed((side xor outside) & std_logic_vector(lanes(DECIDED - 1)(x).margin)),
+                              SLOPE_WIDTH + 1);
 
             -- the bits below bit m are unaffected by 2**m * secant and bypass the adder
             moved  := trial(SLOPE_WIDTH downto m) + secant(SLOPE_WIDTH - m - 1 downto 0);
             trial  := moved & trial(m - 1 downto 0);
 
-            -- past the turn the slope has the sign of the curvature
-            tail   := secant(SLOPE_WIDTH - 1 downto TURN_SHIFT) + curve(SLOPE_WIDTH - 1 downto TURN_SHIFT);
+            -- past the turn the slope has the sign of the curvature; of an error outside, what it moves by in
+            -- the last step has: exactly for bits 0 to 2, by the slope after it for the others
+            rise := curve;
+            tail := secant;
+
+            if (outside = '0') then
+              rise(TURN_SHIFT - 1 downto 0) := (others => '0');
+              tail(TURN_SHIFT - 1 downto 0) := (others => '0');
+            elsif (m = 0) then
+              rise := (others => '0');
+            elsif (m = 1) then
+              rise := resize(node.curvature(x), SLOPE_WIDTH);
+            elsif (m = 2) then
+              rise := triple(x);
+            end if;
+
+            tail   := tail + rise;
             turned := tail(tail'high) xnor node.curvature(x)(CURVATURE_WIDTH - 1);
 
             -- the bound on the curvature's side is left unless the error leaves before it turns
             exceeds := side xnor node.curvature(x)(CURVATURE_WIDTH - 1);
-            accept  := not overflows(secant, SLOPE_WIDTH - m) and (trial(SLOPE_WIDTH) xnor side)
-                       and not (exceeds and turned and to_std_logic(m > 0));
+            within  := trial(SLOPE_WIDTH) xnor side;
+            accept  := within and not (exceeds and turned and to_std_logic(m > 0));
+            accept  := not overflows(secant, SLOPE_WIDTH - m) and (accept or (outside and not turned));
 
             cell           := lanes(DECIDED - 1)(x);
             cell.length(m) := accept;
 
             if (accept = '1') then
-              cell.margin := unsigned(trial(MARGIN_WIDTH - 2 downto 0));
+              cell.margin  := unsigned(trial(INSIDE_WIDTH - 1 downto 0));
+              cell.outside := not within and to_std_logic(INWARDS);
+            end if;
+
+            -- an error may come nearer in step one by crossing the whole band
+            if (INWARDS and m = 0 and cell.length = 0) then
+              cell.length(0) := '1';
             end if;
 
             -- half the steps next: 3/2 of the change on where these are taken, 1/2 back where not

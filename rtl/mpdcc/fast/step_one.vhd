@@ -18,6 +18,8 @@
 --   16 * max(e_i, 8 * e_n, e_ph) + max(e_i),   e: excesses at k+1 of the currents, v_n and v_ph
 -- is compared, in sixteenths of a trajectory unit, after one stage more. No decision takes longer for
 -- it. Without deadlock_rule it is 16 times the excess, of the same order.
+-- Rule inwards (INWARDS): inward_step says whether a current is dead. With a second level the rows of what does not
+-- move are the root's; what is inside at the node has the whole horizon there, whatever it was at the root.
 -- Formats: trajectory units; the rank is unsigned, of the order of the excess.
 -- Latency: from the error at stage ERROR_STAGE 3 clocks to held, 4 to allowed, 5 to dead; with a second level one more
 -- to allowed and dead, with the weighted rule one more to dead; one candidate a clock.
@@ -40,7 +42,8 @@ library work;
 entity step_one is
   generic (
     SECOND_LEVEL      : boolean := false; -- true: two tables, and rows are written while others are read
-    WEIGHTED_DEADLOCK : boolean := false  -- true: the weighted deadlock rule besides
+    WEIGHTED_DEADLOCK : boolean := false; -- true: the weighted deadlock rule besides
+    INWARDS           : boolean := false  -- true: the rule inwards besides
   );
   port (
     clk       : in    std_logic;    -- rising edge
@@ -50,6 +53,7 @@ entity step_one is
     valid     : in    stages_t;     -- '1': the stage holds a candidate
     error     : in    pair_t;       -- of a and b at k+1, trajectory units, stage ERROR_STAGE
     connected : in    connection_t; -- rows of the candidate, stage SEARCH
+    gone      : in    std_logic;    -- INWARDS: '1': a current is dead, stage PROBE_STAGE, see inward_step
     index     : in    index_t;      -- its place, stage DEAD_STAGE or one later
     held      : out   std_logic;    -- '1': the currents are inside at k+1, stage PROBE_STAGE
     allowed   : out   length_t;     -- steps, stage ALLOW_STAGE or one later; 0: a current is outside
@@ -93,6 +97,18 @@ architecture rtl of step_one is
 
   end function excess_of;
 
+  -- the row's length, or the whole horizon
+  function at_rest (length : length_t; rests : std_logic; horizon : length_t) return length_t is
+  begin
+
+    if (rests = '1') then
+      return horizon;
+    else
+      return length;
+    end if;
+
+  end function at_rest;
+
   function worse (a, b : worst_t) return worst_t is
   begin
 
@@ -125,6 +141,10 @@ architecture rtl of step_one is
   signal entry       : entries_t;                -- of the phases: a and b in stage FIRST_ROWS, c in the next
   signal neutral_far : length_t;                 -- of v_n, stage FIRST_ROWS + 1
   signal neutral_off : worst_t;
+
+  -- '1': the row is of what does not move and is inside; phases, v_n
+  signal rests_early : std_logic_vector(0 to 3); -- stage FIRST_ROWS
+  signal rests_late  : std_logic_vector(0 to 3); -- stage FIRST_ROWS + 1
 
   signal outside     : std_logic_vector(SEARCH - 1 to PROBE_STAGE); -- '1': a current error is outside at k
   signal largest_5   : trajectory_t;
@@ -289,6 +309,58 @@ begin
   end process p_neutral;
 
   ---------------------------------------------------------------------------------------------
+  -- What does not move
+  ---------------------------------------------------------------------------------------------
+
+  -- its row is the root's: with the rule inwards what was outside there may be inside at a successor
+  g_all_inside : if not (SECOND_LEVEL and INWARDS) generate
+    rests_early <= (others => '0');
+    rests_late  <= (others => '0');
+  end generate g_all_inside;
+
+  g_some_outside : if SECOND_LEVEL and INWARDS generate
+
+    signal first  : std_logic_vector(0 to 3); -- '1': inside at the node; phases and v_n, first table
+    signal second : std_logic_vector(0 to 3); -- second table
+    signal fresh  : std_logic_vector(0 to 3); -- what comes now
+    signal rests  : std_logic_vector(0 to 3); -- stage SEARCH + 1
+
+  begin
+
+    g_fresh : for x in 0 to 2 generate
+      fresh(x) <= capacitor.write and to_std_logic(capacitor.row = 4 * x + 1);
+    end generate g_fresh;
+
+    fresh(3) <= capacitor.write and to_std_logic(capacitor.row = 17);
+
+    p_inside : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        for x in 0 to 3 loop
+          first(x)  <= (fresh(x) and not capacitor.bank and capacitor.inside)
+                       or (first(x) and not (fresh(x) and not capacitor.bank));
+          second(x) <= (fresh(x) and capacitor.bank and capacitor.inside)
+                       or (second(x) and not (fresh(x) and capacitor.bank));
+        end loop;
+
+        for x in 0 to 2 loop
+          rests(x) <= ((first(x) and not connected.bank) or (second(x) and connected.bank))
+                      and to_std_logic(connected.kind(x) = 0);
+        end loop;
+
+        rests(3) <= ((first(3) and not connected.bank) or (second(3) and connected.bank))
+                    and to_std_logic(connected.pattern = "000");
+
+        rests_early <= rests;
+        rests_late  <= rests_early;
+      end if;
+
+    end process p_inside;
+
+  end generate g_some_outside;
+
+  ---------------------------------------------------------------------------------------------
   -- Excesses and the shortest length
   ---------------------------------------------------------------------------------------------
 
@@ -328,7 +400,15 @@ begin
   end process p_currents;
 
   held     <= to_std_logic(excess_7 <= 0);
-  leaves_7 <= to_std_logic(excess_7 > 0) or outside(PROBE_STAGE);
+
+  g_bounds : if not INWARDS generate
+    leaves_7 <= to_std_logic(excess_7 > 0) or outside(PROBE_STAGE);
+  end generate g_bounds;
+
+  g_inwards : if INWARDS generate
+    leaves_7 <= gone;
+  end generate g_inwards;
+
 
   g_direct : if LATE = 0 generate
     current <= excess_7;
@@ -358,13 +438,15 @@ begin
     if rising_edge(clk) then
       if (valid(FIRST_ROWS) = '1') then
         worse_pair <= worse(resize(excess_of(entry(0)), WORST_WIDTH), resize(excess_of(entry(1)), WORST_WIDTH));
-        short_pair <= shorter(length_of(entry(0)), length_of(entry(1)));
+        short_pair <= shorter(at_rest(length_of(entry(0)), rests_early(0), limits.horizon),
+                              at_rest(length_of(entry(1)), rests_early(1), limits.horizon));
       end if;
 
       if (valid(FIRST_ROWS + 1) = '1') then
         worse_late  <= worse(resize(excess_of(entry(2)), WORST_WIDTH), neutral_off);
         worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
-        shortest    := shorter(short_pair, shorter(length_of(entry(2)), neutral_far));
+        shortest    := shorter(short_pair, shorter(at_rest(length_of(entry(2)), rests_late(2), limits.horizon),
+                                                   at_rest(neutral_far, rests_late(3), limits.horizon)));
 
         if (leaves = '1') then
           shortest := (others => '0');

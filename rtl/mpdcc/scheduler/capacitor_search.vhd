@@ -15,6 +15,8 @@
 -- start; initiation interval of a node 18 clocks.
 -- Successors: the phases' lines without current and the neutral point without a phase do not move,
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
+-- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
+-- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.
 -- Overflow: none; abs(slope) is clipped at twice the largest bound, which is outside at once.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -33,7 +35,8 @@ library work;
 
 entity capacitor_search is
   generic (
-    SECOND_LEVEL : boolean := false -- true: successors, whose terms are complete a clock later
+    SECOND_LEVEL : boolean := false; -- true: successors, whose terms are complete a clock later
+    INWARDS      : boolean := false  -- true: the rule inwards besides
   );
   port (
     clk      : in    std_logic;   -- rising edge
@@ -62,9 +65,16 @@ architecture rtl of capacitor_search is
   constant DISCHARGED     : natural := CHARGED + 3;
   constant ALL_PATTERNS   : natural := DISCHARGED + 3;
 
-  subtype room_t is unsigned(BOUND_WIDTH - 1 downto 0);
+  -- what is outside has more room than the band
+  constant ROOM_WIDTH : natural := BOUND_WIDTH + choose(INWARDS, 1, 0);
+
+  subtype room_t is unsigned(ROOM_WIDTH - 1 downto 0);
+
+  subtype pace_t is unsigned(BOUND_WIDTH - 1 downto 0);
 
   type rooms_t is array (2 to CAPACITOR_STAGES) of room_t;
+
+  type paces_t is array (2 to CAPACITOR_STAGES) of pace_t;
 
   type rows_t is array (2 to CAPACITOR_STAGES) of capacitor_row_t;
 
@@ -119,15 +129,17 @@ architecture rtl of capacitor_search is
   signal row_1   : capacitor_row_t;
 
   signal room_2   : room_t;
-  signal pace_2   : room_t;
+  signal pace_2   : pace_t;
   signal excess_2 : trajectory_t;
   signal inside_2 : std_logic;
+  signal alive_2  : std_logic; -- inside, or on its way in
   signal row_2    : capacitor_row_t;
 
   signal room   : rooms_t;
-  signal pace   : rooms_t;
+  signal pace   : paces_t;
   signal length : lengths_t;
   signal inside : std_logic_vector(2 to CAPACITOR_STAGES);
+  signal alive  : std_logic_vector(2 to CAPACITOR_STAGES);
   signal excess : ends_t;
   signal row    : rows_t;
   signal passed : std_logic;
@@ -298,6 +310,8 @@ begin
     variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
     variable error   : trajectory_t;
     variable steep   : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
+    variable within  : std_logic;
+    variable inward  : std_logic;
 
   begin
 
@@ -309,9 +323,9 @@ begin
         room_dn := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) + error_1;
 
         if (slope_1 >= 0) then
-          room_2 <= unsigned(room_up(BOUND_WIDTH - 1 downto 0));
+          room_2 <= unsigned(room_up(ROOM_WIDTH - 1 downto 0));
         else
-          room_2 <= unsigned(room_dn(BOUND_WIDTH - 1 downto 0));
+          room_2 <= unsigned(room_dn(ROOM_WIDTH - 1 downto 0));
         end if;
 
         steep := magnitude(slope_1);
@@ -324,7 +338,13 @@ begin
 
         error    := error_1 + slope_1;
         excess_2 <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
-        inside_2 <= not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
+        -- what is above moves inwards with a negative slope, what is below with a positive one
+        within := not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
+        inward := (slope_1(TRAJECTORY_WIDTH - 1) xnor room_up(TRAJECTORY_WIDTH)) and to_std_logic(slope_1 /= 0);
+
+        inside_2 <= within;
+        alive_2  <= within or (to_std_logic(INWARDS) and limits.outside_inwards and inward
+                               and not overflows(error_1, BASE_WIDTH));
         row_2    <= row_1;
       end if;
 
@@ -343,6 +363,7 @@ begin
   room(2)   <= room_2;
   pace(2)   <= pace_2;
   inside(2) <= inside_2;
+  alive(2)  <= alive_2;
   excess(2) <= excess_2;
   row(2)    <= row_2;
   length(2) <= (others => '0');
@@ -352,7 +373,7 @@ begin
     p_length : process (clk) is
 
       variable left : room_t;
-      variable less : signed(BOUND_WIDTH downto 0);
+      variable less : signed(ROOM_WIDTH downto 0);
       variable bits : length_t;
 
     begin
@@ -367,8 +388,8 @@ begin
             less := signed(resize(shift_right(left, bit), less'length)) - signed(resize(pace(i - 1), less'length));
 
             if (less >= 0) then
-              left(BOUND_WIDTH - 1 downto bit) := unsigned(less(BOUND_WIDTH - bit - 1 downto 0));
-              bits(bit)                        := '1';
+              left(ROOM_WIDTH - 1 downto bit) := unsigned(less(ROOM_WIDTH - bit - 1 downto 0));
+              bits(bit)                       := '1';
             end if;
           end loop;
 
@@ -376,6 +397,7 @@ begin
           pace(i)   <= pace(i - 1);
           length(i) <= bits;
           inside(i) <= inside(i - 1);
+          alive(i)  <= alive(i - 1);
           excess(i) <= excess(i - 1);
           row(i)    <= row(i - 1);
         end if;
@@ -394,7 +416,7 @@ begin
 
   end process p_bank;
 
-  p_entry : process (valid, row, bank_row, length, inside, excess, limits) is
+  p_entry : process (valid, row, bank_row, length, inside, alive, excess, limits) is
   begin
 
     entry.write  <= valid(CAPACITOR_STAGES);
@@ -402,8 +424,9 @@ begin
     entry.bank   <= bank_row(CAPACITOR_STAGES);
     entry.length <= length(CAPACITOR_STAGES);
     entry.excess <= excess(CAPACITOR_STAGES);
+    entry.inside <= inside(CAPACITOR_STAGES);
 
-    if (inside(CAPACITOR_STAGES) = '0') then
+    if (alive(CAPACITOR_STAGES) = '0') then
       entry.length <= (others => '0');
     elsif (length(CAPACITOR_STAGES) > limits.horizon) then
       entry.length <= limits.horizon;

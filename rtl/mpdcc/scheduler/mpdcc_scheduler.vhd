@@ -35,7 +35,8 @@ entity mpdcc_scheduler is
   generic (
     EXPLORERS    : positive range 1 to 8 := 2;     -- number of explorers
     FOLDED       : boolean               := false; -- true: the paper's explorers, false: the fast ones
-    SECOND_LEVEL : boolean               := false  -- true: fast variant with SESE and delay compensation
+    SECOND_LEVEL : boolean               := false; -- true: fast variant with SESE and delay compensation
+    INWARDS      : boolean               := false  -- true: fast variant with the rule inwards to choose
   );
   port (
     clk          : in    std_logic;                         -- rising edge
@@ -255,6 +256,7 @@ begin
     broadcast.band.margin_up   <= (others => (others => '0'));
     broadcast.band.margin_down <= (others => (others => '0'));
     broadcast.band.outside     <= (others => '0');
+    broadcast.band.limit       <= (others => (others => '0'));
     broadcast.band.turn        <= (others => (others => '0'));
     broadcast.band.previous    <= s_before;
     broadcast.band.negative    <= negative;
@@ -267,7 +269,8 @@ begin
 
     i_preparation : entity work.node_preparation
       generic map (
-        SECOND_LEVEL => ADVANCES
+        SECOND_LEVEL => ADVANCES,
+        INWARDS      => INWARDS
       )
       port map (
         clk         => clk,

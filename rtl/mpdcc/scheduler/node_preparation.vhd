@@ -25,7 +25,8 @@ library work;
 
 entity node_preparation is
   generic (
-    SECOND_LEVEL : boolean := false -- true: with successors
+    SECOND_LEVEL : boolean := false; -- true: with successors
+    INWARDS      : boolean := false  -- true: the rule inwards besides
   );
   port (
     clk         : in    std_logic;                    -- rising edge
@@ -68,10 +69,13 @@ begin
     -- bound + error or bound - error, whichever the threshold needs
     room     <= adjusted(signed(resize(limits.bound_current, TRAJECTORY_WIDTH)), error_ahead(x),
                          not node.curvature(x)(CURVATURE_WIDTH - 1), node.curvature(x)(CURVATURE_WIDTH - 1));
-    room_low <= room(MARGIN_WIDTH - 1 downto 0);
+    room_low <= room(MARGIN_WIDTH downto 0);
     room_up  <= not room_low;
 
     i_threshold : entity work.turn_threshold
+      generic map (
+        INWARDS => INWARDS
+      )
       port map (
         clk         => clk,
         start       => preparation.turn,
@@ -105,6 +109,8 @@ begin
     variable above   : trajectory_t;
     variable below   : trajectory_t;
     variable falling : unsigned(TURN_WIDTH - 1 downto 0);
+    variable outside : std_logic;
+    variable follow  : std_logic;
 
   begin
 
@@ -115,9 +121,12 @@ begin
       below   := node.error(x) + bound;
       falling := (others => node.curvature(x)(CURVATURE_WIDTH - 1));
 
-      margin_up(x)    <= above(MARGIN_WIDTH - 1 downto 0);
-      margin_down(x)  <= below(MARGIN_WIDTH - 1 downto 0);
-      band.outside(x) <= not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
+      outside := not above(TRAJECTORY_WIDTH - 1) or below(TRAJECTORY_WIDTH - 1);
+      follow  := to_std_logic(INWARDS) and limits.outside_inwards and not overflows(node.error(x), BASE_WIDTH);
+
+      margin_up(x)    <= above(MARGIN_WIDTH downto 0);
+      margin_down(x)  <= below(MARGIN_WIDTH downto 0);
+      band.outside(x) <= outside and not follow;
       -- threshold, or -threshold - 1: the sign of slope + turn tells in either case
       band.turn(x)    <= signed(('0' & shown(x)) xor falling);
     end loop;
@@ -134,9 +143,43 @@ begin
   band.margin_up   <= margin_up;
   band.margin_down <= margin_down;
 
+  g_bounds : if not INWARDS generate
+    band.limit <= (others => (others => '0'));
+  end generate g_bounds;
+
+  -- the bound, or what is nearer than the error at k
+  g_limits : if INWARDS generate
+
+    p_limits : process (clk) is
+
+      variable nearer : trajectory_t;
+
+    begin
+
+      if rising_edge(clk) then
+        for x in 0 to 2 loop
+          nearer := node.error(x) - 1;
+
+          if (node.error(x)(TRAJECTORY_WIDTH - 1) = '1') then
+            nearer := not node.error(x);
+          end if;
+
+          band.limit(x) <= limits.bound_current;
+
+          if (margin_up(x)(MARGIN_WIDTH) = '0' or margin_down(x)(MARGIN_WIDTH) = '1') then
+            band.limit(x) <= unsigned(nearer(BOUND_WIDTH - 1 downto 0));
+          end if;
+        end loop;
+      end if;
+
+    end process p_limits;
+
+  end generate g_limits;
+
   i_capacitors : entity work.capacitor_search
     generic map (
-      SECOND_LEVEL => SECOND_LEVEL
+      SECOND_LEVEL => SECOND_LEVEL,
+      INWARDS      => INWARDS
     )
     port map (
       clk       => clk,

@@ -12,8 +12,8 @@
 --
 -- Formats: trajectory units; threshold unsigned, 0 to 2**18 - 1.
 -- Latency: threshold is valid LENGTH_WIDTH + 1 clocks after start and stable until the next start.
--- Overflow: none as long as the margins are those of an error inside its band, elsewhere the threshold
--- is void (and unused).
+-- Overflow: none as long as the margins are those of an error inside its band, or with INWARDS of one outside on the
+-- side of sgn(c) that BASE_WIDTH bits hold; elsewhere the threshold is void (and unused).
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -27,6 +27,9 @@ library work;
   use work.mpdcc_types.all;
 
 entity turn_threshold is
+  generic (
+    INWARDS : boolean := false -- true: for errors outside the band too, on the side of sgn(c)
+  );
   port (
     clk         : in    std_logic;                         -- rising edge
     start       : in    std_logic;                         -- '1' for one clock: take margin and curvature
@@ -41,7 +44,9 @@ architecture rtl of turn_threshold is
 
   constant STEEP_WIDTH : natural := CURVATURE_WIDTH + LENGTH_WIDTH;
 
-  signal room     : unsigned(MARGIN_WIDTH - 3 downto 0);   -- M / l
+  constant ROOM_WIDTH  : natural := MARGIN_WIDTH - choose(INWARDS, 1, 2);
+
+  signal room     : unsigned(ROOM_WIDTH - 1 downto 0);     -- M / l
   signal steep    : unsigned(STEEP_WIDTH - 1 downto 0);    -- abs(c) * l
   signal smallest : unsigned(TURN_WIDTH - 2 downto 0);
   signal left     : natural range 0 to LENGTH_WIDTH;       -- lengths still to look at
@@ -69,9 +74,9 @@ begin
       if (start = '1') then
         -- bound - error is the complement of error - bound - 1
         if (curvature >= 0) then
-          room <= unsigned(margin_down(MARGIN_WIDTH - 2 downto 1));
+          room <= unsigned(margin_down(ROOM_WIDTH downto 1));
         else
-          room <= unsigned(not margin_up(MARGIN_WIDTH - 2 downto 1));
+          room <= unsigned(not margin_up(ROOM_WIDTH downto 1));
         end if;
 
         steep    <= shift_left(resize(magnitude(curvature), STEEP_WIDTH), 1);

@@ -677,6 +677,14 @@ package directmpc_mpdcc_registers_pkg is
         value : \mpdcc_parameters.deadlock_rule.value_out_t\;
     end record;
 
+    type \mpdcc_parameters.outside_inwards.value_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mpdcc_parameters.outside_inwards_out_t\ is record
+        value : \mpdcc_parameters.outside_inwards.value_out_t\;
+    end record;
+
     type mpdcc_parameters_out_t is record
         c_error_alpha : \mpdcc_parameters.c_error_alpha_out_t\;
         c_error_beta : \mpdcc_parameters.c_error_beta_out_t\;
@@ -731,6 +739,7 @@ package directmpc_mpdcc_registers_pkg is
         o_output_flux : \mpdcc_parameters.o_output_flux_out_t\;
         o_output_current : \mpdcc_parameters.o_output_current_out_t\;
         deadlock_rule : \mpdcc_parameters.deadlock_rule_out_t\;
+        outside_inwards : \mpdcc_parameters.outside_inwards_out_t\;
     end record;
 
     type \mpdcc_measurements.is_alpha.value_out_t\ is record

@@ -39,6 +39,10 @@ package directmpc_system_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.capabilities.inwards_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities.least_dead_time_in_t\ is record
         next_q : std_logic_vector(11 downto 0);
     end record;
@@ -51,6 +55,7 @@ package directmpc_system_registers_pkg is
         observer : \system_registers.capabilities.observer_in_t\;
         second_level : \system_registers.capabilities.second_level_in_t\;
         weighted_deadlock : \system_registers.capabilities.weighted_deadlock_in_t\;
+        inwards : \system_registers.capabilities.inwards_in_t\;
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
     end record;
 

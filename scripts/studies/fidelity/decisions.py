@@ -14,7 +14,7 @@ from directmpc.compiled import njit
 from directmpc.mpdcc import closed_loop, formats, ideal
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.coefficients import OPTIONS, second_level, weighted_deadlock
+from directmpc.mpdcc.coefficients import OPTIONS, inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
@@ -139,7 +139,7 @@ def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray
 
 
 def netlist_of(
-    variant: str, second: bool = False, weighted: bool = False
+    variant: str, second: bool = False, weighted: bool = False, inward: bool = False
 ) -> tuple[str, dict[str, int | bool], dict[str, object]]:
     """Entity, generics and options of the compiled netlist; it is compiled if need be.
 
@@ -151,6 +151,8 @@ def netlist_of(
         Whether SESE and delay compensation are built in.
     weighted : bool
         Whether the weighted deadlock rule is built in.
+    inward : bool
+        Whether the rule inwards is built in.
 
     Returns
     -------
@@ -167,6 +169,8 @@ def netlist_of(
         generics["SECOND_LEVEL"] = True
     if weighted:
         generics["WEIGHTED_DEADLOCK"] = True
+    if inward:
+        generics["INWARDS"] = True
     verilog = netlist.cached("mpdcc_core", generics)
     found = netlist_check.ports_of(verilog, "mpdcc_core")
     ports = netlist_check.Ports(found.inputs, found.outputs, _PARAMETERS)
@@ -188,7 +192,7 @@ def decide_netlist(
     s_prev : IntArray
         s(k-1), positions 0 to 7, shape (n, 3).
     registers : IntArray
-        `Registers.array()`, shape (42,).
+        `Registers.array()`, shape (43,).
 
     Returns
     -------
@@ -201,7 +205,7 @@ def decide_netlist(
         If a tool is missing or fails.
     """
     top, generics, options = netlist_of(
-        variant, second_level(registers), weighted_deadlock(registers)
+        variant, second_level(registers), weighted_deadlock(registers), inwards(registers)
     )
     n = len(measurements)
     inputs = {
@@ -225,7 +229,7 @@ def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray
     model : Decisions
         The model's decisions on them.
     registers : IntArray
-        `Registers.array()`, shape (42,).
+        `Registers.array()`, shape (43,).
 
     Returns
     -------

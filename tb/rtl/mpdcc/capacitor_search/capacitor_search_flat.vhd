@@ -11,6 +11,9 @@ library work;
   use work.mpdcc_flat.all;
 
 entity capacitor_search_flat is
+  generic (
+    INWARDS : boolean := false -- true: the rule inwards built in
+  );
   port (
     clk      : in    std_logic;                                    -- rising edge
     rst      : in    std_logic;                                    -- synchronous, active high
@@ -31,6 +34,9 @@ architecture bench of capacitor_search_flat is
 begin
 
   i_capacitors : entity directmpc.capacitor_search
+    generic map (
+      INWARDS => INWARDS
+    )
     port map (
       clk      => clk,
       rst      => rst,

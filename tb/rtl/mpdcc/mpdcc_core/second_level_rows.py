@@ -8,7 +8,7 @@ from directmpc.mpdcc import cycles as sese_cycles
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
-from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.coefficients import INDEX, registers
 from directmpc.mpdcc.program import COEFFICIENTS
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
@@ -39,7 +39,7 @@ def longest() -> core.Rows:
     measurement = dict.fromkeys(f.MEASUREMENTS, 0)
     measurement |= {"is_alpha": 200, "v_dc": 16000, "v_ph_a": 32000, "v_ph_b": 32000}
     measurement["v_ph_c"] = 32000
-    register = np.zeros(FIRST + 9, dtype=np.int64)
+    register = np.zeros(len(INDEX), dtype=np.int64)
     register[COEFFICIENTS.index("stator_alpha")] = 32767
     register[COEFFICIENTS.index("forced_voltage")] = 1024
     register[FIRST : FIRST + 3] = 3700

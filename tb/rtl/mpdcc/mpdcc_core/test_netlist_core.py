@@ -37,7 +37,7 @@ HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANT
 HOLD = (
     *(f"c_{name}" for name in COEFFICIENTS),
     "bound_current", "bound_neutral", "bound_phase", "horizon", "weight_scale",
-    "two_switchings", "budget", "compensate", "deadlock_rule",
+    "two_switchings", "budget", "compensate", "deadlock_rule", "outside_inwards",
 )  # fmt: skip
 OUTPUTS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
 SECOND = 2  # explorers of the core with a second level; one netlist serves both tests of it

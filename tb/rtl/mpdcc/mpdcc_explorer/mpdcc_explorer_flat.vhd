@@ -15,7 +15,8 @@ library work;
 entity mpdcc_explorer_flat is
   generic (
     FOLDED            : boolean := true; -- variant of the explorer
-    WEIGHTED_DEADLOCK : boolean := false -- true: the weighted deadlock rule built in
+    WEIGHTED_DEADLOCK : boolean := false; -- true: the weighted deadlock rule built in
+    INWARDS           : boolean := false  -- true: the rule inwards built in
   );
   port (
     clk             : in    std_logic;                                     -- rising edge
@@ -64,7 +65,8 @@ begin
   i_explorer : entity directmpc.mpdcc_explorer
     generic map (
       FOLDED            => FOLDED,
-      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK
+      WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
+      INWARDS           => INWARDS
     )
     port map (
       clk        => clk,

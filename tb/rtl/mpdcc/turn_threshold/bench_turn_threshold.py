@@ -23,8 +23,8 @@ async def random_parabolas(dut) -> None:
     most = f.BOUND_HIGH["fast"]
 
     def scramble() -> None:
-        dut.margin_up.value = rng.getrandbits(f.MARGIN_WIDTH)
-        dut.margin_down.value = rng.getrandbits(f.MARGIN_WIDTH)
+        dut.margin_up.value = rng.getrandbits(f.MARGIN_WIDTH + 1)
+        dut.margin_down.value = rng.getrandbits(f.MARGIN_WIDTH + 1)
         dut.curvature.value = rng.getrandbits(f.CURVATURE_WIDTH)
         dut.start.value = 0
 
@@ -35,8 +35,8 @@ async def random_parabolas(dut) -> None:
         curvature = word(rng, f.CURVATURE_WIDTH)
         if rng.random() < 0.3:
             curvature >>= rng.randrange(f.CURVATURE_WIDTH)
-        dut.margin_up.value = bits(error - bound - 1, f.MARGIN_WIDTH)
-        dut.margin_down.value = bits(error + bound, f.MARGIN_WIDTH)
+        dut.margin_up.value = bits(error - bound - 1, f.MARGIN_WIDTH + 1)
+        dut.margin_down.value = bits(error + bound, f.MARGIN_WIDTH + 1)
         dut.curvature.value = bits(curvature, f.CURVATURE_WIDTH)
         dut.start.value = 1
         await clock.tick()

@@ -9,11 +9,14 @@ library directmpc;
   use directmpc.directmpc_constants.all;
 
 entity turn_threshold_flat is
+  generic (
+    INWARDS : boolean := false -- true: for errors outside the band too
+  );
   port (
     clk         : in    std_logic;                                      -- rising edge
     start       : in    std_logic;                                      -- '1' for one clock: take margin and curvature
-    margin_up   : in    std_logic_vector(MARGIN_WIDTH - 1 downto 0);    -- margin_t
-    margin_down : in    std_logic_vector(MARGIN_WIDTH - 1 downto 0);    -- margin_t
+    margin_up   : in    std_logic_vector(MARGIN_WIDTH downto 0);        -- margin_t
+    margin_down : in    std_logic_vector(MARGIN_WIDTH downto 0);        -- margin_t
     curvature   : in    std_logic_vector(CURVATURE_WIDTH - 1 downto 0); -- curvature_t
     threshold   : out   std_logic_vector(TURN_WIDTH - 2 downto 0)       -- unsigned
   );
@@ -26,6 +29,9 @@ architecture bench of turn_threshold_flat is
 begin
 
   i_threshold : entity directmpc.turn_threshold
+    generic map (
+      INWARDS => INWARDS
+    )
     port map (
       clk         => clk,
       start       => start,
