@@ -200,7 +200,9 @@ def parameters(controller: str) -> list[Word]:
         # last, so that the addresses before it stay
         words += [
             Word("deadlock_rule", 1, False, "1: weighted, 0: largest excess; fast variant only"),
-            Word("outside_inwards", 1, False, "1: outside rule inwards, 0: dead; fast variant only"),
+            Word(
+                "outside_inwards", 1, False, "1: outside rule inwards, 0: dead; fast variant only"
+            ),
         ]
         return words
     width = mptc_formats.WORD_WIDTH

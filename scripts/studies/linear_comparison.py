@@ -188,8 +188,8 @@ def _decide_zero_sum(register, measurement, s_prev):
     order = np.empty((bit_true_fast.CANDIDATES, 5), dtype=np.int64)
     record = np.zeros(8, dtype=np.int64)
     return bit_true_fast.search(
-        _quotients, bit_true_fast.least_excess, bit_true_fast.no_surcharge, bit_true_fast.Rule(0, 0),
-        register, measurement, s_prev, order, record,
+        _quotients, bit_true_fast.least_excess, bit_true_fast.no_surcharge,
+        bit_true_fast.Rule(0, 0), register, measurement, s_prev, order, record,
     )[:7]  # fmt: skip
 
 

@@ -281,34 +281,84 @@ def turn_threshold(error: int, curvature: int, bound: int) -> int:
 
 
 def first_exit(error: int, slope: int, curvature: int, bound: int) -> int:
-    """Steps that a parabola stays inside by the rule of the fast variant, one bit at a time."""
+    """Steps that a parabola stays inside by the rule of the fast variant, one bit at a time.
+
+    From outside its bound it may go on as long as it comes nearer.
+    """
+
+    def at(n: int) -> int:
+        return error + slope * n + curvature * n * n
+
     threshold = turn_threshold(error, curvature, bound)
     rising = curvature >= 0
     leaves_first = slope < -threshold if rising else slope > threshold
+    if abs(error) > bound and rising != (error > 0):
+        leaves_first = False  # it comes back ever faster
     upper = rising != leaves_first  # the bound that is left to look at
     grain = 2**f.TURN_SHIFT
     length = 0
     for step in (32, 16, 8, 4, 2, 1):
         n = length + step
-        end = error + slope * n + curvature * n * n
+        end = at(n)
         inside = end <= bound if upper else end >= -bound
         # slope there, from two rounded parts; nothing lies between a step and the next
         half = slope + 2 * curvature * length + curvature * step
         tail = floor(Fraction(half, grain)) + floor(Fraction(curvature * step, grain))
         turned = tail >= 0 if rising else tail < 0
         reach = abs(half * step) < 2 ** (f.SLOPE_WIDTH - 1)
+        here = at(length)
+        if here > bound if upper else here < -bound:
+            # the last step's move; of eight steps and more the slope at their end stands for it
+            move = end - at(n - 1) if step < 8 else slope + 2 * curvature * n
+            inside |= move < 0 if rising else move >= 0
         if reach and inside and not (leaves_first and turned and step > 1):
             length = n
     return length
 
 
-def straight_exit(error: int, slope: int, bound: int, horizon: int) -> int:
-    """Steps that a straight line stays inside, 0 where it is outside at once."""
+def followed(error: int) -> bool:
+    """Whether an error outside its bound is within the reach of the rule inwards."""
+    return -(2 ** (f.BASE_WIDTH - 1)) <= error < 2 ** (f.BASE_WIDTH - 1)
+
+
+def straight_exit(error: int, slope: int, bound: int, horizon: int, inwards: int = 0) -> int:
+    """Steps that a straight line stays inside, 0 where it is outside at once.
+
+    Inwards: one that starts outside and moves inwards may go on to the bound on the other side.
+    """
+    low, high = -bound, bound
+    if abs(error) > bound and inwards and followed(error):
+        if error > 0 > slope:
+            high = error
+        elif error < 0 < slope:
+            low = error
     length = 0
-    if abs(error) <= bound:
-        while length < horizon and abs(error + (length + 1) * slope) <= bound:
+    if low <= error <= high:
+        while length < horizon and low <= error + (length + 1) * slope <= high:
             length += 1
     return length
+
+
+def nearest(error: int, bound: int) -> int:
+    """Most that a current error may be at k+1 by the rule inwards: inside, or nearer."""
+    return max(bound, abs(error) - 1)
+
+
+def current_lengths(node: Node, limits: Limits, s: Sequence[int]) -> list[int]:
+    """Lengths that the three currents allow in the fast variant; all 0 where one is dead."""
+    bound = limits.bound_current
+    high = 2 ** (f.START_SLOPE_WIDTH - 1) - 1
+    lengths = []
+    for error, slope, after, curvature in zip(
+        node.error[:3], slopes(node, s)[:3], after_one(node, s)[:3], node.curvature, strict=True
+    ):
+        outside = abs(error) > bound
+        if outside and not (limits.outside_inwards and followed(error)):
+            return [0, 0, 0]
+        if abs(after) > nearest(error, bound) or not -high - 1 <= slope <= high:
+            return [0, 0, 0]
+        lengths.append(max(1, first_exit(error, slope, curvature, bound)))
+    return lengths
 
 
 def evaluate(
@@ -317,23 +367,17 @@ def evaluate(
     """Length, cost and deadlock cost of one candidate."""
     slope, bounds = slopes(node, s), limits.bounds
     outside = [abs(e) - b for e, b in zip(after_one(node, s), bounds, strict=True)]
-    excess = dead = max(outside)
+    dead = max(outside)
     if limits.deadlock_rule:
         factors = (1, 1, 1, 8, 1, 1, 1)
         weighted = max(w * e for w, e in zip(factors, outside, strict=True))
         dead = 16 * weighted + max(outside[:3])
     lengths = [
-        straight_exit(e, b, bound, limits.horizon)
+        straight_exit(e, b, bound, limits.horizon, limits.outside_inwards)
         for e, b, bound in zip(node.error, slope, bounds, strict=True)
     ]
     if variant == "fast":
-        if excess > 0 or any(abs(e) > b for e, b in zip(node.error, bounds, strict=True)):
-            lengths = [0]
-        else:
-            high = 2 ** (f.START_SLOPE_WIDTH - 1) - 1
-            for x in range(3):
-                start = max(-high - 1, min(high, slope[x]))
-                lengths[x] = first_exit(node.error[x], start, node.curvature[x], bounds[x])
+        lengths[:3] = current_lengths(node, limits, s)
     length = min(*lengths, limits.horizon)
     if length == 0:
         return Evaluation(0, 0, False, dead)
@@ -349,12 +393,13 @@ def evaluate(
 #: Fields of the band as a vector, see ``mpdcc_types.band_t``: name, words, bits.
 BAND_FIELDS = (
     ("first", 2, f.TRAJECTORY_WIDTH),
-    ("margin_up", 3, f.MARGIN_WIDTH),
-    ("margin_down", 3, f.MARGIN_WIDTH),
+    ("margin_up", 3, f.MARGIN_WIDTH + 1),
+    ("margin_down", 3, f.MARGIN_WIDTH + 1),
     ("outside", 1, 3),
     ("turn", 3, f.TURN_WIDTH),
     ("previous", 3, 3),
     ("negative", 1, 3),
+    ("limit", 3, f.BOUND_WIDTH),
 )
 
 
@@ -369,15 +414,18 @@ class Band:
     turn: list[int]
     previous: list[int]
     negative: int
+    limit: list[int]
 
 
 def band(node: Node, limits: Limits, s_prev: Sequence[int]) -> Band:
-    """The band; margins and turns of an error that is outside are void and left at 0."""
+    """The band; what belongs to an error that is dead for being outside is void and left at 0."""
     bound = limits.bound_current
-    inside = [abs(node.error[x]) <= bound for x in range(3)]
+    inside = [
+        abs(e) <= bound or bool(limits.outside_inwards and followed(e)) for e in node.error[:3]
+    ]
     errors = [e if ok else 0 for e, ok in zip(node.error, inside, strict=False)]
     turns = [
-        turn_threshold(e, c, bound) if c >= 0 else -turn_threshold(e, c, bound) - 1
+        max(turn_threshold(e, c, bound), 0) if c >= 0 else -max(turn_threshold(e, c, bound), 0) - 1
         for e, c in zip(errors, node.curvature, strict=True)
     ]
     return Band(
@@ -388,6 +436,7 @@ def band(node: Node, limits: Limits, s_prev: Sequence[int]) -> Band:
         turn=turns,
         previous=list(s_prev),
         negative=sum((current < 0) << x for x, current in enumerate(node.phase_current)),
+        limit=[nearest(e, bound) for e in errors],
     )
 
 
@@ -409,7 +458,10 @@ def capacitor_rows(node: Node, limits: Limits) -> dict[int, tuple[int, int]]:
         slope = share(node, node.neutral_current, hung)
         lines[16 + pattern] = (node.error[3], slope, limits.bound_neutral)
     return {
-        row: (straight_exit(e, b, bound, limits.horizon), abs(e + b) - bound)
+        row: (
+            straight_exit(e, b, bound, limits.horizon, limits.outside_inwards),
+            abs(e + b) - bound,
+        )
         for row, (e, b, bound) in lines.items()
     }
 

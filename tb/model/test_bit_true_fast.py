@@ -4,15 +4,16 @@ Sweep: both shipped drives, random drives over the specified ranges; speeds of b
 1.0; current bounds 0.06, 0.10 and 0.16; bounds in trajectory units up to 29000.
 Stimulus: parabolas of closed loops and random ones; random and corner words; closed loops of the
 ideal controller with the fast one as its shadow.
-Checks: first exits against the documented rule and against a look at every step; widths of the
-search against intervals; decisions against a slow second writing of them in integers; residual of
-the second-order fit; agreement with the ideal controller; speed.
+Checks: first exits, from inside and outside the band, against the documented rule and against a
+look at every step; widths of the search against intervals; decisions against a slow second writing
+of them in integers; residual of the second-order fit; agreement with the ideal controller; speed.
 Timing: 20,000 decisions a second.
 Does not prove: anything about the RTL; see tb/mpdcc.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import time
 
@@ -27,6 +28,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.parabola import fit_parabola
 from directmpc.mpdcc.program import COEFFICIENTS
+from directmpc.mpdcc.trace import MpdccTrace
 from scripts.hdl import states
 from tb.helpers import plain, plain_states
 
@@ -117,10 +119,57 @@ def test_the_first_exit_follows_the_documented_rule(seed: int) -> None:
     assert 2000 <= none <= 18_000
 
 
-def test_no_word_of_the_search_overflows() -> None:
-    room = 2 * BOUND
+def outside_parabola(rng: np.random.Generator) -> Parabola:
+    """Any parabola from outside its band, as far as the rule inwards follows one."""
+    bound = int(rng.choice([0, BOUND, rng.integers(0, BOUND + 1), rng.integers(0, 1000)]))
+    most = 2 ** (f.BASE_WIDTH - 1) - 1
+    away = int(rng.choice([1, 2, 300, 6000, most - bound]))
+    error = int(rng.choice([-1, 1])) * (bound + int(rng.integers(1, away + 1)))
+    curvature = int(rng.integers(-(2 ** (f.CURVATURE_WIDTH - 1)), 2 ** (f.CURVATURE_WIDTH - 1)))
+    curvature >>= int(rng.integers(0, f.CURVATURE_WIDTH))
+    slope = int(rng.integers(-40_000, 40_000)) >> int(rng.integers(0, 14))
+    if rng.random() < 0.5:  # where it turns at its bound
+        size = np.sqrt(4 * abs(curvature) * (abs(error) - bound)) * rng.uniform(0.7, 1.4)
+        slope = -int(np.sign(error)) * int(size)
+    return error, slope, curvature, bound
+
+
+def walked(error: int, slope: int, curvature: int, bound: int) -> int:
+    """Steps by the rule inwards, every one looked at."""
+    before = error
+    for n in range(1, 64):
+        now = error + slope * n + curvature * n * n
+        if abs(now) > bound and abs(now) >= abs(before):
+            return n - 1
+        before = now
+    return 63
+
+
+def test_what_comes_back_is_followed_step_by_step() -> None:
+    rng = np.random.default_rng(8)
+    differs = longer = alive = 0
+    for _ in range(20_000):
+        error, slope, curvature, bound = outside_parabola(rng)
+        found = exit_of(error, slope, curvature, bound)
+        context = (error, slope, curvature, bound)
+        assert found == plain.first_exit(error, slope, curvature, bound), context
+        wanted = walked(error, slope, curvature, bound)
+        if wanted:  # step one is looked at elsewhere
+            alive += 1
+            differs += max(found, 1) != wanted
+            longer += abs(max(found, 1) - wanted) > 1
+    print(f"{differs} of {alive} differ, {longer} by more than a step")
+    assert alive >= 8000
+    assert differs < 0.01 * alive
+    assert longer < 0.003 * alive
+
+
+@pytest.mark.parametrize("outside", [0, 2 ** (f.BASE_WIDTH - 1) - BOUND], ids=["dead", "inwards"])
+def test_no_word_of_the_search_overflows(outside: int) -> None:
+    room = 2 * BOUND + outside
     curvature = 2 ** (f.CURVATURE_WIDTH - 1)
-    margin_low, slope_high = -(2 ** (f.MARGIN_WIDTH - 1)), 2 ** (f.SLOPE_WIDTH - 1) - 1
+    margin_low = -(2 ** (f.MARGIN_WIDTH - (0 if outside else 1)))
+    slope_high = 2 ** (f.SLOPE_WIDTH - 1) - 1
     start_high = 2 ** (f.START_SLOPE_WIDTH - 1)
     # the components, and their sum over two phases, before it is clipped
     assert 3 * 2 ** (f.CURVATURE_TERM_WIDTH - 1) // 2 + 1 <= 2**f.CURVATURE_TERM_WIDTH
@@ -130,8 +179,8 @@ def test_no_word_of_the_search_overflows() -> None:
     # thresholds, all partial ones too, and a slope added to one
     most = max((room >> k) + (curvature << k) for k in range(f.LENGTH_WIDTH + 1))
     assert most < 2 ** (f.TURN_WIDTH - 1)
-    # a start slope that was clipped is outside after one step
-    assert start_high - curvature > room
+    # a start slope that was clipped is outside after one step; inwards such a candidate is dead
+    assert outside or start_high - curvature > room
 
     lengths = np.arange(64)
     deepest, steepest = 0, 0
@@ -156,9 +205,10 @@ def test_no_word_of_the_search_overflows() -> None:
     )
 
 
+@pytest.mark.parametrize("inwards", [0, 1], ids=["dead", "inwards"])
 @pytest.mark.parametrize("rule", [0, 1], ids=["largest", "weighted"])
 @pytest.mark.parametrize("kind", ["near", "wide", "any words", "any registers"])
-def test_decisions_are_those_of_the_documentation(kind: str, rule: int) -> None:
+def test_decisions_are_those_of_the_documentation(kind: str, rule: int, inwards: int) -> None:
     rng = np.random.default_rng(len(kind))
     seen = np.zeros(3, dtype=int)
     for k in range(60):
@@ -168,8 +218,9 @@ def test_decisions_are_those_of_the_documentation(kind: str, rule: int) -> None:
             if kind == "any registers"
             else co.registers(drive, "fast").array()
         )
-        array[-1] = rule
-        trace = states.near(drive, 1, rng, 0.8) if kind == "near" else states.wide(1, rng, 1.3)
+        array[co.INDEX["deadlock_rule"]], array[co.INDEX["outside_inwards"]] = rule, inwards
+        reach = rng.choice([0.8, 1.2, 2.5]) if inwards else 0.8
+        trace = states.near(drive, 1, rng, reach) if kind == "near" else states.wide(1, rng, 1.3)
         row = states.words(1, rng)[0] if kind.startswith("any") else states.trace_words(trace)[0]
         s_prev = trace.s_prev[0]
         node, limits = plain_states.plain_node(array, row, "fast"), plain_states.plain_limits(array)
@@ -223,6 +274,49 @@ def test_the_weighted_rule_is_the_ideal_controllers(horizon: str) -> None:
     print(f"{horizon}: {count.differing} of {count.steps} steps, {count.deadlocks} deadlocks")
     assert count.deadlocks >= 20
     assert count.differing / count.steps <= 0.012
+
+
+def test_the_rule_inwards_changes_what_starts_outside_alone() -> None:
+    drive = states.shipped("anpc5l_6kv").with_control(bound_current=0.06)
+    inwards = drive.with_control(outside_rule="inwards")
+    trace = states.recorded(drive, 4000, 0.2)
+    before, after = bit_true_fast.run(drive, trace), bit_true_fast.run(inwards, trace)
+    outside = np.abs(trace.x_inv[:, 0]) > 0.049
+    outside |= np.any(np.abs(trace.x_inv[:, 1:] - trace.vdc[:, None] / 4) > 0.079, axis=1)
+    current = states.trace_words(trace)[:, 9:11] - states.trace_words(trace)[:, 0:2]
+    outside |= np.any(np.abs(current) > 0.05 * 16000, axis=1)
+    differs = np.any(before.s != after.s, axis=1) | (before.length != after.length)
+    assert differs.sum() >= 50
+    assert outside[differs].all()
+    np.testing.assert_array_equal(before.held, after.held)
+    assert after.deadlock.sum() < before.deadlock.sum()
+
+
+@pytest.mark.parametrize(("horizon", "most"), [("SE", 0.0025), ("SESE", 0.005)])
+def test_the_rule_inwards_is_the_ideal_controllers(horizon: str, most: float) -> None:
+    rng = np.random.default_rng(12)
+    steps = differing = started = 0
+    for name, speed in itertools.product(states.SHIPPED, (1.0, 0.6, -0.3)):
+        drive = states.shipped(name).with_control(
+            outside_rule="inwards", deadlock_rule="weighted", switching_horizon=horizon
+        )
+        trace = noisy(states.recorded(drive, 1500, speed), rng)
+        wanted, found = ideal.run(drive, trace), bit_true_fast.run(drive, trace)
+        steps += len(trace)
+        differing += np.any(wanted.s != found.s, axis=1).sum()
+        dead = ideal.run(drive.with_control(outside_rule="dead"), trace)
+        started += ((dead.deadlock == 1) & (wanted.deadlock == 0)).sum()
+    print(f"{horizon}: {differing / steps:.3%} of {steps} steps, {started} alive by the rule")
+    assert started >= 300
+    assert differing / steps <= most
+
+
+def noisy(trace: MpdccTrace, rng: np.random.Generator) -> MpdccTrace:
+    """A trace with noise on what is measured, per unit rms: 0.005 on currents, 0.0025 else."""
+    x_m = trace.x_m.copy()
+    x_m[:, :2] += 0.005 * rng.standard_normal((len(trace), 2))
+    x_inv = trace.x_inv + 0.0025 * rng.standard_normal((len(trace), 4))
+    return dataclasses.replace(trace, x_m=x_m, x_inv=x_inv)
 
 
 @pytest.mark.parametrize("name", states.SHIPPED)

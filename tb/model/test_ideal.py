@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -74,10 +75,46 @@ class Specified:
             [phase_voltage(p, self.vdc, x_inv[0], v) for p, v in zip(s, x_inv[1:], strict=True)]
         )
 
+    def errors(self, x_m, x_inv, step: int) -> np.ndarray:
+        """y - y* of the voltages, signed; |y* - y| of the currents."""
+        found = np.array(self.deviations(x_m, x_inv, step))
+        found[3:] = np.array([x_inv[0], *(v - self.vdc / 4 for v in x_inv[1:])])
+        return found
+
+    def comes_back(self, start, before, now, slopes) -> bool:
+        """The rule inwards: step by step the currents, by their lines the voltages."""
+        bounds = self.drive.bounds
+        # a step may not raise the excess of a current that is outside after it
+        for j in range(3):
+            excess_before, excess = before[j] - bounds[j], now[j] - bounds[j]
+            if excess > 0 and not excess < excess_before:
+                return False
+        for j in range(3, 7):
+            slope = slopes[j - 3] if abs(slopes[j - 3]) > 1e-12 else 0.0
+            if abs(start[j]) <= bounds[j]:
+                alive = abs(now[j]) <= bounds[j]
+            elif start[j] > 0:
+                alive = slope < 0 and now[j] >= -bounds[j]
+            else:
+                alive = slope > 0 and now[j] <= bounds[j]
+            if not alive:
+                return False
+        return True
+
     def extend(self, x_m, x_inv, s, offset: int):
         """L* from a state at k + offset, and the state there."""
         v, slopes = self.voltages(x_inv, s), self.slopes(x_m, s)
         states = [(x_m, x_inv)]
+        if self.drive.control.outside_rule == "inwards":
+            start = before = self.errors(x_m, x_inv, offset)
+            for step in range(1, self.n + 1):
+                following = self.a @ states[-1][0] + self.b @ v, x_inv + step * slopes
+                now = self.errors(*following, offset + step)
+                if not self.comes_back(start, before, now, slopes):
+                    break
+                states.append(following)
+                before = now
+            return len(states) - 1, *states[-1]
         for step in range(self.n + 1):
             if not self.inside(*states[step], offset + step):
                 length = max(step - 1, 0)
@@ -177,6 +214,11 @@ def as_rows(decisions) -> list[tuple[int, ...]]:
         ({"horizon": 63, "switching_horizon": "SESE", "bound_current": 0.05}, 12),
         ({"horizon": 9, "deadlock_rule": "weighted", "bound_current": 0.03}, 150),
         ({"horizon": 3, "switching_horizon": "SESE", "deadlock_rule": "weighted"}, 60),
+        ({"outside_rule": "inwards"}, 300),
+        ({"outside_rule": "inwards", "bound_current": 0.02, "bound_vn": 0.02}, 150),
+        ({"outside_rule": "inwards", "horizon": 4, "deadlock_rule": "weighted"}, 150),
+        ({"outside_rule": "inwards", "switching_horizon": "SESE", "horizon": 9}, 40),
+        ({"outside_rule": "inwards", "switching_horizon": "SESE", "bound_vph": 0.03}, 12),
     ],
     ids=lambda value: ",".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
@@ -258,3 +300,62 @@ def test_absurd_states_still_get_an_admissible_answer(drive: Drive) -> None:
     decisions = ideal.run(drive, trace)
     for before, after in zip(trace.s_prev, decisions.s, strict=True):
         assert all(t in NEXT[s] for s, t in zip(before, after, strict=True))
+
+
+def at_bounds(drive: Drive, n: int, current: float, neutral: float, phase: float) -> MpdccTrace:
+    """States whose errors of i_a, v_n and v_ph_a are so many bounds, all others 0."""
+    trace = random_trace(drive, n, 6)
+    bounds = drive.bounds
+    # 2^-n are exact in binary, so that a sum with a bound of that kind is, too
+    x_m, x_inv = trace.x_m.copy(), trace.x_inv.copy()
+    iref = np.zeros((n, 2))
+    iref[:, 0] = 0.5
+    x_m[:, 0], x_m[:, 1] = 0.5 - current * bounds[0], 0.0
+    x_inv[:, 0] = neutral * bounds[3]
+    x_inv[:, 1:] = 0.5
+    x_inv[:, 1] += phase * bounds[4]
+    return dataclasses.replace(trace, x_m=x_m, x_inv=x_inv, iref=iref, vdc=np.full(n, 2.0))
+
+
+EXACT = {"bound_current": 0.0625, "bound_vn": 0.0625, "bound_vph": 0.0625}
+
+
+@pytest.mark.parametrize("rule", ["dead", "inwards"])
+@pytest.mark.parametrize("place", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 1, -1)])
+def test_what_is_on_its_bound_is_inside(drive: Drive, rule: str, place: tuple[int, ...]) -> None:
+    changed = drive.with_control(**EXACT, outside_rule=rule)
+    trace = at_bounds(changed, 200, *place)
+    other = drive.with_control(**EXACT)
+    assert as_rows(ideal.run(changed, trace)) == as_rows(ideal.run(other, trace))
+    assert (ideal.run(changed, trace).length > 0).any()
+
+
+@pytest.mark.parametrize("place", [(1.25, 0, 0), (0, 1.25, 0), (0, 0, -1.25), (1.5, -1.5, 1.5)])
+def test_what_is_outside_ends_every_length_unless_it_comes_back(
+    drive: Drive, place: tuple[float, ...]
+) -> None:
+    dead = drive.with_control(**EXACT)
+    inwards = dead.with_control(outside_rule="inwards")
+    trace = at_bounds(dead, 200, *place)
+    before, after = ideal.run(dead, trace), ideal.run(inwards, trace)
+    np.testing.assert_array_equal(before.held, after.held)
+    assert not before.length.any()
+    assert before.deadlock[before.held == 0].all()
+    assert (after.length > 0).sum() >= 20
+
+
+def test_a_voltage_that_rests_outside_is_dead(drive: Drive) -> None:
+    # all three phases at the neutral point draw no current from it but for rounding
+    inwards = drive.with_control(outside_rule="inwards", horizon=5)
+    parameters = ideal.ideal_parameters(inwards)
+    rests = 0
+    for x_m in (np.array([0.3, 0.1, 0.0, 1.0]), np.array([0.7, -0.35, 0.2, 0.9])):
+        drawn = sum(ideal.phases(complex(x_m[0], x_m[1])))
+        rests += drawn != 0.0
+        for v_n in (0.051, -0.051):
+            x_inv = np.array([v_n, 0.5, 0.5, 0.5])
+            for s in ((3, 3, 3), (4, 3, 3)):
+                row = x_m, x_inv, 2.0, x_m[:2].copy(), 0.0, 0.0, np.array(s)
+                s_a, s_b, s_c, _, deadlock, length, _ = ideal.decide(parameters, *row)
+                chosen = sum(p in (2, 3, 4, 5) for p in (s_a, s_b, s_c))
+                assert deadlock or length == 0 or chosen in (1, 2)

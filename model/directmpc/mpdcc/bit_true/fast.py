@@ -509,9 +509,7 @@ def length_inwards(rule, error, first, slope, curvature, bound, threshold, horiz
             if abs(first[j] + slope[j]) > limit or not _fits(slope[j], f.START_SLOPE_WIDTH):
                 return 0
             # an error may come nearer in step one by crossing the whole band
-            found = max(
-                first_exit(error[j], slope[j], curvature[j], bound[j], threshold[j]), 1
-            )
+            found = max(first_exit(error[j], slope[j], curvature[j], bound[j], threshold[j]), 1)
         elif outside:
             room = bound[j] + abs(error[j])
             if slope[j] == 0 or (slope[j] > 0) == (error[j] > 0):

@@ -20,17 +20,20 @@ ROWS = 17
 READY_BEFORE = 6
 
 
-def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:
+def random_node(rng: random.Random, inwards: int) -> tuple[plain.Node, plain.Limits]:
     """A node with errors around its bounds and any current terms that a current can make."""
     most = f.BOUND_HIGH["fast"]
     bounds = [rng.choice([0, 1, most, rng.randint(0, most), rng.randint(0, 500)]) for _ in "pn"]
     limits = plain.Limits(0, bounds[0], bounds[1], rng.choice([1, 2, 63, rng.randint(1, 63)]), 0)
+    limits.outside_inwards = inwards
 
     def error(bound: int) -> int:
         if rng.random() < 0.1:
             return word(rng, f.TERM_WIDTH)
         if rng.random() < 0.3:
             return rng.choice([-1, 1]) * (bound + rng.randint(-1, 1))
+        if inwards and rng.random() < 0.5:
+            return rng.choice([-1, 1]) * (bound + rng.choice([rng.randint(1, 3000), 40_000]))
         return rng.randint(-bound - 1, bound + 1)
 
     def currents() -> list[int]:
@@ -54,6 +57,12 @@ def random_node(rng: random.Random) -> tuple[plain.Node, plain.Limits]:
     return node, limits
 
 
+def beyond(node: plain.Node, limits: plain.Limits, row: int) -> bool:
+    """Whether the line of a row starts outside its bound."""
+    j = 3 if row >= 16 else 4 + row // 4
+    return abs(node.error[j]) > limits.bounds[j]
+
+
 @cocotb.test()
 async def random_nodes(dut) -> None:
     """Tables of random nodes, back to back at the declared interval or later."""
@@ -64,11 +73,13 @@ async def random_nodes(dut) -> None:
     await clock.reset(8)
     board.check("silent", lowest_bit(dut.entry), 0)
     for n in range(given["nodes"]):
-        node, limits = random_node(rng)
+        # without the option the bit changes nothing
+        node, limits = random_node(rng, int(rng.random() < 0.8))
+        dut.limits.value = limits.pack()
+        limits.outside_inwards &= int(given["inwards"])
         s_prev = tuple(rng.randrange(8) for _ in range(3))
         rows = plain.capacitor_rows(node, limits)
         dut.node.value = plain.pack_node(node)
-        dut.limits.value = limits.pack()
         dut.previous.value = s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6
         dut.start.value = 1
         await clock.tick()
@@ -94,6 +105,8 @@ async def random_nodes(dut) -> None:
                 board.cover("whole horizon", int(content[0] == limits.horizon))
                 board.cover("dead", int(content[0] == 0))
                 board.cover("between", int(0 < content[0] < limits.horizon))
+                outside = content[0] > 0 and beyond(node, limits, row)
+                board.cover("outside, alive", int(outside))
             if k >= HELD:
                 board.check("held", number(dut.held), int(inside), context)
             board.check("ready", number(dut.ready), int(k > LAST_ROW - READY_BEFORE), context)
@@ -115,5 +128,6 @@ async def random_nodes(dut) -> None:
             board.check("held stays", number(dut.held), int(inside))
     board.finish(
         {"row": 15 * given["nodes"], "held": given["nodes"]},
-        {"held": 10, "not held": 10, "whole horizon": 50, "dead": 50, "between": 50, "reset": 1},
+        {"held": 10, "not held": 10, "whole horizon": 50, "dead": 50, "between": 50, "reset": 1}
+        | ({"outside, alive": 50} if given["inwards"] else {}),
     )

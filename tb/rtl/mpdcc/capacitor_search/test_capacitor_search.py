@@ -1,6 +1,6 @@
 """The table of the capacitors' lengths against straight lines walked step by step.
 
-Sweep: one configuration; bounds 0 to 29000, horizons 1 to 63.
+Sweep: without and with the rule inwards, its bit set and not; bounds 0 to 29000, horizons 1 to 63.
 Stimulus: random and corner nodes, errors on their bounds and one beyond, any currents; back to back
 and with idle clocks; resets in the middle.
 Checks: all 17 rows, each once, those of s(k-1) first; the hold test; when rows come and that none
@@ -22,25 +22,39 @@ from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
 FILES = [MPDCC_FLAT, Path(__file__).with_name("capacitor_search_flat.vhd")]
 
 
-def bench(nodes: int = 500, throttle: bool = False, rtl: Path = RTL) -> Outcome:
+def bench(
+    nodes: int = 500, throttle: bool = False, rtl: Path = RTL, *, inwards: bool = True
+) -> Outcome:
     return run(
         "capacitor_search_flat",
         "tb.rtl.mpdcc.capacitor_search.bench_capacitor_search",
         units=["capacitor_search"],
         files=FILES,
-        arguments={"seed": 6, "nodes": nodes, "throttle": throttle},
+        generics={"INWARDS": str(inwards).lower()},
+        arguments={"seed": 6, "nodes": nodes, "throttle": throttle, "inwards": inwards},
         rtl=rtl,
     )
 
 
 @pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
-def test_rows_are_straight_lines(throttle: bool) -> None:
-    assert bench(throttle=throttle).checks["row"] >= 7500
+@pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
+def test_rows_are_straight_lines(throttle: bool, inwards: bool) -> None:
+    assert bench(throttle=throttle, inwards=inwards).checks["row"] >= 7500
 
 
 FAULTS = [
     Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
     Fault("capacitor_search", "excess_2 > 0", "excess_2 >= 0", r"held:"),
+    Fault("capacitor_search", " and to_std_logic(slope_1 /= 0);", ";", r"row:"),
+    Fault(
+        "capacitor_search",
+        "xnor room_up(TRAJECTORY_WIDTH)",
+        "xor room_up(TRAJECTORY_WIDTH)",
+        r"row:",
+    ),
+    Fault("capacitor_search", "and not overflows(error_1, BASE_WIDTH)", "", r"row:"),
+    Fault("capacitor_search", "and limits.outside_inwards and inward", "and inward", r"row:"),
+    Fault("capacitor_search", "choose(INWARDS, 1, 0)", "0", r"row:"),
 ]
 
 

@@ -58,13 +58,25 @@ def bend(
         node.curvature[x] = (-1 if slope > 0 else 1) * min(size, 2 ** (f.CURVATURE_WIDTH - 1) - 1)
 
 
+def push_outside(rng: random.Random, node: plain.Node, limits: plain.Limits) -> None:
+    """Some errors beyond their bounds: a little, much, and further than any is followed."""
+    for j in rng.sample(range(7), rng.choice([1, 1, 2, 3])):
+        bound = limits.bounds[j]
+        far = 2 ** (f.BASE_WIDTH - 1) + rng.randint(-2, 1)
+        away = bound + rng.choice([1, 2, rng.randint(1, 400), rng.randint(1, 6000)])
+        node.error[j] = rng.choice([-1, 1]) * (far if rng.random() < 0.1 else away)
+    node.error[2] = node.error[0] + node.error[1]
+
+
 class Bench:
     """One fast explorer and the scheduler's side of its protocol."""
 
-    def __init__(self, dut, rng: random.Random, weighted: bool) -> None:
+    def __init__(self, dut, rng: random.Random, weighted: bool, inwards: bool) -> None:
         self.dut, self.rng = dut, rng
         self.weighted = weighted  # whether the weighted deadlock rule is built in
+        self.inwards = inwards  # whether the rule inwards is
         self.rule = 0  # of this node
+        self.from_outside = False  # whether one of its errors is outside
         self.board, self.clock = Scoreboard(), Clock(dut)
 
     async def start(self) -> None:
@@ -114,6 +126,7 @@ class Bench:
             index, s, want = min(alive, key=lambda c: c[2].cost)
             board.cover("ties", int(sum(c[2].cost == want.cost for c in alive) > 1))
             board.cover("whole horizon", int(want.length >= 60))
+            board.cover("from outside", int(self.from_outside))
         else:
             index, s, want = min(candidates, key=lambda c: c[2].excess)
             board.cover("dead ties", int(sum(c[2].excess == want.excess for c in candidates) > 1))
@@ -225,18 +238,26 @@ async def random_nodes(dut) -> None:
     given = arguments()
     rng = random.Random(given["seed"])
     generator = np.random.default_rng(given["seed"])
-    bench = Bench(dut, rng, given["weighted"])
+    bench = Bench(dut, rng, given["weighted"], given["inwards"])
     await bench.start()
     for n in range(given["nodes"]):
         node, limits, s_prev = example(rng, generator, n, "fast")
+        if bench.inwards and n % 2:
+            push_outside(rng, node, limits)
         if n % 3 == 1:
             bend(rng, node, limits, s_prev)
         dut.node.value = plain.pack_node(node)
         # without the option the bit changes nothing
         rule = n % 5 % 2
-        dut.limits.value = dataclasses.replace(limits, deadlock_rule=rule).pack()
+        inward = int(n % 7 != 3)
+        given_limits = dataclasses.replace(limits, deadlock_rule=rule, outside_inwards=inward)
+        dut.limits.value = given_limits.pack()
         bench.rule = int(rule and bench.weighted)
-        limits = dataclasses.replace(limits, deadlock_rule=bench.rule)
+        inward = int(inward and bench.inwards)
+        limits = dataclasses.replace(limits, deadlock_rule=bench.rule, outside_inwards=inward)
+        bench.from_outside = any(
+            abs(e) > bound for e, bound in zip(node.error, limits.bounds, strict=True)
+        )
         dut.band.value = plain.pack(plain.band(node, limits, s_prev), plain.BAND_FIELDS)
         if rng.random() < 0.7:
             await bench.probe(node, limits, s_prev)

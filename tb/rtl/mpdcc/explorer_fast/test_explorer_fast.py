@@ -1,7 +1,7 @@
 """The fast explorer, as mpdcc_explorer with FOLDED = false, against parabolas walked step by step.
 
-Sweep: without and with the weighted deadlock rule, its bit set and not, with no effect without;
-horizons 1 to 63, bounds 0 to 29000.
+Sweep: without and with the weighted deadlock rule and the rule inwards, their bits set and not,
+with no effect without; horizons 1 to 63, bounds 0 to 29000.
 Stimulus: nodes of both shipped drives, of random drives and of random registers; errors exactly on
 a bound and one beyond; no, some or all blocks of random positions; the capacitors' table in random
 order, its last rows while candidates are already under way; full speed, throttled offers and
@@ -28,15 +28,27 @@ FILES = [MPDCC_FLAT, Path(__file__).parents[1] / "mpdcc_explorer" / "mpdcc_explo
 
 
 def bench(
-    nodes: int = 200, throttle: bool = False, rtl: Path = RTL, *, weighted: bool = False
+    nodes: int = 200,
+    throttle: bool = False,
+    rtl: Path = RTL,
+    *,
+    weighted: bool = False,
+    inwards: bool = False,
 ) -> Outcome:
     return run(
         "mpdcc_explorer_flat",
         "tb.rtl.mpdcc.explorer_fast.bench_explorer_fast",
         units=["mpdcc_explorer"],
         files=FILES,
-        generics=VARIANTS["fast"] | {"WEIGHTED_DEADLOCK": str(weighted).lower()},
-        arguments={"seed": 8, "nodes": nodes, "throttle": throttle, "weighted": weighted},
+        generics=VARIANTS["fast"]
+        | {"WEIGHTED_DEADLOCK": str(weighted).lower(), "INWARDS": str(inwards).lower()},
+        arguments={
+            "seed": 8,
+            "nodes": nodes,
+            "throttle": throttle,
+            "weighted": weighted,
+            "inwards": inwards,
+        },
         rtl=rtl,
     )
 
@@ -58,6 +70,16 @@ def test_results_follow_the_parabolas(throttle: bool, weighted: bool) -> None:
         assert found.checks["result in time"] >= 4000
 
 
+@pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
+def test_what_starts_outside_is_followed_inwards(throttle: bool) -> None:
+    found = bench(300, throttle=throttle, weighted=True, inwards=True)
+    print(found)
+    for event, least in (("from outside", 40), ("feasible", 80), ("dead", 30), ("reset", 3)):
+        assert found.covered.get(event, 0) >= least, event
+    if not throttle:
+        assert found.checks["result in time"] >= 4000
+
+
 #: Whatever the bench compares of a result; which of it comes first depends on the fault.
 ANY = r"(index|length|cost|excess|feasible|saturated|probe held):"
 FAULTS = [
@@ -65,7 +87,7 @@ FAULTS = [
     Fault("step_one", "largest_5 <= sum;", "largest_5 <= error(0);", r"index:"),
     Fault("best_of", "key_now < key_best", "key_now <= key_best", r"index:"),
     Fault("step_one", "(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
-    Fault("step_one", "length_of(entry(2)), neutral_far", "neutral_far, neutral_far", ANY),
+    Fault("step_one", "at_rest(length_of(entry(2)),", "at_rest(neutral_far,", ANY),
     Fault("best_of", "any and settled and last", "any and last", r"result in time:"),
     Fault("candidate_slopes", "wide + difference_2(1 - x)", "wide - difference_2(1 - x)", ANY),
     Fault(
@@ -104,6 +126,25 @@ def test_a_fault_is_seen_weighted(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench(60, rtl=rtl, weighted=True))
 
 
+INWARD_FAULTS = [
+    Fault("inward_step", "beyond(third, band.limit(2))", "'0'", ANY),
+    Fault("inward_step", "or beyond(slopes.error(1), band.limit(1))", "", ANY),
+    Fault("inward_step", "or band.outside(2)", "", ANY),
+    Fault(
+        "length_search", "if (INWARDS and away = '1') then", "if (false) then", r"length:|index:"
+    ),
+    Fault("length_search", "or (outside and not turned)", "or outside", r"length:|index:"),
+    Fault("length_search", "cell.outside := not within", "cell.outside := outside", ANY),
+    Fault("length_search", "rise := triple(x);", "rise := curve;", ANY),
+]
+
+
+@pytest.mark.parametrize("fault", INWARD_FAULTS, ids=str)
+def test_a_fault_is_seen_inwards(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(300, rtl=rtl, weighted=True, inwards=True))
+
+
 def test_the_short_benches_see_no_fault_where_none_is() -> None:
     bench(200, rtl=RTL)
     bench(60, rtl=RTL, weighted=True)
+    bench(300, rtl=RTL, weighted=True, inwards=True)

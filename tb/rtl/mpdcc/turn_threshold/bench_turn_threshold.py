@@ -16,7 +16,7 @@ LATENCY = clocks_of("turn_threshold", "latency")  # clocks from start until thre
 
 @cocotb.test()
 async def random_parabolas(dut) -> None:
-    """Errors inside their band; a start in the middle takes over."""
+    """Errors inside their band, or outside towards the curvature; a start in the middle."""
     given = arguments()
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
@@ -35,6 +35,10 @@ async def random_parabolas(dut) -> None:
         curvature = word(rng, f.CURVATURE_WIDTH)
         if rng.random() < 0.3:
             curvature >>= rng.randrange(f.CURVATURE_WIDTH)
+        if given["inwards"] and rng.random() < 0.5:
+            beyond = rng.randint(1, 2 ** (f.BASE_WIDTH - 1) - 1 - bound)
+            error = (bound + beyond) * (-1 if curvature < 0 else 1)
+            board.cover("outside")
         dut.margin_up.value = bits(error - bound - 1, f.MARGIN_WIDTH + 1)
         dut.margin_down.value = bits(error + bound, f.MARGIN_WIDTH + 1)
         dut.curvature.value = bits(curvature, f.CURVATURE_WIDTH)
@@ -61,5 +65,6 @@ async def random_parabolas(dut) -> None:
         board.cover("falling" if curvature < 0 else "rising")
     board.finish(
         {"threshold": int(0.8 * given["thresholds"])},
-        {"started anew": 20, "falling": 100, "rising": 100, **{f"at {k}": 5 for k in range(6)}},
+        {"started anew": 20, "falling": 100, "rising": 100, **{f"at {k}": 5 for k in range(6)}}
+        | ({"outside": 100} if given["inwards"] else {}),
     )

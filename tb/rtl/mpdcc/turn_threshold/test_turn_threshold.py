@@ -1,6 +1,6 @@
 """The slope from which a current error leaves before it turns, against its definition.
 
-Sweep: one configuration; errors anywhere inside bounds of 0 to 29000, all curvatures.
+Sweep: without and with the rule inwards; errors anywhere inside bounds of 0 to 29000, all curvatures.
 Stimulus: random and corner words; back to back and with idle clocks; inputs random but at the start
 edge; a new start in the middle of a search for the minimum.
 Checks: the threshold in every clock from the declared one until the next start; that each of the
@@ -22,25 +22,35 @@ from tb.helpers.simulation import Outcome, run
 FILES = [Path(__file__).with_name("turn_threshold_flat.vhd")]
 
 
-def bench(thresholds: int = 1500, throttle: bool = False, rtl: Path = RTL) -> Outcome:
+def bench(
+    thresholds: int = 1500, throttle: bool = False, rtl: Path = RTL, *, inwards: bool = True
+) -> Outcome:
     return run(
         "turn_threshold_flat",
         "tb.rtl.mpdcc.turn_threshold.bench_turn_threshold",
         units=["turn_threshold"],
         files=FILES,
-        arguments={"seed": 4, "thresholds": thresholds, "throttle": throttle},
+        generics={"INWARDS": str(inwards).lower()},
+        arguments={
+            "seed": 4,
+            "thresholds": thresholds,
+            "throttle": throttle,
+            "inwards": inwards,
+        },
         rtl=rtl,
     )
 
 
 @pytest.mark.parametrize("throttle", [False, True], ids=["full speed", "throttled"])
-def test_thresholds_follow_the_definition(throttle: bool) -> None:
-    assert bench(throttle=throttle).checks["threshold"] >= 1200
+@pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
+def test_thresholds_follow_the_definition(throttle: bool, inwards: bool) -> None:
+    assert bench(throttle=throttle, inwards=inwards).checks["threshold"] >= 1200
 
 
 FAULTS = [
     Fault("turn_threshold", "if (curvature >= 0)", "if (curvature > 0)", r"threshold:"),
     Fault("turn_threshold", "wide < smallest", "wide > smallest", r"threshold:"),
+    Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"threshold:"),
 ]
 
 
