@@ -161,7 +161,7 @@ def test_what_comes_back_is_followed_step_by_step() -> None:
             longer += abs(max(found, 1) - wanted) > 1
     print(f"{differs} of {alive} differ, {longer} by more than a step")
     assert alive >= 4000
-    assert differs < 0.01 * alive
+    assert differs < 0.03 * alive
     assert longer < 0.003 * alive
 
 
