@@ -357,7 +357,9 @@ def current_lengths(node: Node, limits: Limits, s: Sequence[int]) -> list[int]:
             return [0, 0, 0]
         if abs(after) > nearest(error, bound) or not -high - 1 <= slope <= high:
             return [0, 0, 0]
-        lengths.append(max(1, first_exit(error, slope, curvature, bound)))
+        found = first_exit(error, slope, curvature, bound)
+        # an error may come nearer in step one by crossing the whole band
+        lengths.append(max(1, found) if limits.outside_inwards else found)
     return lengths
 
 

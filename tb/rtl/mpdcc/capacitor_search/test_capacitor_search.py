@@ -60,8 +60,8 @@ FAULTS = [
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(80, rtl=rtl))
+    assert_seen(fault, tmp_path, lambda rtl: bench(120, rtl=rtl))
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:
-    bench(80, rtl=RTL)
+    bench(120, rtl=RTL)

@@ -58,14 +58,43 @@ def bend(
         node.curvature[x] = (-1 if slope > 0 else 1) * min(size, 2 ** (f.CURVATURE_WIDTH - 1) - 1)
 
 
-def push_outside(rng: random.Random, node: plain.Node, limits: plain.Limits) -> None:
+def push_outside(
+    rng: random.Random, node: plain.Node, limits: plain.Limits, s_prev: tuple[int, ...]
+) -> None:
     """Some errors beyond their bounds: a little, much, and further than any is followed."""
-    for j in rng.sample(range(7), rng.choice([1, 1, 2, 3])):
+    for j in rng.sample(range(7), rng.choice([0, 1, 1, 2, 3])):
         bound = limits.bounds[j]
         far = 2 ** (f.BASE_WIDTH - 1) + rng.randint(-2, 1)
         away = bound + rng.choice([1, 2, rng.randint(1, 400), rng.randint(1, 6000)])
         node.error[j] = rng.choice([-1, 1]) * (far if rng.random() < 0.1 else away)
+    if rng.random() < 0.6:
+        aim(rng, node, limits, s_prev)
     node.error[2] = node.error[0] + node.error[1]
+    high = 2 ** (f.CURVATURE_WIDTH - 1)
+    node.curvature[2] = max(-high, min(high - 1, node.curvature[0] + node.curvature[1]))
+
+
+def aim(
+    rng: random.Random, node: plain.Node, limits: plain.Limits, s_prev: tuple[int, ...]
+) -> None:
+    """A candidate whose current turns about where it gets inside, or just comes back at all."""
+    x = rng.randrange(2)
+    bound, sign = limits.bound_current, rng.choice([-1, 1])
+    excess = rng.choice([1, rng.randint(1, 100), rng.randint(1, 4000)])
+    size = rng.randint(2, 1000) >> rng.choice([0, 0, 3, 6])
+    node.error[x], node.error[1 - x] = sign * (bound + excess), 0
+    node.error[3:] = [bound // 4 for bound in limits.bounds[3:]]
+    if rng.random() < 0.6:
+        wanted = -sign * int((4 * size * excess) ** 0.5 * rng.uniform(0.6, 1.4))
+        curvature = sign * size
+    else:
+        wanted = sign * rng.randint(-1, max(size - 1, 0))
+        curvature = -sign * size
+    node.curvature[x], node.curvature[1 - x] = curvature, 0
+    s, _ = rng.choice(plain.candidates(s_prev))
+    slopes = plain.slopes(node, s)
+    node.slope[x] += wanted - slopes[x]
+    node.slope[1 - x] -= slopes[1 - x]
 
 
 class Bench:
@@ -242,10 +271,10 @@ async def random_nodes(dut) -> None:
     await bench.start()
     for n in range(given["nodes"]):
         node, limits, s_prev = example(rng, generator, n, "fast")
-        if bench.inwards and n % 2:
-            push_outside(rng, node, limits)
         if n % 3 == 1:
             bend(rng, node, limits, s_prev)
+        if bench.inwards:
+            push_outside(rng, node, limits, s_prev)
         dut.node.value = plain.pack_node(node)
         # without the option the bit changes nothing
         rule = n % 5 % 2

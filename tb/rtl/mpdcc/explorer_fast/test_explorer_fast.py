@@ -74,7 +74,7 @@ def test_results_follow_the_parabolas(throttle: bool, weighted: bool) -> None:
 def test_what_starts_outside_is_followed_inwards(throttle: bool) -> None:
     found = bench(300, throttle=throttle, weighted=True, inwards=True)
     print(found)
-    for event, least in (("from outside", 40), ("feasible", 80), ("dead", 30), ("reset", 3)):
+    for event, least in (("from outside", 60), ("feasible", 80), ("dead", 30), ("reset", 3)):
         assert found.covered.get(event, 0) >= least, event
     if not throttle:
         assert found.checks["result in time"] >= 4000

@@ -1,6 +1,7 @@
 """The slope from which a current error leaves before it turns, against its definition.
 
-Sweep: without and with the rule inwards; errors anywhere inside bounds of 0 to 29000, all curvatures.
+Sweep: without and with the rule inwards; errors anywhere inside bounds of 0 to 29000, with the rule
+outside too; all curvatures.
 Stimulus: random and corner words; back to back and with idle clocks; inputs random but at the start
 edge; a new start in the middle of a search for the minimum.
 Checks: the threshold in every clock from the declared one until the next start; that each of the
