@@ -317,7 +317,7 @@ class ClosedLoopResult:
 def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
-    shadow_out, sensed, dead, rest, dead_time,
+    shadow_out, sensed, dead, rest, dead_time, capacitor_gain,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -326,12 +326,20 @@ def _loop(
     x = np.empty(8)
     reference = np.empty(2)
     decided = applied.copy()
+    estimate = state.copy()
     for k in range(len(vdc)):
         states[k] = state
         if delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
         measure(sensed, k, state, x)
+        if capacitor_gain < 1.0:
+            # charge balance under what was applied until now, corrected by what is measured
+            if k > 0:
+                ideal.advance(predictor, estimate, positions[k], omega_r[k - 1], vdc[k - 1])
+            for j in range(4, 8):
+                x[j] = estimate[j] + capacitor_gain * (x[j] - estimate[j])
+            estimate[:] = x
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
             ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
@@ -448,6 +456,7 @@ def simulate(
     delay: bool = False,
     compensate: bool = True,
     errors: DriveErrors = NO_ERRORS,
+    capacitor_gain: float = 1.0,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
 
@@ -479,6 +488,10 @@ def simulate(
         which the decision takes effect, rather than the measured one.
     errors : DriveErrors
         Of sensors and switches; none unless given.
+    capacitor_gain : float
+        Above 0, at most 1: gain of filters in front of the controller. They predict v_n and v_ph
+        by the charge that the applied positions move, and correct them by this share of what is
+        measured. 1 is none.
 
     Returns
     -------
@@ -493,6 +506,8 @@ def simulate(
     total = settle + steps
     if steps < 1 or settle < 0:
         raise ValueError(f"at least one step is needed, got steps {steps} after settle {settle}")
+    if not 0.0 < capacitor_gain <= 1.0:
+        raise ValueError(f"capacitor_gain: got {capacitor_gain}; above 0 and at most 1 is needed")
     rng = np.random.default_rng(seed)
     if isinstance(point, Profile):
         profile = point
@@ -530,7 +545,7 @@ def simulate(
         shadow is not None, plant, delay, compensate, predictor,
         omega_s, omega_r, vdc, iref, state, applied, states, positions,
         seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
-        errors.dead_time > 0.0,
+        errors.dead_time > 0.0, float(capacitor_gain),
     )  # fmt: skip
 
     keep = slice(settle, total)

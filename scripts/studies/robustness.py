@@ -1,0 +1,388 @@
+"""What noise costs, and what helps: closed loops of the bit-true model with sensors that err.
+
+``python -m scripts robustness`` runs both shipped drives and random ones, decides with the fast
+variant's bit-true model, and writes ``reports/robustness.csv``, one row per closed loop, and the
+tables of ``docs/robustness.md``. A row that the file has already is not run again, so that a study
+that was stopped goes on where it was; ``--anew`` begins at the first.
+
+One step of delay is compensated and the deadlock rule is the weighted one in every loop.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import itertools
+import multiprocessing
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from directmpc.api.drive_file import load_mpdcc_drive
+from directmpc.drive_tables import DriveError
+from directmpc.mpdcc import closed_loop, metrics
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.errors import DriveErrors
+from scripts.shared import progress, tables
+from scripts.shared.tools import ROOT
+
+NOISE_CURRENT, NOISE_VOLTAGE = 0.005, 0.0025
+"""Rms, per unit, of noise 1."""
+
+DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+SPEEDS = (1.0, 0.6)
+BOUNDS = (0.06, 0.10)
+GAIN = 1 / 16
+"""Of the capacitor filters."""
+
+#: Noise, outside rule, gain of the capacitor filters.
+REMEDIES = (
+    (0.0, "dead", 1.0), (0.0, "inwards", 1.0),
+    (1.0, "dead", 1.0), (1.0, "inwards", 1.0), (1.0, "dead", GAIN), (1.0, "inwards", GAIN),
+    (2.0, "dead", 1.0), (2.0, "inwards", 1.0), (2.0, "inwards", GAIN),
+)  # fmt: skip
+STARTS = 2
+RANDOM = 200
+"""Random drives, each with SE under noise 1 by either rule."""
+
+STEPS, SETTLE = 3000, 400
+REPORT = ROOT / "reports" / "robustness.csv"
+PAGE = ROOT / "docs" / "robustness.md"
+BEGIN = "<!-- {}: begin (written by python -m scripts robustness) -->"
+END = "<!-- {}: end -->"
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """One closed loop; `drive` is a shipped one's name or ``random N``."""
+
+    drive: str
+    horizon: str
+    speed: float
+    bound: float
+    noise: float
+    rule: str
+    gain: float
+    start: int
+
+
+FIGURES = (
+    "fsw_hz", "thd_pct", "deadlocks_per_1000", "excess_current", "excess_vn", "excess_vph",
+    "outside_pct", "saturated",
+)  # fmt: skip
+
+
+def settings(starts: int, count: int) -> Iterator[Setting]:
+    """All closed loops of the study, in order.
+
+    Parameters
+    ----------
+    starts : int
+        Starts of each point of the shipped drives.
+    count : int
+        Random drives.
+
+    Yields
+    ------
+    Setting
+        The next one.
+    """
+    for start, name, horizon, speed, bound, remedy in itertools.product(
+        range(starts), DRIVES, ("SE", "SESE"), SPEEDS, BOUNDS, REMEDIES
+    ):
+        yield Setting(name, horizon, speed, bound, *remedy, start)
+    for number, remedy in itertools.product(range(count), REMEDIES[:6]):
+        yield Setting(f"random {number}", "SE", SPEEDS[number % 2], 0.10, *remedy, 0)
+
+
+def drive_of(setting: Setting) -> Drive:
+    """The drive of a closed loop with its controller settings.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+
+    Returns
+    -------
+    Drive
+        Per unit. A random one has machine, capacitors and period within half and one and a half of
+        the 6 kV drive's, where a drive file may have them.
+    """
+    kind, _, number = setting.drive.partition(" ")
+    base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0] if number else kind}.toml")
+    if number:
+        base = _random(base, np.random.default_rng(int(number)))
+    return base.with_control(
+        bound_current=setting.bound,
+        switching_horizon=setting.horizon,
+        outside_rule=setting.rule,
+        deadlock_rule="weighted",
+        delay_compensation=True,
+    )
+
+
+def _random(base: Drive, rng: np.random.Generator) -> Drive:
+    """A drive like another one."""
+    while True:
+        tables = {
+            "machine": {k: v * rng.uniform(0.5, 1.5) for k, v in asdict(base.machine).items()},
+            "inverter": {
+                k: getattr(base.inverter, k) * rng.uniform(0.5, 1.5) for k in ("xdc", "xph")
+            },
+            "control": {"ts": base.control.ts * rng.uniform(0.5, 1.5)},
+        }
+        try:
+            return base.changed(**tables)
+        except DriveError:  # out of a drive file's range: another one
+            continue
+
+
+def loop(setting: Setting, steps: int) -> dict[str, Any]:
+    """Run a closed loop.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+    steps : int
+        Control steps that count.
+
+    Returns
+    -------
+    dict
+        The setting and its figures. `outside_pct` is the share of steps in which a voltage is more
+        than 0.002 pu outside its bound.
+    """
+    drive = drive_of(setting)
+    errors = DriveErrors(
+        noise_current=setting.noise * NOISE_CURRENT,
+        noise_voltage=setting.noise * NOISE_VOLTAGE,
+        seed=1000 + setting.start,
+    )
+    result = closed_loop.simulate(
+        drive, bit_true_fast.decide, registers(drive, "fast").array(),
+        OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
+        delay=True, compensate=False, errors=errors, capacitor_gain=setting.gain,
+    )  # fmt: skip
+    summary = metrics.summarise(drive, result)
+    switching = metrics.switching_frequency(result.positions, drive.control.ts)
+    excess = metrics.bound_violations(result, drive.bounds)
+    voltages = result.state[:-1, 4:].copy()
+    voltages[:, 1:] -= result.profile.vdc[:, None] / 4
+    outside = np.any(np.abs(voltages) > drive.bounds[3:] + 0.002, axis=1)
+    return asdict(setting) | {
+        "fsw_hz": switching.per_device_24_logical,
+        "thd_pct": 100 * summary.thd_mean,
+        "deadlocks_per_1000": 1000 * float(result.decisions.deadlock.mean()),
+        "excess_current": float(excess[:3].max()),
+        "excess_vn": float(excess[3]),
+        "excess_vph": float(excess[4:].max()),
+        "outside_pct": 100 * float(outside.mean()),
+        "saturated": int(result.decisions.saturated.sum()),
+    }
+
+
+def read(path: Path) -> dict[Setting, dict[str, float]]:
+    """Rows of a study's file.
+
+    Parameters
+    ----------
+    path : Path
+        It may not exist, or end in the middle of a row: that one is left out.
+
+    Returns
+    -------
+    dict
+        Figures by setting.
+    """
+    if not path.exists():
+        return {}
+    kinds = {field.name: field.type for field in fields(Setting)}
+    parse = {"str": str, "float": float, "int": int}
+    found = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if None in row.values() or None in row:
+                continue
+            setting = Setting(**{name: parse[str(kinds[name])](row[name]) for name in kinds})
+            found[setting] = {name: float(row[name]) for name in FIGURES}
+    return found
+
+
+def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
+    """Write a study's file in the order of its settings; all of it or nothing."""
+    columns = [field.name for field in fields(Setting)] + list(FIGURES)
+    temporary = path.with_suffix(".part")
+    with temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for setting in sorted(rows):
+            values = asdict(setting) | rows[setting]
+            writer.writerow([_cell(values[name]) for name in columns])
+    os.replace(temporary, path)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def study(
+    out: Path, jobs: int, steps: int, starts: int, count: int, *, anew: bool = False
+) -> dict[Setting, dict[str, float]]:
+    """Run what the file does not have yet.
+
+    Parameters
+    ----------
+    out : Path
+        The file; it is written every now and then.
+    jobs : int
+        Processes.
+    steps : int
+        Control steps of a loop.
+    starts, count : int
+        As of `settings`.
+    anew : bool
+        Whether all loops are run, whatever the file has.
+
+    Returns
+    -------
+    dict
+        Figures of all settings.
+    """
+    wanted = [_rounded(setting) for setting in settings(starts, count)]
+    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
+    missing = [setting for setting in wanted if setting not in rows]
+    context = multiprocessing.get_context("spawn")
+    with (
+        concurrent.futures.ProcessPoolExecutor(jobs, context) as pool,
+        progress.counter("closed loops", len(missing)) as advance,
+    ):
+        waiting = [pool.submit(loop, setting, steps) for setting in missing]
+        for n, future in enumerate(concurrent.futures.as_completed(waiting)):
+            found = future.result()
+            setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
+            rows[setting] = {name: found[name] for name in FIGURES}
+            advance()
+            if n % 16 == 15:
+                _write(out, rows)
+    _write(out, rows)
+    return rows
+
+
+def _rounded(setting: Setting) -> Setting:
+    """A setting as the file has it."""
+    return Setting(
+        **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in asdict(setting).items()}
+    )
+
+
+def _mean(rows: Sequence[dict[str, float]], name: str) -> float:
+    return float(np.mean([row[name] for row in rows])) if rows else float("nan")
+
+
+def shipped_table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What noise and remedies change, over the starts of the shipped drives.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    lines = []
+    for name, bound, (noise, rule, gain) in itertools.product(DRIVES, BOUNDS, REMEDIES[1:]):
+        cells = []
+        for horizon, speed in itertools.product(("SE", "SESE"), SPEEDS):
+            chosen, exact = (
+                [
+                    v
+                    for k, v in rows.items()
+                    if (k.drive, k.horizon, k.speed, k.bound) == (name, horizon, speed, bound)
+                    and (k.noise, k.rule, k.gain) == _rounded_remedy(remedy)
+                ]
+                for remedy in ((noise, rule, gain), REMEDIES[0])
+            )
+            change = 100 * (_mean(chosen, "fsw_hz") / _mean(exact, "fsw_hz") - 1)
+            distortion = 100 * (_mean(chosen, "thd_pct") / _mean(exact, "thd_pct") - 1)
+            dead = _mean(chosen, "deadlocks_per_1000")
+            cells.append(f"{change:+.0f} ({distortion:+.0f}, {dead:.0f})")
+        label = f"{rule}{', filters' if gain < 1 else ''}"
+        lines.append((name, f"{bound:g}", f"{noise:g}", label, *cells))
+    head = ("drive", "bound, pu", "noise", "rule", "SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
+    return tables.markdown(head, lines)
+
+
+def _rounded_remedy(remedy: tuple[float, str, float]) -> tuple[float, str, float]:
+    return remedy[0], remedy[1], float(_cell(remedy[2]))
+
+
+def random_table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What noise and remedies change, over the random drives.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    drives = sorted({k.drive for k in rows if k.drive.startswith("random")})
+    lines = []
+    for noise, rule, gain in (_rounded_remedy(remedy) for remedy in REMEDIES[:6]):
+        change, dead, excess, outside = [], [], [], []
+        for name in drives:
+            mine = {(k.noise, k.rule, k.gain): v for k, v in rows.items() if k.drive == name}
+            chosen, exact = mine[noise, rule, gain], mine[0.0, "dead", 1.0]
+            change.append(100 * (chosen["fsw_hz"] / exact["fsw_hz"] - 1))
+            dead.append(chosen["deadlocks_per_1000"])
+            excess.append(chosen["excess_current"])
+            outside.append(chosen["outside_pct"])
+        low, middle, high = np.percentile(change, (5, 50, 95))
+        lines.append(
+            (
+                f"{noise:g}", f"{rule}{', filters' if gain < 1 else ''}",
+                f"{middle:+.0f} ({low:+.0f} to {high:+.0f})",
+                f"{np.median(dead):.0f} ({np.percentile(dead, 95):.0f})",
+                f"{np.median(excess):.3f} ({np.percentile(excess, 95):.3f})",
+                f"{np.median(outside):.1f} ({np.percentile(outside, 95):.1f})",
+            )
+        )  # fmt: skip
+    head = (
+        "noise", "rule", "f_sw, %: median (5 to 95 %)", "deadlocks per 1,000 steps: median (95 %)",
+        "current beyond its bound, pu: median (95 %)", "voltage outside, % of steps: median (95 %)",
+    )  # fmt: skip
+    return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
+
+
+def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
+    """Write the tables into their page.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+    page : Path
+        The page; its markers stay.
+    """
+    tables.rewrite(
+        page,
+        {
+            (BEGIN.format("shipped"), END.format("shipped")): shipped_table(rows),
+            (BEGIN.format("random"), END.format("random")): random_table(rows),
+        },
+    )
