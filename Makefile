@@ -39,7 +39,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove report fidelity \
-  sources generate virtual-board bitstream netlist layers site clean
+  sources generate virtual-board bitstream netlist layers robustness site clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -128,6 +128,9 @@ report: $(READY) ## every published number, table and plot into reports/
 
 fidelity: $(READY) ## decisions and closed loops beside the ideal controller, and the error budget
 	@'$(PY)' -m scripts fidelity --jobs '$(JOBS)' $(ARGS)
+
+robustness: $(READY) ## closed loops with noise, on shipped and random drives; goes on where it was stopped
+	@'$(PY)' -m scripts robustness --jobs '$(JOBS)' $(ARGS)
 
 sources: $(READY) ## VHDL files in compile order for TOP
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts sources '' >&2; exit 2; fi; '$(PY)' -m scripts sources "$$TOP"
