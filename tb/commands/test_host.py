@@ -197,7 +197,8 @@ def test_refusals_say_why() -> None:
 
 
 @pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
-                                     {"deadlock_rule": "weighted"}])  # fmt: skip
+                                     {"deadlock_rule": "weighted"},
+                                     {"outside_rule": "inwards"}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     plain = values(drive, GuardSettings(clock=25e6), "fast")
@@ -206,7 +207,10 @@ def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     address, fields = registers_of("mpdcc")["system.capabilities"]
     lacking, complete = (
         Board(link_of(model(controller=Controller.MPDCC, words={address: word})))
-        for word in (0, 1 << fields["second_level"][0] | 1 << fields["weighted_deadlock"][0])
+        for word in (
+            0,
+            sum(1 << fields[n][0] for n in ("second_level", "weighted_deadlock", "inwards")),
+        )
     )
     assert complete.load(found) == lacking.load(plain) == len(found.writes())
     with pytest.raises(RegisterError, match="this board ignores"):

@@ -176,18 +176,22 @@ def test_delay_compensation_needs_the_fast_variant(trace_file: Path, tmp_path: P
     assert command(*given).returncode == 0
 
 
-def test_the_weighted_deadlock_rule_needs_the_fast_variant(
-    trace_file: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("key", "asked", "served"),
+    [("deadlock_rule", "weighted", "largest"), ("outside_rule", "inwards", "dead")],
+)
+def test_the_rules_need_the_fast_variant(
+    trace_file: Path, tmp_path: Path, key: str, asked: str, served: str
 ) -> None:
     drive = tmp_path / "drive.toml"
     text = DRIVE.read_text()
-    drive.write_text(text.replace("[control]", '[control]\ndeadlock_rule = "weighted"'))
+    drive.write_text(text.replace("[control]", f'[control]\n{key} = "{asked}"'))
     out = tmp_path / "out.csv"
     given = ("--drive", drive, "--trace", trace_file, "--out", out)
     for engine in ("model", "rtl"):
         done = command(*given, "--engine", engine, "--variant", "paper")
         assert_one_paragraph(done, tmp_path)
-        for word in (str(drive), "control.deadlock_rule", '"weighted"', "paper", '"largest" alone'):
+        for word in (str(drive), f"control.{key}", f'"{asked}"', "paper", f'"{served}" alone'):
             assert word in done.stderr
     assert command(*given, "--engine", "model").returncode == 0
 

@@ -124,7 +124,8 @@ def check_facts(board: Board, chosen: Generics) -> None:
     assert any(version.values())
     built = board.read("system.capabilities")
     assert built["controller"] == chosen["CONTROLLER"]
-    assert (built["second_level"], built["weighted_deadlock"]) == (mpdcc, mpdcc)
+    for option in ("second_level", "weighted_deadlock", "inwards"):
+        assert built[option] == mpdcc
     assert built["flux_control"] == (not mpdcc)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
     assert not any(board.read("system.status").values())
@@ -420,7 +421,8 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
                 assert {re.split(r"_\d", name)[0] for name in only} <= CLOCKED
         alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
         if controller == "mpdcc":
-            full = {"FOLDED": False, "SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True}
+            options = ("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS")
+            full = {"FOLDED": False, **dict.fromkeys(options, True)}
             # the first is the board's, the second is proven by test_netlist_core
             alone = [("mpdcc_core", {"EXPLORERS": 1, **full}, 19)]
             alone += [("mpdcc_core", {"EXPLORERS": 2, **full}, 16)]

@@ -154,7 +154,7 @@ async def every_register(system: System) -> None:
     board.check("identification", code, 0x444D5043)
     kind = await bus.read("system.capabilities", "controller")
     board.check("controller", kind, 1 if system.controller == "mpdcc" else 2)
-    for option in ("second_level", "weighted_deadlock"):
+    for option in ("second_level", "weighted_deadlock", "inwards"):
         built_in = await bus.read("system.capabilities", option)
         board.check(option, built_in, int(system.controller == "mpdcc"))
     bus.throttle(0.0)

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import conversion as netlist
@@ -47,7 +48,8 @@ BOTH = 60  # rows that the VHDL simulation decides as well
 def generics_of(explorers: int, variant: str, second: bool) -> Generics:
     """Generics of a core, those that differ from the defaults by name; `second`: all options."""
     found: Generics = {"EXPLORERS": explorers, "FOLDED": variant == "paper"}
-    return found | {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True} if second else found
+    options = ("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS")
+    return found | dict.fromkeys(options, True) if second else found
 
 
 @pytest.fixture(scope="session")
@@ -69,10 +71,11 @@ def many_rows() -> dict[str, core.Rows]:
 
 
 def either_rule(rows: core.Rows) -> core.Rows:
-    """The same rows, every other one or so under the weighted deadlock rule."""
+    """The same rows, every other one or so under the weighted deadlock rule, or "inwards"."""
     chosen = np.random.default_rng(5).integers(0, 2, len(rows))
     found = with_rule(rows, chosen)
     assert np.any(found.model("fast") != rows.model("fast"), axis=1).sum() >= 3
+    found.registers[:, INDEX["outside_inwards"]] = chosen[::-1]
     return found
 
 
