@@ -289,6 +289,8 @@ package directmpc_constants is
 
   type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;
   type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;
+  type result_places_t is array (0 to 2, 0 to RESULT_COUNT - 1) of natural;
+  type accumulator_widths_t is array (0 to 2, 0 to BLOCK_COUNT - 1) of natural;
   type program_lengths_t is array (0 to 1) of natural;
   type program_t is array (0 to 1, 0 to BLOCK_COUNT - 1, 0 to PROGRAM_STEPS - 1) of integer;
 
@@ -303,6 +305,26 @@ package directmpc_constants is
   constant RESULT_SATURATES : result_flags_t := (
     (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1),
     (1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 0, 0)
+  );
+
+  -- register of each result; here and below: 0 fast, 1 paper, 2 fast and successor
+  constant RESULT_PLACES : result_places_t := (
+    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+     13, 14, 15, 16, 17, 18, 19, 20, 6, 7, 23, 24, 25,
+     0, 1, 28, 29, 30, 31, 32, 2, 3, 4, 5),
+    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+     13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
+     26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36),
+    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+     13, 14, 15, 16, 17, 18, 19, 20, 6, 7, 23, 24, 25,
+     26, 27, 28, 29, 30, 31, 32, 2, 3, 4, 5)
+  );
+
+  -- bits of each block's accumulator, signed
+  constant ACCUMULATOR_WIDTHS : accumulator_widths_t := (
+    (37, 37, 35, 35),
+    (38, 38, 34, 34),
+    (38, 38, 38, 38)
   );
 
   -- clocks of issue

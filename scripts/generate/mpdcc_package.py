@@ -337,6 +337,14 @@ def _program() -> list[str]:
             lines.append(f"  constant {prefix}_{name.upper()} : natural := {index};")
         lines.append("")
     lengths = ", ".join(str(ct.PROGRAM_LENGTHS[variant]) for variant in variants)
+    runs = (*variants, "successor")
+    places = [
+        [str(results.index(ct.REGISTERS[run].get(name, name))) for name in results] for run in runs
+    ]
+    accumulators = [
+        ", ".join(str(largest.bit_length() + 1) for largest in ct.largest_of_blocks(run))
+        for run in runs
+    ]
     saturating = [
         ", ".join(str(int(ct.saturates(variant, name))) for name in results) for variant in variants
     ]
@@ -356,6 +364,8 @@ def _program() -> list[str]:
         "",
         "  type result_widths_t is array (0 to RESULT_COUNT - 1) of natural;",
         "  type result_flags_t is array (0 to 1, 0 to RESULT_COUNT - 1) of natural range 0 to 1;",
+        "  type result_places_t is array (0 to 2, 0 to RESULT_COUNT - 1) of natural;",
+        "  type accumulator_widths_t is array (0 to 2, 0 to BLOCK_COUNT - 1) of natural;",
         "  type program_lengths_t is array (0 to 1) of natural;",
         "  type program_t is array (0 to 1, 0 to BLOCK_COUNT - 1, 0 to PROGRAM_STEPS - 1) "
         "of integer;",
@@ -368,6 +378,16 @@ def _program() -> list[str]:
         "  -- 1: the result can exceed its word; first index, also below: 0 fast, 1 paper",
         "  constant RESULT_SATURATES : result_flags_t := (",
         ",\n".join(f"    ({row})" for row in saturating),
+        "  );",
+        "",
+        "  -- register of each result; here and below: 0 fast, 1 paper, 2 fast and successor",
+        "  constant RESULT_PLACES : result_places_t := (",
+        ",\n".join("    (" + _rows(row, 13).replace("\n", "\n ") + ")" for row in places),
+        "  );",
+        "",
+        "  -- bits of each block's accumulator, signed",
+        "  constant ACCUMULATOR_WIDTHS : accumulator_widths_t := (",
+        ",\n".join(f"    ({row})" for row in accumulators),
         "  );",
         "",
         "  -- clocks of issue",

@@ -353,6 +353,24 @@ SUCCESSOR_SATURATES: tuple[str, ...] = (
 
 #: Clocks from issuing a product until its rounded result can be an operand.
 RESULT_LATENCY = 4
+
+#: Results that take the register of a product which no step reads any more: result to product, by
+#: what is run: one variant's program alone, or the fast one's and the successor's.
+REGISTERS: dict[str, dict[str, str]] = {
+    "paper": {},
+    "successor": {
+        "slope_alpha": "reference_speed2_alpha",
+        "slope_beta": "reference_speed2_beta",
+        "weight_alpha": "flux_speed_alpha",
+        "weight_beta": "flux_speed_beta",
+        "curvature_alpha": "flux_speed2_alpha",
+        "curvature_beta": "flux_speed2_beta",
+    },
+}
+REGISTERS["fast"] = REGISTERS["successor"] | {
+    "forced_b": "reference_speed_alpha",
+    "forced_c": "reference_speed_beta",
+}
 PROGRAM_LENGTHS = {
     variant: max(len(block) for block in program) for variant, program in PROGRAMS.items()
 }
@@ -512,6 +530,73 @@ def check_program(variant: str) -> None:
         raise ValueError(f"no step computes {sorted(missing)}")
 
 
+def check_registers(run: str) -> None:
+    """Check that a product has been read for the last time when another result takes its register.
+
+    Parameters
+    ----------
+    run : str
+        Key of REGISTERS.
+
+    Raises
+    ------
+    ValueError
+        Naming the result, where it and the product do not come from one block at one alignment, or
+        where a step reads the product later.
+    """
+    root = PROGRAMS["paper" if run == "paper" else "fast"]
+    after = SUCCESSOR if run == "successor" else ()
+    # what both programs compute is taken at the same bit of the accumulator, whichever are run
+    aligned = root if run == "paper" else (*root, *SUCCESSOR)
+    for result, product in REGISTERS[run].items():
+        owner = [b for b, block in enumerate(root) if any(s.result == result for s in block)]
+        before = [b for b, block in enumerate(root) if any(s.result == product for s in block)]
+        if owner != before or product not in PRODUCTS:
+            raise ValueError(f"{result} and {product} are not of one block")
+        if base_alignment(aligned, result) != base_alignment(aligned, product):
+            raise ValueError(f"{result} and {product} have different alignments")
+        ends = max(i for i, step in enumerate(root[owner[0]]) if step.result == result)
+        read = [i for block in root for i, step in enumerate(block) if step.a == product]
+        steps = [step for block in after for step in block if step]
+        later = [step for step in steps if product in (step.a, step.result)]
+        if max(read) >= ends + RESULT_LATENCY or later:
+            raise ValueError(f"{product} is read after {result} has taken its register")
+
+
+def largest_of_blocks(run: str) -> list[int]:
+    """Largest magnitude in the accumulator of each block, whatever the operands are.
+
+    Parameters
+    ----------
+    run : str
+        "paper", "fast", or "successor" for the fast variant's program and the successor's.
+
+    Returns
+    -------
+    list of int
+        One per block, in units of the accumulator's LSB.
+    """
+    root = PROGRAMS["paper" if run == "paper" else "fast"]
+    aligned = root if run == "paper" else (*root, *SUCCESSOR)
+    found = [0] * len(root)
+    for program in (root, SUCCESSOR) if run == "successor" else (root,):
+        for number, block in enumerate(program):
+            before, total = "", 0
+            for step in block:
+                if step is None:
+                    before = ""
+                    continue
+                known = step.a in SIGNALS
+                a = _largest_signal(step.a) if known else 2 ** (f.OPERAND_WIDTH - 1)
+                base = base_alignment(aligned, step.result)
+                shift = f.ALIGNMENT[step.alignment] - f.ALIGNMENT[base]
+                product = a * 2 ** (f.COEFFICIENT_WIDTH - 1) << shift
+                total = product + (total if step.result == before else 2 ** (f.RESULT_SHIFT - 1))
+                before = step.result
+                found[number] = max(found[number], total)
+    return found
+
+
 def check_successor() -> None:
     """Check that the successor's program reads no product before it exists.
 
@@ -557,3 +642,5 @@ def check_successor() -> None:
 for _variant in PROGRAMS:
     check_program(_variant)
 check_successor()
+for _run in REGISTERS:
+    check_registers(_run)

@@ -44,9 +44,23 @@ architecture rtl of best_of is
 
   subtype key_t is unsigned(RANK_WIDTH + INDEX_WIDTH downto 0);
 
-  signal flagged  : std_logic;
-  signal key_now  : key_t; -- leaves of one node tell each other apart by their flags alone
-  signal key_best : key_t;
+  -- '1' where a < b: the carry of b + not a, whose LUTs have room for the choice of a
+  function is_below (a, b : unsigned) return std_logic is
+
+    variable sum : unsigned(b'length downto 0);
+
+  begin
+
+    sum := resize(b, sum'length) + resize(not a, sum'length);
+    return sum(sum'high);
+
+  end function is_below;
+
+  signal flagged   : std_logic;
+  signal contender : rank_t;    -- what the best so far is compared with
+  signal key_now   : key_t;     -- leaves of one node tell each other apart by their flags alone
+  signal key_best  : key_t;
+  signal smaller   : std_logic; -- '1': the contender comes before the best so far
 
   signal any      : std_logic;
   signal best     : result_t;
@@ -56,15 +70,20 @@ begin
 
   flagged <= costed.saturated or reached.saturated;
 
+  -- one comparison serves both rules: as long as nothing is feasible excesses are compared, then costs
+  contender <= resize(costed.cost, RANK_WIDTH) when best.feasible = '1' else
+               dead.rank;
+
   -- candidates of a node come in order, but nodes do not
   g_ties : if SECOND_LEVEL generate
-    key_now  <= resize(costed.cost, RANK_WIDTH) & unsigned(index) & flagged;
+    key_now  <= contender & unsigned(index) & flagged when best.feasible = '1' else
+                contender & best.index & best.saturated;
     key_best <= best.rank & best.index & best.saturated;
+    smaller  <= is_below(key_now, key_best);
   end generate g_ties;
 
   g_in_order : if not SECOND_LEVEL generate
-    key_now  <= resize(costed.cost, RANK_WIDTH) & (INDEX_WIDTH downto 0 => '0');
-    key_best <= best.rank & (INDEX_WIDTH downto 0 => '0');
+    smaller <= is_below(contender, best.rank);
   end generate g_in_order;
 
   p_best : process (clk) is
@@ -75,7 +94,7 @@ begin
       if (dead.valid = '1') then
         any <= '1';
 
-        if (best.feasible = '0' and (any = '0' or dead.rank < best.rank)) then
+        if (best.feasible = '0' and (any = '0' or smaller = '1')) then
           best.saturated <= '0';
           best.index     <= unsigned(dead.index);
           best.length    <= (others => '0');
@@ -83,7 +102,7 @@ begin
         end if;
       end if;
 
-      if (costed.feasible = '1' and (best.feasible = '0' or key_now < key_best)) then
+      if (costed.feasible = '1' and (best.feasible = '0' or smaller = '1')) then
         best.feasible  <= '1';
         best.saturated <= flagged;
         best.index     <= unsigned(index);

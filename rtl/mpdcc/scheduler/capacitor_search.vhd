@@ -17,7 +17,7 @@
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
 -- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
 -- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.
--- Overflow: none; abs(slope) is clipped at twice the largest bound, which is outside at once.
+-- Overflow: none; abs(slope) has no more bits than a bound.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -123,10 +123,10 @@ architecture rtl of capacitor_search is
   signal opposite_0 : std_logic;      -- '1': the slope is the term's complement
   signal negative_0 : std_logic;      -- '1': and one more
 
-  signal slope_1 : trajectory_t;
+  signal slope_1 : signed(CURRENT_TERM_WIDTH downto 0);
   signal error_1 : trajectory_t;
-  signal bound_1 : bound_t;
   signal row_1   : capacitor_row_t;
+  signal bound_1 : bound_t; -- by the row
 
   signal room_2   : room_t;
   signal pace_2   : pace_t;
@@ -145,6 +145,10 @@ architecture rtl of capacitor_search is
   signal passed : std_logic;
 
 begin
+
+  assert CURRENT_TERM_WIDTH <= BOUND_WIDTH
+    report "capacitor_search: the magnitude of a slope has more bits than a bound"
+    severity failure;
 
   -- between the node's registers and the sum of stage 1, where the node is complete that early
   g_early : if not SECOND_LEVEL generate
@@ -264,8 +268,7 @@ begin
   -- stage 1
   p_slope : process (clk) is
 
-    variable slope : signed(CURRENT_TERM_WIDTH + 1 downto 0);
-    variable term  : signed(CURRENT_TERM_WIDTH + 1 downto 0);
+    variable term  : signed(CURRENT_TERM_WIDTH downto 0);
     variable carry : unsigned(0 downto 0);
 
   begin
@@ -281,12 +284,10 @@ begin
           term(i) := (term(i) xor opposite_0) and moves_0;
         end loop;
 
-        slope   := signed(unsigned(term) + carry);
-        slope_1 <= resize(slope, TRAJECTORY_WIDTH);
+        slope_1 <= signed(unsigned(term) + carry);
 
         if (phase_0 = 3) then
           error_1 <= node.error(3);
-          bound_1 <= limits.bound_neutral;
           row_1   <= unsigned'("10") & unsigned(pattern_0);
         else
           for x in 0 to 2 loop
@@ -295,7 +296,6 @@ begin
             end if;
           end loop;
 
-          bound_1 <= limits.bound_phase;
           row_1   <= to_unsigned(phase_0, 3) & kind_0;
         end if;
       end if;
@@ -303,15 +303,20 @@ begin
 
   end process p_slope;
 
+  -- rows of the neutral point have bit 4
+  bound_1 <= limits.bound_neutral when row_1(4) = '1' else
+             limits.bound_phase;
+
   -- stage 2, and whether a line of s(k-1) is outside at k+1
   p_room : process (clk) is
 
-    variable room_up : signed(TRAJECTORY_WIDTH downto 0);
-    variable room_dn : signed(TRAJECTORY_WIDTH downto 0);
+    variable bound   : signed(TRAJECTORY_WIDTH downto 0);
+    variable ahead   : signed(TRAJECTORY_WIDTH downto 0); -- room in the slope's direction
+    variable behind  : signed(TRAJECTORY_WIDTH downto 0);
     variable error   : trajectory_t;
-    variable steep   : unsigned(TRAJECTORY_WIDTH - 1 downto 0);
-    variable within  : std_logic;
-    variable inward  : std_logic;
+    variable steep   : unsigned(CURRENT_TERM_WIDTH downto 0);
+    variable falls   : std_logic;
+    variable follows : std_logic; -- what is outside behind the slope is on its way in
 
   begin
 
@@ -319,32 +324,23 @@ begin
       first(2) <= first(1);
 
       if (valid(1) = '1') then
-        room_up := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) - error_1;
-        room_dn := signed(resize(bound_1, TRAJECTORY_WIDTH + 1)) + error_1;
+        falls  := slope_1(CURRENT_TERM_WIDTH);
+        bound  := signed(resize(bound_1, TRAJECTORY_WIDTH + 1));
+        ahead  := adjusted(bound, error_1, falls, not falls);
+        behind := adjusted(bound, error_1, not falls, falls);
+        room_2 <= unsigned(ahead(ROOM_WIDTH - 1 downto 0));
 
-        if (slope_1 >= 0) then
-          room_2 <= unsigned(room_up(ROOM_WIDTH - 1 downto 0));
-        else
-          room_2 <= unsigned(room_dn(ROOM_WIDTH - 1 downto 0));
-        end if;
-
-        steep := magnitude(slope_1);
-
-        if (steep(TRAJECTORY_WIDTH - 1 downto BOUND_WIDTH) /= 0) then
-          pace_2 <= (others => '1');
-        else
-          pace_2 <= steep(BOUND_WIDTH - 1 downto 0);
-        end if;
+        -- at most 2 ** (CURRENT_TERM_WIDTH - 1)
+        steep  := magnitude(slope_1);
+        pace_2 <= resize(steep, BOUND_WIDTH);
 
         error    := error_1 + slope_1;
         excess_2 <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
-        -- what is above moves inwards with a negative slope, what is below with a positive one
-        within := not (room_up(TRAJECTORY_WIDTH) or room_dn(TRAJECTORY_WIDTH));
-        inward := (slope_1(TRAJECTORY_WIDTH - 1) xnor room_up(TRAJECTORY_WIDTH)) and to_std_logic(slope_1 /= 0);
+        inside_2 <= not (ahead(TRAJECTORY_WIDTH) or behind(TRAJECTORY_WIDTH));
 
-        inside_2 <= within;
-        alive_2  <= within or (to_std_logic(INWARDS) and limits.outside_inwards and inward
-                               and not overflows(error_1, BASE_WIDTH));
+        follows := to_std_logic(INWARDS) and limits.outside_inwards and to_std_logic(slope_1 /= 0)
+                   and not overflows(error_1, BASE_WIDTH);
+        alive_2 <= not ahead(TRAJECTORY_WIDTH) and (not behind(TRAJECTORY_WIDTH) or follows);
         row_2    <= row_1;
       end if;
 

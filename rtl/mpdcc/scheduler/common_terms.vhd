@@ -71,6 +71,9 @@ architecture rtl of common_terms is
 
   type terms_t is array (0 to RESULT_COUNT - 1) of result_t;
 
+  -- row of the tables that depend on what is run
+  constant RUN : natural := choose(ADVANCES, 2, VARIANT);
+
   -- whether a program computes a result at all
   function computed (result : natural) return boolean is
   begin
@@ -96,10 +99,13 @@ architecture rtl of common_terms is
   signal begins_ahead : std_logic;                            -- '1': the successor's first sum is complete
   signal slopes_ahead : std_logic;                            -- '1': its natural slope is due
   signal accumulators : accumulators_t;
-  signal terms        : terms_t;
+  signal kept         : terms_t;                              -- registers; some serve two results in turn
+  signal terms        : terms_t;                              -- results, from their registers
   signal curvature    : wide_curvatures_t;
   signal bend         : curvatures_t;
-  signal error        : trajectories_t;
+  signal error_at     : trajectories_t;                       -- of the phases, by the terms as they are
+  signal slope_at     : trajectories_t;
+  signal error        : trajectories_t;                       -- the same, of the node
   signal slope        : trajectories_t;
   signal overflow     : std_logic;
   signal last         : std_logic;
@@ -157,6 +163,7 @@ begin
     signal alignment  : std_logic_vector(1 downto 0);
     signal accumulate : std_logic;
     signal rounding   : accumulator_t; -- half an LSB of the result
+    signal sum        : std_logic_vector(ACCUMULATOR_WIDTHS(RUN, block_number) - 1 downto 0);
 
   begin
 
@@ -234,7 +241,7 @@ begin
         A_WORDS           => 1,
         B_WORDS           => 1,
         ALIGNMENT_STEP    => ALIGNMENT_STEP,
-        ACCUMULATOR_WIDTH => ACCUMULATOR_WIDTH
+        ACCUMULATOR_WIDTH => ACCUMULATOR_WIDTHS(RUN, block_number)
       )
       port map (
         clk         => clk,
@@ -245,15 +252,19 @@ begin
         b_select    => "0",
         alignment   => alignment,
         accumulate  => accumulate,
-        seed        => rounding,
-        accumulator => accumulators(block_number)
+        seed        => rounding(sum'range),
+        accumulator => sum
       );
+
+    accumulators(block_number) <= std_logic_vector(resize(signed(sum), ACCUMULATOR_WIDTH));
 
   end generate g_blocks;
 
   p_results : process (clk) is
 
-    variable value : signed(ACCUMULATOR_WIDTH - 1 downto 0);
+    variable value   : signed(ACCUMULATOR_WIDTH - 1 downto 0);
+    variable result  : natural;
+    variable exceeds : std_logic;
 
   begin
 
@@ -262,49 +273,58 @@ begin
         overflow <= '0';
       end if;
 
-      for i in 0 to RESULT_COUNT - 1 loop
-        if (not computed(i)) then
-          terms(i) <= (others => '0');
-        end if;
-      end loop;
-
       for b in 0 to BLOCK_COUNT - 1 loop
         for i in 0 to LAST_STEP - 1 loop
           if (PROGRAM_RESULT(VARIANT, b, i) >= 0 and complete(i) = '1') then
-            value := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
-
-            terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-              resize(value(RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i)) - 1 downto 0), TERM_WIDTH);
+            result := maximum_of(PROGRAM_RESULT(VARIANT, b, i), 0);
+            value  := resize(shift_right(signed(accumulators(b)), PROGRAM_SHIFT(VARIANT, b, i)), value'length);
 
             -- most results cannot exceed their words and need no logic for it
-            if (RESULT_SATURATES(VARIANT, PROGRAM_RESULT(VARIANT, b, i)) = 1) then
-              terms(PROGRAM_RESULT(VARIANT, b, i)) <=
-                resize(clip(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))), TERM_WIDTH);
+            if (RESULT_SATURATES(VARIANT, result) = 1) then
+              exceeds := overflows(value, RESULT_WIDTHS(result));
 
-              if (overflows(value, RESULT_WIDTHS(PROGRAM_RESULT(VARIANT, b, i))) = '1') then
+              kept(RESULT_PLACES(RUN, result)) <= resize(clip(value, RESULT_WIDTHS(result)), TERM_WIDTH);
+
+              if (exceeds = '1') then
                 overflow <= '1';
               end if;
+            else
+              kept(RESULT_PLACES(RUN, result)) <= value(TERM_WIDTH - 1 downto 0);
             end if;
           end if;
         end loop;
-
       end loop;
 
       if (slopes_ahead = '1') then
-        terms(RESULT_SLOPE_ALPHA) <= successor.slope(0);
-        terms(RESULT_SLOPE_BETA)  <= successor.slope(1);
+        kept(RESULT_PLACES(RUN, RESULT_SLOPE_ALPHA)) <= successor.slope(0);
+        kept(RESULT_PLACES(RUN, RESULT_SLOPE_BETA))  <= successor.slope(1);
       end if;
     end if;
 
   end process p_results;
 
+  g_terms : for i in 0 to RESULT_COUNT - 1 generate
+
+    g_computed : if computed(i) generate
+      terms(i) <= resize(kept(RESULT_PLACES(RUN, i))(RESULT_WIDTHS(i) - 1 downto 0), TERM_WIDTH);
+    end generate g_computed;
+
+    g_none : if not computed(i) generate
+      terms(i) <= (others => '0');
+    end generate g_none;
+
+  end generate g_terms;
+
   g_results : for i in 0 to RESULT_COUNT - 1 generate
     words((i + 1) * TERM_WIDTH - 1 downto i * TERM_WIDTH) <= std_logic_vector(terms(i));
   end generate g_results;
 
-  g_error_ahead : for x in 0 to 2 generate
-    error_ahead(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
-  end generate g_error_ahead;
+  g_at : for x in 0 to 2 generate
+    error_at(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+    slope_at(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA), terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
+  end generate g_at;
+
+  error_ahead <= error_at;
 
   progress.issued     <= step(LENGTH_OF_PROGRAM - 1);
   progress.capacitors <= complete(CAPACITOR_STEP);
@@ -362,8 +382,11 @@ begin
 
   -- the terms stay until the next decision, so most of the node is wires
   g_phases : for x in 0 to 2 generate
-    node.error(x)           <= error(x);
-    node.slope(x)           <= slope(x);
+    -- what needs no sum is the term itself, unless successors replace it while explorers read it
+    node.error(x)           <= error_at(x) when x = 0 and not ADVANCES else
+                               error(x);
+    node.slope(x)           <= slope_at(x) when x = 0 and not ADVANCES else
+                               slope(x);
     node.phase_current(x)   <= resize(phase_of(terms(RESULT_PHASE_ALPHA)(CURRENT_TERM_WIDTH - 1 downto 0),
                                                terms(RESULT_PHASE_BETA)(CURRENT_TERM_WIDTH - 1 downto 0), x),
                                       CURRENT_TERM_WIDTH);
@@ -397,14 +420,12 @@ begin
       -- explorers look at the third one a clock later
       for x in 0 to 2 loop
         if (last = '1' or (x < 2 and successor.show_error = '1') or (x = 2 and show_third = '1')) then
-          error(x) <= resize(current_of(terms(RESULT_ERROR_ALPHA), terms(RESULT_ERROR_BETA), x), TRAJECTORY_WIDTH);
+          error(x) <= error_at(x);
         end if;
       end loop;
 
       if (last = '1' or successor.show_slope = '1') then
-        for x in 0 to 2 loop
-          slope(x) <= resize(current_of(terms(RESULT_SLOPE_ALPHA), terms(RESULT_SLOPE_BETA), x), TRAJECTORY_WIDTH);
-        end loop;
+        slope <= slope_at;
       end if;
 
       if (last = '1') then

@@ -333,7 +333,8 @@ begin
   i_collector : entity work.result_collector
     generic map (
       EXPLORERS  => EXPLORERS,
-      REGISTERED => not FOLDED
+      REGISTERED => (EXPLORERS > 1 or ADVANCES) and not FOLDED,
+      ONE_RESULT => EXPLORERS = 1 and not FOLDED and not ADVANCES
     )
     port map (
       clk          => clk,

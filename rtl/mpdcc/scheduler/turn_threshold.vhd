@@ -10,8 +10,11 @@
 -- the turn) before it comes back, and can leave on the side of sgn(c) alone. What is outside at l = 1
 -- is dead whatever the threshold, so that l is left out.
 --
+-- Search: from one l to the next M / l is halved, rounded down, and abs(c) * l doubled. So the sum falls, or stays, as
+-- long as 2 * abs(c) * l does not exceed M / l, and then rises: the unit stops at the first l where it would rise.
+--
 -- Formats: trajectory units; threshold unsigned, 0 to 2**18 - 1.
--- Latency: threshold is valid LENGTH_WIDTH + 1 clocks after start and stable until the next start.
+-- Latency: threshold is valid LENGTH_WIDTH + 1 clocks after start at the latest and stable until the next start.
 -- Overflow: none as long as the margins are those of an error inside its band, or with INWARDS of one outside on the
 -- side of sgn(c) that BASE_WIDTH bits hold; elsewhere the threshold is void (and unused).
 -- Considered and rejected: docs/alternatives.md.
@@ -42,33 +45,24 @@ end entity turn_threshold;
 
 architecture rtl of turn_threshold is
 
-  constant STEEP_WIDTH : natural := CURVATURE_WIDTH + LENGTH_WIDTH;
-
   constant ROOM_WIDTH  : natural := MARGIN_WIDTH - choose(INWARDS, 1, 2);
+  constant STEEP_WIDTH : natural := maximum_of(CURVATURE_WIDTH + 1, ROOM_WIDTH);
 
-  signal room     : unsigned(ROOM_WIDTH - 1 downto 0);     -- M / l
-  signal steep    : unsigned(STEEP_WIDTH - 1 downto 0);    -- abs(c) * l
-  signal smallest : unsigned(TURN_WIDTH - 2 downto 0);
-  signal left     : natural range 0 to LENGTH_WIDTH;       -- lengths still to look at
+  signal room  : unsigned(ROOM_WIDTH - 1 downto 0);        -- M / l
+  signal steep : unsigned(STEEP_WIDTH - 1 downto 0);       -- abs(c) * l
+  signal left  : natural range 0 to LENGTH_WIDTH - 1;      -- lengths after this one
 
 begin
 
   p_threshold : process (clk) is
-
-    variable wide : unsigned(TURN_WIDTH - 2 downto 0);
-
   begin
 
     if rising_edge(clk) then
-      if (left /= 0) then
-        wide  := resize(room, TURN_WIDTH - 1) + steep;
+      -- twice the length is no worse as long as 2 * abs(c) * l does not exceed M / l
+      if (left /= 0 and shift_left(resize(steep, STEEP_WIDTH + 1), 1) <= room) then
         room  <= shift_right(room, 1);
         steep <= shift_left(steep, 1);
         left  <= left - 1;
-
-        if (wide < smallest) then
-          smallest <= wide;
-        end if;
       end if;
 
       if (start = '1') then
@@ -79,14 +73,13 @@ begin
           room <= unsigned(not margin_up(ROOM_WIDTH downto 1));
         end if;
 
-        steep    <= shift_left(resize(magnitude(curvature), STEEP_WIDTH), 1);
-        smallest <= (others => '1');
-        left     <= LENGTH_WIDTH;
+        steep <= shift_left(resize(magnitude(curvature), STEEP_WIDTH), 1);
+        left  <= LENGTH_WIDTH - 1;
       end if;
     end if;
 
   end process p_threshold;
 
-  threshold <= smallest;
+  threshold <= resize(room, TURN_WIDTH - 1) + steep;
 
 end architecture rtl;

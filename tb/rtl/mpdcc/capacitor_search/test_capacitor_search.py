@@ -45,15 +45,15 @@ def test_rows_are_straight_lines(throttle: bool, inwards: bool) -> None:
 FAULTS = [
     Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
     Fault("capacitor_search", "excess_2 > 0", "excess_2 >= 0", r"held:"),
-    Fault("capacitor_search", " and to_std_logic(slope_1 /= 0);", ";", r"row:"),
+    Fault("capacitor_search", "and to_std_logic(slope_1 /= 0)", "", r"row:"),
     Fault(
         "capacitor_search",
-        "xnor room_up(TRAJECTORY_WIDTH)",
-        "xor room_up(TRAJECTORY_WIDTH)",
+        "not ahead(TRAJECTORY_WIDTH) and (not behind(TRAJECTORY_WIDTH) or follows)",
+        "not behind(TRAJECTORY_WIDTH) and (not ahead(TRAJECTORY_WIDTH) or follows)",
         r"row:",
     ),
     Fault("capacitor_search", "and not overflows(error_1, BASE_WIDTH)", "", r"row:"),
-    Fault("capacitor_search", "and limits.outside_inwards and inward", "and inward", r"row:"),
+    Fault("capacitor_search", "and limits.outside_inwards and", "and", r"row:"),
     Fault("capacitor_search", "choose(INWARDS, 1, 0)", "0", r"row:"),
 ]
 

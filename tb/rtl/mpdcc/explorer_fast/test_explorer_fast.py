@@ -85,7 +85,12 @@ ANY = r"(index|length|cost|excess|feasible|saturated|probe held):"
 FAULTS = [
     Fault("length_search", "and not (exceeds and turned and to_std_logic(m > 0))", "", r"length:"),
     Fault("step_one", "largest_5 <= sum;", "largest_5 <= error(0);", r"index:"),
-    Fault("best_of", "key_now < key_best", "key_now <= key_best", r"index:"),
+    Fault(
+        "best_of",
+        "is_below(contender, best.rank)",
+        "not is_below(best.rank, contender)",
+        r"index:",
+    ),
     Fault("step_one", "(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
     Fault("step_one", "at_rest(length_of(entry(2)),", "at_rest(neutral_far,", ANY),
     Fault("best_of", "any and settled and last", "any and last", r"result in time:"),

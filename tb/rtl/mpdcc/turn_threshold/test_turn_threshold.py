@@ -50,7 +50,7 @@ def test_thresholds_follow_the_definition(throttle: bool, inwards: bool) -> None
 
 FAULTS = [
     Fault("turn_threshold", "if (curvature >= 0)", "if (curvature > 0)", r"threshold:"),
-    Fault("turn_threshold", "wide < smallest", "wide > smallest", r"threshold:"),
+    Fault("turn_threshold", "if (left /= 0 and", "if (left > 1 and", r"threshold:"),
     Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"threshold:"),
 ]
 
