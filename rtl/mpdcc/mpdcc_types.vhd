@@ -111,13 +111,13 @@ package mpdcc_types is
   );
 
   type limits_t is record
-    bound_current : bound_t;              -- trajectory units
-    bound_neutral : bound_t;              -- trajectory units
-    bound_phase   : bound_t;              -- trajectory units
-    horizon       : length_t;             -- N, steps
-    weight_scale  : unsigned(1 downto 0); -- index into WEIGHT_SHIFTS
-    deadlock_rule : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
-    outside_inwards : std_logic;          -- '1': what is outside at k is followed inwards; INWARDS alone
+    bound_current   : bound_t;              -- trajectory units
+    bound_neutral   : bound_t;              -- trajectory units
+    bound_phase     : bound_t;              -- trajectory units
+    horizon         : length_t;             -- N, steps
+    weight_scale    : unsigned(1 downto 0); -- index into WEIGHT_SHIFTS
+    deadlock_rule   : std_logic;            -- '1': weighted, '0': largest excess; WEIGHTED_DEADLOCK alone
+    outside_inwards : std_logic;            -- '1': what is outside at k is followed inwards; INWARDS alone
   end record limits_t;
 
   -- what common_terms multiplies at the root, stable while it does

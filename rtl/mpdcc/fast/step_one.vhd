@@ -409,7 +409,6 @@ begin
     leaves_7 <= gone;
   end generate g_inwards;
 
-
   g_direct : if LATE = 0 generate
     current <= excess_7;
     leaves  <= leaves_7;

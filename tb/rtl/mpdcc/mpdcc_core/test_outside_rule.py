@@ -132,8 +132,8 @@ SECOND_LEVEL_FAULTS = [
     Fault("step_one", "capacitor.row = 4 * x + 1", "capacitor.row = 4 * x", r"decisions differ"),
     Fault(
         "step_one",
-        "inside(1) when connected.bank = '1' else",
-        "inside(0) when connected.bank = '1' else",
+        "(second(x) and connected.bank)",
+        "(first(x) and connected.bank)",
         r"differ",
     ),
 ]
