@@ -257,7 +257,7 @@ def study(
     dict
         Figures of all settings.
     """
-    wanted = [_rounded(setting) for setting in settings(starts, count)]
+    wanted = [rounded(setting) for setting in settings(starts, count)]
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
     missing = [setting for setting in wanted if setting not in rows]
     context = multiprocessing.get_context("spawn")
@@ -277,8 +277,19 @@ def study(
     return rows
 
 
-def _rounded(setting: Setting) -> Setting:
-    """A setting as the file has it."""
+def rounded(setting: Setting) -> Setting:
+    """A setting as the file has it.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+
+    Returns
+    -------
+    Setting
+        Its numbers with the digits that the file holds.
+    """
     return Setting(
         **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in asdict(setting).items()}
     )

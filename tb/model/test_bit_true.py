@@ -22,6 +22,7 @@ from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import program as programs
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
@@ -329,6 +330,23 @@ def test_a_budget_without_sese_has_no_effect(drive: Drive) -> None:
     asked = drive.with_control(budget=7)
     assert co.registers(asked, "fast").ports()["budget"] == 7
     assert co.registers(asked, "paper") == co.registers(drive, "paper")
+
+
+@pytest.mark.parametrize(
+    ("run", "result", "product", "why"),
+    [
+        ("fast", "flux_speed_alpha", "reference_speed_alpha", "not of one block"),
+        ("fast", "error_alpha", "reference_speed2_alpha", "different alignments"),
+        ("fast", "phase_alpha", "reference_speed2_alpha", "is read after"),
+        ("successor", "forced_b", "reference_speed_alpha", "is read after"),
+    ],
+)
+def test_no_result_takes_a_register_that_is_still_read(
+    run: str, result: str, product: str, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(programs.REGISTERS, run, {result: product})
+    with pytest.raises(ValueError, match=f"{product}.*{why}"):
+        programs.check_registers(run)
 
 
 def test_the_generated_packages_are_up_to_date() -> None:

@@ -3,8 +3,8 @@
 Sweep: one, two and five explorers of the paper's variant, one and two of the fast one; decisions
 alone, every other configuration of the core whose area is published; the second level with two
 explorers: SESE with and without a budget, with and without the prediction of k + 1,
-the prediction alone, and one level after two in the same run; there with either deadlock rule, the
-bit at random.
+the prediction alone, and one level after two in the same run; with either deadlock rule and either
+outside rule where they are built in, the bits at random.
 Stimulus: recorded rows of both drives, random drives, full ranges, words and parameters of any
 content, the slowest decisions known; of SESE searches of closed loops and random drives and the
 longest there is; measurements random but at the start edge, random idle clocks,
@@ -32,7 +32,6 @@ from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.measure.synth import Configuration, configurations
 from scripts.shared.tools import Generics
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
-from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import with_rule
 
 HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANTS}
 HOLD = (
@@ -70,13 +69,20 @@ def many_rows() -> dict[str, core.Rows]:
     return found
 
 
-def either_rule(rows: core.Rows) -> core.Rows:
-    """The same rows, every other one or so under the weighted deadlock rule, or "inwards"."""
+def either_rule(rows: core.Rows, *, weighted: bool = True, inwards: bool = True) -> core.Rows:
+    """The same rows, every other one or so by each rule that is built in."""
     chosen = np.random.default_rng(5).integers(0, 2, len(rows))
-    found = with_rule(rows, chosen)
-    assert np.any(found.model("fast") != rows.model("fast"), axis=1).sum() >= 3
-    found.registers[:, INDEX["outside_inwards"]] = chosen[::-1]
-    return found
+    for built_in, name, value in (
+        (weighted, "deadlock_rule", chosen),
+        (inwards, "outside_inwards", chosen[::-1]),
+    ):
+        if built_in:
+            before = rows.model("fast")
+            registers = rows.registers.copy()
+            registers[:, INDEX[name]] = value
+            rows = core.Rows(rows.measurements, rows.s_prev, registers)
+            assert np.any(rows.model("fast") != before, axis=1).sum() >= 3
+    return rows
 
 
 def run(
@@ -208,8 +214,12 @@ def test_every_netlist_that_is_measured_decides_alike(
     rows, outputs = many_rows[variant], OUTPUTS
     if one.generics.get("SECOND_LEVEL", False):
         rows, outputs = two_level_rows, (*OUTPUTS, "exhausted")
-    if one.generics.get("WEIGHTED_DEADLOCK", False):
-        rows = either_rule(rows)
+    if variant == "fast":
+        rows = either_rule(
+            rows,
+            weighted=bool(one.generics.get("WEIGHTED_DEADLOCK", False)),
+            inwards=bool(one.generics.get("INWARDS", False)),
+        )
     if one.generics.get("SECOND_LEVEL", False):
         expected, _, _ = second_level_rows.expected(rows, int(one.generics["EXPLORERS"]))
     else:
