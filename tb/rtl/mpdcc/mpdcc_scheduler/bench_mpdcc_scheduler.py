@@ -87,28 +87,39 @@ class Stub:
         self.answer = min([*answers, *([self.answer] if self.busy() else [])], key=lambda a: a.key)
 
 
-def check_band(board: Scoreboard, packed: int, want: plain.Band) -> None:
-    """Hold the band against what it should be; what belongs to an error outside is void."""
+def check_band(
+    board: Scoreboard, packed: int, node: plain.Node, limits: plain.Limits, s: tuple[int, ...],
+    inwards: bool,
+) -> None:  # fmt: skip
+    """Hold the band against what it should be; what belongs to a dead error is void."""
+    want = plain.band(node, limits, s)
     for name, words, width in plain.BAND_FIELDS:
         for i in range(words):
             value, packed = packed & ((1 << width) - 1), packed >> width
             expected = getattr(want, name)[i] if words > 1 else getattr(want, name)
-            if name.startswith(("margin", "turn")) and want.outside >> i & 1:
+            if name.startswith(("margin", "turn", "limit")) and want.outside >> i & 1:
                 continue
-            if name not in ("outside", "previous", "negative"):
+            if name == "limit" and not inwards:
+                continue
+            if name == "turn" and abs(node.error[i]) > limits.bound_current:
+                board.cover("from outside")
+                # where it comes back ever faster there is no threshold
+                if (node.curvature[i] >= 0) != (node.error[i] > 0):
+                    continue
+            if name not in ("outside", "previous", "negative", "limit"):
                 value = signed(value, width)
             board.check(f"band {name}", value, expected)
 
 
 def situation(
-    rng: random.Random, generator: np.random.Generator, variant: str
+    rng: random.Random, generator: np.random.Generator, variant: str, reach: float
 ) -> tuple[list[int], list[int], tuple[int, ...]]:
     """Registers, measurements and s(k-1): of any content, or of a drive near its reference."""
     if rng.random() < 0.5:
         s_prev = tuple(rng.choice([rng.randrange(8), rng.randrange(2, 6)]) for _ in range(3))
         return states.any_registers(generator, variant), states.words(1, generator)[0], s_prev
     drive = states.shipped(rng.choice(states.SHIPPED))
-    trace = states.near(drive, 1, generator, 0.7)
+    trace = states.near(drive, 1, generator, reach)
     s_prev = tuple(int(p) for p in trace.s_prev[0])
     return registers(drive, variant).array(), states.trace_words(trace)[0], s_prev
 
@@ -142,7 +153,7 @@ def script(
 async def random_searches(dut) -> None:
     """Decisions with stubs in place of explorers."""
     given = arguments()
-    explorers, variant = given["EXPLORERS"], given["variant"]
+    explorers, variant, inwards = given["EXPLORERS"], given["variant"], given["inwards"]
     fast = variant == "fast"
     rng = random.Random(given["seed"])
     generator = np.random.default_rng(given["seed"])
@@ -155,11 +166,15 @@ async def random_searches(dut) -> None:
     await clock.reset(3)
 
     for n in range(given["decisions"]):
-        array, row, s_prev = situation(rng, generator, variant)
+        array, row, s_prev = situation(rng, generator, variant, 1.5 if inwards else 0.7)
         node, limits = (
             plain_states.plain_node(array, row, variant),
             plain_states.plain_limits(array),
         )
+        # without the option the bit changes nothing
+        limits.outside_inwards = int(n % 5 < 3)
+        dut.limits.value = limits.pack()
+        limits.outside_inwards &= int(inwards)
         # the fast explorers' probe is about the currents alone
         ends = zip(plain.after_one(node, s_prev)[3:], limits.bounds[3:], strict=True)
         lines = all(abs(e) <= bound for e, bound in ends)
@@ -174,7 +189,6 @@ async def random_searches(dut) -> None:
         each = len(candidates) // len(handed)
         table: dict[int, tuple[int, int]] = {}
         first_offer = -1
-        dut.limits.value = limits.pack()
         cut = rng.randrange(60) if rng.random() < 0.1 else None
         dut.coefficients.value = join(
             [int(v) for v in array[: len(COEFFICIENTS)]], f.COEFFICIENT_WIDTH
@@ -258,7 +272,7 @@ async def random_searches(dut) -> None:
                 if fast and first_offer < 0:
                     first_offer = k
                     board.check("node", number(dut.node), plain.pack_node(node))
-                    check_band(board, number(dut.band), plain.band(node, limits, s_prev))
+                    check_band(board, number(dut.band), node, limits, s_prev, inwards)
                 stub = stubs[offered.bit_length() - 1]
                 stub.add(answers[given_out * each : (given_out + 1) * each])
                 stub.due = k + rng.randrange(1, slowness + 1)

@@ -14,7 +14,8 @@ library work;
 entity mpdcc_scheduler_flat is
   generic (
     EXPLORERS : positive range 1 to 8 := 2;   -- number of explorers
-    FOLDED    : boolean               := true -- variant of the explorers
+    FOLDED    : boolean               := true; -- variant of the explorers
+    INWARDS   : boolean               := false -- true: the rule inwards besides
   );
   port (
     clk             : in    std_logic;                                                            -- rising edge
@@ -64,7 +65,8 @@ begin
   i_scheduler : entity directmpc.mpdcc_scheduler
     generic map (
       EXPLORERS => EXPLORERS,
-      FOLDED    => FOLDED
+      FOLDED    => FOLDED,
+      INWARDS   => INWARDS
     )
     port map (
       clk          => clk,

@@ -1,6 +1,7 @@
 """The scheduler with stubs in place of explorers: what they answer, and when, is free.
 
-Sweep: one to eight explorers of both variants.
+Sweep: one to eight explorers of both variants; the fast one with the rule inwards, its bit set and
+not.
 Stimulus: random measurements and registers; stubs that answer at once or after tens of clocks, in
 any order, several in the same clock, with many equal costs and excesses, feasible ones late, costs
 and excesses at the ends of their words; stubs that drop what cannot win; takers that pause; held
@@ -25,14 +26,25 @@ from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
 FILES = [MPDCC_FLAT, Path(__file__).with_name("mpdcc_scheduler_flat.vhd")]
 
 
-def bench(explorers: int, variant: str, decisions: int = 120, rtl: Path = RTL) -> Outcome:
+def bench(
+    explorers: int, variant: str, decisions: int = 120, rtl: Path = RTL, *, inwards: bool = False
+) -> Outcome:
     return run(
         "mpdcc_scheduler_flat",
         "tb.rtl.mpdcc.mpdcc_scheduler.bench_mpdcc_scheduler",
         units=["mpdcc_scheduler"],
         files=FILES,
-        generics={"EXPLORERS": explorers, **VARIANTS[variant]},
-        arguments={"seed": explorers, "decisions": decisions, "variant": variant},
+        generics={
+            "EXPLORERS": explorers,
+            "INWARDS": str(inwards).lower(),
+            **VARIANTS[variant],
+        },
+        arguments={
+            "seed": explorers,
+            "decisions": decisions,
+            "variant": variant,
+            "inwards": inwards,
+        },
         rtl=rtl,
     )
 
@@ -52,6 +64,14 @@ def test_the_earliest_of_the_best_wins(explorers: int, variant: str) -> None:
     elif explorers > 1:
         for event in ("out of order", "earliest arrived later", "results at once"):
             assert found.covered.get(event, 0) >= 3, event
+
+
+@pytest.mark.parametrize("explorers", [1, 3])
+def test_the_band_is_that_of_the_rule_inwards(explorers: int) -> None:
+    found = bench(explorers, "fast", inwards=True)
+    print(found)
+    for event, least in (("from outside", 20), ("held", 3), ("searched", 30), ("reset", 3)):
+        assert found.covered.get(event, 0) >= least, event
 
 
 PAPER_FAULTS = [
@@ -91,6 +111,21 @@ def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=40, rtl=rtl))
 
 
+INWARD_FAULTS = [
+    Fault("mpdcc_scheduler", "INWARDS      => INWARDS", "INWARDS      => false", r"band|table"),
+    Fault(
+        "node_preparation", "nearer := node.error(x) - 1;", "nearer := node.error(x);", r"limit:"
+    ),
+    Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"band turn:"),
+]
+
+
+@pytest.mark.parametrize("fault", INWARD_FAULTS, ids=str)
+def test_a_fault_is_seen_inwards(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=60, rtl=rtl, inwards=True))
+
+
 def test_the_short_benches_see_no_fault_where_none_is() -> None:
     bench(3, "paper", decisions=40, rtl=RTL)
     bench(3, "fast", decisions=40, rtl=RTL)
+    bench(3, "fast", decisions=60, rtl=RTL, inwards=True)
