@@ -122,10 +122,16 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
 FAULTS = [
     Fault("mpdcc_core", "<= outside_inwards;", "<= '0';", r"decisions differ"),
     Fault(
-        "node_preparation", "nearer := not node.error(x);", "nearer := node.error(x);", r"differ"
+        "node_preparation",
+        "nearer := not node.error(x);",
+        "nearer := node.error(x);",
+        r"decisions differ",
     ),
     Fault(
-        "node_preparation", "overflows(node.error(x), BASE_WIDTH)", "to_std_logic(false)", r"differ"
+        "node_preparation",
+        "overflows(node.error(x), BASE_WIDTH)",
+        "to_std_logic(false)",
+        r"decisions differ",
     ),
 ]
 SECOND_LEVEL_FAULTS = [
@@ -134,7 +140,7 @@ SECOND_LEVEL_FAULTS = [
         "step_one",
         "(second(x) and connected.bank)",
         "(first(x) and connected.bank)",
-        r"differ",
+        r"decisions differ",
     ),
 ]
 
