@@ -82,7 +82,7 @@ package mpdcc_types is
     margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound
     margin_down : margins_t;                    -- error + bound: not negative inside the lower bound
     outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k, and dead for it
-    limit       : reaches_t;                    -- INWARDS: what the error at k+1 may be, see inward_step; one clock late
+    limit       : reaches_t;                    -- INWARDS: what the error at k+1 may be; one clock late
     turn        : turns_t;                      -- threshold, or -threshold - 1 with a negative curvature
     previous    : positions_t;                  -- s(k-1)
     negative    : std_logic_vector(2 downto 0); -- '1': negative phase current
