@@ -165,6 +165,7 @@ begin
       variable tail    : slope_t;
       variable outside : std_logic;
       variable within  : std_logic;
+      variable fits    : std_logic;
       variable moved   : signed(SLOPE_WIDTH - m downto 0);
       variable trial   : signed(SLOPE_WIDTH downto 0);
       variable side    : std_logic;
@@ -215,8 +216,9 @@ begin
             -- the bound on the curvature's side is left unless the error leaves before it turns
             exceeds := side xnor node.curvature(x)(CURVATURE_WIDTH - 1);
             within  := trial(SLOPE_WIDTH) xnor side;
-            accept  := within and not (exceeds and turned and to_std_logic(m > 0));
-            accept  := not overflows(secant, SLOPE_WIDTH - m) and (accept or (outside and not turned));
+            fits    := not overflows(secant, SLOPE_WIDTH - m);
+            accept  := fits and within and not (exceeds and turned and to_std_logic(m > 0));
+            accept  := accept or (outside and fits and not turned);
 
             cell           := lanes(DECIDED - 1)(x);
             cell.length(m) := accept;

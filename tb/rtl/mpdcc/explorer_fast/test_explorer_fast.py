@@ -138,7 +138,12 @@ INWARD_FAULTS = [
     Fault(
         "length_search", "if (INWARDS and away = '1') then", "if (false) then", r"length:|index:"
     ),
-    Fault("length_search", "or (outside and not turned)", "or outside", r"length:|index:"),
+    Fault(
+        "length_search",
+        "or (outside and fits and not turned)",
+        "or (outside and fits)",
+        r"length:|index:",
+    ),
     Fault("length_search", "cell.outside := not within", "cell.outside := outside", ANY),
     Fault("length_search", "rise := triple(x);", "rise := curve;", ANY),
 ]
