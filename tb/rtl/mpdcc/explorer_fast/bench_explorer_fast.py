@@ -67,8 +67,11 @@ def push_outside(
         far = 2 ** (f.BASE_WIDTH - 1) + rng.randint(-2, 1)
         away = bound + rng.choice([1, 2, rng.randint(1, 400), rng.randint(1, 6000)])
         node.error[j] = rng.choice([-1, 1]) * (far if rng.random() < 0.1 else away)
-    if rng.random() < 0.6:
+    aimed = rng.random()
+    if aimed < 0.6:
         aim(rng, node, limits, s_prev)
+    elif aimed < 0.8:
+        aim_third(rng, node, limits, s_prev)
     node.error[2] = node.error[0] + node.error[1]
     high = 2 ** (f.CURVATURE_WIDTH - 1)
     node.curvature[2] = max(-high, min(high - 1, node.curvature[0] + node.curvature[1]))
@@ -84,7 +87,15 @@ def aim(
     size = rng.randint(2, 1000) >> rng.choice([0, 0, 3, 6])
     node.error[x], node.error[1 - x] = sign * (bound + excess), 0
     node.error[3:] = [bound // 4 for bound in limits.bounds[3:]]
-    if rng.random() < 0.6:
+    kind = rng.random()
+    if kind < 0.4:  # it turns while it is outside
+        # the last step still comes nearer if it begins half a step before the turn or earlier
+        turn = rng.choice([1.75, 3.75, 5.75, 11.75, rng.uniform(1.0, 12.0)])
+        size = rng.randint(1, max(1, min(1000, int(15_000 / turn**2))))
+        node.error[x] = sign * (bound + int(size * turn**2) + rng.randint(1, 60))
+        wanted = -sign * int(2 * size * turn)
+        curvature = sign * size
+    elif kind < 0.75:
         wanted = -sign * int((4 * size * excess) ** 0.5 * rng.uniform(0.6, 1.4))
         curvature = sign * size
     else:
@@ -95,6 +106,20 @@ def aim(
     slopes = plain.slopes(node, s)
     node.slope[x] += wanted - slopes[x]
     node.slope[1 - x] -= slopes[1 - x]
+
+
+def aim_third(
+    rng: random.Random, node: plain.Node, limits: plain.Limits, s_prev: tuple[int, ...]
+) -> None:
+    """A candidate whose third current alone starts outside, and is inside after one step."""
+    bound, sign = limits.bound_current, rng.choice([-1, 1])
+    excess = rng.randint(1, 60)
+    node.error[0] = node.error[1] = sign * ((bound + excess + 1) // 2)
+    node.error[3:] = [bound // 4 for bound in limits.bounds[3:]]
+    node.curvature[0] = node.curvature[1] = 0
+    slopes = plain.slopes(node, rng.choice(plain.candidates(s_prev))[0])
+    for x in (0, 1):
+        node.slope[x] += -sign * excess - slopes[x]
 
 
 class Bench:

@@ -114,7 +114,10 @@ def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
 INWARD_FAULTS = [
     Fault("mpdcc_scheduler", "INWARDS      => INWARDS", "INWARDS      => false", r"band|table"),
     Fault(
-        "node_preparation", "nearer := node.error(x) - 1;", "nearer := node.error(x);", r"limit:"
+        "node_preparation",
+        "nearer := node.error(x) - 1;",
+        "nearer := node.error(x);",
+        r"band limit:",
     ),
     Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"band turn:"),
 ]
