@@ -127,21 +127,9 @@ FAULTS = [
         "nearer := node.error(x);",
         r"decisions differ",
     ),
-    Fault(
-        "node_preparation",
-        "overflows(node.error(x), BASE_WIDTH)",
-        "to_std_logic(false)",
-        r"decisions differ",
-    ),
 ]
 SECOND_LEVEL_FAULTS = [
     Fault("step_one", "capacitor.row = 4 * x + 1", "capacitor.row = 4 * x", r"decisions differ"),
-    Fault(
-        "step_one",
-        "(second(x) and connected.bank)",
-        "(first(x) and connected.bank)",
-        r"decisions differ",
-    ),
 ]
 
 

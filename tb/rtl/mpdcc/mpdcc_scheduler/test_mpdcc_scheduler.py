@@ -120,6 +120,7 @@ INWARD_FAULTS = [
         r"band limit:",
     ),
     Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"band turn:"),
+    Fault("node_preparation", "and not overflows(node.error(x), BASE_WIDTH)", "", r"band outside:"),
 ]
 
 
