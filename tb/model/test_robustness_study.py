@@ -43,13 +43,13 @@ def test_a_study_goes_on_where_it_was_stopped(
     chosen = list(robustness.settings(1, 1))[:3]
     monkeypatch.setattr(robustness, "settings", lambda *_: iter(chosen))
     out = tmp_path / "loops.csv"
-    before = robustness.study(out, 1, 20, 1, 1)
+    before = robustness.study(out, 1, 400, 1, 1)
     assert len(before) == 3
     lines = out.read_text().splitlines()
     changed = lines[1].rsplit(",", 1)[0] + ",77"
     out.write_text("\n".join([lines[0], changed, lines[2], lines[3][: len(lines[3]) // 2]]))
     assert len(robustness.read(out)) == 2
-    after = robustness.study(out, 1, 20, 1, 1)
+    after = robustness.study(out, 1, 400, 1, 1)
     # a row that was there stays as it was; the one that was cut is there again
     assert sorted(row["saturated"] for row in after.values())[-1] == 77
     assert out.read_text().splitlines() == [lines[0], changed, *lines[2:]]
