@@ -176,6 +176,7 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_flux : std_logic;
         o_output_current : std_logic;
         deadlock_rule : std_logic;
+        outside_inwards : std_logic;
     end record;
 
     type \directmpc_mpdcc.measurements_strb_t\ is record
@@ -998,6 +999,15 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.deadlock_rule.value_combo_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.outside_inwards.value_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.outside_inwards_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.outside_inwards.value_combo_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_combo_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_combo_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_combo_t\;
@@ -1052,6 +1062,7 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_flux : \directmpc_mpdcc.parameters.o_output_flux_combo_t\;
         o_output_current : \directmpc_mpdcc.parameters.o_output_current_combo_t\;
         deadlock_rule : \directmpc_mpdcc.parameters.deadlock_rule_combo_t\;
+        outside_inwards : \directmpc_mpdcc.parameters.outside_inwards_combo_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_combo_t\ is record
@@ -1916,6 +1927,14 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.deadlock_rule.value_storage_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.outside_inwards.value_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.outside_inwards_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.outside_inwards.value_storage_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_storage_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_storage_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_storage_t\;
@@ -1970,6 +1989,7 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_flux : \directmpc_mpdcc.parameters.o_output_flux_storage_t\;
         o_output_current : \directmpc_mpdcc.parameters.o_output_current_storage_t\;
         deadlock_rule : \directmpc_mpdcc.parameters.deadlock_rule_storage_t\;
+        outside_inwards : \directmpc_mpdcc.parameters.outside_inwards_storage_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_storage_t\ is record
@@ -2618,6 +2638,9 @@ begin
         decoded_reg_strb.parameters.deadlock_rule <= cpuif_req_masked and (cpuif_addr = 16#1D0#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1D0#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1D0#));
+        decoded_reg_strb.parameters.outside_inwards <= cpuif_req_masked and (cpuif_addr = 16#1D4#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1D4#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1D4#));
         decoded_reg_strb.measurements.is_alpha <= cpuif_req_masked and (cpuif_addr = 16#200#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#200#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#200#));
@@ -5423,6 +5446,35 @@ begin
     end process;
     hwif_out.parameters.deadlock_rule.value.value <= field_storage.parameters.deadlock_rule.value.value;
 
+    -- Field: directmpc_mpdcc.parameters.outside_inwards.value
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.outside_inwards.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.outside_inwards and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.outside_inwards.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.outside_inwards.value.next_q <= next_c;
+        field_combo.parameters.outside_inwards.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.outside_inwards.value.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.outside_inwards.value.value <= '0';
+            else
+                if field_combo.parameters.outside_inwards.value.load_next then
+                    field_storage.parameters.outside_inwards.value.value <= field_combo.parameters.outside_inwards.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.outside_inwards.value.value <= field_storage.parameters.outside_inwards.value.value;
+
     -- Field: directmpc_mpdcc.measurements.is_alpha.value
     process(all)
         variable next_c: std_logic_vector(15 downto 0);
@@ -5968,6 +6020,7 @@ begin
             readback_data_var(ad_hi(16#8#))(10) := hwif_in.system.capabilities.observer.next_q;
             readback_data_var(ad_hi(16#8#))(11) := hwif_in.system.capabilities.second_level.next_q;
             readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
+            readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#C#) then
@@ -6211,6 +6264,9 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#1D0#) then
             readback_data_var(ad_hi(16#1D0#))(0) := field_storage.parameters.deadlock_rule.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1D4#) then
+            readback_data_var(ad_hi(16#1D4#))(0) := field_storage.parameters.outside_inwards.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;
