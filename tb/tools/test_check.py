@@ -5,7 +5,8 @@ measurements with one change each; baselines and arguments that are wrong in one
 Stimulus: one real measurement of mptc_core, RTL and synthesis, stands for the later runs on the
 same inputs; a copy of the project with a fault in one entity is measured for itself.
 Checks: exit code, the line on standard error, JUnit XML and JSON; what stood under an output's name
-is as it was after wrong input; the file is as the command writes it.
+is as it was after wrong input; the file is as the command writes it; the step of the workflow hands
+its inputs on and fails as the check does.
 Does not prove: that a trace reaches every part of a core; the benches of the core do.
 """
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -20,9 +22,11 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
+import yaml
 
 from scripts.commands.check import COMMAND
 from scripts.hdl.simulator import SimulationError
@@ -347,3 +351,60 @@ def test_what_a_drive_file_says_counts_not_its_comments(tmp_path: Path) -> None:
     )  # fmt: skip
     assert first == second
     assert first[0] != third[0]
+
+
+# --- in a CI --------------------------------------------------------------------------------------
+
+WORKFLOWS = ROOT / ".github" / "workflows"
+
+
+def workflow(name: str) -> dict[Any, Any]:
+    """A workflow of GitHub; YAML reads its key `on` as true."""
+    return yaml.safe_load((WORKFLOWS / name).read_text(encoding="utf-8"))
+
+
+def test_the_workflow_has_the_inputs_that_are_used() -> None:
+    declared = set(workflow("check.yml")[True]["workflow_call"]["inputs"])
+    text = (WORKFLOWS / "check.yml").read_text(encoding="utf-8")
+    assert set(re.findall(r"inputs\.(\w+)", text)) == declared
+    page = (ROOT / "docs" / "check.md").read_text(encoding="utf-8")
+    example = yaml.safe_load(page.partition("```yaml\n")[2].partition("```")[0])
+    called = example["jobs"]["controller"]
+    assert set(called["with"]) <= declared
+    assert called["uses"].partition("@")[0].endswith(".github/workflows/check.yml")
+    assert workflow("ci.yml")["jobs"]["check"]["uses"] == "./.github/workflows/check.yml"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, []),
+        ({"BASELINE": "ci/own file.toml"}, ["--baseline", "{caller}/ci/own file.toml"]),
+        (
+            {"BASELINE": "b.toml", "DRIVE": "d.toml", "TRACE": "t.csv"},
+            ["--baseline", "{caller}/b.toml", "--drive", "{caller}/d.toml", "--trace",
+             "{caller}/t.csv"],
+        ),
+    ],
+    ids=["own", "baseline", "all"],
+)  # fmt: skip
+def test_the_workflow_hands_its_inputs_on(
+    given: dict[str, str], expected: list[str], tmp_path: Path
+) -> None:
+    (step,) = [s for s in workflow("check.yml")["jobs"]["check"]["steps"] if s["name"] == "compare"]
+    python = tmp_path / "directmpc" / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\nexit 1\n', encoding="utf-8")
+    python.chmod(0o755)
+    (tmp_path / "directmpc" / "Makefile").write_text("setup:\n\t@true\n", encoding="utf-8")
+    values = dict.fromkeys(step["env"], "") | given
+    done = subprocess.run(
+        ["bash", "-eo", "pipefail", "-c", step["run"]], cwd=tmp_path, text=True,
+        capture_output=True, env={**os.environ, **values}, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, "the step fails as the check does"
+    words = [line for line in done.stdout.splitlines() if not line.startswith("make")]
+    assert words[:3] == ["-m", "scripts", "check"]
+    caller, found = tmp_path / "caller", tmp_path / "found"
+    outputs = ["--junit", f"{found}/check.xml", "--json", f"{found}/check.json"]
+    assert words[3:] == [*outputs, *(word.format(caller=caller) for word in expected)]

@@ -168,6 +168,27 @@ def test_set_up_chatter_does_not_reach_stdout(project):
     assert "chatter" not in again.stderr
 
 
+def test_the_site_installs_its_own_packages_once(project):
+    (project / "requirements-site.txt").write_text("")
+    make(project, "setup")
+    first = make(project, "site", "ARGS=--out there")
+    again = make(project, "site")
+    assert first.returncode == 0, first.stderr
+    assert first.stdout == "<-m>\n<scripts>\n<site>\n<--out>\n<there>\n"
+    assert "<pip>\n<install>\n" in first.stderr
+    assert "requirements-site.txt>" in first.stderr
+    assert again.stdout == "<-m>\n<scripts>\n<site>\n"
+    assert "<pip>" not in again.stderr
+
+
+def test_all_tests_run_without_the_packages_of_the_site(project):
+    make(project, "setup")
+    done = make(project, "test-all")
+    assert done.returncode == 0, done.stderr
+    assert "packages of the site cannot be installed" in done.stderr
+    assert "<pytest>" in done.stdout
+
+
 def test_exit_code_is_the_program_s(project):
     make(project, "setup")
     python = project / ".venv" / "bin" / "python"
