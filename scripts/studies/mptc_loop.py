@@ -8,6 +8,7 @@ Methods and duty rules that the RTL has not are decided by the bit-true model.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,6 +42,9 @@ SHARE_OF_SPEED = 0.3
 SHARE_OF_FLUX = 0.75
 SHARE_OF_TORQUE = 0.5
 """Speed, flux and torque that are asked for unless they are given, in full scales of the drive."""
+
+SHARE_OF_VOLTAGE = 0.85
+"""At high speed the flux is this share of what vdc/sqrt(3) carries: the torque needs the rest."""
 
 CLOCKS_MHZ = (40, 100)
 """Clock frequencies that the time of a decision is stated for."""
@@ -93,7 +97,10 @@ class Point:
                 f"{full:.5g} r/min"
             )
         usual = float(f"{SHARE_OF_SPEED * full:.2g}") if rpm is None else rpm
-        return cls(usual, SHARE_OF_TORQUE * c.torque_max, SHARE_OF_FLUX * c.psi_max)
+        flux, omega = SHARE_OF_FLUX * c.psi_max, abs(usual) * RPM * drive.machine.pole_pairs
+        if omega > 0.0:
+            flux = min(flux, SHARE_OF_VOLTAGE * drive.inverter.vdc / math.sqrt(3.0) / omega)
+        return cls(usual, SHARE_OF_TORQUE * c.torque_max, flux)
 
 
 @dataclass(frozen=True)
@@ -345,7 +352,7 @@ def outcome(run: Run) -> Table:
         f"{run.torque[last].mean():.2f} N m (asked {run.point.torque:g}), standard deviation "
         f"{run.torque[last].std():.2f} N m at control instants",
     )
-    table.add_row("stator flux", f"{flux[last].mean():.3f} Wb (asked {run.point.flux:g})")
+    table.add_row("stator flux", f"{flux[last].mean():.3f} Wb (asked {run.point.flux:.4g})")
     table.add_row("largest current", f"{np.hypot(*run.trace.i_s.T).max():.2f} A")
     if cycles is not None:
         most = int(cycles.max())

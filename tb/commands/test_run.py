@@ -334,6 +334,12 @@ def test_the_usual_point_of_a_two_level_drive() -> None:
     drive = load_mptc_drive(TWO_LEVEL)
     usual = mptc_loop.Point.of(drive)
     assert (usual.rpm, usual.torque, usual.flux) == (720.0, 20.0, 0.9375)
+    # beyond the rated speed the link carries less flux
+    fast = mptc_loop.Point.of(drive, -2300.0)
+    assert fast.flux == pytest.approx(
+        0.85 * 540.0 / np.sqrt(3.0) / (2300.0 * 2 * mptc_closed_loop.RPM)
+    )
+    assert mptc_loop.Point.of(drive, 0.0).flux == usual.flux
     # full scale itself is allowed, either way
     full = 500.0 / 2 / mptc_closed_loop.RPM
     assert mptc_loop.Point.of(drive, -full).rpm == -full
