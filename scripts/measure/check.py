@@ -43,7 +43,7 @@ from directmpc.drive_tables import (
     number,
     validated,
 )  # fmt: skip
-from directmpc.mpdcc.coefficients import second_level, weighted_deadlock
+from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc.drive import MptcDrive
@@ -393,6 +393,8 @@ def core_of(request: Request) -> tuple[str, Generics]:
         generics["SECOND_LEVEL"] = True
     if weighted_deadlock(values):
         generics["WEIGHTED_DEADLOCK"] = True
+    if inwards(values):
+        generics["INWARDS"] = True
     return "mpdcc_core", generics
 
 

@@ -29,9 +29,11 @@ import tomli_w
 import yaml
 
 from scripts.commands.check import COMMAND
+from scripts.hdl import sources
 from scripts.hdl.simulator import SimulationError
 from scripts.measure import budgets, check
 from scripts.measure.check import Measured, Request
+from scripts.publish import entity_pages
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
 from tb.helpers.faults import altered
@@ -279,6 +281,30 @@ def test_no_baseline_is_made_of_a_core_that_differs_from_its_model(
     monkeypatch.setattr(check, "measure", lambda request: wrong)
     with pytest.raises(tools.ToolError, match=r"accuracy\.model_rows: .* line 3 "):
         check.new_baseline(tmp_path / "own.toml", Request(DRIVE, TRACE))
+
+
+def test_the_core_that_is_synthesised_has_what_the_drive_asks_for(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    shipped = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    keys = "switching_horizon|deadlock_rule|outside_rule"
+    shipped = re.sub(rf"^({keys}) =.*\n", "", shipped, flags=re.M)
+    options = {
+        "SECOND_LEVEL": 'switching_horizon = "SESE"',
+        "WEIGHTED_DEADLOCK": 'deadlock_rule = "weighted"',
+        "INWARDS": 'outside_rule = "inwards"',
+    }
+    for generic, line in options.items():
+        own.write_text(shipped.replace("[control]\n", f"[control]\n{line}\n"), encoding="utf-8")
+        found = check.core_of(Request(own, TRACE, explorers=3))
+        expected = {"EXPLORERS": 3, "FOLDED": False, generic: True}
+        assert found == ("mpdcc_core", expected), line
+    text = sources.entities()["mpdcc_core"].read_text(encoding="utf-8")
+    known = {one.name for one in entity_pages.generics(text, "mpdcc_core")}
+    assert known == {"EXPLORERS", "FOLDED", *options}, "a generic that no drive file asks for"
+    assert check.core_of(Request(DRIVE, TRACE)) == ("mptc_core", {})
+    own.write_text(shipped.replace("[control]\n", f"[control]\n{options['INWARDS']}\n"))
+    with pytest.raises(ValueError, match=r"own\.toml: control\.outside_rule"):
+        check.core_of(Request(own, TRACE, variant="paper"))
 
 
 # --- wrong input ----------------------------------------------------------------------------------
