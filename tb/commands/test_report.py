@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -111,7 +112,11 @@ def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert coefficients.COMMAND.main([drive, "--csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "port,value,hex"
-    assert len(lines) == 1 + 42
+    core = (ROOT / "rtl" / "mpdcc" / "mpdcc_core.vhd").read_text(encoding="utf-8")
+    inputs = re.findall(r"^ {4}(\w+) *: in ", core, re.MULTILINE)
+    listed = [line.split(",")[0] for line in lines[1:]]
+    assert [port for port in inputs if port in listed] == listed, "in port order"
+    assert len(inputs) - len(listed) == 3 + 13 + 3, "clk, rst, start; measurements; s(k-1)"
     for line in lines[1:]:
         port, value, word = line.split(",")
         assert int(value) % 16 ** len(word) == int(word, 16), port
