@@ -187,8 +187,10 @@ def test_moved_decisions_and_clocks_are_red_with_their_line(
 def test_a_moved_measurement_is_red(
     change: Callable[[Measured], Measured], keys: list[str], measured: Measured
 ) -> None:
-    exact = replace(measured, tools=vars(check.read(MPTC).tools))
-    cases = check.compare(check.read(MPTC), change(exact))
+    # another GHDL may map a few LUTs more or less
+    stored = check.read(MPTC)
+    exact = replace(measured, tools=vars(stored.tools), resources=dict(stored.resources))
+    cases = check.compare(stored, change(exact))
     assert [case.key for case in cases if not case.passed] == keys
 
 
