@@ -86,7 +86,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="MPDCC: errors of sensors and switches, see directmpc.DriveErrors",
     )
     parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
-    parser.add_argument("--trace", type=Path, help="what the RTL saw: a trace for replay (CSV)")
+    parser.add_argument("--trace", type=Path, help="what was measured: a trace for replay (CSV)")
     parser.add_argument("--decisions", type=Path, help="what it decided, as replay writes it (CSV)")
     parser.add_argument(
         "--waves",

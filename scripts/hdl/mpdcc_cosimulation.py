@@ -44,7 +44,7 @@ def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
     return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
 
 
-#: Bits of the parameters after the 16-bit words: horizon, scale, SESE, budget, prediction, rule.
+#: Bits of the parameters after the words: horizon, scale, SESE, budget, prediction, both rules.
 _TAIL = (6, 2, 1, 12, 1, 1, 1)
 
 

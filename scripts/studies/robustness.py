@@ -50,7 +50,7 @@ REMEDIES = (
 )  # fmt: skip
 STARTS = 2
 RANDOM = 200
-"""Random drives, each with SE under noise 1 by either rule."""
+"""Random drives, each with SE: without noise and under noise 1, by either rule and with filters."""
 
 STEPS, SETTLE = 3000, 400
 REPORT = ROOT / "reports" / "robustness.csv"

@@ -7,7 +7,7 @@ edge; a new start in the middle of a search for the minimum.
 Checks: the threshold in every clock from the declared one until the next start; that each of the
 seven lengths was the minimum at times.
 Timing: valid LENGTH_WIDTH + 1 clocks after the edge that takes start.
-Does not prove: errors outside their bound, where the threshold is void.
+Does not prove: errors outside on the side where the threshold is void; without the rule on both.
 """
 
 from __future__ import annotations
