@@ -61,9 +61,9 @@ def _written_files() -> list[Path]:
 
 
 def _vhdl_files() -> list[tuple[list[Path], list[Path]]]:
-    """VSG's configurations with the files they are for: the design, and its test benches."""
+    """VSG's configurations with the files they are for: the design; benches and examples."""
     benches = sorted(
-        path for folder in ("scripts", "tb") for path in (ROOT / folder).rglob("*.vhd")
+        path for folder in ("examples", "scripts", "tb") for path in (ROOT / folder).rglob("*.vhd")
     )
     on_top = [CONFIGURATION, ROOT / "tb" / ".vsg.yaml"]
     pairs = [([CONFIGURATION], _written_files()), (on_top, benches)]

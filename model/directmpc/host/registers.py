@@ -1,7 +1,7 @@
 """A drive file as register values: what a host writes into a system, as CSV, C or a table.
 
 ``python -m directmpc.host.registers drives/anpc5l_6kv.toml`` prints addresses and words as CSV, the
-commit last; ``--c`` the same as a C array, ``--table`` for people.
+commit last; ``--c`` the same as a C array with the measurements' scales, ``--table`` for people.
 
 The gate guard's settings are not in a drive file, they belong to the switches and the clock; they
 have options here.  What the guard gets is never less safe than asked for: dead and minimum times
@@ -369,11 +369,16 @@ def format_csv(found: RegisterValues) -> str:
     return "\n".join(lines)
 
 
-def format_c(found: RegisterValues, source: str) -> str:
-    """Lay out the writes as a C array.
+def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> str:
+    """Lay out the writes as a C array, with the scales of the measurements' registers.
+
+    The type of the array is that of the driver in ``examples/processor``; the text serves without
+    it too.
 
     Parameters
     ----------
+    drive : Drive or MptcDrive
+        What the values are of.
     found : RegisterValues
         Of ``values``.
     source : str
@@ -389,12 +394,29 @@ def format_c(found: RegisterValues, source: str) -> str:
     ValueError
         If a value does not fit its register.
     """
+    scales = (
+        formats.MEASUREMENTS
+        if isinstance(drive, Drive)
+        else mptc_formats.measurement_formats(drive)
+    )
+    unit = "pu" if isinstance(drive, Drive) else "A, Wb, rad/s, V or N*m"
     lines = [
         f"/* Registers of {source}: write them in this order, the last commits them. */",
         *(f"/* saturated: {problem} */" for problem in found.saturated),
         "#include <stdint.h>",
         "",
-        "static const struct { uint16_t address; uint32_t word; } directmpc_registers[] = {",
+        "#ifndef DIRECTMPC_WRITE",
+        "#define DIRECTMPC_WRITE",
+        "typedef struct { uint16_t address; uint32_t word; } directmpc_write;",
+        "#endif",
+        "",
+        f"/* counts of a measurement's register, per {unit} */",
+        *(
+            f"#define DIRECTMPC_COUNTS_{name.upper()} {float(form.scale)!r}"
+            for name, form in scales.items()
+        ),
+        "",
+        "static const directmpc_write directmpc_registers[] = {",
         *(
             f"  {{0x{address:03X}, 0x{word:08X}u}}, /* {name} */"
             for name, address, word in found.writes()
@@ -484,7 +506,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("drive", help="drive file (TOML)")
     layout = parser.add_mutually_exclusive_group()
     layout.add_argument("--csv", action="store_true", help="comma-separated; the default")
-    layout.add_argument("--c", action="store_true", help="a C array")
+    layout.add_argument("--c", action="store_true", help="a C array, and the measurements' scales")
     layout.add_argument("--table", action="store_true", help="columns for people")
     parser.add_argument("--variant", choices=("fast", "paper"), default="fast", help="MPDCC only")
     defaults = GuardSettings()
@@ -516,7 +538,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         drive = load_drive(given.drive)
         found = values(drive, settings, given.variant)
         if given.c:
-            text = format_c(found, os.path.basename(given.drive))
+            text = format_c(drive, found, os.path.basename(given.drive))
         else:
             text = format_table(found) if given.table else format_csv(found)
         print(text, flush=True)

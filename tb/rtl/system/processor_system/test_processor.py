@@ -1,0 +1,220 @@
+"""The example beside a processor: the C driver, compiled, and the system that it drives.
+
+Sweep: none.
+Stimulus: the driver on a bus of Python's that refuses, answers wrongly or does not commit; then a
+closed loop of the 6 kV drive over AXI4-Lite, with and without pauses; a trip; permit taken away.
+Checks: what the driver returns, and that it wrote nothing where it refuses; every decision is the
+model's with the observer's flux; the interrupt comes and goes; the gates go off and on again.
+Faults: an interrupt that a decision does not raise; two measurements in each other's place.
+Timing: a decision interrupts within LONGEST_DECISION.
+Does not prove: the system itself, see test_system.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from directmpc.api.drive_file import load_drive
+from directmpc.host import registers
+from scripts.hdl.ghdl import CheckError
+from tb.helpers.simulation import Outcome, run
+from tb.rtl.system.processor_system.driver import (
+    BUS,
+    BUSY,
+    OK,
+    OTHER_MAP,
+    RANGE,
+    TIMEOUT,
+    TRIPPED,
+    UNKNOWN,
+    Driver,
+    Measurement,
+    System,
+    Write,
+)
+
+ROOT = Path(__file__).resolve().parents[4]
+EXAMPLE = ROOT / "examples" / "processor"
+DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
+COMMIT_PENDING, BUSY_BIT, ENABLE, START, COMMIT = 2, 1, 1, 2, 1
+
+
+def compiled(folder: Path, old: str = "", new: str = "") -> Path:
+    """The driver, the example and the test's part as a library; ``old`` replaced by ``new``."""
+    drive = load_drive(DRIVE)
+    settings = registers.GuardSettings(clock=100e6)
+    found = registers.values(drive, settings)
+    text = registers.format_c(drive, found, DRIVE.name)
+    (folder / "drive.h").write_text(text + "\n", encoding="utf-8")
+    driver = (EXAMPLE / "directmpc.c").read_text(encoding="utf-8")
+    assert not old or driver.count(old) == 1
+    (folder / "driver.c").write_text(driver.replace(old, new) if old else driver, encoding="utf-8")
+    library = folder / "driver.so"
+    sources = [folder / "driver.c", EXAMPLE / "drive_control.c", Path(__file__).parent / "rig.c"]
+    warnings = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+    includes = [f"-I{path}" for path in (EXAMPLE, ROOT / "registers", folder)]
+    command = ["cc", *warnings, *includes, "-shared", "-fPIC", *map(str, sources)]
+    subprocess.run([*command, "-o", str(library)], check=True)
+    return library
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory.mktemp("driver"))
+
+
+class Registers:
+    """A bus with registers that hold what is written, and a system that obeys at once."""
+
+    def __init__(self) -> None:
+        self.words = {0x000: 0x444D5043, 0x004: 0x01000100, 0x008: 0x00640011, 0x014: 0, 0x01C: 0}
+        self.writes: list[tuple[int, int]] = []
+        self.refused: set[int] = set()
+
+    def write(self, address: int, word: int) -> None:
+        """A write of the driver's."""
+        if address in self.refused:
+            raise OSError(address)
+        self.writes.append((address, word))
+        if address != 0x014:
+            self.words[address] = 0 if address == 0x01C else word
+
+    def read(self, address: int) -> int:
+        """A read of the driver's."""
+        if address in self.refused:
+            raise OSError(address)
+        return self.words.get(address, 0)
+
+
+@pytest.fixture
+def opened(library: Path) -> tuple[Registers, Driver, System]:
+    bus = Registers()
+    driver, system = Driver(library, bus.write, bus.read), System()
+    assert driver.directmpc_open(ctypes.byref(system), driver.bus, 0) == OK
+    assert bus.writes == [(0x00C, 0b1010)], "gates off, measurements from registers, own positions"
+    bus.writes.clear()
+    return bus, driver, system
+
+
+@pytest.mark.parametrize(
+    ("address", "word", "status"),
+    [
+        (0x000, 0, UNKNOWN),
+        (0x008, 0x00640012, UNKNOWN),
+        (0x004, 0x02000100, OTHER_MAP),
+        (0x000, None, BUS),
+        (0x00C, None, BUS),
+    ],
+)
+def test_only_a_system_that_it_knows_is_opened(
+    library: Path, address: int, word: int | None, status: int
+) -> None:
+    bus = Registers()
+    if word is None:
+        bus.refused.add(address)
+    else:
+        bus.words[address] = word
+    driver = Driver(library, bus.write, bus.read)
+    assert driver.directmpc_open(ctypes.byref(System()), driver.bus, 0) == status
+    assert bus.writes == []
+
+
+def test_a_drive_is_loaded_with_the_gates_off(opened: tuple[Registers, Driver, System]) -> None:
+    bus, driver, system = opened
+    writes = (Write * 3)((0x040, 7), (0x100, 0xFFFF), (0x010, COMMIT))
+    assert driver.directmpc_load(ctypes.byref(system), writes, 3) == OK
+    assert bus.writes[0] == (0x00C, 0b1010)
+    assert bus.writes[1:4] == [(0x040, 7), (0x100, 0xFFFF), (0x010, COMMIT)]
+    assert bus.writes[4:] == [(0x010, 0b1100)], "estimate and counters begin anew"
+    bus.words[0x014] = COMMIT_PENDING
+    assert driver.directmpc_load(ctypes.byref(system), writes, 3) == TIMEOUT
+
+
+@pytest.mark.parametrize("address", [0x00C, 0x03C, 0x060, 0x0FC, 0x102, 0x200, 0x1FC])
+def test_what_is_no_setting_of_a_drive_is_not_loaded(
+    opened: tuple[Registers, Driver, System], address: int
+) -> None:
+    bus, driver, system = opened
+    writes = (Write * 2)((0x100, 1), (address, 1))
+    assert driver.directmpc_load(ctypes.byref(system), writes, 2) == RANGE
+    assert bus.writes == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "status"),
+    [
+        ("is_beta", -32768, OK),
+        ("is_beta", -32769, RANGE),
+        ("omega_r", 32767, OK),
+        ("omega_r", 32768, RANGE),
+        ("v_ph_c", 65535, OK),
+        ("v_ph_c", 65536, RANGE),
+        ("v_dc", -1, RANGE),
+    ],
+)
+def test_a_measurement_fits_or_nothing_is_written(
+    opened: tuple[Registers, Driver, System], name: str, value: int, status: int
+) -> None:
+    bus, driver, system = opened
+    given = Measurement(**{name: value})
+    assert driver.directmpc_begin(ctypes.byref(system), ctypes.byref(given)) == status
+    if status == RANGE:
+        assert bus.writes == []
+        return
+    address = registers.registers_of("mpdcc")[f"measurements.{name}"][0]
+    assert dict(bus.writes)[address] == value & 0xFFFF
+    assert bus.writes[-1] == (0x010, START)
+    assert driver.directmpc_begin(ctypes.byref(system), ctypes.byref(given)) == BUSY
+
+
+def test_faults_keep_a_drive_from_starting(opened: tuple[Registers, Driver, System]) -> None:
+    bus, driver, system = opened
+    bus.words[0x01C] = 0x20
+    assert driver.directmpc_start(ctypes.byref(system)) == TRIPPED
+    assert bus.writes == []
+    assert driver.directmpc_clear(ctypes.byref(system)) == OK
+    assert bus.writes == [(0x00C, 0b1010), (0x01C, 0x20)]
+    assert driver.directmpc_start(ctypes.byref(system)) == OK
+    assert bus.writes[-1] == (0x00C, 0b1010 | ENABLE)
+    assert driver.directmpc_stop(ctypes.byref(system)) == OK
+    assert bus.writes[-1] == (0x00C, 0b1010)
+
+
+def bench(
+    library: Path, system: Path = EXAMPLE / "processor_system.vhd", steps: int = 24
+) -> Outcome:
+    return run(
+        "processor_system",
+        "tb.rtl.system.processor_system.bench_processor",
+        units=["mpdcc_system", "gate_release", "sync_bits"],
+        files=[system],
+        arguments={"seed": 3, "library": str(library), "drive": str(DRIVE), "steps": steps},
+        timeout=300,
+    )
+
+
+def test_a_processor_controls_the_drive(library: Path) -> None:
+    found = bench(library)
+    assert found.checks["decision"] == 28
+    assert found.measured["cycles"] <= 150
+
+
+def test_a_fault_is_seen_in_the_interrupt(library: Path, tmp_path: Path) -> None:
+    text = (EXAMPLE / "processor_system.vhd").read_text(encoding="utf-8")
+    old = "        unread <= '1';\n"
+    assert text.count(old) == 1
+    faulty = tmp_path / "processor_system.vhd"
+    faulty.write_text(text.replace(old, "        unread <= '0';\n"), encoding="utf-8")
+    with pytest.raises(CheckError, match=r"interrupt: none within .* expected one"):
+        bench(library, faulty, 2)
+
+
+def test_a_fault_is_seen_in_the_driver(tmp_path: Path) -> None:
+    swapped = "{AT(measurements.v_n), m->v_ph_a, 1}"
+    faulty = compiled(tmp_path, "{AT(measurements.v_n), m->v_n, 1}", swapped)
+    with pytest.raises(CheckError, match=r"decision: .* expected"):
+        bench(faulty, steps=4)
