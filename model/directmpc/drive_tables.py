@@ -187,8 +187,26 @@ def keys_of(table: Any) -> dict[str, FieldInfo]:
     return getattr(table, "__pydantic_fields__", {})
 
 
-def _allowed(table: type, key: str) -> str:
-    """What a key of a table may be, in words."""
+def allowed(table: type, key: str) -> str:
+    """What a key of a table may be, in words.
+
+    Parameters
+    ----------
+    table : type
+        Class of the table.
+    key : str
+        One of its keys.
+
+    Returns
+    -------
+    str
+        Range and unit, or the choices.
+
+    Raises
+    ------
+    KeyError
+        If the table has no such key.
+    """
     field = keys_of(table)[key]
     if field.description:
         return field.description
@@ -210,10 +228,10 @@ def _explain(model: type[BaseModel], error: Any) -> str:
     name = f"[{'.'.join(location[:-1])}]" if location[:-1] else "the file's top level"
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{dotted}: unknown key; {name} may hold {', '.join(keys_of(table))}"
-    allowed = _allowed(table, location[-1])
+    words = allowed(table, location[-1])
     if error["type"] == "missing":
-        return f"{dotted}: missing; it must be {allowed}"
-    return f"{dotted}: got {described(error['input'])}; it must be {allowed}"
+        return f"{dotted}: missing; it must be {words}"
+    return f"{dotted}: got {described(error['input'])}; it must be {words}"
 
 
 def validated(model: type[DriveModel], data: Any) -> DriveModel:

@@ -1,0 +1,33 @@
+"""A new drive file with every key, each with meaning, unit, range and default."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scripts.generate import drive_template
+from scripts.shared.command import Command, InputError
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "controller", choices=tuple(drive_template.EXAMPLES), help="controller of the drive"
+    )
+    parser.add_argument("file", type=Path, help="file to write; it may not exist, its folder must")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    path = given.file
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; one that exists is needed")
+    text = drive_template.template(given.controller)
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    except FileExistsError:
+        raise InputError(f"{path}: exists and stays as it is; a new name is needed") from None
+    print(f"{path}: put in your drive's values; docs/drive-file.md says how to get them")
+    return 0
+
+
+COMMAND = Command("new-drive", __doc__.splitlines()[0], _arguments, _run, outputs=())

@@ -1,0 +1,185 @@
+"""The text of a new drive file: every key, each with its meaning, its range and its default.
+
+Keys, ranges and defaults are read from the tables that check a drive file, so that a template has
+every key that a drive file may have. The values are those of a shipped drive, but for the settings
+that the studies recommend.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+from directmpc.api.drive_file import load_drive
+from directmpc.drive_tables import allowed, keys_of
+from directmpc.mpdcc.drive import Drive
+from directmpc.mptc.drive import MptcDrive
+
+EXAMPLES = {"mpdcc": "anpc5l_6kv", "mptc": "motulator_2kw2"}
+"""Drive that ships, by controller: its values stand in the template, with five digits at most."""
+
+RECOMMENDED: dict[str, dict[str, Any]] = {
+    "mpdcc": {
+        "control.budget": 400,
+        "control.deadlock_rule": "weighted",
+        "control.outside_rule": "inwards",
+    },
+    "mptc": {},
+}
+"""Settings of the template that are not the shipped drive's, by controller."""
+
+HEADS = {
+    "mpdcc": "Drive file of MPDCC: five-level ANPC inverter, induction machine, per unit.",
+    "mptc": "Drive file of MPTC and MPFC: two-level inverter, induction machine, SI.",
+}
+
+TABLES = {
+    "mpdcc": {
+        "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
+        "machine": "Star circuit, rotor referred to the stator, per unit.",
+        "inverter": "Per unit.",
+        "control": "Bounds are half widths, per unit.",
+    },
+    "mptc": {
+        "machine": "T circuit, rotor referred to the stator. ls lr has to be above lm^2.",
+        "inverter": "SI.",
+        "control": "What lies beyond a full scale saturates: choose it above what may occur.",
+    },
+}
+"""What stands under the head of each table."""
+
+MEANINGS = {
+    "mpdcc": {
+        "controller": "Which controller.",
+        "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
+        "base.current": "Base current, peak: sqrt(2) of the rated rms.",
+        "base.frequency": "Rated frequency.",
+        "machine.rs": "Stator resistance, R / Z_base.",
+        "machine.rr": "Rotor resistance, R / Z_base.",
+        "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",
+        "machine.xlr": "Rotor leakage reactance, omega_base L / Z_base.",
+        "machine.xm": "Magnetising reactance, omega_base L / Z_base.",
+        "inverter.topology": "Five-level ANPC.",
+        "inverter.vdc": "Voltage of the whole dc link, V_dc / V_base.",
+        "inverter.xdc": "One half of the dc link, omega_base C Z_base.",
+        "inverter.xph": "One phase capacitor, omega_base C Z_base.",
+        "control.ts": "Control period.",
+        "control.bound_current": "Bound of the phase currents. At rated current the THD is about "
+        "0.7 times the bound: 7 % for 0.10.",
+        "control.bound_vn": "Bound of the neutral point. A tight bound costs switchings.",
+        "control.bound_vph": "Bound of the phase capacitors. A tight bound costs switchings.",
+        "control.lambda_n": "Weight of the neutral point at the end of a trajectory, 1/pu^2.",
+        "control.horizon": "Longest trajectory that is looked at, control periods.",
+        "control.switching_horizon": '"SESE" looks two switchings ahead and switches less often. '
+        "It takes longer: docs/sese.md.",
+        "control.budget": 'Most candidates of the second level, 0: no limit. Only "SESE" has one. '
+        "400 keep one explorer in time at 25 MHz and cost no switchings: docs/sese.md.",
+        "control.delay_compensation": "true if a decision takes effect one control period after "
+        "its measurement.",
+        "control.deadlock_rule": 'What is chosen where nothing stays inside. "weighted" ends most '
+        "deadlocks at low speed: docs/deadlocks.md.",
+        "control.outside_rule": 'What a variable outside its bound means. "inwards" saves '
+        'switchings where measurements are noisy; "dead" where they are exact: '
+        "docs/robustness.md.",
+    },
+    "mptc": {
+        "controller": "Which controller.",
+        "machine.rs": "Stator resistance.",
+        "machine.rr": "Rotor resistance, referred to the stator.",
+        "machine.lm": "Mutual inductance.",
+        "machine.ls": "Stator inductance: leakage and mutual.",
+        "machine.lr": "Rotor inductance: leakage and mutual.",
+        "machine.pole_pairs": "Pole pairs.",
+        "inverter.topology": "Two-level inverter.",
+        "inverter.vdc": "Nominal voltage of the dc link.",
+        "control.ts": "Control period.",
+        "control.k_psi": "Weight of the flux error against the torque error. 100 serves a machine "
+        "of 14 N m and 1 Wb; MPFC needs none: docs/drive-file.md.",
+        "control.psi_max": "Full scale of each flux component.",
+        "control.current_max": "Full scale of each current component.",
+        "control.torque_max": "Full scale of the torque reference.",
+        "control.speed_max": "Full scale of the electrical speed.",
+        "control.method": "MPTC and MPFC apply one vector a period, the others two or three: "
+        "docs/mptc.md.",
+        "control.duty_rule": "How MPTC1 and MPTC2 find the duty. The others have none.",
+    },
+}
+"""What each key means, by controller; the test of the template asks for all of them."""
+
+WIDTH = 100
+
+
+def _number(value: float) -> str:
+    """A number as a drive file has it: five digits at most, small times in millionths."""
+    if 0.0 < abs(value) < 1e-3:
+        return f"{1e6 * value:.5g}e-6"
+    text = f"{value:.5g}"
+    return text if "." in text or "e" in text else f"{text}.0"
+
+
+def _value(value: Any) -> str:
+    """A value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value}"'
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")
+
+
+def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> list[str]:
+    """Comment and line of a key."""
+    dotted = prefix + name
+    field = keys_of(table)[name]
+    rule = "Required." if field.is_required() else f"Without it: {_value(field.default)}."
+    words = allowed(table, name)
+    return [
+        "",
+        *_comment(MEANINGS[controller][dotted]),
+        *_comment(f"Allowed: {words}. {rule}"),
+        f"{name} = {_value(RECOMMENDED[controller].get(dotted, value))}",
+    ]
+
+
+def template(controller: str) -> str:
+    """The text of a new drive file.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    str
+        TOML with every key, each with its comment; `load_drive` takes it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such controller.
+    """
+    if controller not in EXAMPLES:
+        raise ValueError(f"controller: got '{controller}'; it must be {' or '.join(EXAMPLES)}")
+    model = {"mpdcc": Drive, "mptc": MptcDrive}[controller]
+    example = load_drive(EXAMPLES[controller])
+    lines = _comment(HEADS[controller])
+    lines += _comment(
+        f"The values are those of {EXAMPLES[controller]}.toml, rounded: put in your drive's. "
+        "docs/drive-file.md says how to get them."
+    )
+    if RECOMMENDED[controller]:
+        settings = ", ".join(key.partition(".")[2] for key in RECOMMENDED[controller])
+        lines += _comment(f"What the studies recommend is set: {settings}.")
+    tables = {name: getattr(example, name) for name in keys_of(model)}
+    for name in (name for name, value in tables.items() if not keys_of(type(value))):
+        lines += _key(controller, model, "", name, tables[name])
+    for name, table in tables.items():
+        if inner := keys_of(type(table)):
+            lines += ["", f"[{name}]", *_comment(TABLES[controller][name])]
+            for key in inner:
+                lines += _key(controller, type(table), f"{name}.", key, getattr(table, key))
+    return "\n".join(lines) + "\n"
