@@ -313,6 +313,36 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
     }
 
 
+def advice(run: Run) -> str:
+    """Which full scales of the drive file were exceeded where decisions saturated.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    str
+        One sentence that names the keys; empty where none was exceeded.
+    """
+    if not run.decisions.saturated.any():
+        return ""
+    trace = run.trace
+    reached = {
+        "psi_max": np.abs(trace.psi_s).max(),
+        "current_max": np.abs(trace.i_s).max(),
+        "torque_max": np.abs(trace.torque_ref).max(),
+        "speed_max": np.abs(trace.omega_r).max(),
+    }
+    beyond = [
+        f"control.{key} above {value:.4g}"
+        for key, value in reached.items()
+        if value >= getattr(run.drive.control, key)
+    ]
+    return f"decisions saturate; choose {', '.join(beyond)}: docs/drive-file.md" if beyond else ""
+
+
 def outcome(run: Run) -> Table:
     """What the drive did.
 
@@ -359,6 +389,8 @@ def outcome(run: Run) -> Table:
         times = ", ".join(f"{most / clock:.2f} us at {clock} MHz" for clock in CLOCKS_MHZ)
         table.add_row("decision time", f"{most} clock cycles; {times}")
     table.add_row("saturated", f"{int(run.decisions.saturated.sum())} decisions")
+    if said := advice(run):
+        table.add_row("advice", said)
     return table
 
 

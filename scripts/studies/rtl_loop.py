@@ -45,6 +45,15 @@ CLOCKS_MHZ = (40, 100)
 
 PHASES = "abc"
 
+MANY_DEADLOCKS = 0.10
+"""Share of the searches from which on deadlocks are many."""
+
+MANY_EXCESSES = 0.02
+"""Share of the steps from which on excesses are many."""
+
+EXCESS = 0.1
+"""Share of a bound by which it has to be exceeded for an excess that counts."""
+
 _LANE = 11.0
 """Height of the lane of a phase's positions, 0 to 7, in the picture."""
 
@@ -202,6 +211,57 @@ def signals() -> dict[str, list[Signal]]:
     }
 
 
+def advice(run: Run) -> str:
+    """What the drive file could hold instead where deadlocks or excesses are many.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    str
+        One sentence that names the key; empty where neither is frequent.
+    """
+    control, result, bounds = run.drive.control, run.result, run.drive.bounds
+    decisions = result.decisions
+    dead = decisions.deadlock == 1
+    searches = int((decisions.held == 0).sum())
+    share = int(dead.sum()) / searches if searches else 0.0
+    outside = float(np.mean(np.any(metrics.deviations(result) > (1 + EXCESS) * bounds, axis=1)))
+    if share > MANY_DEADLOCKS:
+        seen = f"{100 * share:.0f} % of the searches end in a deadlock"
+    elif outside > MANY_EXCESSES:
+        seen = (
+            f"in {100 * outside:.0f} % of the steps a bound is exceeded by more than "
+            f"{100 * EXCESS:.0f} % of it"
+        )
+    else:
+        return ""
+    if control.deadlock_rule == "largest":
+        where = "" if run.variant == "fast" else " in the fast variant"
+        key = 'control.deadlock_rule = "weighted"'
+        return f"{seen}; {key} ends most deadlocks{where}: docs/deadlocks.md"
+    # what is measured outside its bound at the start makes every candidate dead
+    rows = result.seen
+    errors = (rows.iref - rows.x_m[:, :2]) @ CLARKE_INVERSE.T
+    capacitors = rows.x_inv[:, 1:] - rows.vdc[:, None] / 4
+    start = np.abs(np.column_stack([errors, rows.x_inv[:, :1], capacitors]))
+    begun = np.any(start > bounds, axis=1)
+    if control.outside_rule == "dead" and 2 * int((dead & begun).sum()) > int(dead.sum()):
+        key = 'control.outside_rule = "inwards"'
+        return (
+            f"{seen}, and most deadlocks begin with a measurement outside its bound; {key} ends "
+            "those: docs/robustness.md"
+        )
+    if control.switching_horizon == "SE":
+        return f'{seen}; control.switching_horizon = "SESE" avoids many: docs/sese.md'
+    worst = int(np.argmax(metrics.bound_violations(result, bounds) / bounds))
+    key = ("bound_current",) * 3 + ("bound_vn",) + ("bound_vph",) * 3
+    return f"{seen}; a wider control.{key[worst]} leaves more room: docs/deadlocks.md"
+
+
 def outcome(run: Run) -> Table:
     """What the drive did.
 
@@ -230,10 +290,8 @@ def outcome(run: Run) -> Table:
         f"({100 * count.differing / count.steps:.1f} %)",
     )
     table.add_row("held", f"{count.held}; searched {count.searched}; deadlocks {count.deadlocks}")
-    if drive.control.deadlock_rule == "largest" and 10 * count.deadlocks > count.searched:
-        table.add_row(
-            "many deadlocks", 'deadlock_rule = "weighted" ends most of them: docs/deadlocks.md'
-        )
+    if said := advice(run):
+        table.add_row("advice", said)
     try:
         summary = metrics.summarise(drive, result)
         distortion = f"{100 * summary.thd_mean:.2f} % (sampled every control step)"

@@ -169,23 +169,53 @@ def test_a_difference_is_an_error(
 
 
 @pytest.mark.parametrize(
-    ("rule", "deadlocks", "hint"),
-    [("largest", 9, True), ("largest", 0, False), ("weighted", 9, False)],
-)
-def test_many_deadlocks_name_the_rule_that_ends_them(
-    modelled: rtl_loop.Run, rule: str, deadlocks: int, hint: bool
+    ("settings", "deadlocks", "outside", "excess", "said"),
+    [
+        ({}, 9, 0, 0.0, 'control.deadlock_rule = "weighted"'),
+        ({}, 0, 0, 0.0, None),
+        ({"deadlock_rule": "weighted"}, 9, 6, 0.0, 'control.outside_rule = "inwards"'),
+        ({"deadlock_rule": "weighted"}, 9, 4, 0.0, 'control.switching_horizon = "SESE"'),
+        ({"deadlock_rule": "weighted"}, 2, 2, 0.0, None),
+        ({"deadlock_rule": "weighted"}, 0, 0, 0.3, 'control.switching_horizon = "SESE"'),
+        (
+            {"deadlock_rule": "weighted", "outside_rule": "inwards"},
+            9, 9, 0.0, 'control.switching_horizon = "SESE"',
+        ),
+        (
+            {"deadlock_rule": "weighted", "switching_horizon": "SESE"},
+            0, 0, 0.3, "a wider control.bound_vn",
+        ),
+    ],
+)  # fmt: skip
+def test_many_deadlocks_or_excesses_name_the_key_that_helps(
+    modelled: rtl_loop.Run,
+    settings: dict[str, str],
+    deadlocks: int,
+    outside: int,
+    excess: float,
+    said: str | None,
 ) -> None:
+    """Of 30 searches `deadlocks` end in one, `outside` of those begin outside a bound."""
     result = modelled.result
     dead = (np.arange(30) < deadlocks).astype(np.int64)
-    decisions = dataclasses.replace(result.decisions, held=1 - dead, deadlock=dead)
+    decisions = dataclasses.replace(result.decisions, held=0 * dead, deadlock=dead)
+    measured = result.seen.x_inv.copy()
+    measured[:outside, 0] += 0.2  # v_n
+    seen = dataclasses.replace(result.seen, x_inv=measured)
+    state = result.state.copy()
+    state[:3, 4] += excess  # v_n in a tenth of the steps
     run = dataclasses.replace(
         modelled,
-        drive=modelled.drive.with_control(deadlock_rule=rule),
-        result=dataclasses.replace(result, decisions=decisions),
+        drive=modelled.drive.with_control(**settings),
+        variant="fast" if settings else "paper",
+        result=dataclasses.replace(result, decisions=decisions, seen=seen, state=state),
     )
-    console = Console(file=io.StringIO(), width=200)
+    console = Console(file=io.StringIO(), width=400)
     console.print(rtl_loop.outcome(run))
-    assert ('deadlock_rule = "weighted"' in console.file.getvalue()) is hint
+    shown = console.file.getvalue()
+    assert ("advice" in shown) is (said is not None)
+    assert said is None or said in shown
+    assert ("in the fast variant" in shown) is (said is not None and not settings)
 
 
 def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
@@ -305,6 +335,19 @@ def test_without_rtl_the_model_decides_and_it_is_said(
     given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
     assert replay.COMMAND.main([*given, "--engine", "model"]) == 0
     assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+
+
+def test_full_scales_that_were_exceeded_are_named() -> None:
+    drive = load_mptc_drive(TWO_LEVEL).with_control(method="MPC2")
+    point = mptc_loop.Point.of(drive, 900.0)
+    assert mptc_loop.advice(mptc_loop.simulate(drive, point, 60)) == ""
+    small = mptc_loop.simulate(drive.with_control(current_max=4.0), point, 60)
+    said = mptc_loop.advice(small)
+    assert said.startswith("decisions saturate; choose control.current_max above ")
+    assert "speed_max" not in said
+    console = Console(file=io.StringIO(), width=200)
+    console.print(mptc_loop.outcome(small))
+    assert said in console.file.getvalue()
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,27 @@ def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
     )
 
 
+def deviations(result: ClosedLoopResult) -> FloatArray:
+    """Distance of each output from its reference at each recorded step (Paper A, eq. 8).
+
+    Parameters
+    ----------
+    result : ClosedLoopResult
+        n recorded steps.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 7)
+        Of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, per unit, not negative.
+    """
+    n = len(result)
+    reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
+    currents = (reference - result.state[:n, :2]) @ CLARKE_INVERSE.T
+    neutral = result.state[:n, 4:5]
+    capacitors = result.state[:n, 5:] - result.profile.vdc[:, None] / 4
+    return np.abs(np.hstack([currents, neutral, capacitors]))
+
+
 def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray:
     """Largest excess over the bound per output, per unit; 0 where there is none (Paper A, eq. 8).
 
@@ -115,13 +136,7 @@ def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray
     ndarray of float64, shape (7,)
         In the order of `bounds`, per unit.
     """
-    n = len(result)
-    reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
-    currents = (reference - result.state[:n, :2]) @ CLARKE_INVERSE.T
-    neutral = result.state[:n, 4:5]
-    capacitors = result.state[:n, 5:] - result.profile.vdc[:, None] / 4
-    deviation = np.abs(np.hstack([currents, neutral, capacitors])).max(axis=0)
-    return np.maximum(deviation - bounds, 0.0)
+    return np.maximum(deviations(result).max(axis=0) - bounds, 0.0)
 
 
 def summarise(drive: Drive, result: ClosedLoopResult) -> Summary:
