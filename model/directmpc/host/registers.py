@@ -24,9 +24,10 @@ from directmpc.api.drive_file import load_drive
 from directmpc.mpdcc import coefficients, formats
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import coefficients as mptc_coefficients
+from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
-from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -333,6 +334,11 @@ def values(
         saturated += problems
         controller = "mpdcc"
     else:
+        if drive.control.method not in SINGLE_METHODS:
+            raise ValueError(
+                f'control.method: got "{drive.control.method}"; the system serves '
+                f"{' and '.join(SINGLE_METHODS)}"
+            )
         chosen = mptc_coefficients.registers(drive)
         parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
         gains = mptc_observer.coefficients(drive)
@@ -457,33 +463,87 @@ def _positive(text: str) -> float:
     return value
 
 
-def too_slow(drive: Drive | MptcDrive, found: RegisterValues) -> str | None:
-    """Say that a search can outlast the guard's decision limit on one explorer, if it can.
+def _clocks(drive: Drive, variant: str, explorers: int, budget: int) -> int:
+    """Clocks that no decision of an MPDCC core exceeds."""
+    from directmpc.mpdcc import cycles  # counts for seconds, for SESE
+
+    control = drive.control
+    return cycles.decision(
+        explorers,
+        variant,
+        second_level=control.switching_horizon == "SESE",
+        budget=budget,
+        compensate=control.delay_compensation,
+    )
+
+
+def too_slow(
+    drive: Drive | MptcDrive, settings: GuardSettings, found: RegisterValues, variant: str = "fast"
+) -> str | None:
+    """Say that a decision can outlast the guard's decision limit on one explorer, if it can.
 
     Parameters
     ----------
     drive : Drive or MptcDrive
         What the values are of.
+    settings : GuardSettings
+        The clock, and the limit if one is asked for.
     found : RegisterValues
-        Its values.
+        The values.
+    variant : str
+        "fast" or "paper", for MPDCC.
 
     Returns
     -------
     str or None
         A sentence; None where every decision is in time.
-    """
-    if not isinstance(drive, Drive) or drive.control.switching_horizon != "SESE":
-        return None
-    from directmpc.mpdcc import cycles  # counts for seconds, and for SESE alone
 
-    limit, budget = found.words["guard.decision_limit"], drive.control.budget
-    clocks = cycles.bound(1, budget)
+    Raises
+    ------
+    ValueError
+        If no core is in time, whatever it is built with; names the key and what would serve.
+    """
+    limit = found.words["guard.decision_limit"]
+    told = f"{limit} (guard.decision_limit)"
+    if isinstance(drive, MptcDrive):
+        period = math.floor(settings.clock * drive.control.ts + 1e-6)
+        if settings.decision_limit is None and period < limit:  # the next start comes then
+            limit, told = period, f"{period} (control.ts)"
+        clocks = mptc_cycles.DRIVE[drive.control.method]
+        if clocks > limit:
+            raise ValueError(_never(drive, settings, clocks, limit, told))
+        return None
+    budget = drive.control.budget
+    clocks = _clocks(drive, variant, 1, budget)
     if clocks <= limit:
         return None
+    serving = next((n for n in range(2, 9) if _clocks(drive, variant, n, budget) <= limit), None)
+    least = _clocks(drive.with_control(switching_horizon="SE"), variant, 8, 0)
+    if serving is None and least > limit:
+        raise ValueError(_never(drive, settings, least, limit, told))
+    sese = drive.control.switching_horizon == "SESE"
+    ways = [] if serving is None else [f"{serving} explorers at least"]
+    if sese and (smaller := _clocks(drive, variant, 1, 400)) <= limit and not 0 < budget <= 400:
+        ways.append(f"control.budget = 400 ({smaller} clocks)")
+    if not ways:
+        ways.append("a smaller control.budget" if sese else "a faster clock")
+    key = f"control.budget: got {budget or 'none'}" if sese else f"variant {variant}"
     return (
-        f"control.budget: got {budget or 'none'}; one explorer takes up to {clocks} clocks then, "
-        f"and the gate guard trips after {limit} (guard.decision_limit); a smaller budget (400: "
-        f"{cycles.bound(1, 400)} clocks) or more explorers are needed in real time"
+        f"{key}; one explorer takes up to {clocks} clocks then, and the gate guard trips after "
+        f"{told}; in real time it needs {' or '.join(ways)}"
+    )
+
+
+def _never(
+    drive: Drive | MptcDrive, settings: GuardSettings, clocks: int, limit: int, told: str
+) -> str:
+    """The sentence for a control period that no core keeps."""
+    ts, clock = drive.control.ts, settings.clock
+    return (
+        f"control.ts: got {1e6 * ts:g} us; the quickest core takes up to {clocks} clocks to "
+        f"decide, and the limit is {told} at {clock / 1e6:g} MHz; a control period of "
+        f"{1e6 * ts * clocks / limit:.4g} us or a clock of {clock / 1e6 * clocks / limit:.4g} MHz "
+        "is needed at least; in lock-step, which is not real time, a longer decision limit"
     )
 
 
@@ -537,6 +597,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         drive = load_drive(given.drive)
         found = values(drive, settings, given.variant)
+        slow = too_slow(drive, settings, found, given.variant)
         if given.c:
             text = format_c(drive, found, os.path.basename(given.drive))
         else:
@@ -551,7 +612,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     for problem in found.saturated:
         print(f"registers: saturated: {problem}", file=sys.stderr)
-    if slow := too_slow(drive, found):
+    if slow:
         print(f"registers: {given.drive}: {slow}", file=sys.stderr)
     return 0
 

@@ -1,9 +1,10 @@
-"""Clock cycles of a SESE search of the fast variant: its schedule, clock for clock.
+"""Clock cycles of a decision: bounds for any input, and the schedule of SESE, clock for clock.
 
-The cycles depend on nothing but how many candidates follow s(k-1) and each node that is looked at,
-in the order in which they are: explorers are in step and never wait. `worst` is the bound that the
-RTL's bench asserts: every candidate of the first level stays inside its bounds for less than the
-horizon, all but s(k-1) itself, which the hold test has just seen leave.
+The bounds of one level are those of docs/specification.md, section 6.3. The cycles of a SESE search
+of the fast variant depend on nothing but how many candidates follow s(k-1) and each node that is
+looked at, in the order in which they are: explorers are in step and never wait. `worst` is the
+bound that the RTL's bench asserts: every candidate of the first level stays inside its bounds for
+less than the horizon, all but s(k-1) itself, which the hold test has just seen leave.
 """
 
 from __future__ import annotations
@@ -29,6 +30,15 @@ explorers and more none keeps it longer than a preparation."""
 
 AROUND = 49
 """Clocks before the first node's leaves and behind the last one's, with one explorer."""
+
+ONE_LEVEL = (112, 82, 73, 70)
+"""Most clocks of the fast variant with one level, by explorers; more than four take the last."""
+
+PREDICTION = 33
+"""Clocks that delay compensation adds to a search."""
+
+CANDIDATES = 63
+"""Most candidates of a search, the one that holds left out."""
 
 Counts = tuple[int, int, int]
 
@@ -170,6 +180,40 @@ def bound(explorers: int, budget: int) -> int:
                 dearest[leaves:] = np.maximum(dearest[leaves:], dearest[:-leaves] + clocks)
         most = max(most, ROOT + root + int(dearest[-1]))
     return min(most + AROUND + in_step - 1, worst(explorers)[0])
+
+
+def decision(
+    explorers: int,
+    variant: str = "fast",
+    *,
+    second_level: bool = False,
+    budget: int = 0,
+    compensate: bool = False,
+) -> int:
+    """Clocks that no decision exceeds, whatever the measurements.
+
+    Parameters
+    ----------
+    explorers : int
+        1 to 8.
+    variant : str
+        "fast" or "paper".
+    second_level : bool
+        Whether SESE is set; the fast variant alone has it.
+    budget : int
+        Candidates of the second level, 0: no limit.
+    compensate : bool
+        Whether the state is predicted first; the fast variant alone does.
+
+    Returns
+    -------
+    int
+        Clocks from ``start`` to ``valid``.
+    """
+    if variant == "paper":
+        return 62 + 22 * (CANDIDATES // explorers) + CANDIDATES % explorers
+    most = bound(explorers, budget) if second_level else ONE_LEVEL[min(explorers, 4) - 1]
+    return most + (PREDICTION if compensate else 0)
 
 
 def nodes_below(s: tuple[int, ...]) -> list[Counts]:

@@ -4,7 +4,7 @@ Sweep: both controllers, all shipped drives.
 Checks: every parameter port of the cores has a register of its width and no two share an
 address; the fixed lower half is alike; values are those of the cores' own tables; what does not fit
 saturates and is named on the safe side, and is refused on the other; the C array compiles and holds
-the CSV's words.
+the CSV's words; what one explorer cannot keep is said, what no core can keep is refused.
 Does not prove: what the registers do, see test_system.
 """
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import json
 import math
 import re
 import subprocess
@@ -23,9 +24,11 @@ import pytest
 from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from directmpc.host.register_map import MAPS
+from directmpc.mpdcc import cycles as mpdcc_cycles
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
 from scripts.generate import register_files
+from scripts.hdl.clocks import worst_cycles
 from scripts.shared.tools import ROOT
 from tb.helpers.faults import file_of
 
@@ -259,6 +262,98 @@ def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> Non
     assert (status, text) == (2, "")
     assert complaints.startswith(f"registers: {drive}: control.switching_horizon")
     assert len(complaints.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "given", "words"),
+    [
+        ("anpc5l_6kv", {}, (), None),
+        ("anpc5l_6kv", {}, ("--clock", "1.75e6"), "3 explorers at least"),
+        (
+            "anpc5l_6kv",
+            {},
+            ("--variant", "paper"),
+            "up to 1448 clocks .* 1125 .* 2 explorers at least",
+        ),
+        (
+            "anpc5l_6kv",
+            {"switching_horizon": "SESE"},
+            (),
+            r"got none; .*3470 clocks.*needs control.budget = 400 \(559 clocks\)",
+        ),
+        ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 400}, (), None),
+        ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 960}, (), None),
+        # the prediction's 33 clocks are too many
+        (
+            "anpc5l_6kv",
+            {"switching_horizon": "SESE", "budget": 960, "delay_compensation": True},
+            (),
+            r"got 960; .* 2 explorers at least or control.budget = 400 \(592 clocks\)",
+        ),
+        ("motulator_2kw2", {}, ("--clock", "1e6"), None),
+        ("motulator_2kw2", {"method": "MPFC"}, ("--clock", "2e6"), None),
+    ],
+)
+def test_what_one_explorer_cannot_keep_is_said(
+    name: str, settings: dict[str, object], given: tuple[str, ...], words: str | None,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    path = written(tmp_path, name, settings)
+    status, text, complaints = command(str(path), *given)
+    assert status == 0
+    assert text.startswith("register,address,word,value")
+    if words is None:
+        assert complaints == ""
+    else:
+        assert re.search(words, complaints), complaints
+        assert complaints.startswith(f"registers: {path}: ")
+        assert complaints.count("\n") == 1
+
+
+def written(folder: Path, name: str, settings: dict[str, object]) -> Path:
+    """A drive file like a shipped one, with other settings."""
+    text = (ROOT / "drives" / f"{name}.toml").read_text(encoding="utf-8")
+    for key, value in settings.items():
+        text = re.sub(rf"^{key} = .*\n", "", text, flags=re.M)
+        text = text.replace("[control]", f"[control]\n{key} = {json.dumps(value)}")
+    path = folder / "drive.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "given", "words"),
+    [
+        # 70 clocks with four explorers and more; 0.9 of 50 us
+        ("anpc5l_6kv", {}, ("--clock", "1.5e6"), "up to 70 clocks .* 67 .*1.567 MHz"),
+        ("anpc5l_6kv", {"delay_compensation": True}, ("--clock", "2e6"), "up to 103 clocks"),
+        ("anpc5l_6kv", {"switching_horizon": "SESE"}, ("--clock", "1.5e6"), "up to 70 clocks"),
+        ("motulator_2kw2", {}, ("--clock", "0.79e6"), r"up to 40 clocks .* 39 \(control.ts\)"),
+        ("motulator_2kw2", {"method": "MPFC"}, ("--clock", "1.5e6"), "up to 79 clocks"),
+        ("motulator_2kw2", {"method": "MPTC1"}, (), "control.method: got .* MPTC and MPFC"),
+    ],
+)
+def test_what_no_core_can_keep_is_refused(
+    name: str, settings: dict[str, object], given: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, name, settings)
+    status, text, complaints = command(str(path), *given)
+    assert (status, text) == (2, "")
+    assert re.search(words, complaints), complaints
+    assert complaints.count("\n") == 1
+    if "MPTC1" not in settings.values():  # a simulator in lock-step waits as long as it takes
+        status, text, complaints = command(str(path), *given, "--decision-limit", "60")
+        assert (status, complaints) == (0, "")
+
+
+def test_the_bounds_of_a_decision_are_the_budgets() -> None:
+    for explorers in range(1, 9):
+        for variant in ("fast", "paper"):
+            wanted = worst_cycles(variant, explorers)
+            assert mpdcc_cycles.decision(explorers, variant) == wanted
+        options = {"second_level": True, "compensate": True}
+        wanted = worst_cycles("fast", explorers, two_switchings=True, compensate=True)
+        assert mpdcc_cycles.decision(explorers, **options) == wanted
 
 
 def test_ports_of_a_register_block_without_a_known_meaning_are_an_error() -> None:
