@@ -21,7 +21,7 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 JOBS ?= 2
 # 1: make run records every signal of the RTL in build/run.fst
 WAVES ?=
-# Further arguments of run, test, registers, synth, check, pnr, prove and report
+# Further arguments of run, test, registers, synth, check, pnr, prove, mutate and report
 ARGS ?=
 export JOBS
 
@@ -38,7 +38,7 @@ BOARD ?=
 CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove report fidelity \
+.PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
   sources generate virtual-board bitstream netlist layers robustness site clean
 
 help: ## this list
@@ -122,6 +122,9 @@ sweep: $(READY) ## cycles, area, clock and accuracy over variants, explorers and
 
 prove: $(READY) ## formal proofs of the design; ARGS=gate_guard for one entity
 	@'$(PY)' -m scripts prove --jobs '$(JOBS)' $(ARGS)
+
+mutate: $(READY) ## small changes of the VHDL that no test notices; ARGS=gate_leg for one entity
+	@'$(PY)' -m scripts mutate --jobs '$(JOBS)' $(ARGS)
 
 report: $(READY) ## every published number, table and plot into reports/
 	@'$(PY)' -m scripts report $(ARGS)

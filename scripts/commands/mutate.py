@@ -1,0 +1,59 @@
+"""`make mutate`: how many small changes of the VHDL the tests notice."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from directmpc.host.console import terminable
+from scripts.measure import mutation
+from scripts.shared.command import Command, UsageError
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("only", nargs="*", metavar="ENTITY", help="entities; all without")
+    parser.add_argument("--sample", type=int, default=mutation.SAMPLE, help="mutants of each")
+    parser.add_argument("--jobs", type=int, default=2, help="entities at a time")
+    parser.add_argument("--anew", action="store_true", help="run what has results already, too")
+    parser.add_argument("--publish", action="store_true", help="only write the page, run nothing")
+    parser.add_argument(
+        "--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each"
+    )
+    parser.add_argument("--page", type=Path, default=mutation.PAGE, help="page of the tables")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for name in ("sample", "jobs"):
+        if getattr(given, name) < 1:
+            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
+    units = mutation.listed()
+    chosen = mutation.named(given.only, units)
+    if not given.publish:
+        with terminable():
+            mutation.mutate_all(chosen, given.sample, given.jobs, given.out, anew=given.anew)
+        argued = mutation.arguments()
+        for unit in chosen:
+            found = mutation.score(unit.name, mutation.kept(unit.name, given.out), argued)
+            counted = found.mutants - found.equivalent
+            print(
+                f"{unit.name}: {found.killed} of {counted} killed, "
+                f"{found.equivalent} equivalent, {len(found.survivors)} survived"
+            )
+            for row in found.survivors:
+                print(f"  {unit.file}:{row['line']}: {row['before']}  ->  {row['after']}")
+    mutation.publish(given.page, given.out)
+    if old := mutation.outdated(units, given.out):
+        print(f"mutate: changed since they were run: {', '.join(old)}", file=sys.stderr)
+    return 0
+
+
+COMMAND = Command(
+    "mutate",
+    __doc__.splitlines()[0],
+    _arguments,
+    _run,
+    failed=1,
+    interrupted="run it again to go on",
+    outputs=(),
+)

@@ -1,0 +1,184 @@
+"""Runs chosen tests again and again, each time in a child of one process.
+
+The process has imported what the tests need, so that a run costs no start of Python. It reads one
+JSON object a line from stdin, ``{"tests": [...], "limit": seconds}``, and answers with one:
+
+* ``end``: "passed", "failed", "uncompiled" where VHDL does not compile, "timeout", or "broken"
+  where something failed that is no check, a file that is missing for instance;
+* ``test``, ``said``: the test that ended the run, and the first line of what it says;
+* ``passed``: how many tests passed before.
+
+Tests that seed faults themselves are left out: they look for a text of the VHDL. A selection with
+``::`` is run whatever its tier is, of others only what `make test` runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from scripts.hdl.ghdl import BuildError
+
+#: Helpers of tb/helpers/faults.py that change the VHDL.
+SEEDING = {"altered", "assert_seen"}
+_OPTIONS = ("-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist")
+
+
+def seeds_faults(function: Any) -> bool:
+    """Whether a test changes the VHDL itself.
+
+    Parameters
+    ----------
+    function : Any
+        The test's function.
+
+    Returns
+    -------
+    bool
+        True if it calls one of ``SEEDING``.
+    """
+    code = getattr(function, "__code__", None)
+    return code is not None and bool(SEEDING & set(code.co_names))
+
+
+def end_of(error: BaseException) -> str:
+    """What an error of a test means for the design under test.
+
+    Parameters
+    ----------
+    error : BaseException
+        As the test raised it.
+
+    Returns
+    -------
+    str
+        "uncompiled", "timeout", "broken" or "failed".
+    """
+    if isinstance(error, BuildError):
+        return "uncompiled"
+    if isinstance(error, subprocess.TimeoutExpired):
+        return "timeout"
+    if isinstance(error, (OSError, MemoryError, ImportError, KeyboardInterrupt, SyntaxError)):
+        return "broken"
+    return "failed"
+
+
+class _Watch:
+    """Chooses tests and keeps what the first one that fails says."""
+
+    def __init__(self, tests: Sequence[str]) -> None:
+        self.named = tuple(test for test in tests if "::" in test)
+        self.answer: dict[str, Any] = {"end": "passed", "test": "", "said": "", "passed": 0}
+
+    def pytest_itemcollected(self, item: Any) -> None:
+        """Mark tests that seed faults."""
+        item.seeds = seeds_faults(getattr(item, "function", None))
+
+    def chosen(self, item: Any) -> bool:
+        """Whether a collected test is run."""
+        named = any(item.nodeid.startswith(one) for one in self.named)
+        return not item.seeds and (named or item.get_closest_marker("thorough") is None)
+
+    def pytest_collection_finish(self, session: Any) -> None:
+        """Leave out what is not chosen, after the tiers were given out."""
+        session.items[:] = [item for item in session.items if self.chosen(item)]
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Count what passed."""
+        self.answer["passed"] += report.when == "call" and report.passed
+
+    def pytest_exception_interact(self, node: Any, call: Any, report: Any) -> None:
+        """Keep the first error."""
+        if self.answer["end"] != "passed" or report.outcome != "failed":
+            return
+        error = call.excinfo.value
+        said = (str(error).strip() or type(error).__name__).splitlines()[0]
+        self.answer |= {"end": end_of(error), "test": node.nodeid, "said": said[:200]}
+
+
+def _in_child(tests: Sequence[str], pipe: int) -> None:
+    """Run the tests and write the answer; does not return."""
+    try:
+        os.setsid()
+        silent = os.open(os.devnull, os.O_RDWR)
+        for number in (0, 1, 2):
+            os.dup2(silent, number)
+        import pytest
+
+        watch = _Watch(tests)
+        code = pytest.main([*_OPTIONS, *tests], plugins=[watch])
+        answer = watch.answer
+        if answer["end"] == "passed" and code != pytest.ExitCode.OK:
+            answer |= {"end": "broken", "said": f"pytest ended with {int(code)}"}
+        os.write(pipe, json.dumps(answer).encode())
+    finally:
+        os._exit(0)
+
+
+def end_session(leader: int) -> None:
+    """Kill every process of a session: a simulator may have a process group of its own.
+
+    Parameters
+    ----------
+    leader : int
+        Process id of the session's first process.
+    """
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError, ValueError):
+            number = int(folder.name)
+            if os.getsid(number) == leader:
+                os.kill(number, signal.SIGKILL)
+
+
+def _run(tests: Sequence[str], limit: float) -> dict[str, Any]:
+    """The answer of a child, or what its silence means."""
+    began = time.monotonic()
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read)
+        _in_child(tests, write)
+    os.close(write)
+    ready, _, _ = select.select([read], [], [], limit)
+    text = os.read(read, 1 << 16) if ready else b""
+    end_session(child)
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    os.close(read)
+    seconds = time.monotonic() - began
+    if text:
+        return json.loads(text) | {"seconds": seconds}
+    end = "broken" if ready else "timeout"
+    return {"end": end, "test": "", "said": "", "passed": 0, "seconds": seconds}
+
+
+def serve() -> None:
+    """Answer requests until stdin ends."""
+    import pytest
+
+    warmed: set[str] = set()
+    silent = os.open(os.devnull, os.O_RDWR)
+    answers = os.dup(1)
+    # whatever a test module prints while it is imported is no answer
+    os.dup2(silent, 1)
+    for line in sys.stdin:
+        asked = json.loads(line)
+        if new := [test for test in asked["tests"] if test not in warmed]:
+            pytest.main([*_OPTIONS, "--collect-only", *new])
+            warmed |= set(new)
+        answer = _run(asked["tests"], asked["limit"])
+        os.write(answers, (json.dumps(answer) + "\n").encode())
+
+
+if __name__ == "__main__":
+    serve()

@@ -1,0 +1,908 @@
+"""How many small changes of the VHDL the tests notice: `make mutate`.
+
+`tb/mutation.toml` lists the units of the design: entities and packages. For each of them mutants of
+its file are drawn (`scripts.hdl.mutants`), and each is run against the unit's own benches, then, if
+these notice nothing, against what stands above it. What comes of a mutant:
+
+* **killed**: a check failed;
+* **timeout**: a bench did not end, which counts as killed;
+* **uncompiled**: it is no VHDL, or does not fit what uses it, and does not count;
+* **equivalent**: it is proven to do the same in every clock, and does not count;
+* **survived**: no check failed.
+
+The benches run in a copy of the project, so that nothing of the project changes. Results are kept
+in a JSON file for each unit, written after every mutant. A run that was stopped goes on there. A
+change of the unit's VHDL or of its benches makes its results void, and no other's.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from scripts.hdl import equivalence, ghdl, sources
+from scripts.hdl.mutants import Mutant, code, mutants, shuffled
+from scripts.shared import progress, tables, tools
+from scripts.shared.tools import ROOT, Generics, ToolError
+
+LIST = ROOT / "tb" / "mutation.toml"
+ARGUED = ROOT / "tb" / "mutation_equivalent.toml"
+RESULTS = ROOT / "reports" / "mutation"
+PAGE = ROOT / "docs" / "mutation.md"
+MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
+SAMPLE = 50
+SEED = 1
+#: A bench may take this many times as long as without a change, and the seconds besides.
+PATIENCE, GRACE = 6, 10
+#: Longest time a bench is waited for without a change.
+LONGEST = 600
+_KEYS = ("tests", "above", "top", "configurations")
+#: What the copy of the project is without.
+_ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
+
+
+class MutationError(ToolError):
+    """The list cannot be used, or benches fail without a change."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit of the design.
+
+    Attributes
+    ----------
+    name
+        Entity or package.
+    file
+        Its VHDL, below the project's root.
+    tests
+        Its own benches, as pytest selects them.
+    above
+        Benches and proofs of what stands above it.
+    top
+        Entity whose netlists are compared; empty for none.
+    configurations
+        Generics with which they are.
+    """
+
+    name: str
+    file: Path
+    tests: tuple[str, ...]
+    above: tuple[str, ...]
+    top: str
+    configurations: tuple[Generics, ...]
+
+
+# --- the list -------------------------------------------------------------------------------------
+
+
+def _units_of(rtl: Path) -> dict[str, tuple[Path, bool]]:
+    """File of each unit that is not generated, and whether it is an entity."""
+    found = {}
+    for one in sources.scan(sources.rtl_files(rtl)):
+        if "generated" not in one.path.parts:
+            for name in one.primaries:
+                found[name] = (one.path, name in one.entities)
+    return found
+
+
+def _folder_of(name: str, root: Path) -> str | None:
+    """Folder of the tests that are named like a unit."""
+    found = [path for path in sorted((root / "tb" / "rtl").glob(f"*/{name}")) if path.is_dir()]
+    return str(found[0].relative_to(root)) if found else None
+
+
+def _texts(where: str, key: str, given: Any) -> tuple[str, ...]:
+    if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
+        raise MutationError(f"{where}.{key}: a list of texts is needed")
+    return tuple(given)
+
+
+def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
+    """The units that are looked at.
+
+    Parameters
+    ----------
+    path : Path
+        The list.
+    root : Path
+        The project: the design and the tests lie below it.
+
+    Returns
+    -------
+    list[Unit]
+        In the order of the list.
+
+    Raises
+    ------
+    MutationError
+        If a key is unknown, a unit or a test does not exist, or a unit has no test.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise MutationError(f"{path.name}: {error}") from None
+    known = _units_of(root / "rtl")
+    found = []
+    for name, table in given.items():
+        where = f"{path.name}: {name}"
+        if name not in known:
+            raise MutationError(f"{where}: no unit of the design, or one that is generated")
+        for key in table:
+            if key not in _KEYS:
+                raise MutationError(f"{where}: unknown key '{key}'; there are: {', '.join(_KEYS)}")
+        file, entity = known[name]
+        own = _folder_of(name, root)
+        tests = _texts(where, "tests", table.get("tests", [own] if own else []))
+        above = _texts(where, "above", table.get("above", []))
+        if not tests:
+            raise MutationError(f"{where}: there is no folder of tests of that name; name 'tests'")
+        for test in (*tests, *above):
+            if not (root / test.partition("::")[0]).exists():
+                raise MutationError(f"{where}: there is no test '{test}'")
+        found.append(
+            Unit(
+                name,
+                file.relative_to(root),
+                tests,
+                above,
+                table.get("top", name if entity else ""),
+                tuple(table.get("configurations", [{}])),
+            )
+        )
+    return found
+
+
+def named(names: Iterable[str], units: Sequence[Unit]) -> list[Unit]:
+    """Some units of the list.
+
+    Parameters
+    ----------
+    names : Iterable[str]
+        Which; none for all.
+    units : Sequence[Unit]
+        All that there are.
+
+    Returns
+    -------
+    list[Unit]
+        In the order of the list.
+
+    Raises
+    ------
+    MutationError
+        If a name is not in the list.
+    """
+    wanted = set(names)
+    known = [unit.name for unit in units]
+    if unknown := wanted - set(known):
+        raise MutationError(
+            f"'{min(unknown)}' is not in {LIST.name}; there are: {', '.join(sorted(known))}"
+        )
+    return [unit for unit in units if not wanted or unit.name in wanted]
+
+
+@dataclass(frozen=True)
+class Argument:
+    """Why a mutant that survives does the same.
+
+    Attributes
+    ----------
+    unit
+        Entity or package.
+    name
+        The mutant's, as of `Mutant`.
+    why
+        One or two sentences.
+    """
+
+    unit: str
+    name: tuple[str, str, int]
+    why: str
+
+
+def arguments(path: Path = ARGUED) -> list[Argument]:
+    """Mutants that are argued to do the same.
+
+    Parameters
+    ----------
+    path : Path
+        The file: tables of a unit with ``before``, ``after``, ``why`` and perhaps ``place``.
+
+    Returns
+    -------
+    list[Argument]
+        In the order of the file.
+
+    Raises
+    ------
+    MutationError
+        If a key is missing or unknown.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise MutationError(f"{path.name}: {error}") from None
+    found = []
+    for unit, entries in given.items():
+        for entry in entries:
+            where = f"{path.name}: {unit}"
+            for key in ("before", "after", "why"):
+                if not isinstance(entry.get(key), str):
+                    raise MutationError(f"{where}: '{key}' is missing, or no text")
+            if more := set(entry) - {"before", "after", "why", "place"}:
+                raise MutationError(f"{where}: unknown key '{min(more)}'")
+            name = (entry["before"], entry["after"], entry.get("place", 1))
+            found.append(Argument(unit, name, entry["why"]))
+    return found
+
+
+# --- what is kept ---------------------------------------------------------------------------------
+
+
+def key_of(unit: Unit, root: Path = ROOT) -> str:
+    """Sixteen digits that change with a unit's VHDL and benches; comments do not count.
+
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    root : Path
+        The project.
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    parts: list[str | bytes] = [code((root / unit.file).read_text(encoding="utf-8")), str(SEED)]
+    for test in (*unit.tests, *unit.above):
+        place = root / test.partition("::")[0]
+        folder = place if place.is_dir() else place.parent
+        parts.append(test)
+        for path in sorted(folder.iterdir()):
+            if path.is_file():
+                parts += [path.name, path.read_bytes()]
+    return tools.digest(*parts)[:16]
+
+
+def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
+    """Results of a unit.
+
+    Parameters
+    ----------
+    unit : str
+        Its name.
+    folder : Path
+        Where results lie.
+
+    Returns
+    -------
+    dict[str, Any]
+        ``key``, and ``mutants`` with ``line``, ``kind``, ``before``, ``after``, ``place``,
+        ``outcome`` and ``by``, the test that failed; empty if there are none.
+
+    Raises
+    ------
+    MutationError
+        If the file is no JSON.
+    """
+    path = folder / f"{unit}.json"
+    if not path.exists():
+        return {}
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise MutationError(f"{path.name}: {error}; remove it to begin anew") from None
+
+
+def _written(unit: Unit, key: str, rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
+    """Write the results of a unit, a mutant a line."""
+    ordered = sorted(rows, key=lambda row: (row["line"], row["before"], row["after"], row["place"]))
+    lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in ordered)
+    head = f'"unit": "{unit.name}",\n "file": "{unit.file.as_posix()}",\n "key": "{key}"'
+    tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
+
+
+# --- benches --------------------------------------------------------------------------------------
+
+
+class Workshop:
+    """A copy of the project with a process that runs tests in it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the copy is made.
+    root : Path
+        The project.
+
+    Attributes
+    ----------
+    root : Path
+        The copy.
+    """
+
+    def __init__(self, folder: Path, root: Path = ROOT) -> None:
+        self.root = folder / "project"
+        self._scratch = folder / "scratch"
+        self._scratch.mkdir()
+        ignore = shutil.ignore_patterns(*_ELSEWHERE)
+        shutil.copytree(root, self.root, symlinks=True, ignore=ignore)
+        path = os.pathsep.join([str(self.root / "model"), str(self.root)])
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "scripts.measure.bench_server"],
+            cwd=self.root,
+            env=os.environ | {"PYTHONPATH": path, "TMPDIR": str(self._scratch)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            # an interruption is for the one who started it, who then closes its input
+            start_new_session=True,
+        )
+
+    def run(self, tests: Sequence[str], limit: float) -> dict[str, Any]:
+        """Run tests of the copy.
+
+        Parameters
+        ----------
+        tests : Sequence[str]
+            As pytest selects them.
+        limit : float
+            Seconds until they are ended.
+
+        Returns
+        -------
+        dict[str, Any]
+            As `scripts.measure.bench_server` answers, with ``seconds``.
+
+        Raises
+        ------
+        MutationError
+            If the process has ended.
+        """
+        stdin: IO[str] = self._process.stdin
+        stdout: IO[str] = self._process.stdout
+        try:
+            stdin.write(json.dumps({"tests": list(tests), "limit": limit}) + "\n")
+            stdin.flush()
+            line = stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        for left in self._scratch.iterdir():
+            shutil.rmtree(left, ignore_errors=True)
+        if not line:
+            raise MutationError("the process that runs the tests has ended")
+        return json.loads(line)
+
+    def close(self) -> None:
+        """End the process, and what it has begun."""
+        self._process.terminate()
+        self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                stream.close()
+
+
+@contextmanager
+def workshop(root: Path = ROOT) -> Iterator[Workshop]:
+    """A workshop that goes with the block.
+
+    Parameters
+    ----------
+    root : Path
+        The project.
+
+    Yields
+    ------
+    Workshop
+        The workshop.
+
+    Raises
+    ------
+    OSError
+        If the project cannot be copied.
+    """
+    with tempfile.TemporaryDirectory(prefix="directmpc-mutants-") as name:
+        made = Workshop(Path(name), root)
+        try:
+            yield made
+        finally:
+            made.close()
+
+
+class _Compiler:
+    """Analyses versions of one file behind all that it needs."""
+
+    def __init__(self, file: Path, unit: str, rtl: Path, folder: Path) -> None:
+        self._options = [ghdl.STANDARD, f"--work={sources.LIBRARY}", f"--workdir={folder}"]
+        self._file = file
+        needed = sources.compile_order(unit, sources.rtl_files(rtl))
+        for path in needed[: needed.index(file)]:
+            self._analyse(path)
+
+    def _analyse(self, path: Path) -> None:
+        tools.run([*tools.tool("ghdl"), "-a", *self._options, str(path)])
+
+    def compiles(self) -> bool:
+        """Whether the file, as it is now, does."""
+        try:
+            self._analyse(self._file)
+        except ToolError:
+            return False
+        return True
+
+
+# --- judging --------------------------------------------------------------------------------------
+
+
+class _Judge:
+    """Decides what becomes of the mutants of one unit."""
+
+    def __init__(self, unit: Unit, place: Workshop, folder: Path) -> None:
+        self.unit, self.place, self.folder = unit, place, folder
+        self.file = place.root / unit.file
+        self.source = self.file.read_text(encoding="utf-8")
+        self.limits: dict[tuple[str, ...], float] = {}
+        (folder / "library").mkdir()
+        rtl = place.root / "rtl"
+        self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
+        self.gold = folder / "gold"
+        shutil.copytree(rtl, self.gold)
+
+    def _begin(self, tests: tuple[str, ...]) -> float:
+        """Time limit of tests, after they have passed without a change."""
+        if tests not in self.limits:
+            tools.write(self.file, self.source)
+            found = self.place.run(tests, LONGEST)
+            if found["end"] != "passed" or not found["passed"]:
+                said = found["said"] or f"{found['passed']} tests passed"
+                raise MutationError(
+                    f"{self.unit.name}: its benches do not pass without a change: "
+                    f"{found['test'] or ' '.join(tests)}: {found['end']}, {said}"
+                )
+            self.limits[tests] = GRACE + PATIENCE * found["seconds"]
+        return self.limits[tests]
+
+    def judge(self, mutant: Mutant) -> tuple[str, str]:
+        """Outcome, and the test that failed."""
+        changed = mutant.applied(self.source)
+        try:
+            tools.write(self.file, changed)
+            if not self.compiler.compiles():
+                return "uncompiled", ""
+            for tests in filter(None, (self.unit.tests, self.unit.above)):
+                limit = self._begin(tests)
+                tools.write(self.file, changed)
+                found = self.place.run(tests, limit)
+                if found["end"] == "broken":
+                    raise MutationError(f"{found['test'] or ' '.join(tests)}: {found['said']}")
+                if found["end"] == "timeout":
+                    return "timeout", found["test"] or tests[0]
+                if found["end"] != "passed":
+                    end = "killed" if found["end"] == "failed" else "uncompiled"
+                    return end, found["test"]
+            return ("equivalent" if self._equal() else "survived"), ""
+        finally:
+            tools.write(self.file, self.source)
+
+    def _equal(self) -> bool:
+        """Whether the changed unit is shown to be the same in every configuration."""
+        if not self.unit.top:
+            return False
+        designs = [
+            sources.compile_order(self.unit.top, sources.rtl_files(rtl))
+            for rtl in (self.gold, self.place.root / "rtl")
+        ]
+        for generics in self.unit.configurations:
+            with tempfile.TemporaryDirectory(dir=self.folder) as name:
+                try:
+                    same = equivalence.equal(self.unit.top, generics, *designs, Path(name))
+                except ToolError:  # it has no netlist of its own
+                    return False
+            if not same:
+                return False
+        return True
+
+
+def _row(mutant: Mutant, outcome: str, by: str) -> dict[str, Any]:
+    row = {
+        "line": mutant.line,
+        "kind": mutant.kind,
+        "before": mutant.before,
+        "after": mutant.after,
+        "place": mutant.place,
+        "outcome": outcome,
+    }
+    return row | ({"by": by} if by else {})
+
+
+def _name(row: Mapping[str, Any]) -> tuple[str, str, int]:
+    return row["before"], row["after"], row["place"]
+
+
+def mutate(
+    unit: Unit,
+    place: Workshop,
+    sample: int = SAMPLE,
+    results: Path = RESULTS,
+    root: Path = ROOT,
+    advance: Callable[[], None] = lambda: None,
+    stopped: Callable[[], bool] = lambda: False,
+    *,
+    anew: bool = False,
+) -> dict[str, Any]:
+    """Run the mutants of a unit that have no result yet.
+
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    place : Workshop
+        Where they run.
+    sample : int
+        How many that compile; fewer if there are fewer.
+    results : Path
+        Folder of the results.
+    root : Path
+        The project.
+    advance : callable
+        Called `sample` times.
+    stopped : callable
+        Asked before each mutant whether to stop.
+    anew : bool
+        Whether results that there are do not count.
+
+    Returns
+    -------
+    dict[str, Any]
+        As of `kept`.
+
+    Raises
+    ------
+    MutationError
+        If benches fail without a change, or something else fails than a check.
+    ToolError
+        If a tool is missing or fails.
+    """
+    source = (root / unit.file).read_text(encoding="utf-8")
+    key = key_of(unit, root)
+    before = {} if anew else kept(unit.name, results)
+    rows: dict[tuple[str, str, int], dict[str, Any]] = {}
+    if before.get("key") == key:
+        rows = {_name(row): row for row in before["mutants"]}
+    everything = mutants(source)
+    by_name = {one.name: one for one in everything}
+    # comments do not count for the key, but they move lines
+    rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
+    counted, left = 0, sample
+    with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:
+        judge: _Judge | None = None
+        for one in shuffled(everything, SEED):
+            if counted >= sample or stopped():
+                break
+            if one.name not in rows:
+                judge = judge or _Judge(unit, place, Path(name))
+                rows[one.name] = _row(one, *judge.judge(one))
+                _written(unit, key, list(rows.values()), results)
+            if rows[one.name]["outcome"] != "uncompiled":
+                counted += 1
+                left -= 1
+                advance()
+    for _ in range(left):
+        advance()
+    _written(unit, key, list(rows.values()), results)
+    return kept(unit.name, results)
+
+
+def mutate_all(
+    units: Sequence[Unit],
+    sample: int = SAMPLE,
+    jobs: int = 1,
+    results: Path = RESULTS,
+    *,
+    anew: bool = False,
+) -> None:
+    """Run the mutants of several units, some units at a time.
+
+    Parameters
+    ----------
+    units : Sequence[Unit]
+        Which.
+    sample : int
+        Mutants of each that compile.
+    jobs : int
+        Units at a time.
+    results : Path
+        Folder of the results.
+    anew : bool
+        Whether results that there are do not count.
+
+    Raises
+    ------
+    MutationError
+        If benches fail without a change, or something else fails than a check.
+    ToolError
+        If a tool is missing or fails.
+    """
+    waiting: queue.SimpleQueue[Unit] = queue.SimpleQueue()
+    for unit in units:
+        waiting.put(unit)
+    stopped: list[bool] = []
+
+    def _work(advance: Callable[[], None]) -> None:
+        with workshop() as place:
+            while not stopped:
+                try:
+                    unit = waiting.get_nowait()
+                except queue.Empty:
+                    return
+                mutate(
+                    unit, place, sample, results, ROOT, advance, lambda: bool(stopped), anew=anew
+                )
+
+    with (
+        progress.counter("mutants", sample * len(units)) as advance,
+        concurrent.futures.ThreadPoolExecutor(jobs) as pool,
+    ):
+        running = [pool.submit(_work, advance) for _ in range(min(jobs, len(units)))]
+        try:
+            for future in concurrent.futures.as_completed(running):
+                future.result()
+        finally:
+            stopped.append(True)
+
+
+# --- what is shown --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Score:
+    """What came of the mutants of a unit.
+
+    Attributes
+    ----------
+    unit
+        Its name.
+    outcomes
+        How many by outcome; "argued" are those that survived and are argued to do the same.
+    survivors, argued
+        Their rows.
+    """
+
+    unit: str
+    outcomes: Mapping[str, int]
+    survivors: tuple[Mapping[str, Any], ...]
+    argued: tuple[Mapping[str, Any], ...]
+
+    @property
+    def mutants(self) -> int:
+        """Mutants that compile.
+
+        Returns
+        -------
+        int
+            Their number.
+        """
+        return sum(count for name, count in self.outcomes.items() if name != "uncompiled")
+
+    @property
+    def killed(self) -> int:
+        """Mutants that a check or a time-out has found.
+
+        Returns
+        -------
+        int
+            Their number.
+        """
+        return self.outcomes.get("killed", 0) + self.outcomes.get("timeout", 0)
+
+    @property
+    def equivalent(self) -> int:
+        """Mutants that do the same, proven or argued.
+
+        Returns
+        -------
+        int
+            Their number.
+        """
+        return self.outcomes.get("equivalent", 0) + len(self.argued)
+
+
+def score(unit: str, found: Mapping[str, Any], argued: Sequence[Argument]) -> Score:
+    """Count the results of a unit.
+
+    Parameters
+    ----------
+    unit : str
+        Its name.
+    found : Mapping[str, Any]
+        As of `kept`.
+    argued : Sequence[Argument]
+        Of all units.
+
+    Returns
+    -------
+    Score
+        The counts.
+    """
+    names = {one.name for one in argued if one.unit == unit}
+    survived = [row for row in found["mutants"] if row["outcome"] == "survived"]
+    counts = Counter(row["outcome"] for row in found["mutants"])
+    counts["survived"] = sum(_name(row) not in names for row in survived)
+    counts["argued"] = len(survived) - counts["survived"]
+    return Score(
+        unit,
+        dict(counts),
+        tuple(row for row in survived if _name(row) not in names),
+        tuple(row for row in survived if _name(row) in names),
+    )
+
+
+def share(killed: int, counted: int) -> str:
+    """A score in percent.
+
+    Parameters
+    ----------
+    killed, counted : int
+        Mutants that were found, of so many that can be.
+
+    Returns
+    -------
+    str
+        Without decimals, rounded down; "-" if none can be.
+    """
+    return f"{100 * killed // counted} %" if counted else "-"
+
+
+def _figures(one: Score) -> list[int]:
+    outcomes = one.outcomes
+    return [
+        one.mutants,
+        one.killed,
+        outcomes.get("timeout", 0),
+        outcomes.get("equivalent", 0),
+        len(one.argued),
+        len(one.survivors),
+    ]
+
+
+def _cell(text: str) -> str:
+    """A piece of VHDL for a table; long ones are cut."""
+    short = text if len(text) <= 90 else f"{text[:87]}..."
+    return f"`{short}`" if text else "nothing"
+
+
+def markdown(
+    units: Sequence[Unit],
+    results: Mapping[str, Mapping[str, Any]],
+    argued: Sequence[Argument],
+) -> str:
+    """The tables of the page.
+
+    Parameters
+    ----------
+    units : Sequence[Unit]
+        All of the list.
+    results : Mapping[str, Mapping[str, Any]]
+        Unit -> as of `kept`; units without results are "not run".
+    argued : Sequence[Argument]
+        Mutants that are argued to do the same.
+
+    Returns
+    -------
+    str
+        Scores, survivors, and mutants that are argued to do the same.
+    """
+    scores = {
+        unit.name: score(unit.name, results[unit.name], argued)
+        for unit in units
+        if unit.name in results
+    }
+    rows: list[Sequence[object]] = []
+    total = [0] * 6
+    for unit in units:
+        label = f"`{unit.name}`"
+        if unit.name not in scores:
+            rows.append((label, "not run", *[""] * 6))
+            continue
+        one = scores[unit.name]
+        figures = _figures(one)
+        total = [a + b for a, b in zip(total, figures, strict=True)]
+        rows.append((label, *figures, share(one.killed, one.mutants - one.equivalent)))
+    whole = share(total[1], total[0] - total[3] - total[4])
+    rows.append((f"all {len(scores)} that were run", *total, whole))
+    head = (
+        "unit", "mutants", "killed", "of these by time-out", "equivalent, proven",
+        "equivalent, argued", "survived", "score",
+    )  # fmt: skip
+    lines = [tables.markdown(head, rows, "lr"), "", "### Survivors", ""]
+    files = {unit.name: unit.file.name for unit in units}
+    left = [
+        (f"`{files[name]}:{row['line']}`", _cell(row["before"]), _cell(row["after"]))
+        for name, one in scores.items()
+        for row in one.survivors
+    ]
+    lines.append(tables.markdown(("place", "line", "becomes"), left, "l") if left else "None.")
+    whys = {(one.unit, one.name): one.why for one in argued}
+    same = [
+        (
+            f"`{files[name]}:{row['line']}`",
+            _cell(row["before"]),
+            _cell(row["after"]),
+            whys[name, _name(row)],
+        )
+        for name, one in scores.items()
+        for row in one.argued
+    ]
+    head = ("place", "line", "becomes", "why nothing changes")
+    lines += ["", "### Argued to do the same", ""]
+    lines.append(tables.markdown(head, same, "l") if same else "None.")
+    return "\n".join(lines)
+
+
+def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) -> list[str]:
+    """Units whose VHDL or benches have changed since they were run.
+
+    Parameters
+    ----------
+    units : Sequence[Unit]
+        Which to look at.
+    results : Path
+        Folder of the results.
+    root : Path
+        The project.
+
+    Returns
+    -------
+    list[str]
+        Their names.
+    """
+    return [
+        unit.name
+        for unit in units
+        if (found := kept(unit.name, results)) and found["key"] != key_of(unit, root)
+    ]
+
+
+def publish(page: Path = PAGE, results: Path = RESULTS) -> None:
+    """Write the tables into their page.
+
+    Parameters
+    ----------
+    page : Path
+        The page; its markers stay.
+    results : Path
+        Folder of the results.
+
+    Raises
+    ------
+    MarkerError
+        If the page has no place for them.
+    """
+    units = listed()
+    found = {unit.name: data for unit in units if (data := kept(unit.name, results))}
+    tables.rewrite(page, {MARKS: markdown(units, found, arguments())})

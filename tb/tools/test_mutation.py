@@ -1,0 +1,550 @@
+"""The mutation score: mutants, the benches that run them, results that are kept, and the page.
+
+Stimulus: small VHDL with every kind of place that may change, and with all that may not; a project
+of one entity with a bench that looks at everything, or at little; runs that are interrupted,
+sources and benches that change; lists with mistakes.
+Checks: every kind of mutant; the same ones each time; comments, texts, assertions and generics as
+they were; a weak bench leaves survivors, a good one none; what is killed by time, and what does not
+compile; a proof of equality, and none where there is a difference; a run goes on where it stopped;
+results that are void are run again, and no other's; the page has what is kept.
+Faults: the weak bench is the good one without a part.
+Does not prove: that the kinds of mutants are those of real mistakes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from scripts.__main__ import main
+from scripts.hdl import equivalence
+from scripts.hdl.mutants import KINDS, Mutant, code, mutants, shuffled
+from scripts.measure import bench_server, mutation
+from scripts.measure.mutation import Unit
+from scripts.shared import tables, tools
+from scripts.shared.tools import ROOT
+
+SOURCE = """-- a <= b and '1' when 1 else 0;
+library ieee;
+  use ieee.std_logic_1164.all;
+
+entity small is
+  generic (
+    WIDTH : positive range 1 to 4 := 2 -- 3 and 4
+  );
+  port (
+    clk : in std_logic; -- rst = '1'
+    go  : in std_logic;
+    q   : out std_logic_vector(WIDTH - 1 downto 0) := "01"
+  );
+begin
+  assert WIDTH < 4 report "1 and 2" severity failure;
+end entity small;
+
+architecture rtl of small is
+
+  type pair_t is record
+    a : natural range 0 to 3;
+    b : std_logic;
+  end record pair_t;
+
+  constant TABLE : bits_t := (0 => '1', 1 => '0', 2 => "0110", 3 => x"A5");
+  constant LAST  : natural := 7;
+  signal   r     : pair_t;
+
+begin
+
+  assert LAST = 7 report "and 'or' not" severity failure;
+
+  q <= "10" when r.b = '1' and go = '1' else
+       std_logic_vector(to_unsigned(r.a - 1, 2));
+
+  p_count : process (clk) is
+  begin
+    if rising_edge(clk) then
+      if (go = '1' and not r.b'stable) then -- go or r.b
+        r.a <= r.a + 1; report "1 < 2";
+      end if;
+      if (rst = '1') then
+        r.a <= 0;
+      end if;
+    end if;
+  end process p_count;
+
+  i_one : entity work.one
+    generic map (
+      WIDTH => 3
+    )
+    port map (
+      clk => clk,
+      go  => go,
+      q   => q
+    );
+
+end architecture rtl;
+"""
+
+
+def changes(kind: str) -> list[tuple[str, str]]:
+    """Lines before and after the mutants of a kind."""
+    return [(one.before, one.after) for one in mutants(SOURCE) if one.kind == kind]
+
+
+# --- the mutants ----------------------------------------------------------------------------------
+
+
+GATE = "if (go = '1' and not r.b'stable) then"
+OUTPUT = "q <= \"10\" when r.b = '1' and go = '1' else"
+ENTRIES = "constant TABLE : bits_t := (0 => {}, 1 => '0', 2 => {}, 3 => {});"
+WHOLE = ENTRIES.format("'1'", '"0110"', 'x"A5"')
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "after"),
+    [
+        ("operator", GATE, "if (go /= '1' and not r.b'stable) then"),
+        ("operator", GATE, "if (go = '1' or not r.b'stable) then"),
+        ("operator", GATE, "if (go = '1' and r.b'stable) then"),
+        ("operator", GATE, "if (not r.b'stable) then"),
+        ("operator", GATE, "if (go = '1') then"),
+        ("operator", "std_logic_vector(to_unsigned(r.a - 1, 2));",
+         "std_logic_vector(to_unsigned(r.a + 1, 2));"),
+        ("constant", OUTPUT, "q <= \"11\" when r.b = '1' and go = '1' else"),
+        ("constant", "constant LAST : natural := 7;", "constant LAST : natural := 8;"),
+        ("constant", "constant LAST : natural := 7;", "constant LAST : natural := 6;"),
+        ("constant", "WIDTH => 3", "WIDTH => 4"),
+        ("condition", GATE, "if (true) then"),
+        ("condition", GATE, "if (false) then"),
+        ("condition", OUTPUT, "q <= \"10\" when (true) else"),
+        ("condition", "if (rst = '1') then", "if (false) then"),
+        ("reset", "r.a <= 0;", "null;"),
+        ("dropped", 'r.a <= r.a + 1; report "1 < 2";', 'null; report "1 < 2";'),
+        ("table", WHOLE, ENTRIES.format("'0'", '"0110"', 'x"A5"')),
+        ("table", WHOLE, ENTRIES.format("'1'", '"0111"', 'x"A5"')),
+        ("table", WHOLE, ENTRIES.format("'1'", '"0110"', 'x"A4"')),
+        ("wiring", "go => go,", "go => q,"),
+    ],
+)  # fmt: skip
+def test_every_kind_of_place_changes(kind: str, before: str, after: str) -> None:
+    blank = re.compile(r"\s+")
+    found = [(blank.sub("", a), blank.sub("", b)) for a, b in changes(kind)]
+    assert (blank.sub("", before), blank.sub("", after)) in found
+
+
+def test_nothing_else_changes() -> None:
+    kept = [
+        *re.findall(r"--[^\n]*", SOURCE),
+        *re.findall(r"assert[^;]*;|report[^;]*;", SOURCE),
+        SOURCE[SOURCE.index("entity small is") : SOURCE.index("end entity small;")],
+        SOURCE[SOURCE.index("type pair_t") : SOURCE.index("end record pair_t;")],
+        "if rising_edge(clk) then",
+        "clk => clk,",
+    ]
+    found = mutants(SOURCE)
+    assert {one.kind for one in found} == set(KINDS)
+    for one in found:
+        changed = one.applied(SOURCE)
+        assert changed != SOURCE
+        assert all(text in changed for text in kept), one
+    assert len({one.applied(SOURCE) for one in found}) == len({one.name for one in found})
+    assert len(found) == len({one.name for one in found})
+
+
+def test_mutants_are_the_same_each_time() -> None:
+    found = mutants(SOURCE)
+    assert found == mutants(SOURCE)
+    first = shuffled(found, 1)
+    assert first == shuffled(found, 1) != shuffled(found, 2)
+    assert sorted(first, key=lambda m: m.name) == sorted(found, key=lambda m: m.name)
+    # the kinds come in turn
+    assert {one.kind for one in first[: len(KINDS)]} == set(KINDS)
+
+
+def test_comments_move_a_mutant_and_do_not_rename_it() -> None:
+    moved = SOURCE.replace("begin\n\n  assert LAST", "begin\n  -- one\n  -- two\n\n  assert LAST")
+    assert code(moved) == code(SOURCE)
+    pairs = list(zip(mutants(SOURCE), mutants(moved), strict=True))
+    assert all(a.name == b.name for a, b in pairs)
+    assert {b.line - a.line for a, b in pairs} == {0, 2}
+
+
+def test_every_file_of_the_design_has_mutants() -> None:
+    for unit in mutation.listed():
+        source = (ROOT / unit.file).read_text(encoding="utf-8")
+        found = mutants(source)
+        assert found, unit.file
+        for one in shuffled(found, 1)[:2]:
+            assert code(one.applied(source)) != code(source), unit.file
+
+
+# --- the list -------------------------------------------------------------------------------------
+
+
+def test_every_unit_of_the_design_is_listed() -> None:
+    listed = {unit.name: unit for unit in mutation.listed()}
+    files = {path.relative_to(ROOT) for path in (ROOT / "rtl").rglob("*.vhd")}
+    generated = {path for path in files if "generated" in path.parts}
+    assert {unit.file for unit in listed.values()} == files - generated
+    assert listed["binary_search"].tests == ("tb/rtl/mpdcc/binary_search",)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[nothing]", "mutation.toml: nothing: no unit of the design"),
+        ("[ram]\nbench = []", "ram: unknown key 'bench'; there are: tests, above"),
+        ("[countdown]", "countdown: there is no folder of tests of that name; name 'tests'"),
+        ('[ram]\ntests = ["tb/none.py::test_a"]', "ram: there is no test 'tb/none.py::test_a'"),
+        ('[ram]\nabove = "tb"', r"ram\.above: a list of texts is needed"),
+        ("[ram", "mutation.toml: "),
+    ],
+)
+def test_a_mistake_in_the_list_is_named(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "mutation.toml"
+    path.write_text(text)
+    with pytest.raises(mutation.MutationError, match=said):
+        mutation.listed(path)
+
+
+def test_arguments_are_about_mutants_that_there_are() -> None:
+    files = {unit.name: unit.file for unit in mutation.listed()}
+    for one in mutation.arguments():
+        names = {m.name for m in mutants((ROOT / files[one.unit]).read_text(encoding="utf-8"))}
+        assert one.name in names, f"{mutation.ARGUED.name}: {one.unit} has no mutant {one.name}"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[[ram]]\nbefore = "a"\nwhy = "b"', "ram: 'after' is missing"),
+        ('[[ram]]\nbefore = "a"\nafter = "b"\nwhy = "c"\nline = 3', "ram: unknown key 'line'"),
+    ],
+)
+def test_a_mistake_in_an_argument_is_named(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "argued.toml"
+    path.write_text(text)
+    with pytest.raises(mutation.MutationError, match=said):
+        mutation.arguments(path)
+
+
+def test_the_command_names_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mutate", "nothing"]) != 0
+    assert "mutate: 'nothing' is not in mutation.toml; there are: " in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["mutate", "--sample", "0"])
+    assert "argument --sample: got 0; at least 1 is needed" in capsys.readouterr().err
+
+
+# --- results --------------------------------------------------------------------------------------
+
+COUNTER = """library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+entity counter is
+  port (
+    clk  : in    std_logic;
+    rst  : in    std_logic;
+    go   : in    std_logic;
+    hold : in    std_logic;
+    q    : out   std_logic_vector(1 downto 0)
+  );
+end entity counter;
+
+architecture rtl of counter is
+
+  signal n : unsigned(1 downto 0);
+
+begin
+
+  p_count : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (go = '1' and hold = '0') then
+        n <= n + 1;
+      end if;
+
+      if (rst = '1') then
+        n <= (others => '0');
+      end if;
+    end if;
+
+  end process p_count;
+
+  q <= std_logic_vector(n);
+
+end architecture rtl;
+"""
+BENCH = '''"""Cocotb side."""
+import random
+import cocotb
+from tb.helpers.stepping import compare
+
+class Counter:
+    n = 0
+    def outputs(self, given):
+        return {"q": self.n}
+    def edge(self, given):
+        self.n = 0 if given["rst"] else (self.n + (given["go"] and not given["hold"])) % 4
+
+@cocotb.test()
+async def random_counts(dut):
+    inputs = {"go": 0.5, "hold": HOLD}
+    board = await compare(dut, Counter(), inputs, rng=random.Random(1), clocks=200)
+    board.finish({"q": 100})
+'''
+TEST = '''"""Bench of a counter."""
+from pathlib import Path
+from tb.helpers.faults import altered
+from tb.helpers.simulation import run
+
+RTL = Path(__file__).resolve().parents[4] / "rtl"
+
+def test_it_counts():
+    run("counter", "tb.rtl.common.counter.bench_counter", units=["counter"], rtl=RTL)
+
+def test_a_fault_is_seen(tmp_path):
+    altered(tmp_path, "counter", "no such text", "")
+'''
+
+
+def project(folder: Path, hold: float = 0.5) -> Path:
+    """A project of one entity; its bench holds the counter with this probability."""
+    root = folder / "project"
+    place = root / "tb" / "rtl" / "common" / "counter"
+    place.mkdir(parents=True)
+    for name in ("scripts", "model", "drives", "pyproject.toml"):
+        (root / name).symlink_to(ROOT / name)
+    (root / "tb" / "helpers").symlink_to(ROOT / "tb" / "helpers")
+    (root / "rtl" / "common").mkdir(parents=True)
+    (root / "rtl" / "common" / "counter.vhd").write_text(COUNTER)
+    (place / "bench_counter.py").write_text(BENCH.replace("HOLD", str(hold)))
+    (place / "test_counter.py").write_text(TEST)
+    (root / "tb" / "mutation.toml").write_text("[counter]\n")
+    return root
+
+
+def unit_of(root: Path) -> Unit:
+    """The unit of such a project."""
+    return mutation.listed(root / "tb" / "mutation.toml", root)[0]
+
+
+def outcomes(root: Path, sample: int) -> dict[tuple[str, str], str]:
+    """What comes of its mutants, none proven to be equal."""
+    unit = unit_of(root)
+    unit = Unit(unit.name, unit.file, unit.tests, unit.above, "", unit.configurations)
+    with mutation.workshop(root) as place:
+        found = mutation.mutate(unit, place, sample, root / "results", root)
+    return {(row["before"], row["after"]): row["outcome"] for row in found["mutants"]}
+
+
+def test_a_weak_bench_leaves_survivors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changed = ("if (go = '1') then", "if (false) then")  # two of them, to be quick
+    monkeypatch.setattr(
+        mutation, "mutants", lambda text: [m for m in mutants(text) if m.after in changed]
+    )
+    found = outcomes(project(tmp_path, hold=0), 40)
+    line = "if (go = '1' and hold = '0') then"
+    assert (found[line, changed[0]], found[line, changed[1]]) == ("survived", "killed")
+
+
+def test_a_good_bench_leaves_none(tmp_path: Path) -> None:
+    found = outcomes(project(tmp_path), 40)
+    assert len(found) > 10
+    assert set(found.values()) <= {"killed", "uncompiled"}
+
+
+def test_benches_that_fail_without_a_change_are_an_error(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    path = root / "tb" / "rtl" / "common" / "counter" / "bench_counter.py"
+    path.write_text(BENCH.replace("HOLD", "0.5").replace("% 4", "% 3"))
+    with pytest.raises(mutation.MutationError, match="counter: its benches do not pass without"):
+        outcomes(root, 2)
+
+
+def test_what_a_failure_means() -> None:
+    ends = {
+        "uncompiled": bench_server.BuildError("x"),
+        "broken": FileNotFoundError("x"),
+        "failed": AssertionError("x"),
+    }
+    assert {end: bench_server.end_of(error) for end, error in ends.items()} == {
+        end: end for end in ends
+    }
+
+    def seeds(tmp_path: Path) -> None:
+        assert_seen(tmp_path)  # noqa: F821
+
+    assert bench_server.seeds_faults(seeds)
+    assert not bench_server.seeds_faults(test_what_a_failure_means)
+
+
+def test_a_bench_that_does_not_end_is_ended(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    path = root / "tb" / "rtl" / "common" / "counter" / "test_counter.py"
+    path.write_text(
+        "import subprocess\n\n\ndef test_it_ends():\n"
+        "    subprocess.run(['timeout', '60', 'sleep', '59'], check=True)\n"
+    )
+    with mutation.workshop(root) as place:
+        found = place.run([str(path.relative_to(root))], 1)
+        assert found["end"] == "timeout"
+        assert found["seconds"] < 30
+        assert place.run([str(path.relative_to(root))], 0.5)["end"] == "timeout"
+
+
+def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
+    rtl = tmp_path / "counter.vhd"
+    rtl.write_text(COUNTER)
+
+    def equal(old: str, new: str) -> bool:
+        assert old in COUNTER
+        other = tmp_path / "other" / "counter.vhd"
+        other.parent.mkdir(exist_ok=True)
+        other.write_text(COUNTER.replace(old, new))
+        return equivalence.equal("counter", {}, [rtl], [other], tmp_path)
+
+    assert equal("n + 1", "1 + n")
+    assert equal("n <= n + 1", "n <= n - 3")
+    assert equal("(go = '1' and hold = '0')", "((go and not hold) = '1')")
+    assert not equal("n + 1", "n + 2")
+    assert not equal(" and hold = '0'", "")
+    assert not equal("n <= (others => '0')", "n <= (others => '1')")
+
+
+# --- results that are kept ------------------------------------------------------------------------
+
+
+class StandIn:
+    """Judges by a rule, counts, and stops after so many."""
+
+    judged = 0
+    stop: int | None = None
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def judge(self, mutant: Mutant) -> tuple[str, str]:
+        """A part is killed, one in five does not compile."""
+        if StandIn.judged == StandIn.stop:
+            raise KeyboardInterrupt
+        StandIn.judged += 1
+        place = mutant.start % 5
+        return ("uncompiled", "killed", "killed", "survived", "timeout")[place], ""
+
+
+@pytest.fixture
+def judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Runs the project's entity with the stand-in; how many were judged."""
+    root = project(tmp_path)
+    monkeypatch.setattr(mutation, "_Judge", StandIn)
+
+    def _run(sample: int = 8, stop: int | None = None, *, anew: bool = False) -> int:
+        StandIn.judged, StandIn.stop = 0, stop
+        mutation.mutate(unit_of(root), None, sample, root / "results", root, anew=anew)
+        return StandIn.judged
+
+    return _run
+
+
+def rows(root: Path) -> list[dict[str, object]]:
+    """What is kept of the counter."""
+    return mutation.kept("counter", root / "results")["mutants"]
+
+
+def test_a_run_goes_on_where_it_stopped(judged: Callable[..., int], tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        judged(stop=5)
+    folder = tmp_path / "project" / "results"
+    assert [path.name for path in folder.iterdir()] == ["counter.json"]
+    before = rows(folder.parent)
+    assert len(before) == 5
+    more = judged()
+    whole = rows(folder.parent)
+    assert more == len(whole) - 5
+    assert all(row in whole for row in before)
+    assert sum(row["outcome"] != "uncompiled" for row in whole) == 8
+    assert judged() == 0
+    assert judged(sample=9) >= 1
+    assert judged(anew=True) == len(whole)
+
+
+def test_a_changed_source_or_bench_makes_results_void(
+    judged: Callable[..., int], tmp_path: Path
+) -> None:
+    first, root = judged(), tmp_path / "project"
+    source = root / "rtl" / "common" / "counter.vhd"
+    lines = [row["line"] for row in rows(root)]
+    source.write_text("-- a comment\n" + COUNTER)
+    assert mutation.outdated([unit_of(root)], root / "results", root) == []
+    assert judged() == 0
+    assert [row["line"] for row in rows(root)] == [line + 1 for line in lines]
+    source.write_text(COUNTER.replace("n + 1", "1 + n"))
+    assert mutation.outdated([unit_of(root)], root / "results", root) == ["counter"]
+    assert judged() >= 8
+    bench = root / "tb" / "rtl" / "common" / "counter" / "bench_counter.py"
+    bench.write_text(bench.read_text() + "# more\n")
+    assert judged() >= 8
+    source.write_text(COUNTER)
+    assert judged() == first
+
+
+def test_results_that_are_none_are_told(tmp_path: Path) -> None:
+    (tmp_path / "ram.json").write_text("{")
+    with pytest.raises(mutation.MutationError, match=r"ram\.json: .*; remove it to begin anew"):
+        mutation.kept("ram", tmp_path)
+    assert mutation.kept("countdown", tmp_path) == {}
+
+
+# --- the page -------------------------------------------------------------------------------------
+
+
+def kept_row(outcome: str, after: str) -> dict[str, object]:
+    """A result."""
+    return {
+        "line": 3, "kind": "operator", "before": "a | b", "after": after, "place": 1,
+        "outcome": outcome,
+    }  # fmt: skip
+
+
+def test_scores_are_counted() -> None:
+    ends = ("killed", "killed", "timeout", "uncompiled", "equivalent", "survived", "survived")
+    found = {"mutants": [kept_row(end, str(k)) for k, end in enumerate(ends)]}
+    argued = [mutation.Argument("ram", ("a | b", "6", 1), "because")]
+    score = mutation.score("ram", found, argued)
+    assert (score.mutants, score.killed, score.equivalent, len(score.survivors)) == (6, 3, 2, 1)
+    units = [one for one in mutation.listed() if one.name in ("ram", "sync_bits")]
+    page = mutation.markdown(units, {"ram": found}, argued)
+    assert "| `ram` | 6 | 3 | 1 | 1 | 1 | 1 | 75 % |" in page
+    assert "| `sync_bits` | not run |" in page
+    assert "| `ram.vhd:3` | `a \\| b` | `5` |\n" in page
+    assert "| `ram.vhd:3` | `a \\| b` | `6` | because |" in page
+    assert mutation.share(0, 0) == "-"
+
+
+def test_the_page_has_what_is_kept() -> None:
+    page = tables.inside(mutation.PAGE.read_text(encoding="utf-8"), *mutation.MARKS)
+    units = mutation.listed()
+    found = {unit.name: data for unit in units if (data := mutation.kept(unit.name))}
+    assert page.strip() == mutation.markdown(units, found, mutation.arguments())
+    assert {path.stem for path in mutation.RESULTS.glob("*.json")} == set(found)
+
+
+def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page, results = tmp_path / "page.md", tmp_path / "results"
+    page.write_text("\n".join(mutation.MARKS) + "\n")
+    results.mkdir()
+    row = json.dumps(kept_row("killed", "a & b"))
+    tools.write(results / "ram.json", f'{{"key": "old", "mutants": [{row}]}}')
+    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    assert "| `ram` | 1 | 1 |" in page.read_text()
+    assert "mutate: changed since they were run: ram" in capsys.readouterr().err
+    shutil.rmtree(results)
+    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    assert "| `ram` | not run |" in page.read_text()
