@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from directmpc.mpdcc.drive import Drive
     from directmpc.mpdcc.errors import DriveErrors
     from directmpc.mptc.drive import MptcDrive
+    from directmpc.mptc.foc import FocController, FocTuning
     from directmpc.states import (
         Controller,
         MpdccDecision,
@@ -42,6 +43,7 @@ _HOMES = {
     "mpdcc.drive": ("Drive",),
     "mpdcc.errors": ("DriveErrors",),
     "mptc.drive": ("MptcDrive",),
+    "mptc.foc": ("FocController", "FocTuning"),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
         "VectorSequence",
@@ -55,6 +57,8 @@ __all__ = [
     "DriveError",
     "DriveErrors",
     "DriveFileError",
+    "FocController",
+    "FocTuning",
     "IdealController",
     "ModelController",
     "MpdccDecision",

@@ -1,4 +1,4 @@
-"""docs/paper-b.md: what Paper B states beside what every method does here, bit-true.
+"""docs/paper-b.md: what Paper B states beside what every method does here.
 
 `regenerate` runs `scripts.studies.paper_b`, stores its figures in reports/paper_b.csv, draws, and
 writes the tables of the page from the stored figures. Whether a claim of the paper holds is
@@ -20,7 +20,6 @@ from directmpc.mptc.sequence_loop import SequenceRun
 from scripts.shared import progress, tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
-from scripts.studies import mptc as low
 from scripts.studies import paper_b as study
 
 REPORTS = ROOT / "reports"
@@ -35,10 +34,13 @@ CLOSE = 0.05
 STEADY_SPAN = 1.3
 """A switching frequency whose largest value is at most so many times its smallest is steady."""
 
-FOC_HZ = 5000.0
-"""Switching frequency of FOC with seven-segment modulation at the paper's 5 kHz."""
+SLOW_BELOW = 1000.0
+"""Below this speed, r/min, the paper calls the torque ripples of MPC2 and FOC similar."""
 
-_FOUR = (*COLOURS, "#8a5a9e")
+SIMILAR = 0.25
+"""Two ripples that differ by at most this share count as similar."""
+
+_FIVE = (*COLOURS, "#8a5a9e", "#444444")
 
 
 class Figures:
@@ -146,7 +148,7 @@ def _where(holds: np.ndarray, first: int = 0) -> str:
         return "yes"
     if not holds.any():
         return "no"
-    speeds = np.array(study.SPEEDS)[first:]
+    speeds = np.array(study.SPEEDS)[first : first + len(holds)]
     fewer = holds if holds.sum() <= len(holds) / 2 else ~holds
     return f"in part: {'not ' * (fewer is not holds)}at {_list(speeds[fewer], 'g')} r/min"
 
@@ -260,6 +262,11 @@ def _torque_claims(f: Figures) -> list[Claim]:
     ]  # fmt: skip
 
 
+def _rises(f: Figures, name: str) -> list[float]:
+    """Longest rise of the torque step at all speeds, ms."""
+    return [f("torque step", name, rpm, "rise_longest_ms") for rpm in study.STEP_SPEEDS]
+
+
 def _flux_claims(f: Figures) -> list[Claim]:
     """Claims of sections 5.3 and 7."""
     claims = []
@@ -282,13 +289,16 @@ def _flux_claims(f: Figures) -> list[Claim]:
             Claim(source, "the dynamic response of two and three vectors is alike",
                   f"{two:.0f} and {three:.0f} {unit}", _yes(abs(three / two - 1.0) <= CLOSE))
         )  # fmt: skip
-    hertz = {name: f.over_speed(name, "switching_hz") for name in ("MPFC2", "MPFC3", "MPC2")}
-    thd = {name: f.over_speed(name, "thd_pct") for name in ("MPTC", "MPC2")}
-    ripple = {name: f.over_speed(name, "torque_ripple_nm") for name in ("MPTC", "MPC2")}
-    rises = [
-        [f("torque step", name, rpm, "rise_longest_ms") for rpm in study.STEP_SPEEDS]
-        for name in ("MPTC", "MPC2")
+    hertz = {name: f.over_speed(name, "switching_hz") for name in study.LOADED}
+    thd = {name: f.over_speed(name, "thd_pct") for name in ("MPTC", "MPC2", "FOC")}
+    ripple = {name: f.over_speed(name, "torque_ripple_nm") for name in ("MPTC", "MPC2", "FOC")}
+    rises = [_rises(f, name) for name in ("MPTC", "MPC2")]
+    calm = [
+        [f(name, method, 1500.0, "torque_ripple_nm") for name in ("start", "reversal")]
+        for method in study.COMPARED
     ]
+    slow = np.array(study.SPEEDS) < SLOW_BELOW
+    alike = np.abs(ripple["MPC2"] / ripple["FOC"] - 1.0) <= SIMILAR
     return [
         *claims,
         Claim(
@@ -296,6 +306,19 @@ def _flux_claims(f: Figures) -> list[Claim]:
             "(against what is not said; here against two)",
             f"{_span(hertz['MPFC3'])} against {_span(hertz['MPFC2'])} Hz",
             _where(hertz["MPFC3"] < hertz["MPFC2"]),
+        ),
+        Claim(
+            "Figs. 28, 29", "after start and reversal MPC2 has a lower torque ripple than FOC",
+            f"{_list(calm[0], '.2f')} against {_list(calm[1], '.2f')} N m",
+            _yes(all(a < b for a, b in zip(*calm, strict=True))),
+        ),
+        *(
+            Claim(
+                "Fig. 30", "torque step 0 to 120 %: FOC takes more than 10 ms (current loop of "
+                f"{hertz_of} Hz)",
+                f"{_list(_rises(f, name), '.1f')} ms", _yes(min(_rises(f, name)) > 10.0),
+            )
+            for name, hertz_of in (("FOC", "250"), (study.SLOW_FOC, "25"))
         ),
         Claim(
             "Fig. 30", "torque step 0 to 120 %: MPC2 and MPTC rise in less than 1 ms",
@@ -313,8 +336,38 @@ def _flux_claims(f: Figures) -> list[Claim]:
             _where(ripple["MPC2"] < ripple["MPTC"]),
         ),
         Claim(
-            "Fig. 32", "MPC2 switches slightly less than FOC (5000 Hz by its modulation)",
-            f"{_list(hertz['MPC2'], '.0f')} Hz", _where(hertz["MPC2"] < FOC_HZ),
+            "Fig. 31", "MPTC has the highest THD of MPTC, FOC and MPC2 at all speeds",
+            f"MPTC {_span(thd['MPTC'], '.1f')}, FOC {_span(thd['FOC'], '.1f')}, MPC2 "
+            f"{_span(thd['MPC2'], '.1f')} %",
+            _where((thd["MPTC"] > thd["FOC"]) & (thd["MPTC"] > thd["MPC2"])),
+        ),
+        Claim(
+            "Fig. 31", "MPTC has the highest torque ripple of the three at all speeds",
+            f"MPTC {_span(ripple['MPTC'], '.2f')}, FOC {_span(ripple['FOC'], '.2f')}, MPC2 "
+            f"{_span(ripple['MPC2'], '.2f')} N m",
+            _where((ripple["MPTC"] > ripple["FOC"]) & (ripple["MPTC"] > ripple["MPC2"])),
+        ),
+        Claim(
+            "Fig. 31", "MPC2 has a lower THD than FOC at all speeds",
+            f"{_list(thd['MPC2'], '.1f')} against {_list(thd['FOC'], '.1f')} %",
+            _where(thd["MPC2"] < thd["FOC"]),
+        ),
+        Claim(
+            "Fig. 31", "MPC2 has a lower torque ripple than FOC at high speed (from "
+            f"{SLOW_BELOW:g} r/min)",
+            f"{_list(ripple['MPC2'][~slow], '.2f')} against {_list(ripple['FOC'][~slow], '.2f')} "
+            "N m", _where((ripple["MPC2"] < ripple["FOC"])[~slow], int(slow.sum())),
+        ),
+        Claim(
+            "Fig. 31", f"below {SLOW_BELOW:g} r/min the torque ripples of MPC2 and FOC are similar "
+            f"(within {100 * SIMILAR:g} %)",
+            f"{_list(ripple['MPC2'][slow], '.2f')} against {_list(ripple['FOC'][slow], '.2f')} "
+            "N m", _where(alike[slow]),
+        ),
+        Claim(
+            "Fig. 32", "MPC2 switches slightly less than FOC",
+            f"{_list(hertz['MPC2'], '.0f')} against {_span(hertz['FOC'])} Hz",
+            _where(hertz["MPC2"] < hertz["FOC"]),
         ),
     ]  # fmt: skip
 
@@ -337,10 +390,7 @@ def claims(f: Figures) -> list[Claim]:
 
 def _numbers(f: Figures) -> str:
     """What the paper states as a number, beside ours."""
-    rise = [
-        [f("torque step", name, rpm, "rise_longest_ms") for rpm in study.STEP_SPEEDS]
-        for name in ("MPTC", "MPC2")
-    ]
+    rise = [_rises(f, name) for name in ("MPTC", "MPC2", "FOC", study.SLOW_FOC)]
     rules = {
         "MPTC1": ("MPTC1", "MPTC1, mean"),
         "MPTC2": ("MPTC2", "MPTC2, mean", "MPTC2, best"),
@@ -357,7 +407,10 @@ def _numbers(f: Figures) -> str:
             [f"rise of MPTC, torque 0 to 120 %, at {speeds} r/min (Fig. 30)", "< 1 ms",
              " / ".join(f"{x:.2f}" for x in rise[0]) + " ms"],
             ["the same: MPC2, 15 kHz", "< 1 ms", " / ".join(f"{x:.2f}" for x in rise[1]) + " ms"],
-            ["the same: FOC, 5 kHz", "> 10 ms", "not built"],
+            ["the same: FOC, 5 kHz, current loop of 250 Hz", "> 10 ms",
+             " / ".join(f"{x:.1f}" for x in rise[2]) + " ms"],
+            ["the same: FOC, 5 kHz, current loop of 25 Hz", "> 10 ms",
+             " / ".join(f"{x:.1f}" for x in rise[3]) + " ms"],
         ],
         "lr",
     )  # fmt: skip
@@ -392,25 +445,30 @@ def _over_speed(f: Figures, title: str, quantity: str, form: str) -> str:
 def _transients(f: Figures) -> str:
     """Load step, reversal and low speed."""
     rows = []
-    for text, name, rpm, quantity, form in (
+    columns = (*study.FLUX_METHODS, "FOC")
+    full = study.FLUX_METHODS
+    for text, name, rpm, quantity, form, measured in (
         ("load step at 900 r/min: torque ripple, N m", "load step", study.DISTURBED,
-         "torque_ripple_nm", ".2f"),
+         "torque_ripple_nm", ".2f", full),
         ("load step: largest loss of speed, r/min", "load step", study.DISTURBED,
-         "speed_loss_rpm", ".0f"),
-        ("reversal: to 1400 r/min, ms", "reversal", 1500.0, "to_1400_rpm_ms", ".0f"),
+         "speed_loss_rpm", ".0f", full),
+        ("start: to 1400 r/min, ms", "start", 1500.0, "to_1400_rpm_ms", ".0f", study.COMPARED),
+        ("start: torque ripple at 1500 r/min, N m", "start", 1500.0, "torque_ripple_nm", ".2f",
+         study.COMPARED),
+        ("reversal: to 1400 r/min, ms", "reversal", 1500.0, "to_1400_rpm_ms", ".0f", columns),
         ("reversal: torque ripple at 1500 r/min, N m", "reversal", 1500.0, "torque_ripple_nm",
-         ".2f"),
-        ("15 r/min, 14 N m: torque ripple, N m", "crawl", study.CRAWL, "torque_ripple_nm", ".2f"),
+         ".2f", columns),
+        ("15 r/min, 14 N m: torque ripple, N m", "crawl", study.CRAWL, "torque_ripple_nm", ".2f",
+         full[:2]),
         ("15 r/min, 14 N m: largest error of the speed, r/min", "crawl", study.CRAWL,
-         "speed_error_rpm", ".2f"),
+         "speed_error_rpm", ".2f", full[:2]),
     ):  # fmt: skip
         cells = [
-            "-" if name == "crawl" and method == "MPC2"
-            else format(f(name, method, rpm, quantity), form)
-            for method in study.FLUX_METHODS
-        ]  # fmt: skip
+            format(f(name, method, rpm, quantity), form) if method in measured else "-"
+            for method in columns
+        ]
         rows.append([text, *cells])
-    return tables.markdown(["", *study.FLUX_METHODS], rows, "lr")
+    return tables.markdown(["", *columns], rows, "lr")
 
 
 def texts(f: Figures) -> dict[str, str]:
@@ -490,7 +548,7 @@ def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
 
 def _draw_speeds(f: Figures, path: Path) -> None:
     """Figs. 10, 14, 15, 16, 31 and 32: figures over speed at rated load."""
-    groups = (("MPTC", "MPTC1", "MPTC2", "GTV"), ("MPTC", "MPFC2", "MPFC3", "MPC2"))
+    groups = (("MPTC", "MPTC1", "MPTC2", "GTV"), ("MPTC", "MPFC2", "MPFC3", "MPC2", "FOC"))
     figure, axes = _axes(3, 2, (9.0, 7.5), sharex=True, sharey="row")
     for row, (quantity, label) in enumerate(
         (
@@ -500,19 +558,19 @@ def _draw_speeds(f: Figures, path: Path) -> None:
         )
     ):
         for column, names in enumerate(groups):
-            for name, colour in zip(names, _FOUR, strict=True):
+            for name, colour in zip(names, _FIVE, strict=False):
                 values = f.over_speed(name, quantity)
                 axes[row][column].plot(
                     study.SPEEDS, values, color=colour, marker="o", markersize=3, linewidth=1.0,
-                    label=f"{name}, {1e-3 / low.PERIODS[name]:g} kHz",
+                    label=f"{name}, {1e-3 / study.PERIODS[name]:g} kHz",
                 )  # fmt: skip
         axes[row][0].set_ylim(bottom=0.0)  # both columns have the same
         axes[row][0].set_ylabel(label)
-    for column, title in enumerate(("Figs. 10, 14, 15, 16", "sec. 5.3, Figs. 31, 32 without FOC")):
+    for column, title in enumerate(("Figs. 10, 14, 15, 16", "sec. 5.3, Figs. 31, 32")):
         axes[0][column].set_title(f"Paper B, {title}", fontsize=9)
-        axes[1][column].legend(frameon=False, fontsize=8)
+        axes[1 + column][column].legend(frameon=False, fontsize=8, ncols=1 + column)
         axes[2][column].set_xlabel("speed (r/min)")
-    figure.suptitle("14 N m, 0.9 Wb, bit-true model", fontsize=10)
+    figure.suptitle("14 N m, 0.9 Wb, bit-true model; FOC in float64", fontsize=10)
     _save(figure, path)
 
 
@@ -521,13 +579,31 @@ def _rpm(run: SequenceRun) -> np.ndarray:
 
 
 def _draw_dynamics(curves: study.Curves, path: Path) -> None:
-    """Figs. 18, 19, 20 and 30."""
-    columns: Sequence[tuple[str, dict[str, SequenceRun]]] = (
-        ("100 % load at 900 r/min (Fig. 18)", curves.disturbed),
-        ("reversal (Figs. 19, 29)", curves.reversed),
-        ("15 r/min, 14 N m (Fig. 20)", curves.crawling),
+    """Figs. 18, 19 and 20."""
+    _draw_runs(
+        (
+            ("100 % load at 900 r/min (Fig. 18)", curves.disturbed),
+            ("reversal (Fig. 19)", {n: curves.reversed[n] for n in study.FLUX_METHODS}),
+            ("15 r/min, 14 N m (Fig. 20)", curves.crawling),
+        ),
+        path,
     )
-    figure, axes = _axes(3, len(columns), (11.0, 6.5), sharex="col")
+
+
+def _draw_compared(curves: study.Curves, path: Path) -> None:
+    """Figs. 28 and 29: start and reversal of MPC2 and FOC."""
+    _draw_runs(
+        (
+            ("start (Fig. 28)", curves.started),
+            ("reversal (Fig. 29)", {n: curves.reversed[n] for n in study.COMPARED}),
+        ),
+        path,
+    )
+
+
+def _draw_runs(columns: Sequence[tuple[str, dict[str, SequenceRun]]], path: Path) -> None:
+    """Speed, torque and current of several runs, a column for each group."""
+    figure, axes = _axes(3, len(columns), (3.7 * len(columns), 6.5), sharex="col")
     for column, (title, runs) in enumerate(columns):
         for name, colour in zip(runs, COLOURS, strict=False):
             run = runs[name]
@@ -546,15 +622,16 @@ def _draw_dynamics(curves: study.Curves, path: Path) -> None:
 
 def _draw_steps(curves: study.Curves, path: Path) -> None:
     """Fig. 30: the torque step."""
-    figure, axes = _axes(1, 1, (7.0, 3.2))
-    ax = axes[0][0]
-    for (name, (t, made)), colour in zip(curves.steps.items(), COLOURS, strict=True):
-        ax.plot(t, made, color=colour, linewidth=0.9, label=name)
-    ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6)
-    ax.set_xlabel("time from the step of the reference (ms)")
-    ax.set_ylabel("torque (N m)")
-    ax.legend(frameon=False)
-    ax.set_title("torque 0 to 120 % at 150 r/min (Paper B, Fig. 30, without FOC)", fontsize=9)
+    figure, axes = _axes(1, 2, (9.0, 3.2), sharey=True)
+    for ax, until in zip(axes[0], (4.0, 25.0), strict=True):
+        for (name, (t, made)), colour in zip(curves.steps.items(), _FIVE, strict=True):
+            seen = t <= until
+            ax.plot(t[seen], made[seen], color=colour, linewidth=0.9, label=name)
+        ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6)
+        ax.set_xlabel("time from the step of the reference (ms)")
+    axes[0][0].set_ylabel("torque (N m)")
+    axes[0][1].legend(frameon=False)
+    figure.suptitle("torque 0 to 120 % at 150 r/min (Paper B, Fig. 30)", fontsize=9)
     _save(figure, path)
 
 
@@ -607,6 +684,7 @@ def regenerate(texts_only: bool = False) -> None:
                 "spectra": lambda path: _draw_spectra(curves, found, path),
                 "speeds": lambda path: _draw_speeds(found, path),
                 "dynamics": lambda path: _draw_dynamics(curves, path),
+                "compared": lambda path: _draw_compared(curves, path),
                 "steps": lambda path: _draw_steps(curves, path),
             }
             for name, draw in drawings.items():

@@ -1,9 +1,10 @@
-"""Every method of Paper B in closed loop at the operating points of its figures, bit-true.
+"""Every method of Paper B in closed loop at the operating points of its figures.
 
 `measure` gives figures, one row each; `Curves` holds what is drawn. The plant is the exact one in
 float64, sampled every 5 us or closer, so that the distortion has components up to 100 kHz. The
 paper states neither its machine nor the band of its spectra. Its methods are named as in the drive
 file: its MPTC I is MPTC1, MPTC II is MPTC2, method I of section 5.3 is MPFC2 and method II MPFC3.
+The predictive methods are bit-true; FOC, which the paper compares with, is in float64.
 """
 
 from __future__ import annotations
@@ -14,18 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from directmpc.distortion import thd
-from directmpc.mptc import closed_loop, sequence_loop
+from directmpc.mptc import closed_loop, foc, sequence_loop
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.foc import FocTuning
+from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.sequence import is_active
 from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
+from scripts.studies import mptc as single
 from scripts.studies.mptc import (
     GAINS,
     HIGH_SPEED_FLUX,
     INERTIA,
-    PERIODS,
     RATED_FLUX,
     RATED_TORQUE,
     fundamental,
@@ -35,10 +37,15 @@ LOW_SPEED = 150.0  # r/min, of the paper's spectra
 SPEEDS = (150.0, 300.0, 450.0, 600.0, 750.0, 900.0, 1050.0, 1200.0, 1350.0, 1500.0)  # r/min
 STEP_SPEEDS = (0.0, 150.0, 500.0, 900.0)  # r/min, of the torque step; the paper states none
 STEP_STARTS = 10  # flux angles at which it begins
+STEP_SECONDS = 4e-3  # time after it, s
+SLOW_SECONDS = 30e-3  # time after it with a slow current loop, s
 DISTURBED = 900.0  # r/min, of the load step; the paper states none
 CRAWL = 15.0  # r/min, Fig. 20
 SECONDS = 3.0  # length of a run in the steady state, s
 STEP_TORQUE = 1.2 * RATED_TORQUE  # N*m
+
+#: Control periods, s: Paper B's, where it states one.
+PERIODS = single.PERIODS | {"FOC": foc.PERIOD}
 
 #: Controllers without load at low speed: name -> method, duty rule, k_psi.
 UNLOADED: dict[str, tuple[str, str, float]] = {
@@ -61,12 +68,24 @@ LOADED: dict[str, tuple[str, str, float]] = {
     "MPFC2": ("MPFC2", "deadbeat", 100.0),
     "MPFC3": ("MPFC3", "deadbeat", 100.0),
     "MPC2": ("MPC2", "deadbeat", 100.0),
+    "FOC": ("FOC", "deadbeat", 100.0),
 }
 FLUX_METHODS = ("MPFC2", "MPFC3", "MPC2")
 """Methods of the load step and the reversal; Fig. 20 has the first two."""
 
-STEP_METHODS = ("MPTC", "MPC2", "GTV")
-"""Methods of the torque step; Fig. 30 has the first two."""
+STEP_METHODS = ("MPTC", "MPC2", "GTV", "FOC")
+"""Methods of the torque step; Fig. 30 has all but GTV."""
+
+COMPARED = ("MPC2", "FOC")
+"""Methods of the start (Fig. 28); the reversal has FOC as well (Fig. 29)."""
+
+TUNING = FocTuning()
+"""Of FOC: 250 Hz for the currents, 5 Hz for the rotor flux. The paper states none."""
+
+SLOW_FOC = "FOC, 25 Hz"
+"""FOC in the torque step with a current loop so slow that its rise is the paper's."""
+
+SLOW_TUNING = FocTuning(current=25.0, flux=5.0)
 
 BANDS = (2e3, 5e3)  # Hz, of distortions besides that of all components
 
@@ -83,6 +102,8 @@ class Curves:
         Frequency (Hz) and amplitude (percent of the fundamental) without load at low speed.
     disturbed, reversed, crawling : dict
         Runs of the load step, the reversal and the low speed.
+    started : dict
+        Runs of the start.
     steps : dict
         Time (ms, from the step on) and torque (N*m) of the torque step at `LOW_SPEED`.
     """
@@ -91,6 +112,7 @@ class Curves:
     disturbed: dict[str, SequenceRun]
     reversed: dict[str, SequenceRun]
     crawling: dict[str, SequenceRun]
+    started: dict[str, SequenceRun]
     steps: dict[str, tuple[FloatArray, FloatArray]]
 
 
@@ -102,7 +124,7 @@ def with_controller(drive: MptcDrive, method: str, rule: str, k_psi: float) -> M
     drive : MptcDrive
         Machine and full scales.
     method, rule : str
-        Method and duty rule.
+        Method and duty rule. "FOC" makes a drive that `FocController` takes.
     k_psi : float
         N*m/Wb.
 
@@ -111,13 +133,43 @@ def with_controller(drive: MptcDrive, method: str, rule: str, k_psi: float) -> M
     MptcDrive
         `drive` is not changed.
     """
-    return drive.with_control(method=method, duty_rule=rule, k_psi=k_psi, ts=PERIODS[method])
+    served = "SVM" if method == "FOC" else method
+    return drive.with_control(method=served, duty_rule=rule, k_psi=k_psi, ts=PERIODS[method])
 
 
-def _behind_pi(drive: MptcDrive, scenario: Scenario, speed: FloatArray) -> SequenceRun:
+def tuning_of(method: str) -> FocTuning | None:
+    """Tuning of a method in all studies but the slow torque step.
+
+    Parameters
+    ----------
+    method : str
+        As for `with_controller`.
+
+    Returns
+    -------
+    FocTuning or None
+        None for the predictive methods.
+    """
+    return TUNING if method == "FOC" else None
+
+
+def _simulated(
+    drive: MptcDrive,
+    scenario: Scenario,
+    tuning: FocTuning | None,
+    plant: PlantParameters | None = None,
+) -> SequenceRun:
+    """Run a scenario with the bit-true model, or with FOC where there is a tuning."""
+    controller = (foc.decide, foc.parameters(drive, tuning)) if tuning else None
+    return sequence_loop.simulate(drive, scenario, plant=plant, controller=controller)
+
+
+def _behind_pi(
+    drive: MptcDrive, scenario: Scenario, speed: FloatArray, tuning: FocTuning | None = None
+) -> SequenceRun:
     """Run a scenario with a speed controller (reference in rad/s) and a shaft with inertia."""
     scenario = replace(scenario, torque_ref=np.zeros(len(speed)), speed_ref=speed, gains=GAINS)
-    return sequence_loop.simulate(drive, scenario, plant=plant_parameters(drive, INERTIA))
+    return _simulated(drive, scenario, tuning, plant_parameters(drive, INERTIA))
 
 
 def steady(
@@ -145,7 +197,11 @@ def steady(
 
 
 def loaded(
-    drive: MptcDrive, rpm: float, psi_ref: float = HIGH_SPEED_FLUX, seconds: float = SECONDS
+    drive: MptcDrive,
+    rpm: float,
+    psi_ref: float = HIGH_SPEED_FLUX,
+    seconds: float = SECONDS,
+    tuning: FocTuning | None = None,
 ) -> SequenceRun:
     """Rated torque at an imposed speed.
 
@@ -157,6 +213,8 @@ def loaded(
         r/min, Wb.
     seconds : float
         Length, s.
+    tuning : FocTuning, optional
+        FOC instead of the drive's method.
 
     Returns
     -------
@@ -165,7 +223,7 @@ def loaded(
     """
     steps = round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, RATED_TORQUE, psi_ref, steps)
-    return sequence_loop.simulate(drive, scenario)
+    return _simulated(drive, scenario, tuning)
 
 
 def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
@@ -280,28 +338,62 @@ def disturbed(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     }
 
 
-def reversal(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
+def reversal(
+    drive: MptcDrive, tuning: FocTuning | None = None
+) -> tuple[SequenceRun, dict[str, float]]:
     """From -1500 to 1500 r/min without load (Figs. 19 and 29).
 
     Parameters
     ----------
     drive : MptcDrive
         Machine and controller.
+    tuning : FocTuning, optional
+        FOC instead of the drive's method.
 
     Returns
     -------
     run : SequenceRun
         0.8 s; the reference turns after 0.1 s.
     figures : dict of str to float
-        Time from the turn to 1400 r/min, and the ripple of the torque in the last 0.1 s.
+        Time from the turn to 1400 r/min, and the ripple of the torque in the
+        last 0.1 s.
     """
+    return _to_full_speed(drive, -1500.0, 0.8, tuning)
+
+
+def start(
+    drive: MptcDrive, tuning: FocTuning | None = None
+) -> tuple[SequenceRun, dict[str, float]]:
+    """From standstill to 1500 r/min without load, the machine magnetised (Fig. 28).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+    tuning : FocTuning, optional
+        FOC instead of the drive's method.
+
+    Returns
+    -------
+    run : SequenceRun
+        0.6 s; the reference steps after 0.1 s.
+    figures : dict of str to float
+        Time from the step to 1400 r/min, and the ripple of the torque in the
+        last 0.1 s.
+    """
+    return _to_full_speed(drive, 0.0, 0.6, tuning)
+
+
+def _to_full_speed(
+    drive: MptcDrive, rpm: float, seconds: float, tuning: FocTuning | None
+) -> tuple[SequenceRun, dict[str, float]]:
+    """From a speed to 1500 r/min, the reference steps after 0.1 s."""
     ts = drive.control.ts
-    steps, begin = round(0.8 / ts), round(0.1 / ts)
-    scenario = closed_loop.constant(drive, -1500.0, 0.0, HIGH_SPEED_FLUX, steps)
-    wanted = np.where(np.arange(steps) < begin, -1500.0, 1500.0) * RPM
-    run = _behind_pi(drive, scenario, wanted)
-    rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
-    reached = np.flatnonzero(rpm > 1400.0)
+    steps, begin = round(seconds / ts), round(0.1 / ts)
+    scenario = closed_loop.constant(drive, rpm, 0.0, HIGH_SPEED_FLUX, steps)
+    wanted = np.where(np.arange(steps) < begin, rpm, 1500.0) * RPM
+    run = _behind_pi(drive, scenario, wanted, tuning)
+    reached = np.flatnonzero(run.trace.omega_r / drive.machine.pole_pairs / RPM > 1400.0)
     return run, {
         "to_1400_rpm_ms": 1e3 * ts * float(reached[0] - begin) if len(reached) else np.inf,
         "torque_ripple_nm": float(run.torque_inside[-round(0.1 / run.sample_time) :].std()),
@@ -332,7 +424,13 @@ def crawl(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     }
 
 
-def torque_step(drive: MptcDrive, rpm: float, begin: int) -> tuple[FloatArray, FloatArray]:
+def torque_step(
+    drive: MptcDrive,
+    rpm: float,
+    begin: int,
+    seconds: float = STEP_SECONDS,
+    tuning: FocTuning | None = None,
+) -> tuple[FloatArray, FloatArray]:
     """The torque reference from 0 to 120 % in control period `begin`, speed imposed (Fig. 30).
 
     Parameters
@@ -343,16 +441,20 @@ def torque_step(drive: MptcDrive, rpm: float, begin: int) -> tuple[FloatArray, F
         r/min.
     begin : int
         Control period.
+    seconds : float
+        Time after the step, s.
+    tuning : FocTuning, optional
+        FOC instead of the drive's method.
 
     Returns
     -------
     t, torque : ndarray of float64
-        ms, 0 where the reference changes, and N*m; from 1 ms before to 4 ms after.
+        ms, 0 where the reference changes, and N*m; from 1 ms before on.
     """
-    steps = begin + round(4e-3 / drive.control.ts)
+    steps = begin + round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, 0.0, RATED_FLUX, steps)
     asked = np.where(np.arange(steps) < begin, 0.0, STEP_TORQUE)
-    run = sequence_loop.simulate(drive, replace(scenario, torque_ref=asked))
+    run = _simulated(drive, replace(scenario, torque_ref=asked), tuning)
     t = 1e3 * (run.sample_time * (1.0 + np.arange(len(run.torque_inside))) - begin * run.ts)
     shown = t >= -1.0
     return t[shown], run.torque_inside[shown]
@@ -378,7 +480,13 @@ def rise(t: FloatArray, made: FloatArray) -> float:
     return float(t[reached[1][0]] - t[reached[0][0]])
 
 
-def longest_rise(drive: MptcDrive, rpm: float, starts: int = STEP_STARTS) -> float:
+def longest_rise(
+    drive: MptcDrive,
+    rpm: float,
+    starts: int = STEP_STARTS,
+    seconds: float = STEP_SECONDS,
+    tuning: FocTuning | None = None,
+) -> float:
     """Longest rise of the torque step over several flux angles.
 
     Parameters
@@ -389,6 +497,10 @@ def longest_rise(drive: MptcDrive, rpm: float, starts: int = STEP_STARTS) -> flo
         r/min.
     starts : int
         How many.
+    seconds : float
+        Time after the step, s.
+    tuning : FocTuning, optional
+        FOC instead of the drive's method.
 
     Returns
     -------
@@ -397,7 +509,7 @@ def longest_rise(drive: MptcDrive, rpm: float, starts: int = STEP_STARTS) -> flo
     """
     # 10 ms for the first, 0.5 ms more for each that follows
     begins = [round((10e-3 + 0.5e-3 * n) / drive.control.ts) for n in range(starts)]
-    return max(rise(*torque_step(drive, rpm, begin)) for begin in begins)
+    return max(rise(*torque_step(drive, rpm, begin, seconds, tuning)) for begin in begins)
 
 
 def measure(
@@ -420,7 +532,7 @@ def measure(
         What is drawn.
     """
     rows: list[Row] = []
-    curves = Curves({}, {}, {}, {}, {})
+    curves = Curves({}, {}, {}, {}, {}, {})
 
     def _keep(study: str, controller: str, rpm: float, found: dict[str, float]) -> None:
         for quantity, value in found.items():
@@ -438,22 +550,35 @@ def measure(
     for name, chosen in LOADED.items():
         one = with_controller(drive, *chosen)
         for rpm in SPEEDS:
-            _keep("rated load", name, rpm, loaded_figures(loaded(one, rpm)))
+            run = loaded(one, rpm, tuning=tuning_of(chosen[0]))
+            _keep("rated load", name, rpm, loaded_figures(run))
     for name in FLUX_METHODS:
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.disturbed[name], found = disturbed(one)
         _keep("load step", name, DISTURBED, found)
         curves.reversed[name], found = reversal(one)
         _keep("reversal", name, 1500.0, found)
+    one = with_controller(drive, "FOC", "deadbeat", 100.0)
+    curves.reversed["FOC"], found = reversal(one, TUNING)
+    _keep("reversal", "FOC", 1500.0, found)
+    for name in COMPARED:
+        one = with_controller(drive, name, "deadbeat", 100.0)
+        curves.started[name], found = start(one, tuning_of(name))
+        _keep("start", name, 1500.0, found)
     for name in FLUX_METHODS[:2]:
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.crawling[name], found = crawl(one)
         _keep("crawl", name, CRAWL, found)
-    for name in STEP_METHODS:
-        one = with_controller(drive, name, "deadbeat", 100.0)
-        curves.steps[name] = torque_step(one, LOW_SPEED, round(10e-3 / one.control.ts))
+    for name in (*STEP_METHODS, SLOW_FOC):
+        slow = name == SLOW_FOC
+        one = with_controller(drive, "FOC" if slow else name, "deadbeat", 100.0)
+        tuning = SLOW_TUNING if slow else tuning_of(name)
+        seconds = SLOW_SECONDS if slow else STEP_SECONDS
+        begin = round(10e-3 / one.control.ts)
+        curves.steps[name] = torque_step(one, LOW_SPEED, begin, SLOW_SECONDS, tuning)
         for rpm in STEP_SPEEDS:
-            _keep("torque step", name, rpm, {"rise_longest_ms": longest_rise(one, rpm)})
+            found = {"rise_longest_ms": longest_rise(one, rpm, STEP_STARTS, seconds, tuning)}
+            _keep("torque step", name, rpm, found)
     return rows, curves
 
 
@@ -469,6 +594,8 @@ def count() -> int:
         len(UNLOADED)
         + len(LOADED) * len(SPEEDS)
         + 2 * len(FLUX_METHODS)
+        + 1
+        + len(COMPARED)
         + 2
-        + len(STEP_METHODS) * len(STEP_SPEEDS)
+        + (len(STEP_METHODS) + 1) * len(STEP_SPEEDS)
     )

@@ -287,7 +287,7 @@ def test_of_vectors_that_reach_alike_the_nearest_is_taken() -> None:
     assert (chosen.u1, chosen.u2) == (1, 0)  # u_4 makes the same line
     assert chosen.t1 == pytest.approx(0.4)
     assert ideal_sequences._mpfc2(p, 3.0 + 0j, whole(1))[:4] == (1, 1, 1, 0.0)
-    assert ideal_sequences._svm(p, 0j) == (1, 2, 0, 0.0, 0.0)
+    assert ideal_sequences.svm(p, 0j) == (1, 2, 0, 0.0, 0.0)
 
 
 def test_last_vectors_have_time() -> None:
@@ -522,7 +522,7 @@ def test_the_hexagon_has_ideals_geometry(method: str) -> None:
     rng = np.random.default_rng(11)
     p = ideal_sequences.sequence_parameters(drive_of(method))
     decide_ = getattr(hexagon, method.lower())
-    wish = getattr(ideal_sequences, f"_{method.lower()}")
+    wish = getattr(ideal_sequences, "svm" if method == "SVM" else f"_{method.lower()}")
     one, reached = 1 << f.HEXAGON_FRACTION, 0
     for _ in range(3000):
         reach = int(rng.choice([one // 2, one, 2 * one, 7 * one]))

@@ -366,7 +366,22 @@ def _mpc2(p, e, applied):
 
 
 @njit
-def _svm(p, e):
+def svm(p, e):
+    """Times of the two vectors beside a voltage (Paper B, section 6.2).
+
+    Parameters
+    ----------
+    p : SequenceParameters or FocParameters
+        Of `machine` the vectors count.
+    e : complex
+        Voltage, or its way in a period, in units of an active vector's.
+
+    Returns
+    -------
+    VectorSequence
+        The vectors in turning order, then zero voltage. A voltage beyond the hexagon keeps its
+        angle and is shortened.
+    """
     angle = math.atan2(e.imag, e.real)
     sector = int(angle // (math.pi / 3.0)) % 6 + 1
     first, second = _direction(p, sector), _direction(p, sector % 6 + 1)
@@ -420,7 +435,7 @@ def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
     elif p.method == MPC2:
         chosen = _mpc2(p, e, applied)
     else:
-        chosen = _svm(p, e)
+        chosen = svm(p, e)
     return chosen, 0, int(o.clamped)
 
 

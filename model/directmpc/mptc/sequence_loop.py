@@ -31,6 +31,22 @@ from directmpc.states import Controller, MptcState, mptc_decision
 SAMPLE_TIME = 5e-6
 
 
+def samples_of(ts: float) -> int:
+    """Samples inside a control period.
+
+    Parameters
+    ----------
+    ts : float
+        Control period, s.
+
+    Returns
+    -------
+    int
+        As few as lie at most `SAMPLE_TIME` apart.
+    """
+    return max(1, math.ceil(ts / SAMPLE_TIME - 1e-9))
+
+
 @dataclass(frozen=True)
 class SequenceRun:
     """A recorded run; n control periods with s samples each.
@@ -247,6 +263,7 @@ def simulate(
     engine: str = "model",
     plant: PlantParameters | None = None,
     values: Registers | None = None,
+    controller: tuple[Any, Any] | None = None,
 ) -> SequenceRun:
     """Run a closed loop of any method.
 
@@ -262,6 +279,9 @@ def simulate(
         The drive's own with imposed speed if not given.
     values : Registers, optional
         Registers of the twin instead of the drive's.
+    controller : tuple, optional
+        Another compiled function with the signature of `ideal_sequences.decide`, and its
+        parameters, instead of the engine's.
 
     Returns
     -------
@@ -273,7 +293,9 @@ def simulate(
     ValueError
         If there is no bit-true twin of the method, or a value of the drive cannot be represented.
     """
-    return _recorded(_loop, drive, scenario, _controllers(drive, engine, values), plant)
+    controllers = _controllers(drive, "ideal" if controller else engine, values)
+    return _recorded(_loop, drive, scenario, (*(controller or controllers[:2]), *controllers[2:]),
+                     plant)  # fmt: skip
 
 
 def drive_controller(
@@ -334,7 +356,7 @@ def _recorded(
 ) -> SequenceRun:
     """Run `loop` and keep what it records."""
     n, ts = len(scenario.torque_ref), drive.control.ts
-    samples = max(1, math.ceil(ts / SAMPLE_TIME - 1e-9))
+    samples = samples_of(ts)
     made = [Sequences(np.empty((n, 3), dtype=np.int64), np.empty((n, 2))) for _ in range(3)]
     seen, result, flags = np.empty((n, 7)), np.empty((n, 2)), np.empty((n, 3), dtype=np.int64)
     inside_i, inside_t = np.empty(n * samples, dtype=np.complex128), np.empty(n * samples)
