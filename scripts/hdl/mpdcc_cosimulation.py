@@ -14,6 +14,7 @@ import numpy as np
 from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mpdcc.bit_true import common
+from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.errors import measure, sensors, split, switched_step
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.variants import FIELDS
@@ -186,12 +187,14 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     # in the period's unit of time
     dead_time = loop.errors.dead_time * plant.data.ts / loop.drive.control.ts
     dead, rest = split(plant.data, dead_time)
+    filters = CapacitorFilter(loop.drive)
     for k in range(steps):
         before = applied
         if loop.delay:
             applied = decided
         states[k] = plant.state
         measure(sensed, k, plant.state, seen)
+        filters.row(seen, before)
         measurement, clipped = common.encode_row(
             seen[:4], seen[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k], loop.omega_r[k],
         )  # fmt: skip

@@ -13,6 +13,7 @@ from __future__ import annotations
 import concurrent.futures
 import csv
 import itertools
+import math
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
@@ -48,7 +49,7 @@ REMEDIES = (
     (1.0, "dead", 1.0), (1.0, "inwards", 1.0), (1.0, "dead", GAIN), (1.0, "inwards", GAIN),
     (2.0, "dead", 1.0), (2.0, "inwards", 1.0), (2.0, "inwards", GAIN),
 )  # fmt: skip
-STARTS = 2
+STARTS = 8
 RANDOM = 200
 """Random drives, each with SE: without noise and under noise 1, by either rule and with filters."""
 
@@ -126,6 +127,7 @@ def drive_of(setting: Setting) -> Drive:
         outside_rule=setting.rule,
         deadlock_rule="weighted",
         delay_compensation=True,
+        capacitor_filter=-round(math.log2(setting.gain)),
     )
 
 
@@ -170,7 +172,7 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
     result = closed_loop.simulate(
         drive, bit_true_fast.decide, registers(drive, "fast").array(),
         OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
-        delay=True, compensate=False, errors=errors, capacitor_gain=setting.gain,
+        delay=True, compensate=False, errors=errors,
     )  # fmt: skip
     summary = metrics.summarise(drive, result)
     switching = metrics.switching_frequency(result.positions, drive.control.ts)
@@ -274,7 +276,7 @@ def study(
             if n % 16 == 15:
                 _write(out, rows)
     _write(out, rows)
-    return rows
+    return read(out)  # the figures with the digits that the page is compared by
 
 
 def rounded(setting: Setting) -> Setting:

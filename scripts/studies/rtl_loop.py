@@ -17,6 +17,7 @@ from rich.table import Table
 
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import ideal, metrics
+from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.closed_loop import (
     ClosedLoopResult,
     OperatingPoint,
@@ -161,7 +162,8 @@ def simulate(
     before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
     if delay:
         applied = np.vstack([positions, before])
-    sensed = measured(errors, states[:-1])
+    # the filters stand in front of the core here too
+    sensed = CapacitorFilter(drive).rows(measured(errors, states[:-1]), applied[:-1])
     seen = MpdccTrace(
         sensed[:, :4], sensed[:, 4:], link, iref, profile.omega_s, profile.omega_r, before
     )
@@ -174,6 +176,7 @@ def simulate(
             ts=drive.ts_pu,
             state=states,
             positions=applied,
+            shown=sensed,
             seen=seen,
             decisions=decisions,
             shadow=ideal.run(drive, seen),

@@ -70,7 +70,8 @@ def test_a_recorded_run_is_replayed_and_its_signals_are_there(
     drive = tmp_path / "drive.toml"
     text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
     text = text.replace("switching_horizon", "# switching_horizon")
-    setting = 'delay_compensation = true\nswitching_horizon = "SESE"\nbudget = 100'
+    setting = 'delay_compensation = true\nswitching_horizon = "SESE"\nbudget = 100\n'
+    setting += "capacitor_filter = 4"
     drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
     given = ["--drive", str(drive), "--steps", "40", "--speed", "-0.7"]
     given += ["--errors", "noise_current=0.02,gain_voltage=0.01"]

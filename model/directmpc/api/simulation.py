@@ -19,7 +19,7 @@ from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import sequence_loop
@@ -208,7 +208,8 @@ def simulate(
     """Run a controller in closed loop with the exact plant, from a steady state on.
 
     An MPDCC decision acts at once, or one step later where the drive sets `delay_compensation`; an
-    MPTC decision acts one step later.
+    MPTC decision acts one step later. The capacitor filters of a drive (`capacitor_filter`) stand
+    in front of any controller.
 
     Parameters
     ----------
@@ -238,7 +239,8 @@ def simulate(
         "fast" or "paper", for "model" of MPDCC.
     errors : DriveErrors
         MPDCC: errors of sensors and switches; none unless given. The result's `current` and `flux`
-        are the plant's, its `trace` is what the sensors said.
+        are the plant's, its `trace` is what the sensors said, with the voltages of the capacitor
+        filters where the drive has them.
 
     Returns
     -------
@@ -343,8 +345,7 @@ def _run_mpdcc(
             drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay,
             errors=errors,
         )  # fmt: skip
-    seen = measured(errors, run.state[:-1], settle)
-    return _of_mpdcc(drive, engine, run, omega_s, plant, seen)
+    return _of_mpdcc(drive, engine, run, omega_s, plant)
 
 
 def _of_mpdcc(
@@ -353,7 +354,6 @@ def _of_mpdcc(
     run: ClosedLoopResult,
     omega_s: float,
     plant: Drive,
-    seen: FloatArray,
 ) -> SimulationResult:
     n = len(run)
     state, profile = run.state[:n], run.profile
@@ -371,8 +371,8 @@ def _of_mpdcc(
         omega_r=profile.omega_r.copy(),
         applied=run.positions[1:].copy(),
         trace=trace.MpdccTrace(
-            x_m=seen[:, :4].copy(),
-            x_inv=seen[:, 4:].copy(),
+            x_m=run.shown[:, :4].copy(),
+            x_inv=run.shown[:, 4:].copy(),
             vdc=profile.vdc.copy(),
             iref=np.column_stack([profile.iref.real, profile.iref.imag]),
             omega_s=profile.omega_s.copy(),

@@ -328,6 +328,12 @@ def values(
     if isinstance(drive, Drive):
         from directmpc.mpdcc import observer as rotor_flux_observer
 
+        if drive.control.capacitor_filter:
+            raise ValueError(
+                f"control.capacitor_filter: got {drive.control.capacitor_filter}; no system has "
+                "filters, 0 is needed for register values"
+            )
+
         parameters = dict(coefficients.registers(drive, variant).ports())
         observer, problems = rotor_flux_observer.coefficients(drive)
         parameters |= {f"o_{name}": value for name, value in observer.items()}

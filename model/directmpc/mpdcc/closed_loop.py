@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.mpdcc import ideal
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
 from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState
@@ -234,8 +235,10 @@ class ClosedLoopResult:
         Plant state at each step and after the last (see `plant`).
     positions : (n + 1, 3)
         Positions applied before the first step, then during each step.
+    shown : (n, 8)
+        What was measured, with the voltages of the capacitor filters where the drive has them.
     seen : MpdccTrace
-        What the controller saw.
+        What the controller saw: `shown`, or that one step on where the loop compensates a delay.
     decisions : Decisions
         What it decided; with a delay, row k is applied in step k + 1.
     shadow : Decisions or None
@@ -247,6 +250,7 @@ class ClosedLoopResult:
     ts: float
     state: FloatArray
     positions: IntArray
+    shown: FloatArray
     seen: MpdccTrace
     decisions: Decisions
     shadow: Decisions | None
@@ -317,7 +321,7 @@ class ClosedLoopResult:
 def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
-    shadow_out, sensed, dead, rest, dead_time, capacitor_gain,
+    shadow_out, sensed, dead, rest, dead_time, filters, filtered, shown,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -326,20 +330,14 @@ def _loop(
     x = np.empty(8)
     reference = np.empty(2)
     decided = applied.copy()
-    estimate = state.copy()
     for k in range(len(vdc)):
         states[k] = state
         if delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
         measure(sensed, k, state, x)
-        if capacitor_gain < 1.0:
-            # charge balance under what was applied until now, corrected by what is measured
-            if k > 0:
-                ideal.advance(predictor, estimate, positions[k], omega_r[k - 1], vdc[k - 1])
-            for j in range(4, 8):
-                x[j] = estimate[j] + capacitor_gain * (x[j] - estimate[j])
-            estimate[:] = x
+        step_row(filters, filtered, x, positions[k])
+        shown[k] = x
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
             ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
@@ -456,9 +454,10 @@ def simulate(
     delay: bool = False,
     compensate: bool = True,
     errors: DriveErrors = NO_ERRORS,
-    capacitor_gain: float = 1.0,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
+
+    The drive's capacitor filters stand in front of it.
 
     Parameters
     ----------
@@ -488,10 +487,6 @@ def simulate(
         which the decision takes effect, rather than the measured one.
     errors : DriveErrors
         Of sensors and switches; none unless given.
-    capacitor_gain : float
-        Above 0, at most 1: gain of filters in front of the controller. They predict v_n and v_ph
-        by the charge that the applied positions move, and correct them by this share of what is
-        measured. 1 is none.
 
     Returns
     -------
@@ -506,8 +501,6 @@ def simulate(
     total = settle + steps
     if steps < 1 or settle < 0:
         raise ValueError(f"at least one step is needed, got steps {steps} after settle {settle}")
-    if not 0.0 < capacitor_gain <= 1.0:
-        raise ValueError(f"capacitor_gain: got {capacitor_gain}; above 0 and at most 1 is needed")
     rng = np.random.default_rng(seed)
     if isinstance(point, Profile):
         profile = point
@@ -530,7 +523,8 @@ def simulate(
     states = np.empty((total + 1, STATES))
     positions = np.empty((total + 1, 3), np.int64)
     positions[0] = applied
-    seen = np.empty((total, STATES))
+    shown, seen = np.empty((total, STATES)), np.empty((total, STATES))
+    filters = CapacitorFilter(drive)
     seen_s = np.empty((total, 3), np.int64)
     seen_iref = np.empty((total, 2))
     out = np.zeros((total, 7), np.int64)
@@ -545,7 +539,7 @@ def simulate(
         shadow is not None, plant, delay, compensate, predictor,
         omega_s, omega_r, vdc, iref, state, applied, states, positions,
         seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
-        errors.dead_time > 0.0, float(capacitor_gain),
+        errors.dead_time > 0.0, filters.coefficient, filters.state, shown,
     )  # fmt: skip
 
     keep = slice(settle, total)
@@ -553,6 +547,7 @@ def simulate(
         ts=drive.ts_pu,
         state=states[settle:],
         positions=positions[settle:],
+        shown=shown[settle:],
         seen=MpdccTrace(
             x_m=seen[keep, :4].copy(),
             x_inv=seen[keep, 4:].copy(),
@@ -578,6 +573,7 @@ def drive_controller(
     plant_drive: Drive | None = None,
     delay: bool = False,
     checked: bool = True,
+    filtered: bool = True,
     errors: DriveErrors = NO_ERRORS,
     progress: Callable[[int], None] | None = None,
 ) -> ClosedLoopResult:
@@ -599,6 +595,9 @@ def drive_controller(
         Whether a decision takes effect one step after the state it is based on.
     checked : bool
         Whether a transition that the inverter does not have ends the run.
+    filtered : bool
+        Whether the drive's capacitor filters stand in front of the controller; false where it has
+        its own, as a board has.
     errors : DriveErrors
         Of sensors and switches; none unless given.
     progress : callable, optional
@@ -630,10 +629,13 @@ def drive_controller(
     out = np.zeros((total, 7), np.int64)
     applied[0] = positions
     decided = positions
+    filters = CapacitorFilter(drive)
     for k in range(total):
         states[k] = plant.state
         before[k] = decided if delay else applied[k]
         measure(sensed, k, plant.state, x)
+        if filtered:
+            filters.row(x, applied[k])
         shown[k] = x
         seen = MpdccState(
             current=complex(*x[:2]),
@@ -674,6 +676,7 @@ def drive_controller(
         ts=drive.ts_pu,
         state=states[settle:],
         positions=applied[settle:],
+        shown=shown[settle:],
         seen=MpdccTrace(
             x_m=shown[keep, :4].copy(),
             x_inv=shown[keep, 4:].copy(),

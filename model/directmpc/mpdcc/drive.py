@@ -58,6 +58,8 @@ class Control(Section):
     the least of the largest excesses, "weighted" weighs v_n's and adds a share of the currents'.
     `outside_rule` says what a variable that starts outside its bound means for a candidate: "dead"
     gives it the length 0, "inwards" follows it while it comes back.
+    `capacitor_filter` is q: filters in front of the controller predict v_n and v_ph by the charge
+    that the positions move and correct them by 2^-q of what is measured besides; 0: no filter.
     """
 
     ts: Annotated[
@@ -73,6 +75,7 @@ class Control(Section):
     delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
     deadlock_rule: Literal["largest", "weighted"] = "largest"
     outside_rule: Literal["dead", "inwards"] = "dead"
+    capacitor_filter: integer(0, 7) = 0
 
 
 class Drive(AnyDrive):
