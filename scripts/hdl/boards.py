@@ -49,6 +49,8 @@ class Board:
         Port to "UP" or "DOWN".
     clock_standard
         I/O standard of the clock where it is another than the rest's.
+    left_out
+        Options of MPDCC that it has no room for, generics of board_top that are false there.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Board:
     tail: tuple[str, ...] = ()
     pll_mhz: int = 0
     pulls: dict[str, str] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     @property
     def core_mhz(self) -> float:
@@ -108,6 +111,7 @@ class Board:
             found["PLL"] = True
         if controller == "mpdcc":
             found["EXPLORERS"] = explorers
+            found |= dict.fromkeys(self.left_out, False)
         return found
 
     @property
@@ -268,7 +272,8 @@ BOARDS = {
             clock_mhz=50,
             divide=2,
             baud=115_200,
-            controllers=("mptc",),
+            controllers=("mpdcc", "mptc"),
+            left_out=("SECOND_LEVEL",),
             pins={
                 "clock": "T9",
                 "uart_tx": "R13",

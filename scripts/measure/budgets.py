@@ -40,7 +40,7 @@ EXPLORERS = range(1, 9)
 #: Entities that users instantiate, in the order of the page's table.
 PUBLIC = (
     "mpdcc_core", "mptc_core", "mptc_family_core", "mpdcc_scheduler", "mpdcc_explorer",
-    "binary_search", "mac_block",
+    "binary_search", "mac_block", "board_top",
 )  # fmt: skip
 #: Beginnings of names of entities without clocks of their own, besides all of rtl/system/.
 UNTIMED = ("gate_", "trip_", "countdown", "clock_monitor")

@@ -15,6 +15,8 @@ from directmpc.host import registers
 from scripts.generate import boards
 from scripts.hdl import sources
 from scripts.hdl.boards import BOARDS, Board
+from scripts.measure import budgets
+from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 
@@ -105,3 +107,21 @@ def test_projects_name_what_is_there() -> None:
         for path in re.findall(r"constraints/[\w.]+", text):
             assert (ROOT / path).exists(), path
         assert "has not been run" in text
+
+
+def test_the_spartan_3_kit_has_room_for_the_whole_system() -> None:
+    luts, multipliers, rams = 15360, 24, 24  # of the XC3S1000, DS099
+    board = BOARDS["spartan3-starter"]
+    generics = dict.fromkeys(board.left_out, False)
+    name = tools.configuration_name("board_top", generics)
+    held = budgets.load().resources[name]["xc3s"]
+    assert held["lut"] <= 0.85 * luts
+    assert held["ff"] <= 0.85 * luts
+    assert held["mult"] <= multipliers
+    assert held["bram"] <= rams
+    # what the page says
+    text = (ROOT / "docs" / "boards.md").read_text(encoding="utf-8")
+    assert f"{held['lut']:,} of the {luts:,} LUTs" in text
+    others = budgets.load().resources[name]
+    assert f"{others['xc6s']['lut']:,} LUTs on a Spartan-6" in text
+    assert f"{others['xc7']['lut']:,} on a Spartan-7" in text

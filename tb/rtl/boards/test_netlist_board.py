@@ -125,7 +125,7 @@ def check_facts(board: Board, chosen: Generics) -> None:
     built = board.read("system.capabilities")
     assert built["controller"] == chosen["CONTROLLER"]
     for option in ("second_level", "weighted_deadlock", "inwards"):
-        assert built[option] == mpdcc
+        assert built[option] == (mpdcc and chosen.get(option.upper(), True))
     assert built["flux_control"] == (not mpdcc)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
     assert not any(board.read("system.status").values())
@@ -361,16 +361,24 @@ def test_the_netlist_with_a_divided_clock_controls_a_drive(tmp_path: Path) -> No
         prove(running, chosen, log, scale=0.1)
 
 
-def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(tmp_path: Path) -> None:
-    chosen = BOARDS["spartan3-starter"].generics("mptc")
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(
+    controller: str, tmp_path: Path
+) -> None:
+    chosen = BOARDS["spartan3-starter"].generics(controller)
     log = tmp_path / "gates.csv"
     with VirtualBoard(chosen, tmp_path / "board", log) as running:
         stream = SerialStream(str(running.port), 115_200)
         board = Board(Link(stream, 30.0))
         check_facts(board, chosen)
-        drive = load_drive(MPTC)
-        loaded(board, drive)
-        run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 15)
+        if controller == "mpdcc":
+            drive = load_drive(MPDCC)
+            loaded(board, drive)
+            run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, 15, "fast")
+        else:
+            drive = load_drive(MPTC)
+            loaded(board, drive)
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 15)
         # request and reply take 120,000 clocks, of the watchdog's 65,535 at most
         with pytest.raises(TrippedError, match=r"\(missing\)"), lockstep.gates_enabled(board):
             pass
@@ -406,6 +414,14 @@ def modules_of(top: str, chosen: Generics) -> dict[str, str]:
     return netlist.modules(netlist.cached(top, chosen).read_text(encoding="utf-8"))
 
 
+def core_of(chosen: Generics) -> dict[str, str]:
+    """Modules of the core that a board with these generics has, one explorer."""
+    options = {
+        name: chosen.get(name, True) for name in ("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS")
+    }
+    return modules_of("mpdcc_core", {"EXPLORERS": 1, "FOLDED": False, **options})
+
+
 def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
     # GHDL 2.0 has lost assignments to parts of a signal where something else in the design changed
     for controller in ("mpdcc", "mptc"):
@@ -417,7 +433,15 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
             there = modules_of("board_top", chosen)
             assert {n for n in here.keys() & there.keys() if here[n] != there[n]} == {"board_top"}
             # what counts in clocks has the clock, or a number of clocks, in its name
-            for only in (here.keys() - there.keys(), there.keys() - here.keys()):
+            one, other = here.keys() - there.keys(), there.keys() - here.keys()
+            if BOARDS[name].left_out:  # another core, the same as alone
+                cores = [core_of(ULX3S.generics(controller)), core_of(chosen)]
+                assert all(there[n] == text for n, text in cores[1].items() if n in there)
+                one, other = (
+                    {n for n in only if n not in core and not n.startswith("mpdcc_core_")}
+                    for only, core in zip((one, other), cores, strict=True)
+                )
+            for only in (one, other):
                 assert {re.split(r"_\d", name)[0] for name in only} <= CLOCKED
         alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
         if controller == "mpdcc":
