@@ -81,6 +81,8 @@ MEANINGS = {
         "control.outside_rule": 'What a variable outside its bound means. "inwards" saves '
         'switchings where measurements are noisy; "dead" where they are exact: '
         "docs/robustness.md.",
+        "control.capacitor_filter": "Filters of the measured capacitor voltages: a measurement "
+        "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
     },
     "mptc": {
         "controller": "Which controller.",
