@@ -1,7 +1,8 @@
 """Writes the packages with the observers' programs for the RTL.
 
-``rotor_flux_observer_program.vhd`` and ``mptc_observer_program.vhd`` hold the tables that
-`mac_sequencer` follows, and names for the places, seeds and events in them.
+``rotor_flux_observer_program.vhd``, ``capacitor_observer_program.vhd`` and
+``mptc_observer_program.vhd`` hold the tables that `mac_sequencer` follows, and names for the
+places, seeds and events in them.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from directmpc.mac_program import Program, places
+from directmpc.mpdcc import capacitor_program as capacitors
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
 from scripts.shared import tools
@@ -18,6 +20,7 @@ _FOLDER = Path(__file__).resolve().parents[2] / "rtl" / "observers"
 #: Entity -> its program, and the file the program stands in.
 PROGRAMS: dict[str, tuple[Program, str]] = {
     "rotor_flux_observer": (rotor_flux.PROGRAM, "model/directmpc/mpdcc/observer_program.py"),
+    "capacitor_observer": (capacitors.PROGRAM, "model/directmpc/mpdcc/capacitor_program.py"),
     "mptc_observer": (stator_flux.PROGRAM, "model/directmpc/mptc/observer_program.py"),
 }
 
@@ -109,6 +112,6 @@ def text(entity: str) -> str:
 
 
 def write() -> None:
-    """Write both packages."""
+    """Write the packages."""
     for entity in PROGRAMS:
         tools.write(_FOLDER / f"{entity}_program.vhd", text(entity))

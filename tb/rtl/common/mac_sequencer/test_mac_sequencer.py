@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from directmpc.mac_program import Product, Program, Word, plain
+from directmpc.mpdcc import capacitor_program as capacitors
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
 from scripts.hdl.clocks import clocks_of
@@ -71,10 +72,12 @@ def test_impossible_generics_are_refused(generics: dict[str, object]) -> None:
 def test_the_programs_take_the_clocks_that_are_promised() -> None:
     for entity, program in (
         ("rotor_flux_observer", rotor_flux.PROGRAM),
+        ("capacitor_observer", capacitors.PROGRAM),
         ("mptc_observer", stator_flux.PROGRAM),
     ):
         assert program.latency == clocks_of(entity, "latency")
     assert rotor_flux.PROGRAM.last + 1 == clocks_of("rotor_flux_observer", "busy")
+    assert capacitors.PROGRAM.last + 1 == clocks_of("capacitor_observer", "busy")
 
 
 def _program(*products: Product, **changes: object) -> Program:
