@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Does what somebody does who meets the project for the first time, and says how long each step took.
+#
+#   scripts/newcomers_path.sh
+#
+# The steps: `make run`, `make test`, a drive file of one's own, a run of it that is recorded as a
+# trace, the trace through the RTL, and a virtual board that the host program controls with that
+# drive. It works in a clone; on a bare machine:
+#
+#   scripts/fresh_machine.sh scripts/newcomers_path.sh
+#
+# The last lines are the times as a Markdown table, for docs/installing.md. The first step that
+# fails ends it with that step's exit code. What it makes is in build/newcomer.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+mine=build/newcomer
+python=.venv/bin/python
+table=$'| step | s |\n| --- | ---: |'
+board=
+
+finish() { [ -z "$board" ] || kill "$board" 2>/dev/null || true; }
+trap finish EXIT
+
+# Name of a step, then its command.
+step() {
+  local name="$1" begin=$SECONDS
+  shift
+  printf 'newcomer: %s: %s\n' "$name" "$*"
+  "$@"
+  table+=$'\n'"| $name | $((SECONDS - begin)) |"
+}
+
+on_a_virtual_board() {
+  make --no-print-directory virtual-board ARGS="--port $mine/board" &
+  board=$!
+  for _ in $(seq 300); do
+    [ -e "$mine/board" ] && break
+    kill -0 "$board" # or it has ended
+    sleep 1
+  done
+  "$python" -m directmpc.host --port "$mine/board" run "$mine/drive.toml" --gates --steps 400
+}
+
+rm -rf "$mine"
+step '`make run`' make --no-print-directory run
+step '`make test`' make --no-print-directory test
+mkdir -p "$mine"
+step 'a drive file' "$python" -m scripts new-drive mpdcc "$mine/drive.toml"
+step 'that drive, 400 steps, recorded' make --no-print-directory run \
+  ARGS="--drive $mine/drive.toml --steps 400 --trace $mine/trace.csv"
+step 'the trace through the RTL' make --no-print-directory replay \
+  DRIVE="$mine/drive.toml" IN="$mine/trace.csv" OUT="$mine/decisions.csv"
+step 'a virtual board, 400 steps with gates' on_a_virtual_board
+[ "$(wc -l < "$mine/decisions.csv")" -eq 401 ]
+printf '%s\n' "$table"
