@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from directmpc.mpdcc.errors import DriveErrors
     from directmpc.mptc.drive import MptcDrive
     from directmpc.mptc.foc import FocController, FocTuning
+    from directmpc.mptc.sensorless import SensorlessController
+    from directmpc.mptc.speed_observer import SpeedGains
     from directmpc.states import (
         Controller,
         MpdccDecision,
@@ -44,6 +46,8 @@ _HOMES = {
     "mpdcc.errors": ("DriveErrors",),
     "mptc.drive": ("MptcDrive",),
     "mptc.foc": ("FocController", "FocTuning"),
+    "mptc.sensorless": ("SensorlessController",),
+    "mptc.speed_observer": ("SpeedGains",),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
         "VectorSequence",
@@ -66,7 +70,9 @@ __all__ = [
     "MptcDecision",
     "MptcDrive",
     "MptcState",
+    "SensorlessController",
     "SimulationResult",
+    "SpeedGains",
     "StateError",
     "VectorSequence",
     "decide",

@@ -6,7 +6,7 @@ import cmath
 import functools
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from directmpc.mptc import sequence_loop
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import plant_parameters, slip
+from directmpc.mptc.sensorless import SensorlessController
 from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.states import Controller, VectorSequence
 
@@ -204,6 +205,7 @@ def simulate(
     plant: Drive | MptcDrive | None = None,
     variant: str = DEFAULT_VARIANT,
     errors: DriveErrors = NO_ERRORS,
+    sensorless: bool = False,
 ) -> SimulationResult:
     """Run a controller in closed loop with the exact plant, from a steady state on.
 
@@ -241,6 +243,10 @@ def simulate(
         MPDCC: errors of sensors and switches; none unless given. The result's `current` and `flux`
         are the plant's, its `trace` is what the sensors said, with the voltages of the capacitor
         filters where the drive has them.
+    sensorless : bool
+        MPTC: the controller sees the flux and the speed that a speed-adaptive observer estimates
+        from the stator currents (docs/sensorless.md). The result's `flux` and `omega_r` are the
+        plant's, its `trace` is what the controller saw.
 
     Returns
     -------
@@ -251,7 +257,7 @@ def simulate(
     ------
     TypeError
         If `drive` is no drive, `plant` not of its kind, `controller` has no `decide`, or `errors`
-        are given that are no `DriveErrors` or are for MPTC.
+        are given that are no `DriveErrors` or are for MPTC, or `sensorless` for MPDCC.
     ValueError
         If a number makes no sense, there is no such steady state, the model cannot represent the
         drive, or an own controller's decision is none.
@@ -272,6 +278,8 @@ def simulate(
         raise TypeError(f"errors: got {_named(errors)}; a DriveErrors is needed")
     if errors != NO_ERRORS and not isinstance(drive, Drive):
         raise TypeError("errors: given for a drive of MPTC; only those of MPDCC have them")
+    if sensorless and isinstance(drive, Drive):
+        raise TypeError("sensorless: given for a drive of MPDCC; only those of MPTC have it")
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
@@ -280,9 +288,9 @@ def simulate(
         if number is not None and not _is_finite(number):
             raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
     engine = controller if isinstance(controller, str) else type(controller).__name__
-    if isinstance(controller, str) and settle + steps < COMPILED_FROM:
+    if isinstance(controller, str) and (sensorless or settle + steps < COMPILED_FROM):
         controller = make_controller(drive, controller, variant)
-    run = _run_mptc
+    run = functools.partial(_run_mptc, sensorless=sensorless)
     if isinstance(drive, Drive):
         run = functools.partial(_run_mpdcc, errors=errors)
     return run(
@@ -395,6 +403,7 @@ def _run_mptc(
     angle: float,
     plant: MptcDrive,
     variant: str,
+    sensorless: bool,
 ) -> SimulationResult:
     """`simulate` for MPTC, SI."""
     c = drive.control
@@ -408,8 +417,13 @@ def _run_mptc(
     turn = cmath.exp(1j * (angle - cmath.phase(scenario.current)))
     scenario = mptc_loop.turned(scenario, turn, omega_r)
     parameters = plant_parameters(plant)
+    observed = None
+    if sensorless:
+        assert not isinstance(controller, str)
+        observed = controller = SensorlessController(drive, controller)
+        observed.begin(scenario.current, scenario.flux, scenario.omega_r)
     if c.sequences:
-        return _of_sequences(
+        result = _of_sequences(
             drive,
             engine,
             sequence_loop.simulate(drive, scenario, engine=controller, plant=parameters)
@@ -418,6 +432,7 @@ def _run_mptc(
             omega_s,
             settle,
         )
+        return _as_seen(result, observed, settle)
     if isinstance(controller, str):
         run = mptc_loop.simulate(drive, scenario, engine=controller, plant=parameters)
     else:
@@ -425,7 +440,7 @@ def _run_mptc(
     keep = slice(settle, None)
     seen = run.trace.rows(keep)
     saturated = run.saturated | run.clamped if engine == "model" else run.saturated
-    return SimulationResult(
+    result = SimulationResult(
         drive=drive,
         controller=engine,
         speed=omega_s,
@@ -438,6 +453,20 @@ def _run_mptc(
         trace=seen,
         decisions=mptc_trace.MptcDecisions(run.u[keep], None, saturated[keep]),
     )
+    return _as_seen(result, observed, settle)
+
+
+def _as_seen(
+    result: SimulationResult, observed: SensorlessController | None, settle: int
+) -> SimulationResult:
+    """The result with the estimates in its trace, where the controller saw estimates."""
+    if observed is None:
+        return result
+    assert isinstance(result.trace, mptc_trace.MptcTrace)
+    flux = np.array([psi for psi, _ in observed.seen[settle:]])
+    omega_r = np.array([omega for _, omega in observed.seen[settle:]])
+    trace_ = replace(result.trace, psi_s=np.column_stack([flux.real, flux.imag]), omega_r=omega_r)
+    return replace(result, trace=trace_)
 
 
 def _of_sequences(

@@ -1,0 +1,280 @@
+"""Operation without a speed sensor (Paper B, section 6.2): a controller on estimates, and its loop.
+
+The controller measures the current alone. Flux and speed are those of `speed_observer`, and so is
+the speed that a speed PI sees. `simulate` runs any method with a shaft and a speed PI;
+`SensorlessController` is any `Controller` behind the observer, for loops of others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from directmpc.compiled import njit
+from directmpc.mptc import ideal, ideal_sequences, speed_observer
+from directmpc.mptc.closed_loop import Scenario
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.inverter import UNIT
+from directmpc.mptc.machine import torque
+from directmpc.mptc.plant import PlantParameters, plant_parameters, step_sequence
+from directmpc.mptc.sequence import mean_voltage, segments, whole
+from directmpc.mptc.sequence_loop import decide_one, samples_of
+from directmpc.mptc.speed_observer import SpeedGains, SpeedObserver
+from directmpc.mptc.trace import FloatArray
+from directmpc.states import Controller, MptcDecision, MptcState, VectorSequence, mptc_decision
+
+
+@dataclass(frozen=True)
+class CurrentErrors:
+    """What the current measurement adds.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of each component, A.
+    bits : int
+        Word length of the converter, full scale `current_max`; 0: not quantised.
+    seed : int
+        Of the noise.
+
+    Raises
+    ------
+    ValueError
+        If a number makes no sense.
+    """
+
+    noise: float = 0.0
+    bits: int = 0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.noise) and self.noise >= 0.0):
+            raise ValueError(f"noise: got {self.noise!r:.40}; 0 or more A is needed")
+        if self.bits != 0 and not 2 <= self.bits <= 32:
+            raise ValueError(f"bits: got {self.bits!r:.40}; 0, or from 2 to 32, is needed")
+
+
+@dataclass(frozen=True)
+class SensorlessRun:
+    """A recorded run; n control periods with s samples each.
+
+    Attributes
+    ----------
+    ts : float
+        Control period, s.
+    omega_r, estimate : (n,)
+        Electrical speed of the machine and as estimated, rad/s.
+    flux, flux_estimate : (n,) complex
+        Stator flux of the machine and as estimated, Wb.
+    torque_ref : (n,)
+        What was asked of the controller, N*m.
+    torque : (n,)
+        Electromagnetic torque, N*m.
+    saturated, clamped : (n,)
+        Flags of the controller.
+    current_inside : (n * s,) complex
+        Stator current of the machine at equal distances, A.
+    torque_inside : (n * s,)
+        Electromagnetic torque there, N*m.
+    """
+
+    ts: float
+    omega_r: FloatArray
+    estimate: FloatArray
+    flux: np.ndarray
+    flux_estimate: np.ndarray
+    torque_ref: FloatArray
+    torque: FloatArray
+    saturated: np.ndarray
+    clamped: np.ndarray
+    current_inside: np.ndarray
+    torque_inside: FloatArray
+
+
+class _Observed(NamedTuple):
+    """A controller in float64 and the observer that it sees through."""
+
+    core: Any
+    observer: SpeedObserver
+
+
+@njit
+def _estimates(p, measured):
+    """Speed (rad/s) and flux (Wb) at k."""
+    return speed_observer.speed(p.observer, measured), p.observer.state[1]
+
+
+@njit
+def _advance(p, measured, omega, applied, vdc):
+    """Take the observer to k+1."""
+    unit = p.observer.machine.unit
+    speed_observer.advance(p.observer, measured, omega, mean_voltage(applied, unit) * vdc)
+
+
+@njit(kept=False)
+def _loop(
+    estimates, advance, decide, parameters, core, plant, centred, vdc, scenario, gains, noise, lsb,
+    i, psi, omega_r, seen, fluxes, flags, inside_i, inside_t,
+):  # fmt: skip
+    torque_ref, psi_ref, load, speed_ref = scenario
+    use_speed = len(speed_ref) > 0
+    samples = len(inside_i) // len(torque_ref)
+    vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
+    applied = whole(0)
+    integral = 0.0
+    for k in range(len(torque_ref)):
+        measured = i + noise[k]
+        if lsb > 0.0:
+            measured = lsb * complex(np.rint(measured.real / lsb), np.rint(measured.imag / lsb))
+        omega, flux = estimates(parameters, measured)
+        asked = torque_ref[k]
+        if use_speed:
+            error = speed_ref[k] - omega / plant.pole_pairs
+            if abs(gains[0] * error + integral) < gains[2]:
+                integral += gains[1] * error * plant.ts
+            asked += min(max(gains[0] * error + integral, -gains[2]), gains[2])
+        decided, flags[k, 0], flags[k, 1] = decide(
+            core, measured, flux, omega, applied, vdc, asked, psi_ref[k]
+        )
+        advance(parameters, measured, omega, applied, vdc)
+        seen[k, 0], seen[k, 1], seen[k, 2] = omega_r, omega, asked
+        seen[k, 3] = torque(plant, i, psi)
+        fluxes[k, 0], fluxes[k, 1] = psi, flux
+        count = segments(applied, centred, vectors, lengths)
+        here = slice(k * samples, (k + 1) * samples)
+        i, psi, omega_r = step_sequence(
+            plant, i, psi, omega_r, vectors[:count], lengths[:count], load[k], inside_i[here],
+            inside_t[here],
+        )  # fmt: skip
+        applied = decided
+
+
+def simulate(
+    drive: MptcDrive,
+    scenario: Scenario,
+    *,
+    gains: SpeedGains | None = None,
+    plant: PlantParameters | None = None,
+    errors: CurrentErrors | None = None,
+) -> SensorlessRun:
+    """Run a closed loop on estimates, in float64.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What controller and observer know.
+    scenario : Scenario
+        References, load and first state; the observer begins with this state.
+    gains : SpeedGains, optional
+        Of the observer.
+    plant : PlantParameters, optional
+        The drive's own with imposed speed if not given.
+    errors : CurrentErrors, optional
+        Of the current measurement; none if not given.
+
+    Returns
+    -------
+    SensorlessRun
+        One row per entry of the scenario.
+
+    Raises
+    ------
+    ValueError
+        If a gain has the wrong sign.
+    """
+    n, c = len(scenario.torque_ref), drive.control
+    errors = errors or CurrentErrors()
+    samples = samples_of(c.ts)
+    rng = np.random.default_rng(errors.seed)
+    noise = errors.noise * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    lsb = c.current_max / 2 ** (errors.bits - 1) if errors.bits else 0.0
+    first = complex(scenario.current), complex(scenario.flux), float(scenario.omega_r)
+    observer = speed_observer.speed_observer(drive, gains, *first)
+    if c.sequences:
+        decide, core = ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
+    else:
+        decide, core = decide_one, ideal.ideal_parameters(drive)
+    seen, fluxes = np.empty((n, 4)), np.empty((n, 2), dtype=np.complex128)
+    flags = np.empty((n, 2), dtype=np.int64)
+    inside_i, inside_t = np.empty(n * samples, dtype=np.complex128), np.empty(n * samples)
+    wished = np.empty(0) if scenario.speed_ref is None else scenario.speed_ref
+    _loop(
+        _estimates, _advance, decide, _Observed(core, observer), core,
+        plant or plant_parameters(drive), c.method == "SVM", drive.inverter.vdc,
+        (scenario.torque_ref, scenario.psi_ref, scenario.load, wished), scenario.gains, noise, lsb,
+        *first, seen, fluxes, flags, inside_i, inside_t,
+    )  # fmt: skip
+    return SensorlessRun(
+        c.ts, seen[:, 0], seen[:, 1], fluxes[:, 0], fluxes[:, 1], seen[:, 2], seen[:, 3],
+        flags[:, 0], flags[:, 1], inside_i, inside_t,
+    )  # fmt: skip
+
+
+class SensorlessController:
+    """A controller that sees estimates in place of the flux and the speed that it is given.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What the observer knows.
+    controller : Controller
+        Asked with the measured current, the estimated flux and the estimated speed.
+    gains : SpeedGains, optional
+        Of the observer.
+
+    Attributes
+    ----------
+    seen : list of tuple
+        Estimated flux (Wb) and speed (rad/s) in every period so far.
+
+    Raises
+    ------
+    ValueError
+        If a gain has the wrong sign.
+    """
+
+    def __init__(
+        self, drive: MptcDrive, controller: Controller, gains: SpeedGains | None = None
+    ) -> None:
+        self.controller = controller
+        self.seen: list[tuple[complex, float]] = []
+        self._vdc = drive.inverter.vdc
+        self._observer = speed_observer.speed_observer(drive, gains)
+
+    def begin(self, current: complex, flux: complex, omega_r: float) -> None:
+        """Give the observer a state to start from; without, all is zero.
+
+        Parameters
+        ----------
+        current, flux : complex
+            Stator current (A) and stator flux (Wb).
+        omega_r : float
+            Electrical speed, rad/s.
+        """
+        self._observer.state[:] = current, flux, omega_r
+        self.seen.clear()
+
+    def decide(self, state: MptcState) -> MptcDecision:
+        """Estimate, then let the controller decide.
+
+        Parameters
+        ----------
+        state : MptcState
+            Its current, references and what is being applied count.
+
+        Returns
+        -------
+        MptcDecision
+            The controller's.
+        """
+        omega = speed_observer.speed(self._observer, state.current)
+        flux = complex(self._observer.state[1])
+        self.seen.append((flux, omega))
+        shown = replace(state, flux=flux, omega_r=omega)
+        decision = mptc_decision(self.controller.decide(shown), len(self.seen) - 1)
+        applied = whole(state.applied) if isinstance(state.applied, int) else state.applied
+        voltage = mean_voltage(VectorSequence(*applied), UNIT) * self._vdc
+        speed_observer.advance(self._observer, state.current, omega, voltage)
+        return decision

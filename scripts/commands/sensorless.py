@@ -1,0 +1,22 @@
+"""A drive without a speed sensor: docs/sensorless.md, its figures and picture."""
+
+from __future__ import annotations
+
+import argparse
+
+from scripts.publish import sensorless
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--texts", action="store_true", help="rewrite the page's tables from reports/sensorless.csv"
+    )
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    sensorless.regenerate(given.texts)
+    return 0
+
+
+COMMAND = Command("sensorless", __doc__.splitlines()[0], _arguments, _run)

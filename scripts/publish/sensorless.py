@@ -1,0 +1,305 @@
+"""docs/sensorless.md: what a drive does on the speed-adaptive observer.
+
+`regenerate` runs `scripts.studies.sensorless`, stores its figures in reports/sensorless.csv, draws,
+and writes the tables of the page from the stored figures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from directmpc.api.drive_file import load_mptc_drive
+from directmpc.host.console import terminable
+from directmpc.mptc.drive import MptcDrive
+from scripts.shared import progress, tables, tools
+from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.tools import ROOT
+from scripts.studies import sensorless as study
+
+REPORTS = ROOT / "reports"
+CSV = REPORTS / "sensorless.csv"
+PICTURE = REPORTS / "sensorless.png"
+PAGE = ROOT / "docs" / "sensorless.md"
+DRIVE = ROOT / "drives" / "induction_2kw2.toml"
+COMMAND = "python -m scripts sensorless"
+
+#: Largest errors that are asked for, r/min: estimate in the start, in the reversal, speed at 15.
+GOALS = (15.0, 25.0, 0.5)
+
+
+class Figures:
+    """Figures of the study, as stored.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+        study, case, rpm, load, quantity, value; text or numbers.
+    """
+
+    def __init__(self, rows: Iterable[study.Row | dict[str, str]]) -> None:
+        self._values = {
+            (r["study"], r["case"], float(r["rpm"]), float(r["load"]), r["quantity"]): float(
+                r["value"]
+            )
+            for r in rows
+        }
+
+    def __call__(self, name: str, case: str, rpm: float, load: float, quantity: str) -> float:
+        """One figure.
+
+        Parameters
+        ----------
+        name, case : str
+            Study and case.
+        rpm, load : float
+            r/min, N*m.
+        quantity : str
+            With its unit.
+
+        Returns
+        -------
+        float
+            The value; infinite where the drive was lost.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        return self._values[name, case, rpm, load, quantity]
+
+
+def _cell(value: float, form: str) -> str:
+    """A figure, or that the drive was lost."""
+    return format(value, form) if math.isfinite(value) else "lost"
+
+
+def _cases(f: Figures) -> str:
+    """Start, reversal, low and full speed of every case."""
+    lines = []
+    for text, name, rpm, load, quantity, form in (
+        ("start: to 1400 r/min, ms", "start", study.TOP, 0.0, "to_1400_rpm_ms", ".0f"),
+        ("start: error of the estimate, r/min", "start", study.TOP, 0.0, "estimate_error_rpm",
+         ".1f"),
+        ("reversal: to 1400 r/min, ms", "reversal", study.TOP, 0.0, "to_1400_rpm_ms", ".0f"),
+        ("reversal: error of the estimate, r/min", "reversal", study.TOP, 0.0,
+         "estimate_error_rpm", ".1f"),
+        ("15 r/min, 14 N m: error of the speed, r/min", "crawl", study.CRAWL, study.RATED_TORQUE,
+         "speed_error_rpm", ".2f"),
+        ("the same: error of the estimate, r/min", "crawl", study.CRAWL, study.RATED_TORQUE,
+         "estimate_error_rpm", ".2f"),
+        ("1500 r/min, 14 N m: error of the speed, r/min", "full speed", study.TOP,
+         study.RATED_TORQUE, "speed_error_rpm", ".2f"),
+        ("the same: error of the estimate, r/min", "full speed", study.TOP, study.RATED_TORQUE,
+         "estimate_error_rpm", ".2f"),
+    ):  # fmt: skip
+        cells = [_cell(f(name, case, rpm, load, quantity), form) for case in study.CASES]
+        lines.append([text, *cells])
+    return tables.markdown(["largest error", *study.CASES], lines, "lr")
+
+
+def _gains(f: Figures) -> str:
+    """Start, reversal and low speed with other gains, without and with noise."""
+    lines = []
+    for kp, ki in study.TRIED:
+        found = []
+        for name, rpm, load, quantity, form in (
+            ("gains, start", study.TOP, 0.0, "estimate_error_rpm", ".1f"),
+            ("gains, reversal", study.TOP, 0.0, "estimate_error_rpm", ".1f"),
+            ("gains, crawl", study.CRAWL, study.RATED_TORQUE, "speed_error_rpm", ".2f"),
+        ):
+            pair = (
+                _cell(f(name, f"{kp:g}, {ki:g}{ending}", rpm, load, quantity), form)
+                for ending in ("", ", noise")
+            )
+            found.append(" / ".join(pair))
+        lines.append([f"{kp:g}, {ki:g}", *found])
+    return tables.markdown(
+        ["kp, ki", "start: estimate", "reversal: estimate", "15 r/min, 14 N m: speed"], lines, "lr"
+    )
+
+
+def _resistance(f: Figures) -> str:
+    """Low speed with another stator resistance."""
+    shares = study.RESISTANCES
+    rows = [
+        [
+            f"15 r/min, 14 N m: {text}, r/min",
+            *(
+                _cell(
+                    f("stator resistance", f"{share:g}", study.CRAWL, study.RATED_TORQUE, quantity),
+                    ".1f",
+                )
+                for share in shares
+            ),
+        ]
+        for text, quantity in (
+            ("largest error of the speed", "speed_error_rpm"),
+            ("mean error", "mean_error_rpm"),
+        )
+    ]
+    titles = [f"{100 * (share - 1):+.0f} %" for share in shares]
+    return tables.markdown(["stator resistance of the machine", *titles], rows, "lr")
+
+
+def _region(f: Figures, name: str) -> str:
+    """Largest error of the speed over speed and load."""
+    return tables.markdown(
+        ["N m, at r/min", *(f"{rpm:g}" for rpm in study.REGION_SPEEDS)],
+        [
+            [
+                f"{load:g}",
+                *(
+                    _cell(f(name, "12 bits, noise 1 %", rpm, load, "speed_error_rpm"), ".1f")
+                    for rpm in study.REGION_SPEEDS
+                ),
+            ]
+            for load in study.REGION_LOADS
+        ],
+        "lr",
+    )
+
+
+def texts(f: Figures) -> dict[str, str]:
+    """Every table of the page.
+
+    Parameters
+    ----------
+    f : Figures
+        Of the study.
+
+    Returns
+    -------
+    dict of str to str
+        Name of the marker -> table.
+    """
+    exact, skewed = study.REGIONS
+    return {
+        "cases": _cases(f),
+        "gains": _gains(f),
+        "resistance": _resistance(f),
+        "region": _region(f, exact),
+        "skewed": _region(f, skewed),
+    }
+
+
+def _markers(name: str) -> tuple[str, str]:
+    return f"<!-- {name}: begin (written by {COMMAND}) -->", f"<!-- {name}: end -->"
+
+
+def write_texts(f: Figures, page: Path = PAGE) -> None:
+    """Rewrite the tables of the page.
+
+    Parameters
+    ----------
+    f : Figures
+        Of the study.
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers of a table.
+    """
+    tables.rewrite(page, {_markers(name): text for name, text in texts(f).items()})
+
+
+def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
+    """Speed, error of the estimate and current: start, reversal, low speed, and the failure.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Pole pairs.
+    curves : Curves
+        Of the study.
+    path : Path
+        PNG file.
+    """
+    rpm, load = study.FAILING
+    columns = (
+        ("start (Fig. 23)", "start", None),
+        ("reversal (Fig. 24)", "reversal", None),
+        ("15 r/min, 14 N m (Fig. 26)", "crawl", None),
+        (f"{rpm:g} r/min, {load:g} N m: fails", "", curves.failed),
+    )
+    plt = pyplot()
+    figure, axes = plt.subplots(
+        3, len(columns), figsize=(12.0, 6.5), layout="constrained", sharex="col"
+    )
+    for column, (title, name, alone) in enumerate(columns):
+        runs = (
+            {"exact": curves.exact[name], "12 bits, noise 1 %": curves.noisy[name]}
+            if alone is None
+            else {"12 bits, noise 1 %": alone}
+        )
+        colours = COLOURS if alone is None else COLOURS[1:]
+        for (label, made), colour in reversed(list(zip(runs.items(), colours, strict=False))):
+            speed, estimate = study.speeds(drive, made)
+            t = made.ts * np.arange(len(speed))
+            axes[0][column].plot(t, speed, color=colour, linewidth=0.9, label=label)
+            axes[1][column].plot(t, estimate - speed, color=colour, linewidth=0.4)
+            per_step = len(made.current_inside) // len(speed)
+            current = made.current_inside[::per_step].real
+            axes[2][column].plot(t, current, color=colour, linewidth=0.4)
+        axes[0][column].set_title(title, fontsize=9)
+        axes[2][column].set_xlabel("time (s)")
+    for row, label in enumerate(
+        ("speed (r/min)", "estimate less speed (r/min)", "current of phase a (A)")
+    ):
+        axes[row][0].set_ylabel(label)
+    axes[0][0].legend(frameon=False, loc="lower right")
+    figure.suptitle("SVM-MPFC without a speed sensor (Paper B, section 6.2), float64", fontsize=10)
+    save_png(figure, path)
+    plt.close(figure)
+
+
+def stored(path: Path = CSV) -> Figures:
+    """Figures of the last run of the study.
+
+    Parameters
+    ----------
+    path : Path
+        CSV file.
+
+    Returns
+    -------
+    Figures
+        As stored.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    return Figures(tables.read_csv(path))
+
+
+def regenerate(texts_only: bool = False) -> None:
+    """Run the study, store and draw what it finds, and write the page; or write the page alone.
+
+    Parameters
+    ----------
+    texts_only : bool
+        Whether only the tables are written, from the stored figures.
+
+    Raises
+    ------
+    DriveFileError
+        If the drive file is not right.
+    MarkerError
+        If the page lacks the markers of a table.
+    """
+    with terminable():
+        if not texts_only:
+            drive = load_mptc_drive(DRIVE)
+            with progress.counter("runs without a speed sensor", study.count()) as advance:
+                rows, curves = study.measure(drive, advance)
+            draw(drive, curves)
+            tools.write(CSV, tables.csv_text(rows))
+        write_texts(stored())

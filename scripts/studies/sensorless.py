@@ -1,0 +1,295 @@
+"""A drive without a speed sensor: start, reversal, low speed, errors, and where it fails.
+
+SVM-MPFC on the speed-adaptive observer (Paper B, section 6.2), in float64, behind the speed PI of
+the other studies. The PI sees the estimated speed. `measure` gives figures, one row each; `Curves`
+holds what is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from directmpc.mptc import closed_loop, sensorless
+from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.sensorless import CurrentErrors, SensorlessRun
+from directmpc.mptc.speed_observer import SpeedGains
+from directmpc.mptc.trace import FloatArray
+from scripts.studies.mptc import GAINS, HIGH_SPEED_FLUX, INERTIA, PERIODS, RATED_TORQUE
+
+CRAWL = 15.0  # r/min, Fig. 26
+TOP = 1500.0  # r/min
+RATED_CURRENT = 7.0  # A, amplitude at 14 N*m and 0.9 Wb: noise is a share of it
+BITS = 12  # of the current measurement
+LOST = 300.0
+"""Error of the speed, r/min, beyond which a drive counts as lost; such figures are infinite."""
+
+NOISY = CurrentErrors(0.01 * RATED_CURRENT, BITS)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is not ideal.
+
+    Attributes
+    ----------
+    errors : CurrentErrors
+        Of the current measurement.
+    rs, rr : float
+        What the machine's resistances are multiplied with; the observer does not know it.
+    gains : SpeedGains
+        Of the observer.
+    """
+
+    errors: CurrentErrors = field(default_factory=CurrentErrors)
+    rs: float = 1.0
+    rr: float = 1.0
+    gains: SpeedGains = field(default_factory=SpeedGains)
+
+
+CASES: dict[str, Case] = {
+    "exact": Case(),
+    "12 bits": Case(CurrentErrors(0.0, BITS)),
+    "12 bits, noise 1 %": Case(NOISY),
+    "stator resistance +50 %": Case(rs=1.5),
+    "rotor resistance +50 %": Case(rr=1.5),
+}
+#: kp and ki of eq. 23 that are tried.
+TRIED = ((1.0, 500.0), (5.0, 5e3), (5.0, 10e3), (5.0, 20e3), (10.0, 20e3), (20.0, 20e3))
+RESISTANCES = (0.8, 0.9, 0.95, 1.02, 1.05, 1.1)  # of the stator, at low speed
+REGION_SPEEDS = (0.0, 15.0, 30.0, 45.0, 60.0, 80.0, 100.0, 120.0, 150.0, 200.0, 300.0)  # r/min
+REGION_LOADS = (14.0, 7.0, 0.0, -7.0, -14.0)  # N*m; below 0 the machine generates
+
+#: Machines of the region: name -> case.
+REGIONS: dict[str, Case] = {
+    "region": Case(NOISY),
+    "region, stator resistance +2 %": Case(NOISY, rs=1.02),
+}
+FAILING = (100.0, -14.0)
+"""Speed (r/min) and load (N*m) of the run that shows the failure."""
+
+Row = dict[str, str | float]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What is drawn: runs by name.
+
+    Attributes
+    ----------
+    exact : dict
+        Start, reversal and low speed without errors.
+    noisy : dict
+        The same with 12 bits and noise.
+    failed : SensorlessRun
+        Generating at low speed.
+    """
+
+    exact: dict[str, SensorlessRun]
+    noisy: dict[str, SensorlessRun]
+    failed: SensorlessRun
+
+
+def sensorless_drive(drive: MptcDrive) -> MptcDrive:
+    """The drive with SVM-MPFC at the control period of the study.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and full scales.
+
+    Returns
+    -------
+    MptcDrive
+        `drive` is not changed.
+    """
+    return drive.with_control(method="SVM", ts=PERIODS["SVM"])
+
+
+def run(
+    drive: MptcDrive,
+    case: Case,
+    first: float,
+    last: float,
+    load: float,
+    seconds: float,
+) -> SensorlessRun:
+    """From a speed to another, the reference steps after 0.1 s; the machine is magnetised.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Of `sensorless_drive`.
+    case : Case
+        What is not ideal.
+    first, last : float
+        r/min.
+    load : float
+        From the beginning on, N*m.
+    seconds : float
+        Length, s.
+
+    Returns
+    -------
+    SensorlessRun
+        Every control period.
+    """
+    steps, begin = round(seconds / drive.control.ts), round(0.1 / drive.control.ts)
+    scenario = closed_loop.constant(drive, first, load, HIGH_SPEED_FLUX, steps)
+    wanted = np.where(np.arange(steps) < begin, first, last) * RPM
+    scenario = replace(scenario, torque_ref=np.zeros(steps), speed_ref=wanted, gains=GAINS)
+    plant = plant_parameters(drive, INERTIA, rs=case.rs, rr=case.rr)
+    return sensorless.simulate(drive, scenario, gains=case.gains, plant=plant, errors=case.errors)
+
+
+def speeds(drive: MptcDrive, made: SensorlessRun) -> tuple[FloatArray, FloatArray]:
+    """Mechanical speed of a run.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Pole pairs.
+    made : SensorlessRun
+        The run.
+
+    Returns
+    -------
+    speed, estimate : ndarray of float64
+        r/min.
+    """
+    per_rpm = drive.machine.pole_pairs * RPM
+    return made.omega_r / per_rpm, made.estimate / per_rpm
+
+
+def transient_figures(drive: MptcDrive, made: SensorlessRun) -> dict[str, float]:
+    """Figures of a start or a reversal.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Pole pairs.
+    made : SensorlessRun
+        Of `run`, to 1500 r/min.
+
+    Returns
+    -------
+    dict of str to float
+        Time from the step to 1400 r/min; the largest error of the estimate from the step on.
+    """
+    speed, estimate = speeds(drive, made)
+    begin = round(0.1 / made.ts)
+    reached = np.flatnonzero(speed > 1400.0)
+    worst = float(np.abs(speed - estimate)[begin:].max())
+    return {
+        "to_1400_rpm_ms": 1e3 * made.ts * float(reached[0] - begin) if len(reached) else np.inf,
+        "estimate_error_rpm": worst if worst <= LOST else np.inf,
+    }
+
+
+def steady_figures(drive: MptcDrive, made: SensorlessRun, wanted: float) -> dict[str, float]:
+    """Figures of a run at one speed, over its last third.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Pole pairs.
+    made : SensorlessRun
+        Of `run`.
+    wanted : float
+        r/min.
+
+    Returns
+    -------
+    dict of str to float
+        Largest and mean error of the machine's speed, largest error of the estimate, r/min;
+        infinite where the drive is lost.
+    """
+    last = len(made.torque) - len(made.torque) // 3
+    speed, estimate = (x[last:] for x in speeds(drive, made))
+    found = {
+        "speed_error_rpm": float(np.abs(speed - wanted).max()),
+        "mean_error_rpm": float(speed.mean() - wanted),
+        "estimate_error_rpm": float(np.abs(speed - estimate).max()),
+    }
+    lost = found["speed_error_rpm"] > LOST or found["estimate_error_rpm"] > LOST
+    return {name: np.inf if lost else value for name, value in found.items()}
+
+
+def measure(
+    drive: MptcDrive, advance: Callable[[], None] = lambda: None
+) -> tuple[list[Row], Curves]:
+    """Run everything.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and full scales.
+    advance : callable
+        Called after each of the `count` parts.
+
+    Returns
+    -------
+    rows : list of dict
+        study, case, rpm, load, quantity, value.
+    curves : Curves
+        What is drawn.
+    """
+    drive = sensorless_drive(drive)
+    rows: list[Row] = []
+
+    def _keep(study: str, case: str, rpm: float, load: float, found: dict[str, float]) -> None:
+        for quantity, value in found.items():
+            rows.append(
+                {"study": study, "case": case, "rpm": rpm, "load": load, "quantity": quantity,
+                 "value": float(f"{value:.4g}")}
+            )  # fmt: skip
+        advance()
+
+    kept: dict[str, dict[str, SensorlessRun]] = {}
+    for name, case in CASES.items():
+        kept[name] = {}
+        for study, first, seconds in (("start", 0.0, 0.6), ("reversal", -TOP, 0.8)):
+            made = kept[name][study] = run(drive, case, first, TOP, 0.0, seconds)
+            _keep(study, name, TOP, 0.0, transient_figures(drive, made))
+        for study, rpm in (("crawl", CRAWL), ("full speed", TOP)):
+            made = kept[name][study] = run(drive, case, rpm, rpm, RATED_TORQUE, 3.0)
+            _keep(study, name, rpm, RATED_TORQUE, steady_figures(drive, made, rpm))
+    for kp, ki in TRIED:
+        gains, name = SpeedGains(kp=kp, ki=ki), f"{kp:g}, {ki:g}"
+        for ending, errors in (("", CurrentErrors()), (", noise", NOISY)):
+            case = Case(errors, gains=gains)
+            for study, first, seconds in (("start", 0.0, 0.6), ("reversal", -TOP, 0.8)):
+                made = run(drive, case, first, TOP, 0.0, seconds)
+                _keep("gains, " + study, name + ending, TOP, 0.0, transient_figures(drive, made))
+            made = run(drive, case, CRAWL, CRAWL, RATED_TORQUE, 3.0)
+            figures = steady_figures(drive, made, CRAWL)
+            _keep("gains, crawl", name + ending, CRAWL, RATED_TORQUE, figures)
+    for share in RESISTANCES:
+        made = run(drive, Case(rs=share), CRAWL, CRAWL, RATED_TORQUE, 3.0)
+        figures = steady_figures(drive, made, CRAWL)
+        _keep("stator resistance", f"{share:g}", CRAWL, RATED_TORQUE, figures)
+    failed = kept["exact"]["crawl"]
+    for study, case in REGIONS.items():
+        for load in REGION_LOADS:
+            for rpm in REGION_SPEEDS:
+                made = run(drive, case, rpm, rpm, load, 3.0)
+                _keep(study, "12 bits, noise 1 %", rpm, load, steady_figures(drive, made, rpm))
+                if study == "region" and (rpm, load) == FAILING:
+                    failed = made
+    return rows, Curves(kept["exact"], kept["12 bits, noise 1 %"], failed)
+
+
+def count() -> int:
+    """Parts of `measure`.
+
+    Returns
+    -------
+    int
+        How often it calls `advance`.
+    """
+    points = len(REGIONS) * len(REGION_SPEEDS) * len(REGION_LOADS)
+    return 4 * len(CASES) + 6 * len(TRIED) + len(RESISTANCES) + points
