@@ -182,6 +182,35 @@ def plant_step(data, state, s_abc, omega_r, vdc):
         _continuous(data, s_abc, omega_r, matrix)
         _exponential(matrix, data.ts, step)
         data.speeds[index] = omega_r
+    _apply(step, state, vdc)
+
+
+@njit
+def plant_advance(data, state, s_abc, omega_r, vdc, time):
+    """Advance the state by any time, in place; nothing is kept for the next time.
+
+    Parameters
+    ----------
+    data : PlantData
+        From `plant_data`.
+    state : ndarray of float64, shape (8,)
+        As in `Plant`, per unit; changed in place.
+    s_abc : ndarray of int64, shape (3,)
+        Positions applied, 0..7.
+    omega_r, vdc : float
+        Rotor speed and dc-link voltage, constant over the time, per unit.
+    time : float
+        Per unit, 0 or more.
+    """
+    matrix, step = np.empty((8, 9)), np.empty((8, 9))
+    _continuous(data, s_abc, omega_r, matrix)
+    _exponential(matrix, time, step)
+    _apply(step, state, vdc)
+
+
+@njit
+def _apply(step, state, vdc):
+    """Take the state over a discretised step."""
     following = np.empty(8)
     for row in range(8):
         total = step[row, 8] * vdc

@@ -1,0 +1,38 @@
+"""MPDCC beside pulse-width modulation on the same inverter."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scripts.shared.command import Command, UsageError
+from scripts.studies import pwm
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--steps", type=int, default=pwm.STEPS, help="control steps with MPDCC")
+    parser.add_argument(
+        "--periods", type=int, default=pwm.PERIODS, help="fundamental periods with PWM"
+    )
+    parser.add_argument("--starts", type=int, default=pwm.STARTS)
+    parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
+    parser.add_argument("--out", type=Path, default=pwm.REPORT, help="file of the runs")
+    parser.add_argument("--page", type=Path, default=pwm.PAGE, help="page of the tables")
+    parser.add_argument("--picture", type=Path, default=pwm.PICTURE, help="picture (PNG)")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for name, least in (("steps", 1000), ("periods", 1), ("starts", 1)):
+        if getattr(given, name) < least:
+            raise UsageError(
+                f"argument --{name}: got {getattr(given, name)}; at least {least} is needed"
+            )
+    found = pwm.study(given.out, given.steps, given.periods, given.starts, anew=given.anew)
+    pwm.publish(found, given.page, given.picture)
+    return 0
+
+
+COMMAND = Command(
+    "pwm", __doc__.splitlines()[0], _arguments, _run,
+    interrupted="the runs that are through are kept", outputs=(),
+)  # fmt: skip

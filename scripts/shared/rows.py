@@ -1,0 +1,93 @@
+"""Rows of a study in a CSV file: settings and figures, so that a stopped study goes on."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from scripts.shared import tools
+
+Setting = TypeVar("Setting")
+
+_PARSE = {"str": str, "float": float, "int": int}
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def rounded(setting: Setting) -> Setting:
+    """A setting as a file has it.
+
+    Parameters
+    ----------
+    setting : Setting
+        A frozen dataclass of texts, floats and integers.
+
+    Returns
+    -------
+    Setting
+        Its floats with six digits.
+    """
+    values = asdict(setting)  # type: ignore[call-overload]
+    return type(setting)(
+        **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in values.items()}
+    )
+
+
+def read(
+    path: Path, kind: type[Setting], figures: Sequence[str]
+) -> dict[Setting, dict[str, float]]:
+    """Rows of a file.
+
+    Parameters
+    ----------
+    path : Path
+        It may not exist, or end in the middle of a row: that one is left out.
+    kind : type
+        Dataclass of the settings.
+    figures : sequence of str
+        Names of the figures.
+
+    Returns
+    -------
+    dict
+        Figures by setting.
+    """
+    if not path.exists():
+        return {}
+    kinds = {field.name: _PARSE[str(field.type)] for field in fields(kind)}  # type: ignore[arg-type]
+    found = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if None in row.values() or None in row:
+                continue
+            setting = kind(**{name: parse(row[name]) for name, parse in kinds.items()})
+            found[setting] = {name: float(row[name]) for name in figures}
+    return found
+
+
+def write(path: Path, rows: Mapping[Setting, Mapping[str, float]], figures: Sequence[str]) -> None:
+    """Write a file in the order of its settings; all of it or nothing.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rows : mapping
+        Figures by setting; one at least.
+    figures : sequence of str
+        Names of the figures.
+    """
+    columns = [field.name for field in fields(next(iter(rows)))]  # type: ignore[arg-type]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*columns, *figures])
+    for setting in sorted(rows):  # type: ignore[type-var]
+        values = asdict(setting) | dict(rows[setting])  # type: ignore[call-overload]
+        writer.writerow([_cell(values[name]) for name in (*columns, *figures)])
+    tools.write(path, out.getvalue())
