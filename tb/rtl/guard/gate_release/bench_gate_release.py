@@ -13,6 +13,22 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 EDGES = 6
 
 
+async def without_registers(dut, board: Scoreboard, clock: Clock) -> None:
+    """Registers that all say yes turn no pin on while permit is '0'."""
+    gates = (1 << len(dut.gates)) - 1
+    dut.gates.value, dut.permit.value = gates, 1
+    for _ in range(EDGES):
+        await clock.tick()
+    board.check("registers", number(dut.pins), gates, "permitted")
+    dut.permit.value = 0
+    await Timer(1, "ns")
+    board.check("registers", number(dut.pins), 0, "permit falls")
+    dut.held.value = (1 << EDGES) - 1
+    await Timer(1, "ns")
+    board.check("registers", number(dut.held), (1 << EDGES) - 1, "set from outside")
+    board.check("registers", number(dut.pins), 0, "permit is '0', the registers are set")
+
+
 @cocotb.test()
 async def permits_with_and_without_a_clock(dut) -> None:
     """Gates and permit change between edges, at times while the clock stands."""
@@ -45,7 +61,8 @@ async def permits_with_and_without_a_clock(dut) -> None:
         if n >= 2:
             board.check("permitted", number(dut.permitted), line[1], f"clock {n}")
             board.cover("permitted", line[1])
+    await without_registers(dut, board, clock)
     board.finish(
-        {"pins": given["clocks"], "permitted": given["clocks"] - 2},
+        {"pins": given["clocks"], "permitted": given["clocks"] - 2, "registers": 4},
         {"on": given["clocks"] // 4, "permitted": given["clocks"] // 4, "back without a clock": 5},
     )

@@ -1,8 +1,10 @@
 """What stands between the gate guard and the pins of a board.
 
 Sweep: 24 gates and one.
-Stimulus: random gates and permits, several times between two edges of the clock.
-Checks: pins off at once without permit, with no edge of the clock; off until six edges after it;
+Stimulus: random gates and permits, several times between two edges of the clock; registers that are
+set while there is no permit, as an upset would.
+Checks: pins off at once without permit, with no edge of the clock, whatever the registers hold; off
+until six edges after it;
 the synchronous permit in every clock, which falls with every loss.
 Timing: the latencies of the header are what is checked.
 Faults: pins that wait for a clock; an edge less; a synchroniser with one stage less; a
@@ -40,6 +42,7 @@ def test_pins_need_permit_and_no_clock_to_go_off(width: int) -> None:
 FAULTS = [
     Fault("gate_release", "if (permit = '0') then", "if (clk = '1' and permit = '0') then", "p"),
     Fault("gate_release", "permit and held(5);", "permit;", "pins"),
+    Fault("gate_release", "permit and held(5);", "held(5);", "registers"),
     Fault("gate_release", "permit and held(5);", "permit and held(4);", "pins"),
     Fault("gate_release", "gates(i) and allowed", "gates(i)", "pins"),
     Fault("gate_release", "(0) => held(1),", "(0) => held(0),", "permitted"),

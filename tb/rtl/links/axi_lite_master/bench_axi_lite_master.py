@@ -13,7 +13,8 @@ QUIET = (
     "start", "write", "address", "wdata", "awready", "wready", "bvalid", "bresp", "arready",
     "rvalid", "rword", "rresp",
 )  # fmt: skip
-OFFERS = ("awvalid", "wvalid", "arvalid")
+#: Outputs that are low after a reset.
+AT_REST = ("awvalid", "wvalid", "arvalid", "bready", "rready", "done")
 
 
 class Slave:
@@ -92,7 +93,15 @@ async def accesses(dut) -> None:
     for name in QUIET:
         getattr(dut, name).value = 0
     for round_ in range(4):
+        if round_:
+            # in the middle of an access, which nobody takes
+            dut.start.value, dut.write.value, dut.address.value = 1, round_ % 2, 0
+            await clock.tick()
+            dut.start.value = 0
+            await clock.tick()
         await clock.reset()
+        offered = {name: str(getattr(dut, name).value) for name in AT_REST}
+        board.check("reset", offered, dict.fromkeys(AT_REST, "0"))
         slave = Slave(dut, rng)
         for n in range(given["accesses"]):
             # outside, crooked, or a register's
@@ -136,4 +145,6 @@ async def accesses(dut) -> None:
         board.check("goes on", seen["got"], seen["want"])
         seen = await access(dut, clock, rng, slave, write=False, address=0x0C)
         board.check("goes on", seen["got"], seen["want"])
-    board.finish({"answer": 2 * given["accesses"], "owed": 36, "goes on": 8, "no register": 20})
+    board.finish(
+        {"answer": 2 * given["accesses"], "owed": 36, "goes on": 8, "no register": 20, "reset": 4}
+    )

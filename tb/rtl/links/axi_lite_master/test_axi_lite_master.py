@@ -2,10 +2,10 @@
 
 Stimulus: random reads and writes to a slave that takes its time on every channel; addresses
 outside the bus and between two words; a slave that does not answer for longer than LIMIT, accesses
-meanwhile, its late answer, accesses after it; resets.
+meanwhile, its late answer, accesses after it; resets, also within an access.
 Checks: address and word on the bus, each offered until it is taken and not again; the answer; an
 access that is given up after LIMIT clocks, and stays on the bus; SLVERR at once until the slave has
-answered, its late answer to nobody, and a bus that goes on.
+answered, its late answer to nobody, and a bus that goes on; nothing offered after a reset.
 Faults: a master that stays dead, that gives a late answer to the next access, that waits for
 ever, addresses that are aliases, and others.
 """
@@ -52,6 +52,8 @@ FAULTS = [
         "place <= (others => '0');",
         "offer",
     ),
+    Fault(NAME, "    done    => '0'\n", "    done    => '1'\n", "reset"),
+    Fault(NAME, "v := STATE_INIT;", "v.busy := '0';", "reset"),
     Fault(NAME, "response <= rresp;", 'response <= bresp and "00";', "answer"),
 ]
 

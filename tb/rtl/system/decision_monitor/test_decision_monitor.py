@@ -1,9 +1,10 @@
 """Decisions and the clocks they take are counted, and the longest is kept.
 
-Stimulus: starts, ends and clears in any order; resets.
+Stimulus: starts, ends and clears in any order; resets; decisions as long as the counter and longer.
 Checks: all three counters in every clock, against a model in Python.
-Faults: a clock too few, the shortest instead of the longest, a count that is not cleared.
-Does not prove: the end of the counters at 65,535 clocks.
+Faults: a clock too few, the shortest instead of the longest, a count that is not cleared,
+a count that begins anew at its end.
+Does not prove: the end of the count of decisions.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ def test_decisions_are_counted() -> None:
 FAULTS = [
     Fault(NAME, "cycles <= to_unsigned(1, 16);", "cycles <= to_unsigned(0, 16);", "last"),
     Fault(NAME, "if (cycles > longest) then", "if (cycles < longest) then", "worst"),
+    Fault(NAME, "elsif (cycles /= (cycles'range => '1')) then", "else", "end"),
     Fault(NAME, "(rst = '1' or clear = '1')", "(rst = '1')", "(decisions|last|worst)"),
 ]
 
