@@ -45,6 +45,8 @@ def _run(given: argparse.Namespace) -> int | None:
     mutation.publish(given.page, given.out)
     if old := mutation.outdated(units, given.out):
         print(f"mutate: changed since they were run: {', '.join(old)}", file=sys.stderr)
+    if more := mutation.unlisted(units):
+        print(f"mutate: not in {mutation.LIST.name}: {', '.join(more)}", file=sys.stderr)
     return 0
 
 

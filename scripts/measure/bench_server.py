@@ -1,12 +1,16 @@
 """Runs chosen tests again and again, each time in a child of one process.
 
 The process has imported what the tests need, so that a run costs no start of Python. It reads one
-JSON object a line from stdin, ``{"tests": [...], "limit": seconds}``, and answers with one:
+JSON object a line from stdin, ``{"tests": [...], "limit": seconds, "work": seconds}``: the time on
+the clock and that of the processor that they may take. It answers with one:
 
 * ``end``: "passed", "failed", "uncompiled" where VHDL does not compile, "timeout", or "broken"
   where something failed that is no check, a file that is missing for instance;
 * ``test``, ``said``: the test that ended the run, and the first line of what it says;
-* ``passed``: how many tests passed before.
+* ``passed``: how many tests passed before;
+* ``seconds``, ``work``: the time on the clock and that of the processor.
+
+A machine that does much else at the same time stretches the clock, not the work.
 
 Tests that seed faults themselves are left out: they look for a text of the VHDL. A selection with
 ``::`` is run whatever its tier is, of others only what `make test` runs.
@@ -22,7 +26,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +34,8 @@ from scripts.hdl.ghdl import BuildError
 
 #: Helpers of tb/helpers/faults.py that change the VHDL.
 SEEDING = {"altered", "assert_seen"}
+#: Seconds between two looks at the time that a run has taken.
+POLL = 0.25
 _OPTIONS = ("-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
@@ -124,6 +130,14 @@ def _in_child(tests: Sequence[str], pipe: int) -> None:
         os._exit(0)
 
 
+def _session(leader: int) -> Iterator[Path]:
+    """Folders below /proc of the processes of a session."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError, ValueError):
+            if os.getsid(int(folder.name)) == leader:
+                yield folder
+
+
 def end_session(leader: int) -> None:
     """Kill every process of a session: a simulator may have a process group of its own.
 
@@ -132,34 +146,57 @@ def end_session(leader: int) -> None:
     leader : int
         Process id of the session's first process.
     """
-    for folder in Path("/proc").glob("[0-9]*"):
+    for folder in _session(leader):
+        with contextlib.suppress(OSError):
+            os.kill(int(folder.name), signal.SIGKILL)
+
+
+def work_of(leader: int) -> float:
+    """Processor time of a session, of processes that have ended too.
+
+    Parameters
+    ----------
+    leader : int
+        Process id of the session's first process.
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
+    ticks = 0
+    for folder in _session(leader):
         with contextlib.suppress(OSError, ValueError):
-            number = int(folder.name)
-            if os.getsid(number) == leader:
-                os.kill(number, signal.SIGKILL)
+            # behind the name, which may have blanks: the four times are fields 14 to 17
+            fields = (folder / "stat").read_text(encoding="ascii").rpartition(")")[2].split()
+            ticks += sum(int(field) for field in fields[11:15])
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def _run(tests: Sequence[str], limit: float) -> dict[str, Any]:
+def _run(tests: Sequence[str], limit: float, work: float) -> dict[str, Any]:
     """The answer of a child, or what its silence means."""
-    began = time.monotonic()
+    began, used = time.monotonic(), 0.0
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(read)
         _in_child(tests, write)
     os.close(write)
-    ready, _, _ = select.select([read], [], [], limit)
+    ready: list[int] = []
+    while not ready and time.monotonic() - began < limit and used < work:
+        ready, _, _ = select.select([read], [], [], POLL)
+        used = max(used, work_of(child))
     text = os.read(read, 1 << 16) if ready else b""
     end_session(child)
     with contextlib.suppress(ProcessLookupError):
         os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     os.close(read)
-    seconds = time.monotonic() - began
+    times = {"seconds": time.monotonic() - began, "work": used}
     if text:
-        return json.loads(text) | {"seconds": seconds}
+        return json.loads(text) | times
     end = "broken" if ready else "timeout"
-    return {"end": end, "test": "", "said": "", "passed": 0, "seconds": seconds}
+    return {"end": end, "test": "", "said": "", "passed": 0} | times
 
 
 def serve() -> None:
@@ -176,7 +213,7 @@ def serve() -> None:
         if new := [test for test in asked["tests"] if test not in warmed]:
             pytest.main([*_OPTIONS, "--collect-only", *new])
             warmed |= set(new)
-        answer = _run(asked["tests"], asked["limit"])
+        answer = _run(asked["tests"], asked["limit"], asked["work"])
         os.write(answers, (json.dumps(answer) + "\n").encode())
 
 

@@ -45,10 +45,10 @@ PAGE = ROOT / "docs" / "mutation.md"
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
 SAMPLE = 50
 SEED = 1
-#: A bench may take this many times as long as without a change, and the seconds besides.
-PATIENCE, GRACE = 6, 10
-#: Longest time a bench is waited for without a change.
-LONGEST = 600
+#: A bench may take this many times the processor time as without a change, and the seconds besides.
+PATIENCE, GRACE = 6, 5
+#: Longest time on the clock a bench is waited for.
+LONGEST = 900
 _KEYS = ("tests", "above", "top", "configurations")
 #: What the copy of the project is without.
 _ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
@@ -166,6 +166,29 @@ def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
             )
         )
     return found
+
+
+def unlisted(units: Iterable[Unit], root: Path = ROOT) -> list[str]:
+    """Units of the design that a list has not.
+
+    Parameters
+    ----------
+    units : Iterable[Unit]
+        The list.
+    root : Path
+        The project.
+
+    Returns
+    -------
+    list[str]
+        Entities and packages that are not generated, sorted.
+
+    Raises
+    ------
+    OSError
+        If a file of the design cannot be read.
+    """
+    return sorted(set(_units_of(root / "rtl")) - {unit.name for unit in units})
 
 
 def named(names: Iterable[str], units: Sequence[Unit]) -> list[Unit]:
@@ -301,8 +324,9 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        ``key``, and ``mutants`` with ``line``, ``kind``, ``before``, ``after``, ``place``,
-        ``outcome`` and ``by``, the test that failed; empty if there are none.
+        ``key``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
+        ``before``, ``after``, ``place``, ``outcome`` and ``by``, the test that failed; empty if
+        there are none.
 
     Raises
     ------
@@ -318,11 +342,14 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
         raise MutationError(f"{path.name}: {error}; remove it to begin anew") from None
 
 
-def _written(unit: Unit, key: str, rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write the results of a unit, a mutant a line."""
+def _written(
+    unit: Unit, key: str, rows: Iterable[Mapping[str, Any]], folder: Path, *, whole: bool
+) -> None:
+    """Write the results of a unit, a mutant a line; `whole` where none is left to run."""
     ordered = sorted(rows, key=lambda row: (row["line"], row["before"], row["after"], row["place"]))
     lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in ordered)
-    head = f'"unit": "{unit.name}",\n "file": "{unit.file.as_posix()}",\n "key": "{key}"'
+    known = {"unit": unit.name, "file": unit.file.as_posix(), "key": key, "whole": whole}
+    head = ",\n ".join(f'"{name}": {json.dumps(value)}' for name, value in known.items())
     tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
 
 
@@ -351,6 +378,9 @@ class Workshop:
         self._scratch.mkdir()
         ignore = shutil.ignore_patterns(*_ELSEWHERE)
         shutil.copytree(root, self.root, symlinks=True, ignore=ignore)
+        if (root / ".venv").exists():
+            # a test that calls make is not to install anything
+            (self.root / ".venv").symlink_to((root / ".venv").resolve())
         path = os.pathsep.join([str(self.root / "model"), str(self.root)])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "scripts.measure.bench_server"],
@@ -364,7 +394,9 @@ class Workshop:
             start_new_session=True,
         )
 
-    def run(self, tests: Sequence[str], limit: float) -> dict[str, Any]:
+    def run(
+        self, tests: Sequence[str], limit: float = LONGEST, work: float = LONGEST
+    ) -> dict[str, Any]:
         """Run tests of the copy.
 
         Parameters
@@ -372,12 +404,14 @@ class Workshop:
         tests : Sequence[str]
             As pytest selects them.
         limit : float
-            Seconds until they are ended.
+            Seconds on the clock until they are ended.
+        work : float
+            Seconds of the processor until they are.
 
         Returns
         -------
         dict[str, Any]
-            As `scripts.measure.bench_server` answers, with ``seconds``.
+            As `scripts.measure.bench_server` answers.
 
         Raises
         ------
@@ -387,7 +421,8 @@ class Workshop:
         stdin: IO[str] = self._process.stdin
         stdout: IO[str] = self._process.stdout
         try:
-            stdin.write(json.dumps({"tests": list(tests), "limit": limit}) + "\n")
+            asked = {"tests": list(tests), "limit": limit, "work": work}
+            stdin.write(json.dumps(asked) + "\n")
             stdin.flush()
             line = stdout.readline()
         except BrokenPipeError:
@@ -474,17 +509,17 @@ class _Judge:
         shutil.copytree(rtl, self.gold)
 
     def _begin(self, tests: tuple[str, ...]) -> float:
-        """Time limit of tests, after they have passed without a change."""
+        """Processor time that tests may take, after they have passed without a change."""
         if tests not in self.limits:
             tools.write(self.file, self.source)
-            found = self.place.run(tests, LONGEST)
+            found = self.place.run(tests)
             if found["end"] != "passed" or not found["passed"]:
                 said = found["said"] or f"{found['passed']} tests passed"
                 raise MutationError(
                     f"{self.unit.name}: its benches do not pass without a change: "
                     f"{found['test'] or ' '.join(tests)}: {found['end']}, {said}"
                 )
-            self.limits[tests] = GRACE + PATIENCE * found["seconds"]
+            self.limits[tests] = GRACE + PATIENCE * found["work"]
         return self.limits[tests]
 
     def judge(self, mutant: Mutant) -> tuple[str, str]:
@@ -495,9 +530,9 @@ class _Judge:
             if not self.compiler.compiles():
                 return "uncompiled", ""
             for tests in filter(None, (self.unit.tests, self.unit.above)):
-                limit = self._begin(tests)
+                work = self._begin(tests)
                 tools.write(self.file, changed)
-                found = self.place.run(tests, limit)
+                found = self.place.run(tests, work=work)
                 if found["end"] == "broken":
                     raise MutationError(f"{found['test'] or ' '.join(tests)}: {found['said']}")
                 if found["end"] == "timeout":
@@ -598,23 +633,26 @@ def mutate(
     by_name = {one.name: one for one in everything}
     # comments do not count for the key, but they move lines
     rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
-    counted, left = 0, sample
+    counted, left, whole = 0, sample, True
     with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:
         judge: _Judge | None = None
         for one in shuffled(everything, SEED):
-            if counted >= sample or stopped():
+            if counted >= sample:
+                break
+            if stopped():
+                whole = False
                 break
             if one.name not in rows:
                 judge = judge or _Judge(unit, place, Path(name))
                 rows[one.name] = _row(one, *judge.judge(one))
-                _written(unit, key, list(rows.values()), results)
+                _written(unit, key, rows.values(), results, whole=False)
             if rows[one.name]["outcome"] != "uncompiled":
                 counted += 1
                 left -= 1
                 advance()
     for _ in range(left):
         advance()
-    _written(unit, key, list(rows.values()), results)
+    _written(unit, key, rows.values(), results, whole=whole)
     return kept(unit.name, results)
 
 
@@ -815,7 +853,8 @@ def markdown(
     Returns
     -------
     str
-        Scores, survivors, and mutants that are argued to do the same.
+        Scores, "so far" where mutants are left to run, survivors, and mutants that are argued to
+        do the same.
     """
     scores = {
         unit.name: score(unit.name, results[unit.name], argued)
@@ -832,6 +871,8 @@ def markdown(
         one = scores[unit.name]
         figures = _figures(one)
         total = [a + b for a, b in zip(total, figures, strict=True)]
+        if not results[unit.name].get("whole"):
+            label += ", so far"
         rows.append((label, *figures, share(one.killed, one.mutants - one.equivalent)))
     whole = share(total[1], total[0] - total[3] - total[4])
     rows.append((f"all {len(scores)} that were run", *total, whole))

@@ -185,12 +185,13 @@ def test_every_file_of_the_design_has_mutants() -> None:
 # --- the list -------------------------------------------------------------------------------------
 
 
-def test_every_unit_of_the_design_is_listed() -> None:
+def test_the_units_of_the_list_are_the_designs(tmp_path: Path) -> None:
     listed = {unit.name: unit for unit in mutation.listed()}
     files = {path.relative_to(ROOT) for path in (ROOT / "rtl").rglob("*.vhd")}
-    generated = {path for path in files if "generated" in path.parts}
-    assert {unit.file for unit in listed.values()} == files - generated
+    assert {unit.file for unit in listed.values()} <= files
+    assert not any("generated" in unit.file.parts for unit in listed.values())
     assert listed["binary_search"].tests == ("tb/rtl/mpdcc/binary_search",)
+    assert set(mutation.unlisted([])) == set(mutation.unlisted(listed.values())) | set(listed)
 
 
 @pytest.mark.parametrize(
@@ -385,18 +386,25 @@ def test_what_a_failure_means() -> None:
     assert not bench_server.seeds_faults(test_what_a_failure_means)
 
 
-def test_a_bench_that_does_not_end_is_ended(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("body", "limits"),
+    [
+        ("subprocess.run(['timeout', '60', 'sleep', '59'], check=True)", (1, 60)),
+        ("subprocess.run(['sh', '-c', 'while true; do :; done'], check=True)", (60, 0.5)),
+    ],
+    ids=["clock", "processor"],
+)
+def test_a_bench_that_does_not_end_is_ended(
+    body: str, limits: tuple[float, float], tmp_path: Path
+) -> None:
     root = project(tmp_path)
     path = root / "tb" / "rtl" / "common" / "counter" / "test_counter.py"
-    path.write_text(
-        "import subprocess\n\n\ndef test_it_ends():\n"
-        "    subprocess.run(['timeout', '60', 'sleep', '59'], check=True)\n"
-    )
+    path.write_text(f"import subprocess\n\n\ndef test_it_ends():\n    {body}\n")
     with mutation.workshop(root) as place:
-        found = place.run([str(path.relative_to(root))], 1)
-        assert found["end"] == "timeout"
-        assert found["seconds"] < 30
-        assert place.run([str(path.relative_to(root))], 0.5)["end"] == "timeout"
+        found = place.run([str(path.relative_to(root))], *limits)
+    assert found["end"] == "timeout"
+    assert found["seconds"] < 50
+    assert found["work"] >= 0.5 or limits[0] == 1
 
 
 def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
@@ -465,10 +473,12 @@ def test_a_run_goes_on_where_it_stopped(judged: Callable[..., int], tmp_path: Pa
     assert [path.name for path in folder.iterdir()] == ["counter.json"]
     before = rows(folder.parent)
     assert len(before) == 5
+    assert mutation.kept("counter", folder)["whole"] is False
     more = judged()
     whole = rows(folder.parent)
     assert more == len(whole) - 5
     assert all(row in whole for row in before)
+    assert mutation.kept("counter", folder)["whole"] is True
     assert sum(row["outcome"] != "uncompiled" for row in whole) == 8
     assert judged() == 0
     assert judged(sample=9) >= 1
@@ -515,7 +525,7 @@ def kept_row(outcome: str, after: str) -> dict[str, object]:
 
 def test_scores_are_counted() -> None:
     ends = ("killed", "killed", "timeout", "uncompiled", "equivalent", "survived", "survived")
-    found = {"mutants": [kept_row(end, str(k)) for k, end in enumerate(ends)]}
+    found = {"whole": True, "mutants": [kept_row(end, str(k)) for k, end in enumerate(ends)]}
     argued = [mutation.Argument("ram", ("a | b", "6", 1), "because")]
     score = mutation.score("ram", found, argued)
     assert (score.mutants, score.killed, score.equivalent, len(score.survivors)) == (6, 3, 2, 1)
@@ -526,6 +536,8 @@ def test_scores_are_counted() -> None:
     assert "| `ram.vhd:3` | `a \\| b` | `5` |\n" in page
     assert "| `ram.vhd:3` | `a \\| b` | `6` | because |" in page
     assert mutation.share(0, 0) == "-"
+    page = mutation.markdown(units, {"ram": found | {"whole": False}}, argued)
+    assert "| `ram`, so far | 6 | 3 | 1 | 1 | 1 | 1 | 75 % |" in page
 
 
 def test_the_page_has_what_is_kept() -> None:
@@ -543,7 +555,7 @@ def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[s
     row = json.dumps(kept_row("killed", "a & b"))
     tools.write(results / "ram.json", f'{{"key": "old", "mutants": [{row}]}}')
     assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
-    assert "| `ram` | 1 | 1 |" in page.read_text()
+    assert "| `ram`, so far | 1 | 1 |" in page.read_text()
     assert "mutate: changed since they were run: ram" in capsys.readouterr().err
     shutil.rmtree(results)
     assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
