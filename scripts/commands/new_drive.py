@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from scripts.generate import drive_template
+from scripts.shared import tools
 from scripts.shared.command import Command, InputError
 
 
@@ -21,11 +22,9 @@ def _run(given: argparse.Namespace) -> int | None:
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; one that exists is needed")
     text = drive_template.template(given.controller)
-    try:
-        with path.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-    except FileExistsError:
-        raise InputError(f"{path}: exists and stays as it is; a new name is needed") from None
+    if path.exists() or path.is_symlink():
+        raise InputError(f"{path}: exists and stays as it is; a new name is needed")
+    tools.write(path, text)
     print(f"{path}: put in your drive's values; docs/drive-file.md says how to get them")
     return 0
 
