@@ -1,8 +1,8 @@
 """A drive without a speed sensor: start, reversal, low speed, errors, and where it fails.
 
-SVM-MPFC on the speed-adaptive observer (Paper B, section 6.2), in float64, behind the speed PI of
-the other studies. The PI sees the estimated speed. `measure` gives figures, one row each; `Curves`
-holds what is drawn.
+SVM-MPFC on the speed-adaptive observer (Paper B, section 6.2), in float64 and bit-true, behind
+the speed PI of the other studies. The PI sees the estimated speed. `measure` gives figures, one row
+each; `Curves` holds what is drawn.
 """
 
 from __future__ import annotations
@@ -43,18 +43,23 @@ class Case:
         What the machine's resistances are multiplied with; the observer does not know it.
     gains : SpeedGains
         Of the observer.
+    engine : str
+        "ideal" or "model" (bit-true), of observer and controller.
     """
 
     errors: CurrentErrors = field(default_factory=CurrentErrors)
     rs: float = 1.0
     rr: float = 1.0
     gains: SpeedGains = field(default_factory=SpeedGains)
+    engine: str = "ideal"
 
 
 CASES: dict[str, Case] = {
     "exact": Case(),
     "12 bits": Case(CurrentErrors(0.0, BITS)),
     "12 bits, noise 1 %": Case(NOISY),
+    "bit-true": Case(engine="model"),
+    "bit-true, 12 bits, noise 1 %": Case(NOISY, engine="model"),
     "stator resistance +50 %": Case(rs=1.5),
     "rotor resistance +50 %": Case(rr=1.5),
 }
@@ -143,7 +148,9 @@ def run(
     wanted = np.where(np.arange(steps) < begin, first, last) * RPM
     scenario = replace(scenario, torque_ref=np.zeros(steps), speed_ref=wanted, gains=GAINS)
     plant = plant_parameters(drive, INERTIA, rs=case.rs, rr=case.rr)
-    return sensorless.simulate(drive, scenario, gains=case.gains, plant=plant, errors=case.errors)
+    return sensorless.simulate(
+        drive, scenario, engine=case.engine, gains=case.gains, plant=plant, errors=case.errors
+    )
 
 
 def speeds(drive: MptcDrive, made: SensorlessRun) -> tuple[FloatArray, FloatArray]:

@@ -1,8 +1,10 @@
-"""The speed-adaptive observer and loops on it, in float64.
+"""The speed-adaptive observer and loops on it, in float64 and bit-true.
 
 Sweep: -1500 to 1500 r/min, motoring and generating; three controllers.
 Stimulus: estimates that begin far off; start, reversal and 15 r/min at rated load; wrong gains; 12
 bits, noise; a generating load at 100 r/min; flux and speed that are shown but wrong.
+The twin: random states, some so large that words saturate; the program of its products, executed
+clock by clock.
 Checks: the speed's equation by a formula of its own; errors of the speed against the bounds that
 docs/sensorless.md names; what the controller saw; compiled loop against stepping.
 Does not prove: that a drive on hardware keeps these bounds; dead time is not simulated.
@@ -19,6 +21,8 @@ import pytest
 
 from directmpc import MptcState, VectorSequence, load_drive, simulate
 from directmpc.api.controllers import make_controller
+from directmpc.mac_program import SUM_LATENCY
+from directmpc.mptc import formats as f
 from directmpc.mptc import sensorless, sequence_loop, speed_observer
 from directmpc.mptc.closed_loop import RPM, constant
 from directmpc.mptc.inverter import UNIT
@@ -26,6 +30,7 @@ from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sensorless import CurrentErrors, SensorlessController
 from directmpc.mptc.sequence import mean_voltage, whole
 from directmpc.mptc.speed_observer import SpeedGains
+from directmpc.mptc.speed_observer_program import PROGRAM
 from scripts.publish import sensorless as report
 from scripts.shared import tables
 from scripts.studies import sensorless as study
@@ -81,7 +86,7 @@ def test_start_reversal_and_low_speed_are_within_their_bounds(drive) -> None:
         for first, seconds in ((0.0, 0.6), (-1500.0, 0.8))
     ]
     crawl = study.steady_figures(drive, study.run(drive, exact, 15.0, 15.0, 14.0, 2.0), 15.0)
-    found = (*(f["estimate_error_rpm"] for f in figures), crawl["speed_error_rpm"])
+    found = (*(one["estimate_error_rpm"] for one in figures), crawl["speed_error_rpm"])
     assert all(value <= goal for value, goal in zip(found, report.GOALS, strict=True)), found
     assert figures[0]["to_1400_rpm_ms"] < 150.0
     # with small gains, or without an integral, the bounds are missed
@@ -113,16 +118,22 @@ def test_a_loop_on_estimates(method: str) -> None:
     assert result.torque[-300:].mean() == pytest.approx(7.0, abs=0.3)
     sensed = simulate(drive, "ideal", **given)
     assert np.array_equal(sensed.trace.omega_r, sensed.omega_r)
+    twin = simulate(drive, "model", sensorless=True, **given)
+    ports = twin.trace.omega_r * 32767.0 / drive.control.speed_max
+    assert np.abs(ports - np.rint(ports)).max() < 1e-6  # the estimate is a port's word
+    assert np.abs(twin.trace.omega_r - twin.omega_r).max() < 3.0
+    assert not twin.decisions.saturated.any()
     # a machine whose resistance the observer does not know: now the estimate is wrong
     machine = drive.changed(machine={"rr": 1.5 * drive.machine.rr})
     other = simulate(drive, "ideal", sensorless=True, plant=machine, **(given | {"steps": 3000}))
     assert abs((other.trace.omega_r - other.omega_r)[-500:].mean()) > 1.0
 
 
-def test_stepping_is_the_compiled_loop(drive) -> None:
+@pytest.mark.parametrize("engine", ["ideal", "model"])
+def test_stepping_is_the_compiled_loop(drive, engine: str) -> None:
     scenario = constant(drive, 300.0, 7.0, 0.9, 400)
-    made = sensorless.simulate(drive, scenario)
-    observed = SensorlessController(drive, make_controller(drive, "ideal"))
+    made = sensorless.simulate(drive, scenario, engine=engine)
+    observed = SensorlessController(drive, make_controller(drive, engine), engine=engine)
     observed.begin(scenario.current, scenario.flux, scenario.omega_r)
     plant = plant_parameters(drive)
     result = sequence_loop.drive_controller(drive, observed, scenario, plant=plant)
@@ -170,6 +181,132 @@ def test_what_cannot_be_is_refused(drive) -> None:
         simulate(load_drive("anpc5l_6kv"), steps=1, sensorless=True)
 
 
+# --- bit-true -------------------------------------------------------------------------------------
+
+
+def saturated(value: int, bits: int) -> int:
+    return max(-(2 ** (bits - 1)), min(2 ** (bits - 1) - 1, value))
+
+
+def executed(words: dict[str, int], state: list[int], m: list[int], shares: list[int]) -> list[int]:
+    """States after a step and the speed, by executing the program clock by clock."""
+    guard, up, half = speed_observer.GUARD, 9, f.FRACTION - 1
+    axes = ("alpha", "beta")
+    names = ("w_alpha", "w_beta", "psi_alpha", "psi_beta", "integral")
+    known = dict(zip(names, state, strict=True))
+    due: dict[int, dict[str, int]] = {}
+
+    def operand(name: str) -> int:
+        if name.startswith("not_"):
+            return ~operand(name.removeprefix("not_"))
+        if name.startswith("half_w"):
+            return known["e_" + name[7:]]
+        if name.startswith("half_psi"):
+            return (known["next_" + name[5:]] - known[name[5:]]) >> (guard + 1)
+        if name.startswith("error_"):
+            return known["e_" + name[6:]]
+        if name in ("w_alpha", "w_beta", "psi_alpha", "psi_beta", "omega"):
+            return known[name] >> guard
+        inputs = {"is_alpha": m[0] << 2, "is_beta": m[1] << 2, "v_dc": m[2] << 1}
+        inputs |= {f"share_{x}": share for x, share in zip(axes, shares, strict=True)}
+        return {**known, **words, **inputs}[name] if name not in words else words[name]
+
+    def seed(name: str) -> int:
+        if name == "word_half":
+            return 1 << half
+        if name == "eps_half":
+            return 1 << (f.PRODUCT_FRACTION - f.FRACTION - speed_observer.ERROR_SHIFT - 1)
+        if name.startswith("less_"):
+            return (~operand(name[5:]) << f.FRACTION) + (1 << half)
+        return (known[name] << up) + (1 << (up - 1))
+
+    def rounded(name: str, total: int) -> int:
+        if name == "eps":
+            shift = f.PRODUCT_FRACTION - f.FRACTION - speed_observer.ERROR_SHIFT
+            return saturated(total >> shift, 18)
+        if name == "angle" or name.startswith(("e_", "step_")):
+            return saturated(total >> f.FRACTION, 18)
+        return saturated(total >> up, 26)
+
+    total, issued = 0, {p.clock: p for p in PROGRAM.products}
+    for clock in range(PROGRAM.last + 1):
+        known |= due.pop(clock, {})
+        if clock in issued:
+            p = issued[clock]
+            total = (seed(p.seed) if p.seed else total) + operand(p.a) * operand(p.b)
+            if p.result:
+                due[clock + SUM_LATENCY + 1] = {p.result: rounded(p.result, total)}
+        if clock == PROGRAM.actions["half_w"]:
+            due[clock + 1] = {
+                f"e_{x}": (known[f"next_w_{x}"] - known[f"w_{x}"]) >> (guard + 1) for x in axes
+            }
+    assert not due
+    port = saturated((known["omega"] + (1 << 9)) >> 10, 16)
+    return [*(known[name] for name in names), port]
+
+
+def test_the_program_computes_what_the_twin_does(drive) -> None:
+    words, rng = speed_observer.coefficients(drive), np.random.default_rng(17)
+    array = speed_observer.array(words)
+    moved = 0
+    for trial in range(400):
+        size = 2**25 if trial < 20 else 2**23  # the first are so large that words saturate
+        state = [int(x) for x in rng.integers(-size, size, 5)]
+        near = np.array(state[:4]) >> speed_observer.GUARD
+        # a current near the estimate, so that eps does not saturate in every trial
+        seen = [((int(near[n]) << 17) - int(near[n + 2]) * words["flux"]) // words["current"] >> 2
+                for n in (0, 1)]  # fmt: skip
+        m = [saturated(x + int(rng.integers(-300, 300)), 16) for x in seen] + [32768]
+        shares = [int(x) for x in rng.integers(-(2**17), 2**17, 2)]
+        after = np.array(state)
+        port, _, _, _ = speed_observer.step_words(array, after, np.array(m), *shares)
+        assert executed(words, state, m, shares) == [*after, port], trial
+        moved += abs(int(after[4]) - state[4]) > 1
+    assert moved > 200
+    assert PROGRAM.latency == 48
+
+
+def test_the_twin_is_near_float(drive) -> None:
+    rng = np.random.default_rng(5)
+    array = speed_observer.array(speed_observer.coefficients(drive))
+    for _ in range(100):
+        scenario = constant(drive, 0.0, rng.uniform(-10, 10), 0.9, 1)
+        turn = np.exp(2j * math.pi * rng.random())
+        first = scenario.current * turn, scenario.flux * turn, rng.uniform(-300.0, 300.0)
+        twin = sensorless._twin(drive, None, *first)
+        measured = first[0] + complex(*rng.normal(0.0, 0.3, 2))
+        known = speed_observer.speed_observer(drive, None, *first)
+        wanted = speed_observer.speed(known, measured)
+        assert sensorless._estimates_words(twin, measured)[0] == pytest.approx(wanted, abs=0.05)
+        applied = VectorSequence(1, 2, 0, 0.25, 0.125)
+        sensorless._advance_words(twin, measured, wanted, applied, 540.0)
+        voltage = mean_voltage(applied, UNIT) * 540.0
+        speed_observer.advance(known, measured, wanted, voltage)
+        assert abs(twin.flux[0] - known.state[1]) < 1e-4
+    assert array.shape == (13,)
+
+
+def test_the_twin_keeps_the_bounds(drive) -> None:
+    case = study.CASES["bit-true"]
+    figures = [
+        study.transient_figures(drive, study.run(drive, case, first, 1500.0, 0.0, seconds))
+        for first, seconds in ((0.0, 0.6), (-1500.0, 0.8))
+    ]
+    made = study.run(drive, case, 15.0, 15.0, 14.0, 3.0)
+    crawl = study.steady_figures(drive, made, 15.0)
+    found = (*(one["estimate_error_rpm"] for one in figures), crawl["speed_error_rpm"])
+    assert all(value <= goal for value, goal in zip(found, report.GOALS, strict=True)), found
+    assert not made.saturated.any()
+
+
+def test_gains_that_words_cannot_hold_are_refused(drive) -> None:
+    for gains, name in ((SpeedGains(kp=50.0), "kp"), (SpeedGains(ki=5e6), "ki")):
+        with pytest.raises(ValueError, match=f"{name}: got .*it must be a number from 0 to"):
+            speed_observer.coefficients(drive, gains)
+    with pytest.raises(ValueError, match="engine: got 'rtl'"):
+        SensorlessController(drive, make_controller(drive, "ideal"), engine="rtl")
+
+
 # --- the page -------------------------------------------------------------------------------------
 
 
@@ -193,8 +330,9 @@ def test_what_the_page_says_of_the_goals_is_what_is_stored() -> None:
         )
         return [value <= goal for value, goal in zip(found, report.GOALS, strict=True)]
 
-    assert met("exact") == met("12 bits") == [True, True, True]
+    assert met("exact") == met("12 bits") == met("bit-true") == [True, True, True]
     assert met("12 bits, noise 1 %") == [True, True, False]
+    assert met("bit-true, 12 bits, noise 1 %") == [True, True, False]
     # below 150 r/min a generating load is the only one that makes more than 1 r/min, and it does
     worst = {
         (rpm, load): f("region", "12 bits, noise 1 %", rpm, load, "speed_error_rpm")

@@ -245,8 +245,8 @@ def simulate(
         filters where the drive has them.
     sensorless : bool
         MPTC: the controller sees the flux and the speed that a speed-adaptive observer estimates
-        from the stator currents (docs/sensorless.md). The result's `flux` and `omega_r` are the
-        plant's, its `trace` is what the controller saw.
+        from the stator currents (docs/sensorless.md), bit-true for "model". The result's `flux` and
+        `omega_r` are the plant's, its `trace` is what the controller saw.
 
     Returns
     -------
@@ -420,7 +420,8 @@ def _run_mptc(
     observed = None
     if sensorless:
         assert not isinstance(controller, str)
-        observed = controller = SensorlessController(drive, controller)
+        own = "model" if engine == "model" else "ideal"
+        observed = controller = SensorlessController(drive, controller, engine=own)
         observed.begin(scenario.current, scenario.flux, scenario.omega_r)
     if c.sequences:
         result = _of_sequences(

@@ -159,6 +159,55 @@ def to_state(total):
 
 
 @njit
+def advance_words(c, state, q, e_a, e_b, step_a, step_b):
+    """States after a step (Paper B, eqs. 5, 8 and 9).
+
+    Parameters
+    ----------
+    c : Words
+        Coefficients by name.
+    state : ndarray of int64, shape (4,) or longer
+        w alpha and beta, psi_s alpha and beta; replaced by the next.
+    q : int
+        Angle of the speed in a step, a word.
+    e_a, e_b : int
+        Innovation, words.
+    step_a, step_b : int
+        What the voltage adds to the flux, 2*FRACTION fractional bits.
+
+    Returns
+    -------
+    psis_alpha, psis_beta : int
+        Stator flux at k+1 as the core's ports take it.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    w_a, w_b = state[0] >> _GUARD, state[1] >> _GUARD
+    p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
+    up = _STATE_SHIFT
+    rotor_a = w_a * c.rotor + p_a * c.rotor_flux + ~w_b * q + e_a * c.gain_rotor
+    rotor_b = w_b * c.rotor + p_b * c.rotor_flux + w_a * q + e_b * c.gain_rotor
+    wn_a, s5 = to_state((state[0] << up) + rotor_a)
+    wn_b, s6 = to_state((state[1] << up) + rotor_b)
+    stator_a = w_a * c.drop + p_a * c.drop_flux + step_a
+    stator_b = w_b * c.drop + p_b * c.drop_flux + step_b
+    pn_a, s7 = to_state((state[2] << up) + stator_a + e_a * c.gain_stator)
+    pn_b, s8 = to_state((state[3] << up) + stator_b + e_b * c.gain_stator)
+    saturated = s5 | s6 | s7 | s8
+    # halves of what has moved; a difference of two states has a bit more than a state
+    dw_a, dw_b = (wn_a - state[0]) >> (_GUARD + 1), (wn_b - state[1]) >> (_GUARD + 1)
+    dp_a, dp_b = (pn_a - state[2]) >> (_GUARD + 1), (pn_b - state[3]) >> (_GUARD + 1)
+    state[0], s0 = to_state((wn_a << up) + dw_a * c.rotor + dp_a * c.rotor_flux + ~dw_b * q)
+    state[1], s1 = to_state((wn_b << up) + dw_b * c.rotor + dp_b * c.rotor_flux + dw_a * q)
+    state[2], s2 = to_state((pn_a << up) + dw_a * c.drop + dp_a * c.drop_flux)
+    state[3], s3 = to_state((pn_b << up) + dw_b * c.drop + dp_b * c.drop_flux)
+    saturated |= s0 | s1 | s2 | s3
+    out_a, _ = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
+    out_b, _ = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
+    return out_a, out_b, saturated
+
+
+@njit
 def step_words(coefficient, state, m, u):
     """One step of ``mptc_observer`` (Paper B, eqs. 8 and 9).
 
@@ -188,27 +237,11 @@ def step_words(coefficient, state, m, u):
     p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
     e_a, s3 = to_word((~w_a << _FRACTION) + (m[0] << _SHIFT) * c.current + p_a * c.flux)
     e_b, s4 = to_word((~w_b << _FRACTION) + (m[1] << _SHIFT) * c.current + p_b * c.flux)
-    up = _STATE_SHIFT
-    rotor_a = w_a * c.rotor + p_a * c.rotor_flux + ~w_b * q + e_a * c.gain_rotor
-    rotor_b = w_b * c.rotor + p_b * c.rotor_flux + w_a * q + e_b * c.gain_rotor
-    wn_a, s5 = to_state((state[0] << up) + rotor_a)
-    wn_b, s6 = to_state((state[1] << up) + rotor_b)
-    stator_a = w_a * c.drop + p_a * c.drop_flux + d * (VECTOR_ALPHA[u] << (_FRACTION - 2))
-    stator_b = w_b * c.drop + p_b * c.drop_flux + s * (VECTOR_BETA[u] << (_FRACTION - 1))
-    pn_a, s7 = to_state((state[2] << up) + stator_a + e_a * c.gain_stator)
-    pn_b, s8 = to_state((state[3] << up) + stator_b + e_b * c.gain_stator)
-    saturated = s0 | s1 | s2 | s3 | s4 | s5 | s6 | s7 | s8
-    # halves of what has moved; a difference of two states has a bit more than a state
-    dw_a, dw_b = (wn_a - state[0]) >> (_GUARD + 1), (wn_b - state[1]) >> (_GUARD + 1)
-    dp_a, dp_b = (pn_a - state[2]) >> (_GUARD + 1), (pn_b - state[3]) >> (_GUARD + 1)
-    state[0], s0 = to_state((wn_a << up) + dw_a * c.rotor + dp_a * c.rotor_flux + ~dw_b * q)
-    state[1], s1 = to_state((wn_b << up) + dw_b * c.rotor + dp_b * c.rotor_flux + dw_a * q)
-    state[2], s2 = to_state((pn_a << up) + dw_a * c.drop + dp_a * c.drop_flux)
-    state[3], s3 = to_state((pn_b << up) + dw_b * c.drop + dp_b * c.drop_flux)
-    saturated |= s0 | s1 | s2 | s3
-    out_a, _ = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
-    out_b, _ = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
-    return out_a, out_b, saturated
+    out_a, out_b, s5 = advance_words(
+        c, state, q, e_a, e_b, d * (VECTOR_ALPHA[u] << (_FRACTION - 2)),
+        s * (VECTOR_BETA[u] << (_FRACTION - 1)),
+    )  # fmt: skip
+    return out_a, out_b, s0 | s1 | s2 | s3 | s4 | s5
 
 
 class IdealState(NamedTuple):

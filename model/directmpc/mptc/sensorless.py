@@ -13,15 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.mptc import ideal, ideal_sequences, speed_observer
+from directmpc.mptc import (
+    bit_true,
+    bit_true_sequences,
+    drive_twin,
+    ideal,
+    ideal_sequences,
+    speed_observer,
+)
+from directmpc.mptc import formats as f
 from directmpc.mptc.closed_loop import Scenario
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import PlantParameters, plant_parameters, step_sequence
 from directmpc.mptc.sequence import mean_voltage, segments, whole
-from directmpc.mptc.sequence_loop import decide_one, samples_of
-from directmpc.mptc.speed_observer import SpeedGains, SpeedObserver
+from directmpc.mptc.sequence_loop import decide_one, decide_one_word, samples_of
+from directmpc.mptc.speed_observer import SpeedGains
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import Controller, MptcDecision, MptcState, VectorSequence, mptc_decision
 
@@ -93,24 +100,92 @@ class SensorlessRun:
     torque_inside: FloatArray
 
 
-class _Observed(NamedTuple):
-    """A controller in float64 and the observer that it sees through."""
-
-    core: Any
-    observer: SpeedObserver
-
-
 @njit
 def _estimates(p, measured):
     """Speed (rad/s) and flux (Wb) at k."""
-    return speed_observer.speed(p.observer, measured), p.observer.state[1]
+    return speed_observer.speed(p, measured), p.state[1]
 
 
 @njit
 def _advance(p, measured, omega, applied, vdc):
-    """Take the observer to k+1."""
-    unit = p.observer.machine.unit
-    speed_observer.advance(p.observer, measured, omega, mean_voltage(applied, unit) * vdc)
+    """Take the observer to k+1; never saturated."""
+    speed_observer.advance(p, measured, omega, mean_voltage(applied, p.machine.unit) * vdc)
+    return 0
+
+
+class _Twin(NamedTuple):
+    """The bit-true observer in a loop of real numbers.
+
+    `scales`, `lows` and `highs` are those of ``bit_true.parameters``; `flux` is the estimate as the
+    ports have it, Wb.
+    """
+
+    coefficient: np.ndarray
+    state: np.ndarray
+    flux: np.ndarray
+    scales: FloatArray
+    lows: FloatArray
+    highs: FloatArray
+
+
+@njit
+def _encoded(p, measured, vdc):
+    """Current and dc-link voltage as the ports take them, and whether one did not fit."""
+    seen, clipped = bit_true.encode_row(p.scales, p.lows, p.highs, measured, 0j, 0.0, vdc, 0.0, 0.0)
+    return np.array([seen[0], seen[1], seen[5]]), clipped
+
+
+@njit
+def _estimates_words(p, measured):
+    """``_estimates`` bit by bit; both are values that the ports take without rounding."""
+    m, _ = _encoded(p, measured, 0.0)
+    now = speed_observer.speed_words(p.coefficient, p.state, m[0], m[1])
+    return now.port / p.scales[4], p.flux[0]
+
+
+@njit
+def _advance_words(p, measured, omega, applied, vdc):
+    """``_advance`` bit by bit, and whether a word did not hold its value."""
+    m, clipped = _encoded(p, measured, vdc)
+    share_a, share_b = bit_true_sequences.shares(bit_true_sequences.in_steps(applied))
+    _, psi_a, psi_b, saturated = speed_observer.step_words(
+        p.coefficient, p.state, m, share_a, share_b
+    )
+    p.flux[0] = complex(psi_a / p.scales[2], psi_b / p.scales[3])
+    return saturated | clipped
+
+
+def _twin(
+    drive: MptcDrive, gains: SpeedGains | None, current: complex, flux: complex, omega_r: float
+) -> _Twin:
+    """Bit-true observer that begins with a state."""
+    _, scales, lows, highs = bit_true.parameters(drive)
+    words = drive_twin.parameters(drive)
+    begun = drive_twin.state_at(drive, words, current, flux)
+    base = drive.control.speed_max * 32768.0 / 32767.0
+    integral = round(omega_r / base * 2 ** (f.FRACTION + speed_observer.GUARD))
+    state = np.array([*begun[:4], integral], dtype=np.int64)
+    coefficient = speed_observer.array(speed_observer.coefficients(drive, gains))
+    seen = np.array([begun[4] / scales[2] + 1j * begun[5] / scales[3]])
+    return _Twin(coefficient, state, seen, scales, lows, highs)
+
+
+def _observer(
+    drive: MptcDrive,
+    engine: str,
+    gains: SpeedGains | None,
+    current: complex,
+    flux: complex,
+    omega_r: float,
+) -> tuple[Any, Any, Any]:
+    """Observer that begins with a state, and its two steps."""
+    if engine not in ("ideal", "model"):
+        raise ValueError(f'engine: got {engine!r:.40}; it must be "ideal" or "model"')
+    begun = complex(current), complex(flux), float(omega_r)
+    known = speed_observer.speed_observer(drive, gains, *begun)  # checks the gains for both
+    if engine == "ideal":
+        return known, _estimates, _advance
+    return _twin(drive, gains, *begun), _estimates_words, _advance_words
 
 
 @njit(kept=False)
@@ -138,7 +213,7 @@ def _loop(
         decided, flags[k, 0], flags[k, 1] = decide(
             core, measured, flux, omega, applied, vdc, asked, psi_ref[k]
         )
-        advance(parameters, measured, omega, applied, vdc)
+        flags[k, 0] |= advance(parameters, measured, omega, applied, vdc)
         seen[k, 0], seen[k, 1], seen[k, 2] = omega_r, omega, asked
         seen[k, 3] = torque(plant, i, psi)
         fluxes[k, 0], fluxes[k, 1] = psi, flux
@@ -155,11 +230,12 @@ def simulate(
     drive: MptcDrive,
     scenario: Scenario,
     *,
+    engine: str = "ideal",
     gains: SpeedGains | None = None,
     plant: PlantParameters | None = None,
     errors: CurrentErrors | None = None,
 ) -> SensorlessRun:
-    """Run a closed loop on estimates, in float64.
+    """Run a closed loop on estimates.
 
     Parameters
     ----------
@@ -167,6 +243,8 @@ def simulate(
         What controller and observer know.
     scenario : Scenario
         References, load and first state; the observer begins with this state.
+    engine : str
+        "ideal": controller and observer in float64; "model": both bit-true.
     gains : SpeedGains, optional
         Of the observer.
     plant : PlantParameters, optional
@@ -182,7 +260,7 @@ def simulate(
     Raises
     ------
     ValueError
-        If a gain has the wrong sign.
+        If a gain has the wrong sign, or the model cannot represent a value.
     """
     n, c = len(scenario.torque_ref), drive.control
     errors = errors or CurrentErrors()
@@ -191,17 +269,22 @@ def simulate(
     noise = errors.noise * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
     lsb = c.current_max / 2 ** (errors.bits - 1) if errors.bits else 0.0
     first = complex(scenario.current), complex(scenario.flux), float(scenario.omega_r)
-    observer = speed_observer.speed_observer(drive, gains, *first)
-    if c.sequences:
-        decide, core = ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
+    observer, *steps = _observer(drive, engine, gains, *first)
+    core: Any
+    if engine == "ideal":
+        decide = ideal_sequences.decide if c.sequences else decide_one
+        core = (ideal_sequences.sequence_parameters if c.sequences else ideal.ideal_parameters)(
+            drive
+        )
     else:
-        decide, core = decide_one, ideal.ideal_parameters(drive)
+        decide = bit_true_sequences.decide if c.sequences else decide_one_word
+        core = (bit_true_sequences if c.sequences else bit_true).parameters(drive)
     seen, fluxes = np.empty((n, 4)), np.empty((n, 2), dtype=np.complex128)
     flags = np.empty((n, 2), dtype=np.int64)
     inside_i, inside_t = np.empty(n * samples, dtype=np.complex128), np.empty(n * samples)
     wished = np.empty(0) if scenario.speed_ref is None else scenario.speed_ref
     _loop(
-        _estimates, _advance, decide, _Observed(core, observer), core,
+        *steps, decide, observer, core,
         plant or plant_parameters(drive), c.method == "SVM", drive.inverter.vdc,
         (scenario.torque_ref, scenario.psi_ref, scenario.load, wished), scenario.gains, noise, lsb,
         *first, seen, fluxes, flags, inside_i, inside_t,
@@ -223,6 +306,8 @@ class SensorlessController:
         Asked with the measured current, the estimated flux and the estimated speed.
     gains : SpeedGains, optional
         Of the observer.
+    engine : str
+        "ideal": the observer in float64; "model": bit-true.
 
     Attributes
     ----------
@@ -236,12 +321,16 @@ class SensorlessController:
     """
 
     def __init__(
-        self, drive: MptcDrive, controller: Controller, gains: SpeedGains | None = None
+        self,
+        drive: MptcDrive,
+        controller: Controller,
+        gains: SpeedGains | None = None,
+        engine: str = "ideal",
     ) -> None:
         self.controller = controller
         self.seen: list[tuple[complex, float]] = []
-        self._vdc = drive.inverter.vdc
-        self._observer = speed_observer.speed_observer(drive, gains)
+        self._drive, self._gains, self._engine = drive, gains, engine
+        self.begin(0j, 0j, 0.0)
 
     def begin(self, current: complex, flux: complex, omega_r: float) -> None:
         """Give the observer a state to start from; without, all is zero.
@@ -253,7 +342,8 @@ class SensorlessController:
         omega_r : float
             Electrical speed, rad/s.
         """
-        self._observer.state[:] = current, flux, omega_r
+        observed = _observer(self._drive, self._engine, self._gains, current, flux, omega_r)
+        self._parameters, self._estimates, self._advance = observed
         self.seen.clear()
 
     def decide(self, state: MptcState) -> MptcDecision:
@@ -267,14 +357,15 @@ class SensorlessController:
         Returns
         -------
         MptcDecision
-            The controller's.
+            The controller's; `saturated` is set as well where a word of the observer did not hold
+            its value.
         """
-        omega = speed_observer.speed(self._observer, state.current)
-        flux = complex(self._observer.state[1])
+        omega, flux = self._estimates(self._parameters, state.current)
         self.seen.append((flux, omega))
         shown = replace(state, flux=flux, omega_r=omega)
         decision = mptc_decision(self.controller.decide(shown), len(self.seen) - 1)
         applied = whole(state.applied) if isinstance(state.applied, int) else state.applied
-        voltage = mean_voltage(VectorSequence(*applied), UNIT) * self._vdc
-        speed_observer.advance(self._observer, state.current, omega, voltage)
-        return decision
+        vdc = self._drive.inverter.vdc
+        sequence = VectorSequence(*map(int, applied[:3]), *map(float, applied[3:]))
+        saturated = self._advance(self._parameters, state.current, omega, sequence, vdc)
+        return replace(decision, saturated=True) if saturated else decision

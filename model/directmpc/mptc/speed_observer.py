@@ -1,4 +1,4 @@
-"""Speed-adaptive full-order observer (Paper B, eqs. 8, 9 and 23), in float64.
+"""Speed-adaptive full-order observer (Paper B, eqs. 8, 9 and 23): float64 and bit-true.
 
 Current and flux are estimated as in `observer`; the speed is no input but follows from the error of
 the current and the estimated rotor flux (eq. 6)::
@@ -12,6 +12,11 @@ integrators. The paper states no gains; `KP` and `KI` are found in docs/sensorle
 
 At step k the speed comes from the current at k; with it, and with the mean voltage of the period,
 the estimates go on to k+1 by Heun's method.
+
+Bit-true, the states are those of `observer`: w = -lambda*L_m*psi_r stands for the rotor flux, so
+that eps is a cross product of the innovation and w. The speed's integral is a state of 26 bits like
+the others, in units of the speed's full scale. Four products are added to those of
+``mptc_observer``. There is no VHDL of it.
 """
 
 from __future__ import annotations
@@ -22,10 +27,16 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.fixed_point import rounded
+from directmpc.mptc import formats as f
+from directmpc.mptc import observer
+from directmpc.mptc.bit_true import to_word
+from directmpc.mptc.coefficients import Registers, registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.ideal import IdealParameters, ideal_parameters
 from directmpc.mptc.machine import derivative, inverse_determinant
-from directmpc.mptc.observer import GAIN
+from directmpc.mptc.observer import GAIN, GUARD, advance_words, to_state
+from directmpc.mptc.trace import IntArray
 
 KP = 5.0  # rad/(A*Wb*s)
 KI = 20_000.0  # rad/(A*Wb*s^2)
@@ -170,3 +181,202 @@ def advance(p, measured, omega_r, voltage):
     p.state[_CURRENT] = current + di + 0.5 * m.ts * ci
     p.state[_FLUX] = flux + dpsi + 0.5 * m.ts * cpsi
     p.state[_SPEED] = min(max(integral, -p.speed_max), p.speed_max)
+
+
+# --- the same in words ----------------------------------------------------------------------------
+
+
+class Words(NamedTuple):
+    """``COEFFICIENTS`` in compiled code."""
+
+    current: int
+    flux: int
+    rotor: int
+    rotor_flux: int
+    drop: int
+    drop_flux: int
+    speed: int
+    voltage_alpha: int
+    voltage_beta: int
+    gain_rotor: int
+    gain_stator: int
+    gain_speed: int
+    gain_integral: int
+
+
+#: Coefficients in their order; all but the last two are those of ``mptc_observer``.
+COEFFICIENTS: tuple[str, ...] = Words._fields
+
+ERROR_SHIFT = 4
+"""Bits by which eps is finer than a word: the error of the current is small beside its base."""
+
+_ERROR_SHIFT = f.PRODUCT_FRACTION - f.FRACTION - ERROR_SHIFT
+
+
+@njit
+def _words(c):
+    """``Words`` out of ``array``."""
+    return Words(
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12]
+    )  # fmt: skip
+
+
+def coefficients(
+    drive: MptcDrive, gains: SpeedGains | None = None, values: Registers | None = None
+) -> dict[str, int]:
+    """Coefficients of the bit-true observer for a drive: name -> signed 18-bit word.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine the observer is set up for.
+    gains : SpeedGains, optional
+        Those of this module if not given.
+    values : Registers, optional
+        The core's registers instead of the drive's own.
+
+    Returns
+    -------
+    dict of str to int
+        In the order of ``COEFFICIENTS``.
+
+    Raises
+    ------
+    ValueError
+        Where a value cannot be represented.
+    """
+    m, c, chosen = drive.machine, drive.control, gains or SpeedGains()
+    known = values or registers(drive)
+    words = observer.coefficients(drive, chosen.b, known)
+    lam = 1.0 / (m.ls * m.lr - m.lm * m.lm)
+    full = 32768.0 / 32767.0
+    unit = known.rotor_unit**2 / (lam * m.lm) / (c.speed_max * full) / 2**ERROR_SHIFT
+    for name, key, value in (
+        ("gain_speed", "kp", chosen.kp),
+        ("gain_integral", "ki", chosen.ki * c.ts),
+    ):
+        words[name] = round(value * unit * 2**f.FRACTION)
+        if not 0 <= words[name] <= f.WORD_HIGH:
+            most = f.WORD_HIGH / 2**f.FRACTION / unit / (1.0 if key == "kp" else c.ts)
+            raise ValueError(
+                f"{key}: got {getattr(chosen, key):g}; with this drive's full scales it must be a "
+                f"number from 0 to {most:.4g}"
+            )
+    return words
+
+
+def array(words: dict[str, int]) -> IntArray:
+    """Coefficients in their order, for compiled code.
+
+    Parameters
+    ----------
+    words : dict of int
+        Of ``coefficients``.
+
+    Returns
+    -------
+    ndarray of int64, shape (13,)
+        Signed 18-bit words in the order of ``COEFFICIENTS``.
+    """
+    return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
+
+
+_FRACTION = f.FRACTION
+_SHIFT = f.MEASUREMENT_SHIFT
+_LINK_SHIFT = f.LINK_SHIFT
+_GUARD = GUARD
+_STATE_SHIFT = f.PRODUCT_FRACTION - f.FRACTION - GUARD
+_PORT_SHIFT = GUARD + f.MEASUREMENT_SHIFT
+_WORD_WIDTH = f.WORD_WIDTH
+_PORT_WIDTH = f.MEASUREMENT_WIDTH
+
+
+class SpeedWords(NamedTuple):
+    """What a step knows of the speed at k.
+
+    Attributes
+    ----------
+    omega : int
+        Electrical speed, 18 bits, a fraction of its base.
+    port : int
+        The same as the core's port takes it, 16 bits.
+    integral : int
+        The state's next value.
+    error_alpha, error_beta : int
+        Innovation, words.
+    saturated : int
+        1 where a word did not hold its value; eps is limited without a flag.
+    """
+
+    omega: int
+    port: int
+    integral: int
+    error_alpha: int
+    error_beta: int
+    saturated: int
+
+
+@njit
+def speed_words(coefficient, state, i_alpha, i_beta):
+    """Speed at k (Paper B, eq. 23).
+
+    Parameters
+    ----------
+    coefficient : ndarray of int64, shape (13,)
+        Of ``array``.
+    state : ndarray of int64, shape (5,)
+        w alpha and beta, psi_s alpha and beta, integral of the speed; not changed.
+    i_alpha, i_beta : int
+        Stator current at k as the core's ports take it.
+
+    Returns
+    -------
+    SpeedWords
+        Of this step.
+    """
+    c = _words(coefficient)
+    w_a, w_b = state[0] >> _GUARD, state[1] >> _GUARD
+    p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
+    e_a, s0 = to_word((~w_a << _FRACTION) + (i_alpha << _SHIFT) * c.current + p_a * c.flux)
+    e_b, s1 = to_word((~w_b << _FRACTION) + (i_beta << _SHIFT) * c.current + p_b * c.flux)
+    eps, _ = rounded(e_b * w_a + e_a * ~w_b, _ERROR_SHIFT, _WORD_WIDTH)
+    omega, s2 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_speed)
+    integral, s3 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_integral)
+    port, _ = rounded(omega, _PORT_SHIFT, _PORT_WIDTH)
+    return SpeedWords(omega >> _GUARD, port, integral, e_a, e_b, s0 | s1 | s2 | s3)
+
+
+@njit
+def step_words(coefficient, state, m, share_a, share_b):
+    """One step (Paper B, eqs. 5, 8, 9 and 23).
+
+    Parameters
+    ----------
+    coefficient : ndarray of int64, shape (13,)
+        Of ``array``.
+    state : ndarray of int64, shape (5,)
+        As in ``speed_words``; replaced by the next.
+    m : ndarray of int64, shape (3,)
+        is_alpha, is_beta, v_dc as the core's ports take them.
+    share_a, share_b : int
+        Mean share of what is applied from k to k+1, as ``bit_true_sequences.shares`` has it.
+
+    Returns
+    -------
+    omega : int
+        Electrical speed at k as the core's port takes it.
+    psis_alpha, psis_beta : int
+        Stator flux at k+1 as the core's ports take it.
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    c = _words(coefficient)
+    now = speed_words(coefficient, state, m[0], m[1])
+    q, s0 = to_word(now.omega * c.speed)
+    d, s1 = to_word((m[2] << _LINK_SHIFT) * c.voltage_alpha)
+    s, s2 = to_word((m[2] << _LINK_SHIFT) * c.voltage_beta)
+    psis_alpha, psis_beta, s3 = advance_words(
+        c, state, q, now.error_alpha, now.error_beta, d * share_a, s * share_b
+    )
+    state[4] = now.integral
+    return now.port, psis_alpha, psis_beta, s0 | s1 | s2 | s3 | now.saturated
