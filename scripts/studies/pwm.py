@@ -397,7 +397,22 @@ def equal_table(found: Rows) -> str:
         "SE, same v_n / v_ph", "SESE, same v_n / v_ph", "SE, shipped bounds",
         "SESE, shipped bounds", "PWM, ideal",
     )  # fmt: skip
-    return tables.markdown(head, lines)
+    return f"{tables.markdown(head, lines)}\n\n{_excess(found)}"
+
+
+def _excess(found: Rows) -> str:
+    """How far MPDCC goes beyond its bounds of the capacitors, in any run."""
+    said = []
+    for speed in SPEEDS:
+        runs = [
+            (setting, row)
+            for setting, row in found.items()
+            if setting.speed == speed and setting.scheme != "PWM" and setting.capacitors == "real"
+        ]
+        neutral = max(row["peak_vn"] - setting.bound_vn for setting, row in runs)
+        phase = max(row["peak_vph"] - setting.bound_vph for setting, row in runs)
+        said.append(f"{neutral:.3f} / {phase:.3f} pu at {speed:g} pu")
+    return f"MPDCC exceeds its bounds of v_n / v_ph by at most {' and '.join(said)} in any run."
 
 
 def ideal_table(found: Rows) -> str:
