@@ -61,6 +61,9 @@ extern "C" {
 #define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bm 0x2000
 #define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bp 13
 #define SYSTEM_REGISTERS__CAPABILITIES__INWARDS_bw 1
+#define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bm 0x4000
+#define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bp 14
+#define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bw 1
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bm 0xfff0000
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bp 16
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bw 12
@@ -655,6 +658,42 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_bw 1
 #define MPDCC_PARAMETERS__OUTSIDE_INWARDS__VALUE_reset 0x0
 
+// reg - mpdcc_parameters::f_midpoint_alpha
+#define MPDCC_PARAMETERS__F_MIDPOINT_ALPHA__VALUE_bm 0xffff
+#define MPDCC_PARAMETERS__F_MIDPOINT_ALPHA__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_MIDPOINT_ALPHA__VALUE_bw 16
+#define MPDCC_PARAMETERS__F_MIDPOINT_ALPHA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::f_midpoint_beta
+#define MPDCC_PARAMETERS__F_MIDPOINT_BETA__VALUE_bm 0xffff
+#define MPDCC_PARAMETERS__F_MIDPOINT_BETA__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_MIDPOINT_BETA__VALUE_bw 16
+#define MPDCC_PARAMETERS__F_MIDPOINT_BETA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::f_phase_alpha
+#define MPDCC_PARAMETERS__F_PHASE_ALPHA__VALUE_bm 0xffff
+#define MPDCC_PARAMETERS__F_PHASE_ALPHA__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_PHASE_ALPHA__VALUE_bw 16
+#define MPDCC_PARAMETERS__F_PHASE_ALPHA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::f_phase_beta
+#define MPDCC_PARAMETERS__F_PHASE_BETA__VALUE_bm 0xffff
+#define MPDCC_PARAMETERS__F_PHASE_BETA__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_PHASE_BETA__VALUE_bw 16
+#define MPDCC_PARAMETERS__F_PHASE_BETA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::f_q_midpoint
+#define MPDCC_PARAMETERS__F_Q_MIDPOINT__VALUE_bm 0x7
+#define MPDCC_PARAMETERS__F_Q_MIDPOINT__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_Q_MIDPOINT__VALUE_bw 3
+#define MPDCC_PARAMETERS__F_Q_MIDPOINT__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::f_q_phase
+#define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_bm 0x7
+#define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_bp 0
+#define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_bw 3
+#define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_reset 0x0
+
 // regfile - mpdcc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_error_alpha;
@@ -711,6 +750,12 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t o_output_current;
     uint32_t deadlock_rule;
     uint32_t outside_inwards;
+    uint32_t f_midpoint_alpha;
+    uint32_t f_midpoint_beta;
+    uint32_t f_phase_alpha;
+    uint32_t f_phase_beta;
+    uint32_t f_q_midpoint;
+    uint32_t f_q_phase;
 } mpdcc_parameters_t;
 
 // reg - mpdcc_measurements::is_alpha
@@ -838,7 +883,7 @@ typedef struct __attribute__ ((__packed__)) {
     mpdcc_decision_t result;
     uint8_t RESERVED_88_ff[0x78];
     mpdcc_parameters_t parameters;
-    uint8_t RESERVED_1d8_1ff[0x28];
+    uint8_t RESERVED_1f0_1ff[0x10];
     mpdcc_measurements_t measurements;
 } directmpc_mpdcc_t;
 

@@ -29,6 +29,7 @@ entity board_top is
     SECOND_LEVEL      : boolean               := true;       -- MPDCC: true: SESE, delay compensation; fast explorers
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
     INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
+    CAPACITOR_FILTER  : boolean               := true;       -- MPDCC: true: filters of v_n and v_ph
     CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
@@ -327,6 +328,7 @@ begin
         SECOND_LEVEL      => SECOND_LEVEL,
         WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
         INWARDS           => INWARDS,
+        CAPACITOR_FILTER  => CAPACITOR_FILTER,
         LEAST_DEAD_TIME   => DEAD_CLOCKS
       )
       port map (

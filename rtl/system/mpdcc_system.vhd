@@ -1,12 +1,13 @@
--- A complete MPDCC controller with a bus: registers, rotor-flux observer, core, gate guard.
+-- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, core, gate guard.
 --
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then command.start),
 -- and are kept in the registers. With control.use_observer the observer takes its step first and its flux replaces
--- psir. The core decides; the guard turns the decision into gates. Parameters and the guard's settings are shadows
+-- psir. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters take their step before both, and observer and core
+-- get filtered voltages. The core decides; the guard turns the decision into gates. Parameters and the guard's settings are shadows
 -- that take effect together between two decisions. What is common to all systems is in system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start, or when the observer is done (valid 15 clocks later).
+-- Latency: the core starts one clock after start; 11 clocks later with the capacitor filters, 15 more with the observer.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -27,6 +28,7 @@ entity mpdcc_system is
     SECOND_LEVEL      : boolean                  := true;  -- true: SESE and delay compensation, fast explorer alone
     WEIGHTED_DEADLOCK : boolean                  := true;  -- true: the weighted deadlock rule, fast explorer alone
     INWARDS           : boolean                  := true;  -- true: the rule inwards, fast explorer alone
+    CAPACITOR_FILTER  : boolean                  := true;  -- true: filters of v_n and v_ph can be chosen
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
@@ -112,6 +114,22 @@ architecture rtl of mpdcc_system is
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
+  signal filtering      : std_logic; -- the capacitor filters take a step before the core
+  signal delayed        : std_logic; -- positions take effect with the measurement, not before
+  signal filter_rst     : std_logic;
+  signal filter_start   : std_logic;
+  signal filter_valid   : std_logic;
+  signal filter_full    : std_logic;
+  signal filter_flag    : std_logic; -- filter_full of a step that has ended
+  signal filter_n       : std_logic_vector(15 downto 0);
+  signal filter_a       : std_logic_vector(15 downto 0);
+  signal filter_b       : std_logic_vector(15 downto 0);
+  signal filter_c       : std_logic_vector(15 downto 0);
+  signal used_n         : std_logic_vector(15 downto 0); -- v_n that observer and core get
+  signal used_a         : std_logic_vector(15 downto 0);
+  signal used_b         : std_logic_vector(15 downto 0);
+  signal used_c         : std_logic_vector(15 downto 0);
+  signal ready          : std_logic; -- voltages are there
   signal observer_rst   : std_logic;
   signal observer_start : std_logic;
   signal observer_valid : std_logic;
@@ -120,6 +138,7 @@ architecture rtl of mpdcc_system is
   signal observer_beta  : std_logic_vector(15 downto 0);
   signal observer_full  : std_logic;
   signal observer_flag  : std_logic; -- observer_full of a step that has ended
+  signal estimate_flag  : std_logic; -- of either
   signal flux_alpha     : std_logic_vector(15 downto 0);
   signal flux_beta      : std_logic_vector(15 downto 0);
   signal core_start     : std_logic;
@@ -213,7 +232,7 @@ begin
       saturated          => core_saturated,
       deadlock           => core_deadlock,
       clamped            => '0',
-      observer_saturated => observer_flag,
+      observer_saturated => estimate_flag,
       cycles             => cycles,
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
@@ -258,7 +277,7 @@ begin
   from_hardware.measurements.s_prev_c.value <= (next_q => s_prev_c, we => take);
 
   ---------------------------------------------------------------------------------------------
-  -- Observer and core
+  -- Filters, observer and core
   ---------------------------------------------------------------------------------------------
 
   until_a <= own_a when owning = '1' else
@@ -268,9 +287,75 @@ begin
   until_c <= own_c when owning = '1' else
              sample.s_prev_c.value.value;
 
+  g_filter : if CAPACITOR_FILTER generate
+
+    filtering <= in_force.f_q_midpoint.value.value(0) or in_force.f_q_midpoint.value.value(1)
+                 or in_force.f_q_midpoint.value.value(2) or in_force.f_q_phase.value.value(0)
+                 or in_force.f_q_phase.value.value(1) or in_force.f_q_phase.value.value(2);
+
+    -- with delay compensation the positions of this step take effect now, those before until now
+    delayed      <= in_force.compensate.value.value and to_std_logic(SECOND_LEVEL and not FOLDED);
+    filter_rst   <= rst or ((forget or not filtering) and not deciding);
+    filter_start <= go and filtering;
+
+    i_filter : entity work.capacitor_observer
+      port map (
+        clk              => clk,
+        rst              => filter_rst,
+        start            => filter_start,
+        is_alpha         => sample.is_alpha.value.value,
+        is_beta          => sample.is_beta.value.value,
+        v_n              => sample.v_n.value.value,
+        v_ph_a           => sample.v_ph_a.value.value,
+        v_ph_b           => sample.v_ph_b.value.value,
+        v_ph_c           => sample.v_ph_c.value.value,
+        s_a              => until_a,
+        s_b              => until_b,
+        s_c              => until_c,
+        delayed          => delayed,
+        f_midpoint_alpha => in_force.f_midpoint_alpha.value.value,
+        f_midpoint_beta  => in_force.f_midpoint_beta.value.value,
+        f_phase_alpha    => in_force.f_phase_alpha.value.value,
+        f_phase_beta     => in_force.f_phase_beta.value.value,
+        f_q_midpoint     => in_force.f_q_midpoint.value.value,
+        f_q_phase        => in_force.f_q_phase.value.value,
+        valid            => filter_valid,
+        busy             => open,
+        filtered_n       => filter_n,
+        filtered_a       => filter_a,
+        filtered_b       => filter_b,
+        filtered_c       => filter_c,
+        saturated        => filter_full
+      );
+
+  end generate g_filter;
+
+  g_no_filter : if not CAPACITOR_FILTER generate
+    filtering    <= '0';
+    filter_valid <= '0';
+    filter_full  <= '0';
+    filter_n     <= (others => '0');
+    filter_a     <= (others => '0');
+    filter_b     <= (others => '0');
+    filter_c     <= (others => '0');
+  end generate g_no_filter;
+
+  filter_flag <= filter_valid and filter_full;
+  used_n      <= filter_n when filtering = '1' else
+                 sample.v_n.value.value;
+  used_a      <= filter_a when filtering = '1' else
+                 sample.v_ph_a.value.value;
+  used_b      <= filter_b when filtering = '1' else
+                 sample.v_ph_b.value.value;
+  used_c      <= filter_c when filtering = '1' else
+                 sample.v_ph_c.value.value;
+  ready       <= filter_valid when filtering = '1' else
+                 go;
+
   observer_rst   <= rst or (forget and not deciding);
   observer_flag  <= observer_valid and observer_full;
-  observer_start <= go and observing;
+  estimate_flag  <= observer_flag or filter_flag;
+  observer_start <= ready and observing;
 
   i_observer : entity work.rotor_flux_observer
     port map (
@@ -279,10 +364,10 @@ begin
       start            => observer_start,
       is_alpha         => sample.is_alpha.value.value,
       is_beta          => sample.is_beta.value.value,
-      v_n              => sample.v_n.value.value,
-      v_ph_a           => sample.v_ph_a.value.value,
-      v_ph_b           => sample.v_ph_b.value.value,
-      v_ph_c           => sample.v_ph_c.value.value,
+      v_n              => used_n,
+      v_ph_a           => used_a,
+      v_ph_b           => used_b,
+      v_ph_c           => used_c,
       v_dc             => sample.v_dc.value.value,
       omega_r          => sample.omega_r.value.value,
       s_a              => until_a,
@@ -311,7 +396,7 @@ begin
   flux_beta  <= observer_beta when observing = '1' else
                 sample.psir_beta.value.value;
   core_start <= observer_valid when observing = '1' else
-                go;
+                ready;
 
   i_core : entity work.mpdcc_core
     generic map (
@@ -329,10 +414,10 @@ begin
       is_beta                     => sample.is_beta.value.value,
       psir_alpha                  => flux_alpha,
       psir_beta                   => flux_beta,
-      v_n                         => sample.v_n.value.value,
-      v_ph_a                      => sample.v_ph_a.value.value,
-      v_ph_b                      => sample.v_ph_b.value.value,
-      v_ph_c                      => sample.v_ph_c.value.value,
+      v_n                         => used_n,
+      v_ph_a                      => used_a,
+      v_ph_b                      => used_b,
+      v_ph_c                      => used_c,
       v_dc                        => sample.v_dc.value.value,
       iref_alpha                  => sample.iref_alpha.value.value,
       iref_beta                   => sample.iref_beta.value.value,
@@ -425,6 +510,7 @@ begin
   capabilities.second_level.next_q    <= to_std_logic(SECOND_LEVEL and not FOLDED);
   capabilities.weighted_deadlock.next_q <= to_std_logic(WEIGHTED_DEADLOCK and not FOLDED);
   capabilities.inwards.next_q         <= to_std_logic(INWARDS and not FOLDED);
+  capabilities.capacitor_filter.next_q <= to_std_logic(CAPACITOR_FILTER);
   capabilities.flux_control.next_q    <= '0';
   capabilities.observer.next_q        <= '1';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

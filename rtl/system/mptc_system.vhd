@@ -372,6 +372,7 @@ begin
   capabilities.second_level.next_q    <= '0';
   capabilities.weighted_deadlock.next_q <= '0';
   capabilities.inwards.next_q         <= '0';
+  capabilities.capacitor_filter.next_q <= '0';
   capabilities.flux_control.next_q    <= to_std_logic(FLUX_CONTROL);
   capabilities.observer.next_q        <= '1';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));

@@ -23,7 +23,7 @@ from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 import directmpc
 from directmpc.host.registers import GUARD_DEAD_TIME, GUARD_MINIMUM_TIME
-from directmpc.mpdcc import formats
+from directmpc.mpdcc import capacitor_observer, formats
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc import program as common_terms
 from directmpc.mptc import coefficients as mptc_coefficients
@@ -203,6 +203,15 @@ def parameters(controller: str) -> list[Word]:
             Word(
                 "outside_inwards", 1, False, "1: outside rule inwards, 0: dead; fast variant only"
             ),
+        ]
+        filters = (
+            (capacitor_observer.COEFFICIENTS, capacitor_observer.COEFFICIENT_WIDTH, True),
+            (capacitor_observer.SHIFTS, capacitor_observer.SHIFT_WIDTH, False),
+        )
+        words += [
+            Word(f"f_{name}", bits, signed, f"Capacitor filter: {text}")
+            for names, bits, signed in filters
+            for name, text in names.items()
         ]
         return words
     width = mptc_formats.WORD_WIDTH

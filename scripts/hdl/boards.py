@@ -273,7 +273,7 @@ BOARDS = {
             divide=2,
             baud=115_200,
             controllers=("mpdcc", "mptc"),
-            left_out=("SECOND_LEVEL",),
+            left_out=("SECOND_LEVEL", "CAPACITOR_FILTER"),
             pins={
                 "clock": "T9",
                 "uart_tx": "R13",

@@ -196,9 +196,14 @@ def test_refusals_say_why() -> None:
     assert refused.value.outcome is Outcome.LINK
 
 
+#: Capabilities of a board that takes every drive.
+OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter")
+
+
 @pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
                                      {"deadlock_rule": "weighted"},
-                                     {"outside_rule": "inwards"}])  # fmt: skip
+                                     {"outside_rule": "inwards"},
+                                     {"capacitor_filter": 4}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
     plain = values(drive, GuardSettings(clock=25e6), "fast")
@@ -209,7 +214,7 @@ def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
         Board(link_of(model(controller=Controller.MPDCC, words={address: word})))
         for word in (
             0,
-            sum(1 << fields[n][0] for n in ("second_level", "weighted_deadlock", "inwards")),
+            sum(1 << fields[n][0] for n in OPTIONS),
         )
     )
     assert complete.load(found) == lacking.load(plain) == len(found.writes())

@@ -56,6 +56,8 @@ _NEEDED = {
     "parameters.compensate": "second_level",
     "parameters.deadlock_rule": "weighted_deadlock",
     "parameters.outside_inwards": "inwards",
+    "parameters.f_q_midpoint": "capacitor_filter",
+    "parameters.f_q_phase": "capacitor_filter",
     "parameters.method_mpfc": "flux_control",
 }
 
@@ -478,6 +480,8 @@ class Board:
     def start(self) -> None:
         """Clear the faults and let the gates switch; they follow the decisions from now on.
 
+        The drive's capacitor filters begin anew: nobody knows how long ago the last step was.
+
         Raises
         ------
         LinkError
@@ -487,12 +491,24 @@ class Board:
         """
         self.stop()
         self.write("system.faults", **self.read("system.faults"))
+        if isinstance(self.drive, Drive) and self.drive.control.capacitor_filter:
+            self.forget_estimates()
         self._started = True  # from here on there is something to turn off
         self.write("system.control", enable=1, own_positions=0)
         if self.read("system.status")["fault"]:
             faults = self.faults()
             self.stop()
             raise TrippedError(faults, "start")
+
+    def forget_estimates(self) -> None:
+        """Let capacitor filters and flux observer begin anew with the next step.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        """
+        self.write("system.command", reset_observer=1)
 
     def stop(self) -> None:
         """Turn all gates off, whatever state the board is in.

@@ -15,18 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.api.controllers import ModelController
+from directmpc.api.controllers import ModelController, state_of
 from directmpc.host.board import Board, decision_of
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Decision as Answer
 from directmpc.host.protocol import Flag
+from directmpc.mpdcc import capacitor_observer
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
-from directmpc.states import Decision, State
+from directmpc.states import Decision, MpdccDecision, MpdccState, State
 
 IntArray = NDArray[np.int64]
 
@@ -127,7 +128,8 @@ def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
 class BoardController:
     """A board as a controller (`directmpc.Controller`), every decision compared with the model's.
 
-    A decision is one request and one reply.
+    A decision is one request and one reply. Where the drive has capacitor filters, those of the
+    board begin anew, and the model has its own.
 
     Parameters
     ----------
@@ -159,6 +161,10 @@ class BoardController:
         self.differing = 0
         self._model = ModelController(drive, variant)
         self._encoder = Encoder(drive)
+        self._filters: capacitor_observer.CapacitorFilter | None = None
+        if isinstance(drive, Drive) and drive.control.capacitor_filter:
+            self._filters = capacitor_observer.CapacitorFilter(drive)
+            board.forget_estimates()
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Let the board decide on one step.
@@ -188,8 +194,21 @@ class BoardController:
         answer = self.board.answer(words, position, f"step {len(self.answers)}")
         self.answers.append(answer)
         decision = decision_of(self.drive.controller, answer, clipped)
-        self.differing += decision != self._model.decide(state)
+        self.differing += decision != self._modelled(words, state, clipped)
         return decision
+
+    def _modelled(
+        self, words: list[int], state: State | Mapping[str, Any], clipped: bool
+    ) -> Decision:
+        """The model's decision, behind its filters where the drive has them."""
+        if self._filters is None:
+            return self._model.decide(state)
+        known = state_of(self.drive, state)
+        assert isinstance(known, MpdccState)
+        v_n, *v_ph = self._filters.voltages(words, known.applied)
+        found = self._model.decide(replace(known, v_n=v_n, v_ph=tuple(v_ph)))
+        assert isinstance(found, MpdccDecision)
+        return replace(found, saturated=found.saturated or clipped)
 
     def column(self, value: Callable[[Answer], int]) -> IntArray:
         """One value of every reply.
@@ -280,7 +299,7 @@ def run_mpdcc(
     began = time.perf_counter()
     # a transition that the inverter does not have is a decision that differs: counted, no error
     run = mpdcc_loop.drive_controller(
-        drive, controller, profile, steps, checked=False, progress=progress
+        drive, controller, profile, steps, checked=False, filtered=False, progress=progress
     )
     done = controller.summary(time.perf_counter() - began)
     exhausted = controller.column(lambda answer: answer.has(Flag.EXHAUSTED))

@@ -30,7 +30,8 @@ MAX_FRAME = MAX_PAYLOAD + OVERHEAD  # bytes before stuffing; COBS adds exactly o
 LONGEST_DECISION = 4_000
 """Clocks after which a STEP is answered without a decision, whatever the controller.
 
-The longest decision is that of one explorer without a budget, with prediction and observer.
+The longest decision is that of one explorer without a budget, with prediction, observer and
+filters.
 """
 DELIMITER = 0
 REPLY = 0x80

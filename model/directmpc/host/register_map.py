@@ -32,6 +32,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "second_level": (11, 1, False),
                 "weighted_deadlock": (12, 1, False),
                 "inwards": (13, 1, False),
+                "capacitor_filter": (14, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),
@@ -505,6 +506,42 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 1, False),
             },
         ),
+        "parameters.f_midpoint_alpha": (
+            0x1D8,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_midpoint_beta": (
+            0x1DC,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_phase_alpha": (
+            0x1E0,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_phase_beta": (
+            0x1E4,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_q_midpoint": (
+            0x1E8,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "parameters.f_q_phase": (
+            0x1EC,
+            {
+                "value": (0, 3, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {
@@ -629,6 +666,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "second_level": (11, 1, False),
                 "weighted_deadlock": (12, 1, False),
                 "inwards": (13, 1, False),
+                "capacitor_filter": (14, 1, False),
                 "least_dead_time": (16, 12, False),
             },
         ),

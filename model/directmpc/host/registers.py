@@ -313,7 +313,7 @@ def values(
     Returns
     -------
     RegisterValues
-        Gate guard and parameters of the core and its observer.
+        Gate guard and parameters of the core, its observer and its capacitor filters.
 
     Raises
     ------
@@ -326,17 +326,15 @@ def values(
     guard = guard_words(drive, settings or GuardSettings(), saturated)
     words = {f"guard.{name}": guard[name] for name in guard}
     if isinstance(drive, Drive):
+        from directmpc.mpdcc import capacitor_observer
         from directmpc.mpdcc import observer as rotor_flux_observer
-
-        if drive.control.capacitor_filter:
-            raise ValueError(
-                f"control.capacitor_filter: got {drive.control.capacitor_filter}; no system has "
-                "filters, 0 is needed for register values"
-            )
 
         parameters = dict(coefficients.registers(drive, variant).ports())
         observer, problems = rotor_flux_observer.coefficients(drive)
         parameters |= {f"o_{name}": value for name, value in observer.items()}
+        parameters |= {
+            f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()
+        }
         saturated += problems
         controller = "mpdcc"
     else:

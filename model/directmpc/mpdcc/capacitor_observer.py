@@ -22,6 +22,7 @@ rounded word.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded, saturate
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.formats import CAPACITOR_VOLTAGE, CURRENT, NEUTRAL_VOLTAGE
+from directmpc.mpdcc.formats import CAPACITOR_VOLTAGE, CURRENT, MEASUREMENTS, NEUTRAL_VOLTAGE
 from directmpc.mpdcc.trace import IntArray
 
 WORD_WIDTH = 16  # bits of a measurement
@@ -45,9 +46,9 @@ MOST_SHIFT = 2**SHIFT_WIDTH - 1
 #: Coefficients of ``capacitor_observer`` in port order and what they are.
 COEFFICIENTS: dict[str, str] = {
     "midpoint_alpha": "-(1 - 2^-q) h/xdc: charge along alpha in v_n, 17 fractional bits",
-    "midpoint_beta": "sqrt(3)/2 times that: charge along beta in v_n, 17 fractional bits",
+    "midpoint_beta": "-(1 - 2^-q) sqrt(3)/2 h/xdc: charge along beta in v_n, 17 fractional bits",
     "phase_alpha": "(1 - 2^-q) h/xph: charge along alpha in v_ph, 17 fractional bits",
-    "phase_beta": "sqrt(3)/2 times that: charge along beta in v_ph, 17 fractional bits",
+    "phase_beta": "(1 - 2^-q) sqrt(3)/2 h/xph: charge along beta in v_ph, 17 fractional bits",
 }
 
 #: Exponents of the gains in port order and what they are.
@@ -193,6 +194,10 @@ def step_words(coefficient, state, m, s, delayed):
 
 _FORMATS = [CURRENT, CURRENT, NEUTRAL_VOLTAGE, *[CAPACITOR_VOLTAGE] * 3]
 _SCALES, _LOWS, _HIGHS = limits(_FORMATS)
+_PLACES = [
+    list(MEASUREMENTS).index(name)
+    for name in ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+]
 
 
 @njit
@@ -234,6 +239,8 @@ class CapacitorFilter:
     ----------
     active : bool
         Whether the drive has filters.
+    delayed : int
+        1 where the drive compensates a delay.
     coefficient : ndarray of int64, shape (6,)
         Of ``array``.
     state : ndarray of int64, shape (10,)
@@ -242,6 +249,7 @@ class CapacitorFilter:
 
     def __init__(self, drive: Drive) -> None:
         self.active = drive.control.capacitor_filter > 0
+        self.delayed = int(drive.control.delay_compensation)
         self.coefficient = array(coefficients(drive))
         self.state = np.zeros(STATE_WORDS, dtype=np.int64)
 
@@ -256,6 +264,27 @@ class CapacitorFilter:
             Positions applied from k-1 to k.
         """
         step_row(self.coefficient, self.state, x, np.asarray(s, dtype=np.int64))
+
+    def voltages(self, words: Sequence[int], s: Sequence[int]) -> list[float]:
+        """One step on the words of the core's measurement ports.
+
+        Parameters
+        ----------
+        words : sequence of int, length 13
+            In the order of ``formats.MEASUREMENTS``.
+        s : sequence of int, length 3
+            s(k-1), as the core gets it. With delay compensation these positions are applied from
+            now on, and those of the step before were until now.
+
+        Returns
+        -------
+        list of float, length 4
+            v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
+        """
+        m = np.array([words[n] for n in _PLACES], dtype=np.int64)
+        positions = np.array(s, dtype=np.int64)
+        found = step_words(self.coefficient, self.state, m, positions, self.delayed)
+        return [float(word) / float(scale) for word, scale in zip(found, _SCALES[2:], strict=False)]
 
     def rows(self, x: NDArray[np.float64], s: IntArray) -> NDArray[np.float64]:
         """Steps one after the other.

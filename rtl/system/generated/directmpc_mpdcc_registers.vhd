@@ -177,6 +177,12 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_current : std_logic;
         deadlock_rule : std_logic;
         outside_inwards : std_logic;
+        f_midpoint_alpha : std_logic;
+        f_midpoint_beta : std_logic;
+        f_phase_alpha : std_logic;
+        f_phase_beta : std_logic;
+        f_q_midpoint : std_logic;
+        f_q_phase : std_logic;
     end record;
 
     type \directmpc_mpdcc.measurements_strb_t\ is record
@@ -1008,6 +1014,60 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.outside_inwards.value_combo_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.f_midpoint_alpha.value_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_alpha_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_midpoint_alpha.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_beta.value_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_beta_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_midpoint_beta.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_alpha.value_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_alpha_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_phase_alpha.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_beta.value_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_beta_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_phase_beta.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_midpoint.value_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_midpoint_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_q_midpoint.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_phase.value_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_phase_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.f_q_phase.value_combo_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_combo_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_combo_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_combo_t\;
@@ -1063,6 +1123,12 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_current : \directmpc_mpdcc.parameters.o_output_current_combo_t\;
         deadlock_rule : \directmpc_mpdcc.parameters.deadlock_rule_combo_t\;
         outside_inwards : \directmpc_mpdcc.parameters.outside_inwards_combo_t\;
+        f_midpoint_alpha : \directmpc_mpdcc.parameters.f_midpoint_alpha_combo_t\;
+        f_midpoint_beta : \directmpc_mpdcc.parameters.f_midpoint_beta_combo_t\;
+        f_phase_alpha : \directmpc_mpdcc.parameters.f_phase_alpha_combo_t\;
+        f_phase_beta : \directmpc_mpdcc.parameters.f_phase_beta_combo_t\;
+        f_q_midpoint : \directmpc_mpdcc.parameters.f_q_midpoint_combo_t\;
+        f_q_phase : \directmpc_mpdcc.parameters.f_q_phase_combo_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_combo_t\ is record
@@ -1935,6 +2001,54 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.outside_inwards.value_storage_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.f_midpoint_alpha.value_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_alpha_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_midpoint_alpha.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_beta.value_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_midpoint_beta_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_midpoint_beta.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_alpha.value_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_alpha_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_phase_alpha.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_beta.value_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_phase_beta_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_phase_beta.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_midpoint.value_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_midpoint_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_q_midpoint.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_phase.value_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.f_q_phase_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.f_q_phase.value_storage_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_storage_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_storage_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_storage_t\;
@@ -1990,6 +2104,12 @@ architecture rtl of directmpc_mpdcc_registers is
         o_output_current : \directmpc_mpdcc.parameters.o_output_current_storage_t\;
         deadlock_rule : \directmpc_mpdcc.parameters.deadlock_rule_storage_t\;
         outside_inwards : \directmpc_mpdcc.parameters.outside_inwards_storage_t\;
+        f_midpoint_alpha : \directmpc_mpdcc.parameters.f_midpoint_alpha_storage_t\;
+        f_midpoint_beta : \directmpc_mpdcc.parameters.f_midpoint_beta_storage_t\;
+        f_phase_alpha : \directmpc_mpdcc.parameters.f_phase_alpha_storage_t\;
+        f_phase_beta : \directmpc_mpdcc.parameters.f_phase_beta_storage_t\;
+        f_q_midpoint : \directmpc_mpdcc.parameters.f_q_midpoint_storage_t\;
+        f_q_phase : \directmpc_mpdcc.parameters.f_q_phase_storage_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_storage_t\ is record
@@ -2641,6 +2761,24 @@ begin
         decoded_reg_strb.parameters.outside_inwards <= cpuif_req_masked and (cpuif_addr = 16#1D4#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1D4#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1D4#));
+        decoded_reg_strb.parameters.f_midpoint_alpha <= cpuif_req_masked and (cpuif_addr = 16#1D8#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1D8#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1D8#));
+        decoded_reg_strb.parameters.f_midpoint_beta <= cpuif_req_masked and (cpuif_addr = 16#1DC#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1DC#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1DC#));
+        decoded_reg_strb.parameters.f_phase_alpha <= cpuif_req_masked and (cpuif_addr = 16#1E0#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1E0#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1E0#));
+        decoded_reg_strb.parameters.f_phase_beta <= cpuif_req_masked and (cpuif_addr = 16#1E4#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1E4#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1E4#));
+        decoded_reg_strb.parameters.f_q_midpoint <= cpuif_req_masked and (cpuif_addr = 16#1E8#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1E8#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1E8#));
+        decoded_reg_strb.parameters.f_q_phase <= cpuif_req_masked and (cpuif_addr = 16#1EC#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1EC#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1EC#));
         decoded_reg_strb.measurements.is_alpha <= cpuif_req_masked and (cpuif_addr = 16#200#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#200#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#200#));
@@ -5475,6 +5613,180 @@ begin
     end process;
     hwif_out.parameters.outside_inwards.value.value <= field_storage.parameters.outside_inwards.value.value;
 
+    -- Field: directmpc_mpdcc.parameters.f_midpoint_alpha.value
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_midpoint_alpha.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_midpoint_alpha and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_midpoint_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_midpoint_alpha.value.next_q <= next_c;
+        field_combo.parameters.f_midpoint_alpha.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_midpoint_alpha.value.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_midpoint_alpha.value.value <= 16x"0";
+            else
+                if field_combo.parameters.f_midpoint_alpha.value.load_next then
+                    field_storage.parameters.f_midpoint_alpha.value.value <= field_combo.parameters.f_midpoint_alpha.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_midpoint_alpha.value.value <= field_storage.parameters.f_midpoint_alpha.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.f_midpoint_beta.value
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_midpoint_beta.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_midpoint_beta and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_midpoint_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_midpoint_beta.value.next_q <= next_c;
+        field_combo.parameters.f_midpoint_beta.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_midpoint_beta.value.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_midpoint_beta.value.value <= 16x"0";
+            else
+                if field_combo.parameters.f_midpoint_beta.value.load_next then
+                    field_storage.parameters.f_midpoint_beta.value.value <= field_combo.parameters.f_midpoint_beta.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_midpoint_beta.value.value <= field_storage.parameters.f_midpoint_beta.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.f_phase_alpha.value
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_phase_alpha.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_phase_alpha and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_phase_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_phase_alpha.value.next_q <= next_c;
+        field_combo.parameters.f_phase_alpha.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_phase_alpha.value.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_phase_alpha.value.value <= 16x"0";
+            else
+                if field_combo.parameters.f_phase_alpha.value.load_next then
+                    field_storage.parameters.f_phase_alpha.value.value <= field_combo.parameters.f_phase_alpha.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_phase_alpha.value.value <= field_storage.parameters.f_phase_alpha.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.f_phase_beta.value
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_phase_beta.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_phase_beta and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_phase_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_phase_beta.value.next_q <= next_c;
+        field_combo.parameters.f_phase_beta.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_phase_beta.value.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_phase_beta.value.value <= 16x"0";
+            else
+                if field_combo.parameters.f_phase_beta.value.load_next then
+                    field_storage.parameters.f_phase_beta.value.value <= field_combo.parameters.f_phase_beta.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_phase_beta.value.value <= field_storage.parameters.f_phase_beta.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.f_q_midpoint.value
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_q_midpoint.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_q_midpoint and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_q_midpoint.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_q_midpoint.value.next_q <= next_c;
+        field_combo.parameters.f_q_midpoint.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_q_midpoint.value.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_q_midpoint.value.value <= 3x"0";
+            else
+                if field_combo.parameters.f_q_midpoint.value.load_next then
+                    field_storage.parameters.f_q_midpoint.value.value <= field_combo.parameters.f_q_midpoint.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_q_midpoint.value.value <= field_storage.parameters.f_q_midpoint.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.f_q_phase.value
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.f_q_phase.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.f_q_phase and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.f_q_phase.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.f_q_phase.value.next_q <= next_c;
+        field_combo.parameters.f_q_phase.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.f_q_phase.value.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.f_q_phase.value.value <= 3x"0";
+            else
+                if field_combo.parameters.f_q_phase.value.load_next then
+                    field_storage.parameters.f_q_phase.value.value <= field_combo.parameters.f_q_phase.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.f_q_phase.value.value <= field_storage.parameters.f_q_phase.value.value;
+
     -- Field: directmpc_mpdcc.measurements.is_alpha.value
     process(all)
         variable next_c: std_logic_vector(15 downto 0);
@@ -6021,6 +6333,7 @@ begin
             readback_data_var(ad_hi(16#8#))(11) := hwif_in.system.capabilities.second_level.next_q;
             readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
             readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
+            readback_data_var(ad_hi(16#8#))(14) := hwif_in.system.capabilities.capacitor_filter.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#C#) then
@@ -6267,6 +6580,24 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#1D4#) then
             readback_data_var(ad_hi(16#1D4#))(0) := field_storage.parameters.outside_inwards.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1D8#) then
+            readback_data_var(ad_hi(16#1D8#))(15 downto 0) := field_storage.parameters.f_midpoint_alpha.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1DC#) then
+            readback_data_var(ad_hi(16#1DC#))(15 downto 0) := field_storage.parameters.f_midpoint_beta.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1E0#) then
+            readback_data_var(ad_hi(16#1E0#))(15 downto 0) := field_storage.parameters.f_phase_alpha.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1E4#) then
+            readback_data_var(ad_hi(16#1E4#))(15 downto 0) := field_storage.parameters.f_phase_beta.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1E8#) then
+            readback_data_var(ad_hi(16#1E8#))(2 downto 0) := field_storage.parameters.f_q_midpoint.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1EC#) then
+            readback_data_var(ad_hi(16#1EC#))(2 downto 0) := field_storage.parameters.f_q_phase.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;

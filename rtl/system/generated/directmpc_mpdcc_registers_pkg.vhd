@@ -685,6 +685,54 @@ package directmpc_mpdcc_registers_pkg is
         value : \mpdcc_parameters.outside_inwards.value_out_t\;
     end record;
 
+    type \mpdcc_parameters.f_midpoint_alpha.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_midpoint_alpha_out_t\ is record
+        value : \mpdcc_parameters.f_midpoint_alpha.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.f_midpoint_beta.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_midpoint_beta_out_t\ is record
+        value : \mpdcc_parameters.f_midpoint_beta.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.f_phase_alpha.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_phase_alpha_out_t\ is record
+        value : \mpdcc_parameters.f_phase_alpha.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.f_phase_beta.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_phase_beta_out_t\ is record
+        value : \mpdcc_parameters.f_phase_beta.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.f_q_midpoint.value_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_q_midpoint_out_t\ is record
+        value : \mpdcc_parameters.f_q_midpoint.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.f_q_phase.value_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mpdcc_parameters.f_q_phase_out_t\ is record
+        value : \mpdcc_parameters.f_q_phase.value_out_t\;
+    end record;
+
     type mpdcc_parameters_out_t is record
         c_error_alpha : \mpdcc_parameters.c_error_alpha_out_t\;
         c_error_beta : \mpdcc_parameters.c_error_beta_out_t\;
@@ -740,6 +788,12 @@ package directmpc_mpdcc_registers_pkg is
         o_output_current : \mpdcc_parameters.o_output_current_out_t\;
         deadlock_rule : \mpdcc_parameters.deadlock_rule_out_t\;
         outside_inwards : \mpdcc_parameters.outside_inwards_out_t\;
+        f_midpoint_alpha : \mpdcc_parameters.f_midpoint_alpha_out_t\;
+        f_midpoint_beta : \mpdcc_parameters.f_midpoint_beta_out_t\;
+        f_phase_alpha : \mpdcc_parameters.f_phase_alpha_out_t\;
+        f_phase_beta : \mpdcc_parameters.f_phase_beta_out_t\;
+        f_q_midpoint : \mpdcc_parameters.f_q_midpoint_out_t\;
+        f_q_phase : \mpdcc_parameters.f_q_phase_out_t\;
     end record;
 
     type \mpdcc_measurements.is_alpha.value_out_t\ is record

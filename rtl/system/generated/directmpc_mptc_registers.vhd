@@ -3452,6 +3452,7 @@ begin
             readback_data_var(ad_hi(16#8#))(11) := hwif_in.system.capabilities.second_level.next_q;
             readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
             readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
+            readback_data_var(ad_hi(16#8#))(14) := hwif_in.system.capabilities.capacitor_filter.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#C#) then

@@ -3,9 +3,9 @@
 Sweep: both controllers as build options of the same top; UART and SPI; both positions of the
 switch; MPTC at 100 MHz too.
 Stimulus: closed loops of 200 and 2,000 control steps of the 6 kV drive, of 300 of it with two
-switchings and a budget, and of 300 of a two-level drive, over the pseudo-terminal of the virtual
-board; 100,000 corrupted, random, replayed, oversized and cut off frames over SPI, 200 over UART,
-with the gates let through; good requests in between.
+switchings and a budget, of 120 with capacitor filters and noise, and of 300 of a two-level drive,
+over the pseudo-terminal of the virtual board; 100,000 corrupted, random, replayed, oversized and cut
+off frames over SPI, 200 over UART, with the gates let through; good requests in between.
 Checks: decisions against the bit-true model, and against the files that replay writes from the
 recorded trace: the model's for all steps, the RTL's, clocks included, for a sample; no gate
 changes; every counter; that the request that follows is answered; that all gates are off after a
@@ -32,10 +32,11 @@ from directmpc.host.board import Board
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
-from directmpc.mpdcc import trace
+from directmpc.mpdcc import closed_loop, trace
+from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import Decisions, IntArray
 from scripts.generate.protocol_examples import MEASUREMENTS
-from scripts.hdl.clocks import worst_cycles
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
 from tb.rtl.boards.board_steps import (
     CLOCK,
@@ -111,6 +112,34 @@ def test_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(
     assert sum(counters.values()) == counters[Outcome.ACCEPTED]
     assert off == 0
     assert len(log.read_text().splitlines()) > steps // 400
+
+
+def test_the_boards_capacitor_filters_are_the_models(tmp_path: Path) -> None:
+    drive = load_drive(MPDCC).with_control(
+        capacitor_filter=4, delay_compensation=True, outside_rule="inwards"
+    )
+    profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), 120)
+    noise = DriveErrors(noise_current=0.005, noise_voltage=0.0025)
+    virtual = VirtualBoard(generics("mpdcc"), tmp_path / "board")
+    with virtual as running, Board(running.port) as board:
+        board.load(drive)
+        # the second run begins where nothing is left of the first
+        for _ in range(2):
+            controller = lockstep.BoardController(board, drive)
+            run = closed_loop.drive_controller(
+                drive, controller, profile, 120, errors=noise, filtered=False
+            )
+            assert controller.differing == 0
+        cycles = controller.column(lambda answer: answer.cycles)
+        extra = clocks_of("capacitor_observer", "latency")
+        held = clocks_of("mpdcc_core", "hold", "fast")
+        prediction = clocks_of("mpdcc_core", "prediction_held", "sese")
+        assert set(cycles[run.decisions.held == 1]) == {held + prediction + extra}
+        # the model beside the board without its filters decides otherwise
+        board.write("system.command", reset_observer=1)
+        blind = lockstep.BoardController(board, drive.with_control(capacitor_filter=0))
+        closed_loop.drive_controller(drive, blind, profile, 120, errors=noise, filtered=False)
+        assert blind.differing > 0
 
 
 def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:

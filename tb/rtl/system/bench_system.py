@@ -13,12 +13,14 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, anpc_gates, two_level_gates
 from directmpc.host.register_map import MAPS
+from directmpc.mpdcc import capacitor_observer
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import observer as mptc_observer
 from scripts.generate import register_files
 from scripts.hdl import states
+from scripts.hdl.clocks import clocks_of
 from tb.helpers import mptc_rows as mptc_core
 from tb.helpers.scoreboard import Scoreboard, arguments, bits, number, word
 from tb.rtl.system.bus import OKAY, SLVERR, Bus
@@ -28,7 +30,7 @@ CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
 WRITABLE = ("guard.", "parameters.", "measurements.")
 #: Switch states a, b, c of the two-level vectors.
 SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
-NOT_THE_CORE_S = ("o_", "c_gain")
+NOT_THE_CORE_S = ("o_", "f_", "c_gain")
 
 
 class System:
@@ -51,6 +53,8 @@ class System:
         found = {n: word(self.rng, w.width, signed=w.signed) for n, w in self.words.items()}
         if self.controller == "mpdcc":
             found["horizon"] = max(1, found["horizon"])
+            # the filters remember, a set of parameters does not: see `filtered`
+            found |= dict.fromkeys(("f_q_midpoint", "f_q_phase"), 0)
         return found
 
     def any_measurements(self) -> dict[str, int]:
@@ -154,7 +158,7 @@ async def every_register(system: System) -> None:
     board.check("identification", code, 0x444D5043)
     kind = await bus.read("system.capabilities", "controller")
     board.check("controller", kind, 1 if system.controller == "mpdcc" else 2)
-    for option in ("second_level", "weighted_deadlock", "inwards"):
+    for option in ("second_level", "weighted_deadlock", "inwards", "capacitor_filter"):
         built_in = await bus.read("system.capabilities", option)
         board.check(option, built_in, int(system.controller == "mpdcc"))
     bus.throttle(0.0)
@@ -324,6 +328,99 @@ async def observed(system: System, drive, parameters: dict[str, int]) -> None:
         last = wanted[:3] if mpdcc else wanted[0]
         for _ in range(3):
             await FallingEdge(system.dut.clk)
+
+
+#: Gains, and whether a delay is compensated, the flux observed, positions are the system's own.
+FILTERED = (
+    {"q_midpoint": 4, "q_phase": 4},
+    {"q_midpoint": 0, "q_phase": 3, "use_observer": 1},
+    {"q_midpoint": 6, "q_phase": 0, "compensate": 1},
+    {"q_midpoint": 2, "q_phase": 7, "compensate": 1, "own_positions": 1, "use_observer": 1},
+)
+
+
+async def filtered(system: System) -> None:
+    """Decisions on the voltages of the filters, whose step comes first; they begin anew."""
+    bus, board, rng = system.bus, system.board, system.rng
+    drive = states.shipped("anpc5l_6kv")
+    settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
+    base = registers.values(drive, settings).words
+    o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
+    more = clocks_of("capacitor_observer", "latency")
+    for chosen in FILTERED:
+        gains = {name: chosen[name] for name in ("q_midpoint", "q_phase")}
+        c = capacitor_observer.coefficients(drive, **gains)
+        compensate, watched = chosen.get("compensate", 0), chosen.get("use_observer", 0)
+        parameters = {n: base[f"parameters.{n}"] for n in system.words} | {"compensate": compensate}
+        own = chosen.get("own_positions", 0)
+        # without filters in between: what they have seen is forgotten
+        for filters, given in ((dict.fromkeys(c, 0), 0), (c, own)):
+            parameters |= {f"f_{name}": value for name, value in filters.items()}
+            await system.write_parameters(parameters)
+            await bus.write("system.command", commit=1)
+            while await bus.read("system.status", "commit_pending"):
+                pass
+            await bus.write(
+                "system.control", registers_as_source=0, own_positions=given, use_observer=watched
+            )
+            if filters is not c:
+                held = set()
+                for _ in range(12):
+                    count = await system.decide(near(system, rng))
+                    held |= {count} if system.decided()[3] else set()
+                    for _ in range(3):
+                        await FallingEdge(system.dut.clk)
+        holds, full = set(), 0
+        state = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
+        flux = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+        if watched:
+            await bus.write("system.command", reset_observer=1)
+        await bus.write("system.flags", observer_saturated=1)
+        for n in range(14):
+            if n == 9:
+                await bus.write("system.command", reset_observer=1)
+                state[:], flux[:] = 0, 0
+            m = near(system, rng)
+            if n in (9, 10):  # at full scale, and the charge drives both beyond
+                m = system.any_measurements() | {"is_alpha": 32_767, "v_ph_a": 65_535}
+                m |= {"v_n": -32_768, "s_prev_a": 2, "s_prev_b": 0, "s_prev_c": 0}
+            last = system.decided()[:3]
+            s = np.array(last if own else [m[f"s_prev_{x}"] for x in "abc"])
+            used = dict(m) | dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), s, strict=True))
+            names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+            *voltages, over = capacitor_observer.step_words(
+                capacitor_observer.array(c), state, np.array([m[name] for name in names]), s,
+                compensate,
+            )  # fmt: skip
+            used |= dict(zip(names[2:], voltages, strict=True))
+            full |= over
+            if watched:
+                order = (*names, "v_dc", "omega_r")
+                values = np.array([used[name] for name in order])
+                *estimate, over = rotor_flux_observer.step_words(o, flux, values, s)
+                used |= dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
+                full |= over
+            wanted = system.model(parameters, {name: int(used[name]) for name in system.inputs})
+            count = await system.decide(m)
+            holds |= {count} if wanted[3] else set()
+            board.check("filtered", system.decided(), wanted, f"{chosen}, decision {n}")
+            board.cover("moved", int(any(used[name] != m[name] for name in names[2:])))
+            for _ in range(3):
+                await FallingEdge(system.dut.clk)
+        board.check("told", await bus.read("system.flags", "observer_saturated"), full, chosen)
+        board.cover("full", full)
+        if holds and held:
+            board.check("later", holds, {count + more for count in held}, chosen)
+    await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
+
+
+def near(system: System, rng: random.Random) -> dict[str, int]:
+    """Measurements of a drive whose capacitors are near their references, with noise."""
+    m = dict.fromkeys(system.inputs, 0) | {"v_dc": 32_000}
+    m |= {"is_alpha": 9_000 + rng.randrange(200), "iref_alpha": 9_000, "psir_beta": 4_000}
+    m |= {"v_n": round(rng.gauss(0, 160))}
+    m |= {f"v_ph_{x}": 16_000 + round(rng.gauss(0, 80)) for x in "abc"}
+    return m | {f"s_prev_{x}": rng.randrange(8) for x in "abc"}
 
 
 async def faults(system: System) -> None:
@@ -533,6 +630,8 @@ async def system(dut) -> None:
         await every_register(under_test)
     await atomic_commits(under_test, given["rounds"])
     await decisions_and_flags(under_test, given["decisions"])
+    if given["controller"] == "mpdcc":
+        await filtered(under_test)
     await faults(under_test)
     await unmeasured(under_test)
     dut.enable.value = 1
@@ -552,3 +651,8 @@ async def system(dut) -> None:
         },
         {"new set": 4, "commits": 4, "flags": 1},
     )
+    if given["controller"] == "mpdcc":
+        assert under_test.board.checks["filtered"] == 14 * len(FILTERED)
+        assert under_test.board.checks["later"] > 1
+        assert under_test.board.covered["moved"] > 20
+        assert under_test.board.covered["full"] > 1

@@ -3,7 +3,7 @@
 Sweep: MPDCC (fast, one explorer) and MPTC.
 Stimulus: every register with random words, strobes and pauses on all channels; random parameters
 written and committed at any time while decisions run; decisions from ports and from registers, with
-measured and observed flux; trips, clears, enables.
+measured and observed flux, measured and filtered voltages; trips, clears, enables.
 Checks: what registers hold and refuse; that a commit which waits refuses shadows alone, and that
 no access takes longer than LONGEST_ACCESS; that settings are locked; every decision is the model's
 for one whole committed set;
@@ -11,7 +11,8 @@ cycle counters, sticky flags, write-one-to-clear; every setting reaches its port
 with a commit and not before; gates off on trips and until enabled anew, and while no measurement
 has been compared since they were enabled.
 Faults: a commit that takes effect while a decision runs; a parameter connected to another's port; a
-setting on another's port; an estimate that survives its reset; gates that come on unmeasured.
+setting on another's port; an estimate or voltages that survive their reset, voltages of another
+phase or interval, an overflow untold; gates that come on unmeasured.
 """
 
 from __future__ import annotations
@@ -89,7 +90,20 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         bench("mptc", 60, rtl, registers=False)
 
 
-def test_a_fault_is_found_in_the_observer_of_mpdcc(tmp_path: Path) -> None:
-    rtl = altered(tmp_path, "mpdcc_system", "(forget and not deciding)", "'0'")
-    with pytest.raises(CheckError, match=r"observed flux: .* expected"):
+#: What is wrong in front of the core of MPDCC, and the check that sees it.
+BEFORE_THE_CORE = {
+    "old estimate": ("(forget and not deciding)", "'0'", "observed flux"),
+    "old voltages": ("((forget or not filtering) and", "(not filtering and", "filtered"),
+    "kept while off": ("((forget or not filtering) and", "(forget and", "filtered"),
+    "wrong voltage": ("used_b      <= filter_b", "used_b      <= filter_c", "filtered"),
+    "wrong interval": ("delayed          => delayed", "delayed          => '0'", "filtered"),
+    "untold": ("observer_flag or filter_flag", "observer_flag", "told"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BEFORE_THE_CORE)
+def test_a_fault_is_found_before_the_core_of_mpdcc(name: str, tmp_path: Path) -> None:
+    old, new, check = BEFORE_THE_CORE[name]
+    rtl = altered(tmp_path, "mpdcc_system", old, new)
+    with pytest.raises(CheckError, match=rf"{check}: .* expected"):
         bench("mpdcc", 4, rtl, registers=False)

@@ -88,10 +88,11 @@ def test_a_step_over_spi_takes_its_time(clock: int, longest: int) -> None:
 
 
 def test_no_decision_is_given_up_too_early() -> None:
-    # one explorer without a budget, the prediction and the observer before it
+    # one explorer without a budget, the prediction, the observer and the filters before it
     longest = budgets.load().cycles["mpdcc_core"]["sese"]["worst"][0]
     longest += clocks_of("mpdcc_core", "prediction", "sese")
     longest += clocks_of("rotor_flux_observer", "busy")
+    longest += clocks_of("capacitor_observer", "latency")
     assert longest < protocol.LONGEST_DECISION
 
 
