@@ -1,13 +1,14 @@
 -- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, core, gate guard.
 --
--- Measurements come with start, from the ports or from registers (control.registers_as_source, then command.start),
--- and are kept in the registers. With control.use_observer the observer takes its step first and its flux replaces
--- psir. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters take their step before both, and observer and core
--- get filtered voltages. The core decides; the guard turns the decision into gates. Parameters and the guard's settings are shadows
--- that take effect together between two decisions. What is common to all systems is in system_shell.
+-- Measurements come with start, from the ports or from registers (control.registers_as_source, then
+-- command.start), and are kept in the registers. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters
+-- take their step first, and observer and core get filtered voltages. With control.use_observer the observer takes
+-- its step next and its flux replaces psir. The core decides; the guard turns the decision into gates. Parameters
+-- and the guard's settings are shadows that take effect together between two decisions. What is common to all
+-- systems is in system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start; 11 clocks later with the capacitor filters, 15 more with the observer.
+-- Latency: the core starts one clock after start, 11 clocks later with the filters, 15 more with the observer.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
