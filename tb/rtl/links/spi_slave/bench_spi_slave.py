@@ -22,28 +22,35 @@ class Core:
         self.received: list[int] = []
         self.taken: list[int] = []
         self.ended = self.twice = 0
-        self.offered = 0
+        self.offered = self.stray = 0
+        self.shown: str | None = None
 
     def offer(self) -> None:
         """Another byte to send."""
         self.offered = self.rng.randrange(1, 256)
         self.dut.tx_data.value = self.offered
 
+    async def look(self) -> None:
+        """What comes in one clock."""
+        await RisingEdge(self.dut.clk)
+        await ReadOnly()
+        shown = str(self.dut.rx_data.value)
+        if number(self.dut.rx_valid):
+            self.received.append(number(self.dut.rx_data))
+        else:
+            # a byte stands until the next one is there
+            self.stray += shown != (self.shown or shown)
+        self.shown = shown
+        self.ended += number(self.dut.ended)
+
     async def run(self) -> None:
         """Look at every clock."""
         while True:
-            await RisingEdge(self.dut.clk)
-            await ReadOnly()
-            if number(self.dut.rx_valid):
-                self.received.append(number(self.dut.rx_data))
-            self.ended += number(self.dut.ended)
+            await self.look()
             if number(self.dut.tx_taken):
                 # it goes over at the next edge; then another one may be there
-                await RisingEdge(self.dut.clk)
-                await ReadOnly()
+                await self.look()
                 self.twice += number(self.dut.tx_taken)
-                self.received += [number(self.dut.rx_data)] * number(self.dut.rx_valid)
-                self.ended += number(self.dut.ended)
                 self.taken.append(self.offered)
                 await Timer(1, "ns")
                 self.offer()
@@ -66,6 +73,46 @@ async def clocked(dut, bits: list[int], period: int) -> list[int]:
 def bits_of(data: list[int]) -> list[int]:
     """Most significant bit first."""
     return [byte >> k & 1 for byte in data for k in range(7, -1, -1)]
+
+
+async def reset_at(dut, name: str, value: int, edge: int) -> None:
+    """Set an input just behind an edge of clk, and reset in one of the seven edges after it."""
+    await RisingEdge(dut.clk)
+    await Timer(1, "ns")
+    getattr(dut, name).value = value
+    for n in range(1, 8):
+        dut.rst.value = int(n == edge)
+        await RisingEdge(dut.clk)
+        await Timer(1, "ns")
+    dut.rst.value = 0
+    await ClockCycles(dut.clk, 4)
+
+
+async def resets(dut, board: Scoreboard, core: Core) -> None:
+    """A reset in each clock while a byte, then the end of a transaction, crosses to clk."""
+    for edge in range(8):
+        dut.cs_n.value = 0
+        await ClockCycles(dut.clk, 2)
+        await clocked(dut, [1] * 7, 4 * CLOCK_PS)
+        known, ended = len(core.received), core.ended
+        # SCK stays high: the byte does not wait for its fall; two edges to cross, one for rx_valid
+        await reset_at(dut, "sck", 1, edge)
+        board.check("reset", len(core.received) - known, int(edge != 3), f"byte, edge {edge}")
+        dut.sck.value = 0
+        await ClockCycles(dut.clk, 6)
+        board.check("reset", core.ended, ended, f"no end yet, edge {edge}")
+        # one edge more than a byte
+        await reset_at(dut, "cs_n", 1, edge)
+        board.check("reset", core.ended - ended, int(edge not in (3, 4)), f"end, edge {edge}")
+    # what waits to be sent is gone, and zeros are sent in its place
+    dut.cs_n.value = 0
+    await clocked(dut, [1] * 8, 4 * CLOCK_PS)
+    await reset_at(dut, "mosi", 0, 7)
+    await clocked(dut, [0] * 8, 4 * CLOCK_PS)
+    seen = await clocked(dut, [0] * 8, 4 * CLOCK_PS)
+    board.check("reset", seen, [0] * 8, "a byte that waited")
+    dut.cs_n.value = 1
+    await ClockCycles(dut.clk, 8)
 
 
 @cocotb.test()
@@ -110,5 +157,7 @@ async def transactions(dut) -> None:
         want = bits_of([0, 0, *core.taken[taken:]])[: 8 * length + rest]
         board.check("miso", seen, want, f"transaction {n}")
         board.cover("cut off", int(rest > 0))
+    await resets(dut, board, core)
     board.check("once", core.twice, 0)
-    board.finish({"miso": given["transactions"], "foreign": 10}, {"cut off": 10})
+    board.check("stands", core.stray, 0)
+    board.finish({"miso": given["transactions"], "foreign": 10, "reset": 25}, {"cut off": 10})

@@ -1,9 +1,10 @@
 """Bytes between SPI and the core's clock, whatever the chip select does.
 
 Stimulus: transactions of whole bytes and of bytes that the chip select cuts off, at 4/3 of clk and
-slower; SCK for another slave in between, while the chip select is high.
-Checks: every bit on MISO; every received byte; how often a byte is taken; the end of a transaction;
-none of it for the other slave's clocks.
+slower; SCK for another slave in between, while the chip select is high; SCK that stays high behind
+a byte; a reset in each clock while a byte or the end of a transaction crosses to clk.
+Checks: every bit on MISO; every received byte, and that it stands until the next one; how often a
+byte is taken; the end of a transaction; none of it for the other slave's clocks; nothing that a reset has taken away, and all else.
 Faults: a byte that is taken while the chip select is high, a byte of a transaction that was cut off
 in the next one, and others.
 Does not prove: metastability; a simulator has none.
@@ -43,6 +44,12 @@ FAULTS = [
     ),
     Fault(NAME, "rx_hold   <= shift_in & mosi;", "rx_hold   <= mosi & shift_in;", "received"),
     Fault(NAME, "shift_out <= tx_hold;", "shift_out <= tx_data;", "miso"),
+    Fault(NAME, "asynchronous(RX) => rx_toggle", "asynchronous(RX) => tx_toggle", "reset"),
+    Fault(NAME, "if (before(RX) /= seen(RX)) then", "if (true) then", "stands"),
+    Fault(NAME, 'tx_hold  <= x"00";\n        rx_valid', "rx_valid", "reset"),
+    Fault(NAME, "        rx_valid <= '0';\n", "", "reset"),
+    Fault(NAME, "        rising   <= '0';\n", "", "reset"),
+    Fault(NAME, "        ended    <= '0';\n", "", "reset"),
     Fault(NAME, "ended    <= rising;", "ended    <= '0';", "ended"),
 ]
 
