@@ -4,7 +4,8 @@ Stimulus: transactions of whole bytes and of bytes that the chip select cuts off
 slower; SCK for another slave in between, while the chip select is high; SCK that stays high behind
 a byte; a reset in each clock while a byte or the end of a transaction crosses to clk.
 Checks: every bit on MISO; every received byte, and that it stands until the next one; how often a
-byte is taken; the end of a transaction; none of it for the other slave's clocks; nothing that a reset has taken away, and all else.
+byte is taken; the end of a transaction; none of it for the other slave's clocks; nothing that a
+reset has taken away, and all else.
 Faults: a byte that is taken while the chip select is high, a byte of a transaction that was cut off
 in the next one, and others.
 Does not prove: metastability; a simulator has none.
