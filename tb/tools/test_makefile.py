@@ -58,7 +58,7 @@ def test_help_is_the_default_and_lists_every_target(project):
     targets = (
         "run test lint replay registers synth budgets check pnr sweep report fidelity sources clean"
     )
-    targets += " setup generate format site help"
+    targets += " setup generate format site help mutate"
     for target in targets.split():
         assert f"make {target} " in done.stdout
     assert not (project / ".venv").exists(), "help needs no environment"
