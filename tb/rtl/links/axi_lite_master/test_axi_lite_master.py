@@ -2,7 +2,8 @@
 
 Stimulus: random reads and writes to a slave that takes its time on every channel; addresses
 outside the bus and between two words; a slave that does not answer for longer than LIMIT, accesses
-meanwhile, its late answer, accesses after it; resets, also within an access.
+meanwhile, its late answer, accesses after it; resets, also within an access; answers that
+nobody has asked for.
 Checks: address and word on the bus, each offered until it is taken and not again; the answer; an
 access that is given up after LIMIT clocks, and stays on the bus; SLVERR at once until the slave has
 answered, its late answer to nobody, and a bus that goes on; nothing offered after a reset.
@@ -54,6 +55,8 @@ FAULTS = [
     ),
     Fault(NAME, "    done    => '0'\n", "    done    => '1'\n", "reset"),
     Fault(NAME, "v := STATE_INIT;", "v.busy := '0';", "reset"),
+    Fault(NAME, "or (r.rready and rvalid)", "or rvalid", "stray"),
+    Fault(NAME, "(r.bready and bvalid) or", "bvalid or", "stray"),
     Fault(NAME, "response <= rresp;", 'response <= bresp and "00";', "answer"),
 ]
 

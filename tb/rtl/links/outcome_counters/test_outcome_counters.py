@@ -3,7 +3,8 @@
 Sweep: counters of 4 bits, which reach their end, and of 32.
 Stimulus: outcomes of the receiver, of both links, and of the executor, together and apart, each
 source once in twelve clocks; looks at any time; resets.
-Checks: a counter whenever it has settled; its end; after a reset all are zero; the time of a look.
+Checks: a counter whenever it has settled; its end; after a reset all are zero; the time of a look;
+nothing shown that nobody looks for.
 Faults: an outcome that is dropped, one that is counted twice, one that goes to another counter, a
 counter that wraps.
 """
@@ -42,6 +43,7 @@ FAULTS = [
     Fault(NAME, "elsif (r.reading = '0' and r.counting = '0') then", "else", "value"),
     Fault(NAME, "          v.wanted(2) := '0';", "          null;", "(value|time)"),
     Fault(NAME, "reason      <= served(1) & serve", "reason      <= '0' & serve", "value"),
+    Fault(NAME, "    shown    => '0'\n", "    shown    => '1'\n", "unasked"),
     Fault(NAME, "'1' & reason_1 when", "'0' & reason_1 when", "value"),
     Fault(NAME, "unsigned('0' & present) + 1", "unsigned('0' & present) + 2", "value"),
     Fault(NAME, "reason_0    <= receive_outcome;", "reason_0    <= serve_outcome;", "value"),
