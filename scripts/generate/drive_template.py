@@ -23,6 +23,7 @@ RECOMMENDED: dict[str, dict[str, Any]] = {
         "control.budget": 400,
         "control.deadlock_rule": "weighted",
         "control.outside_rule": "inwards",
+        "control.capacitor_filter": 4,
     },
     "mptc": {},
 }
