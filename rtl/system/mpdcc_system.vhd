@@ -158,6 +158,12 @@ architecture rtl of mpdcc_system is
   signal until_a        : std_logic_vector(2 downto 0);
   signal until_b        : std_logic_vector(2 downto 0);
   signal until_c        : std_logic_vector(2 downto 0);
+  signal earlier_a      : std_logic_vector(2 downto 0); -- until_a of the decision before
+  signal earlier_b      : std_logic_vector(2 downto 0);
+  signal earlier_c      : std_logic_vector(2 downto 0);
+  signal watched_a      : std_logic_vector(2 downto 0); -- applied from k-1 to k
+  signal watched_b      : std_logic_vector(2 downto 0);
+  signal watched_c      : std_logic_vector(2 downto 0);
 
 begin
 
@@ -288,14 +294,21 @@ begin
   until_c <= own_c when owning = '1' else
              sample.s_prev_c.value.value;
 
+  -- with delay compensation until_a to until_c take effect now, and those of the step before did until now
+  delayed   <= in_force.compensate.value.value and to_std_logic(SECOND_LEVEL and not FOLDED);
+  watched_a <= earlier_a when delayed = '1' else
+               until_a;
+  watched_b <= earlier_b when delayed = '1' else
+               until_b;
+  watched_c <= earlier_c when delayed = '1' else
+               until_c;
+
   g_filter : if CAPACITOR_FILTER generate
 
     filtering <= in_force.f_q_midpoint.value.value(0) or in_force.f_q_midpoint.value.value(1)
                  or in_force.f_q_midpoint.value.value(2) or in_force.f_q_phase.value.value(0)
                  or in_force.f_q_phase.value.value(1) or in_force.f_q_phase.value.value(2);
 
-    -- with delay compensation the positions of this step take effect now, those before until now
-    delayed      <= in_force.compensate.value.value and to_std_logic(SECOND_LEVEL and not FOLDED);
     filter_rst   <= rst or ((forget or not filtering) and not deciding);
     filter_start <= go and filtering;
 
@@ -371,9 +384,9 @@ begin
       v_ph_c           => used_c,
       v_dc             => sample.v_dc.value.value,
       omega_r          => sample.omega_r.value.value,
-      s_a              => until_a,
-      s_b              => until_b,
-      s_c              => until_c,
+      s_a              => watched_a,
+      s_b              => watched_b,
+      s_c              => watched_c,
       o_speed          => in_force.o_speed.value.value,
       o_voltage_alpha  => in_force.o_voltage_alpha.value.value,
       o_voltage_beta   => in_force.o_voltage_beta.value.value,
@@ -487,15 +500,21 @@ begin
 
     if rising_edge(clk) then
       if (core_valid = '1') then
-        own_a <= core_a;
-        own_b <= core_b;
-        own_c <= core_c;
+        own_a     <= core_a;
+        own_b     <= core_b;
+        own_c     <= core_c;
+        earlier_a <= until_a;
+        earlier_b <= until_b;
+        earlier_c <= until_c;
       end if;
 
       if (rst = '1') then
-        own_a <= (others => '0');
-        own_b <= (others => '0');
-        own_c <= (others => '0');
+        own_a     <= (others => '0');
+        own_b     <= (others => '0');
+        own_c     <= (others => '0');
+        earlier_a <= (others => '0');
+        earlier_b <= (others => '0');
+        earlier_c <= (others => '0');
       end if;
     end if;
 

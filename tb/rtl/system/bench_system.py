@@ -366,11 +366,13 @@ async def filtered(system: System) -> None:
             if filters is not c:
                 held = set()
                 for _ in range(12):
-                    count = await system.decide(near(system, rng))
+                    m = near(system, rng)
+                    count = await system.decide(m)
                     held |= {count} if system.decided()[3] else set()
                     for _ in range(3):
                         await FallingEdge(system.dut.clk)
         holds, full = set(), 0
+        before = np.array([m[f"s_prev_{x}"] for x in "abc"])  # what the decision before was given
         state = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
         flux = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
         if watched:
@@ -397,13 +399,20 @@ async def filtered(system: System) -> None:
             if watched:
                 order = (*names, "v_dc", "omega_r")
                 values = np.array([used[name] for name in order])
-                *estimate, over = rotor_flux_observer.step_words(o, flux, values, s)
+                *estimate, over = rotor_flux_observer.step_words(
+                    o, flux, values, before if compensate else s
+                )
                 used |= dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
                 full |= over
+            before = s
             wanted = system.model(parameters, {name: int(used[name]) for name in system.inputs})
             count = await system.decide(m)
             holds |= {count} if wanted[3] else set()
             board.check("filtered", system.decided(), wanted, f"{chosen}, decision {n}")
+            if watched:
+                shown = [await bus.read("result.rotor_flux", axis) for axis in ("alpha", "beta")]
+                said = [bits(int(v), 16) for v in estimate]
+                board.check("observed flux", shown, said, f"{chosen}, decision {n}")
             board.cover("moved", int(any(used[name] != m[name] for name in names[2:])))
             for _ in range(3):
                 await FallingEdge(system.dut.clk)
