@@ -1,8 +1,9 @@
 """Writes the packages with the observers' programs for the RTL.
 
-``rotor_flux_observer_program.vhd``, ``capacitor_observer_program.vhd`` and
-``mptc_observer_program.vhd`` hold the tables that `mac_sequencer` follows, and names for the
-places, seeds and events in them.
+``rotor_flux_observer_program.vhd``, ``capacitor_observer_program.vhd``,
+``mptc_observer_program.vhd`` and ``mptc_speed_observer_program.vhd`` hold the tables that
+`mac_sequencer` follows, names for the places, seeds and events in them, and what else the models
+alone know.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from directmpc.mac_program import Program, places
 from directmpc.mpdcc import capacitor_program as capacitors
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
+from directmpc.mptc import speed_observer
+from directmpc.mptc import speed_observer_program as speed
 from scripts.shared import tools
 
 _FOLDER = Path(__file__).resolve().parents[2] / "rtl" / "observers"
@@ -22,6 +25,14 @@ PROGRAMS: dict[str, tuple[Program, str]] = {
     "rotor_flux_observer": (rotor_flux.PROGRAM, "model/directmpc/mpdcc/observer_program.py"),
     "capacitor_observer": (capacitors.PROGRAM, "model/directmpc/mpdcc/capacitor_program.py"),
     "mptc_observer": (stator_flux.PROGRAM, "model/directmpc/mptc/observer_program.py"),
+    "mptc_speed_observer": (speed.PROGRAM, "model/directmpc/mptc/speed_observer_program.py"),
+}
+
+#: Entity -> further constants: name, value, what it is.
+_FORMATS: dict[str, tuple[tuple[str, int, str], ...]] = {
+    "mptc_speed_observer": (
+        ("ERROR_SHIFT", speed_observer.ERROR_SHIFT, "bits by which eps is finer than a word"),
+    ),
 }
 
 
@@ -62,6 +73,7 @@ def text(entity: str) -> str:
     ]
     body = ",\n    ".join("(" + ", ".join(map(str, row)) + ")" for row in rows)
     clocks = ", ".join(map(str, events.values()))
+    formats = [f"  constant {n} : natural := {v}; -- {s}\n" for n, v, s in _FORMATS.get(entity, ())]
     return "\n".join(
         [
             f"-- Program of {entity}: products and events by clock, for mac_sequencer.",
@@ -95,6 +107,7 @@ def text(entity: str) -> str:
             "-- valid is '1' in the next clock",
             f"  constant LAST_AT : natural := {program.last}; -- last clock of a step",
             "",
+            *formats,
             "  -- clocks of the events",
             "  constant OBSERVER_EVENTS : mac_clocks_t(0 to DUE_EVENTS - 1) := (",
             f"    {clocks}",

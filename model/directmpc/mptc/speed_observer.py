@@ -16,7 +16,7 @@ the estimates go on to k+1 by Heun's method.
 Bit-true, the states are those of `observer`: w = -lambda*L_m*psi_r stands for the rotor flux, so
 that eps is a cross product of the innovation and w. The speed's integral is a state of 26 bits like
 the others, in units of the speed's full scale. Four products are added to those of
-``mptc_observer``. There is no VHDL of it.
+``mptc_observer``. ``mptc_speed_observer`` is this in VHDL.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The equations stand in ``speed_observer``; names as in ``observer_program``. ``eps`` is the error of
 the speed, ``omega`` the estimate, ``integral`` its state. The fluxes' Euler steps come before the
-speed is known: they do not need it. There is no VHDL that follows this program yet; the test of the
-twin executes it.
+speed is known: they do not need it. ``mptc_speed_observer`` follows this program; the test of the
+twin executes it as well.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from directmpc.mac_program import Product, Program, Word, plain
 from directmpc.mpdcc import capacitor_program as capacitors
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
+from directmpc.mptc import speed_observer_program as speed
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
@@ -74,6 +75,7 @@ def test_the_programs_take_the_clocks_that_are_promised() -> None:
         ("rotor_flux_observer", rotor_flux.PROGRAM),
         ("capacitor_observer", capacitors.PROGRAM),
         ("mptc_observer", stator_flux.PROGRAM),
+        ("mptc_speed_observer", speed.PROGRAM),
     ):
         assert program.latency == clocks_of(entity, "latency")
     assert rotor_flux.PROGRAM.last + 1 == clocks_of("rotor_flux_observer", "busy")
