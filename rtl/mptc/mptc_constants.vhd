@@ -29,6 +29,9 @@ package mptc_constants is
   constant NORMALISE_STEPS : natural := 7; -- shifts by two bits of MPFC's rotor flux
   constant ROOT_WIDTH : natural := 17; -- bits of the square root, one a clock
   constant TIME_WIDTH : natural := 12; -- bits of a duty
+  constant PHASE_WIDTH : natural := 32; -- bits of a control period's phase
+  constant RATE_WIDTH : natural := 24; -- bits of what a clock adds to it
+  constant POSITION_WIDTH : natural := 14; -- bits of it that are compared
   constant WAY_GUARD : natural := 1; -- bits below a length's LSB of a pair's flux
   constant DUTY_SHIFT : natural := 2; -- bits below a torque term's LSB, the same
   constant ERROR_WIDTH : natural := 26; -- bits of a torque error, the same

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.mptc import bit_true_sequences, cycles
+from directmpc.mptc import bit_true_sequences, cycles, vector_sequencer
 from directmpc.mptc import formats as f
 from directmpc.mptc import program as p
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -60,6 +60,9 @@ def _formats() -> list[str]:
             ("NORMALISE_STEPS", f.NORMALISE_STEPS, "shifts by two bits of MPFC's rotor flux"),
             ("ROOT_WIDTH", f.ROOT_WIDTH, "bits of the square root, one a clock"),
             ("TIME_WIDTH", f.TIME_WIDTH, "bits of a duty"),
+            ("PHASE_WIDTH", vector_sequencer.PHASE_WIDTH, "bits of a control period's phase"),
+            ("RATE_WIDTH", vector_sequencer.RATE_WIDTH, "bits of what a clock adds to it"),
+            ("POSITION_WIDTH", vector_sequencer.POSITION_WIDTH, "bits of it that are compared"),
             ("WAY_GUARD", f.WAY_GUARD, "bits below a length's LSB of a pair's flux"),
             ("DUTY_SHIFT", f.DUTY_SHIFT, "bits below a torque term's LSB, the same"),
             ("ERROR_WIDTH", f.TORQUE_WIDTH + f.DUTY_SHIFT, "bits of a torque error, the same"),

@@ -1,0 +1,129 @@
+"""From a decision of up to three vectors to the vector of every clock, as `vector_sequencer` does.
+
+A phase runs from 0 to 1 within the control period. It grows by `rate` with every clock, so that
+nothing is multiplied or divided. A vector ends where the phase reaches the sum of the times so far.
+The last vector stays until the next period begins, so that the times fill the period whatever its
+length. Space-vector modulation has seven segments (docs/specification.md, section 3.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from directmpc.mptc import formats as f
+from directmpc.mptc.trace import IntArray
+
+PHASE_WIDTH = 32  # bits of the phase, unsigned; all of them are fractional
+RATE_WIDTH = 24  # bits of what a clock adds to it
+POSITION_WIDTH = f.TIME_WIDTH + 2
+"""Bits of the phase that are compared: quarters of a step of the times."""
+
+LONGEST_PERIOD = 2 ** (PHASE_WIDTH - POSITION_WIDTH)
+"""Clocks; above, the rounding of `rate` would move a vector's end by more than half a position."""
+
+_PERIOD = 2**POSITION_WIDTH
+_STEP = 2 ** (POSITION_WIDTH - f.TIME_WIDTH)
+SEGMENTS = 7
+
+
+def rate_of(period: int) -> int:
+    """What a clock adds to the phase.
+
+    Parameters
+    ----------
+    period : int
+        Clocks from one control period to the next.
+
+    Returns
+    -------
+    int
+        RATE_WIDTH bits.
+
+    Raises
+    ------
+    ValueError
+        If the period is too short or too long.
+    """
+    shortest = 2 ** (PHASE_WIDTH - RATE_WIDTH) + 1
+    if not shortest <= period <= LONGEST_PERIOD:
+        raise ValueError(
+            f"period: got {period!r:.40}; it must be from {shortest} to {LONGEST_PERIOD} clocks"
+        )
+    return round(2**PHASE_WIDTH / period)
+
+
+def plan(sequence: Sequence[int], segmented: bool) -> tuple[list[int], list[int], bool]:
+    """Vectors in their order, and where they end.
+
+    Parameters
+    ----------
+    sequence : sequence of int, 5
+        u1, u2, u3, t1, t2; times in 1/4096 of the period.
+    segmented : bool
+        Space-vector modulation.
+
+    Returns
+    -------
+    vectors : list of int
+        Three, or seven.
+    ends : list of int
+        Where all but the last of them end, in 1/2**POSITION_WIDTH of the period.
+    invalid : bool
+        Whether the first two times are more than the period. The third vector has no time then, and
+        those in front of it are cut where the period ends.
+    """
+    u1, u2, u3, t1, t2 = (int(value) for value in sequence)
+    rest = max(0, 2**f.TIME_WIDTH - t1 - t2)
+    invalid = t1 + t2 > 2**f.TIME_WIDTH
+    if not segmented:
+        return [u1, u2, u3], [_STEP * t1, _STEP * (t1 + t2)], invalid
+    # the zero voltage in quarters, the others in halves, the odd vector first
+    (odd, t_odd), (even, t_even) = ((u1, t1), (u2, t2)) if u1 % 2 else ((u2, t2), (u1, t1))
+    lengths = [rest, 2 * t_odd, 2 * t_even, 2 * rest, 2 * t_even, 2 * t_odd]
+    ends = np.cumsum(lengths).tolist()
+    return [0, odd, even, 7, even, odd, 0], ends, invalid
+
+
+def play(sequence: Sequence[int], segmented: bool, rate: int, clocks: int) -> IntArray:
+    """Vector of every clock, from the first one that a sequence has.
+
+    Parameters
+    ----------
+    sequence : sequence of int, 5
+        As of `plan`.
+    segmented : bool
+        Space-vector modulation.
+    rate : int
+        Of `rate_of`.
+    clocks : int
+        How many.
+
+    Returns
+    -------
+    ndarray of int64, shape (clocks,)
+        Numbers of vectors, 0 to 7.
+    """
+    vectors, ends, _ = plan(sequence, segmented)
+    phase = np.minimum(np.arange(clocks) * rate, 2**PHASE_WIDTH - 1)
+    position = phase >> (PHASE_WIDTH - POSITION_WIDTH)
+    return np.asarray(vectors)[(position[:, None] >= np.asarray(ends)).sum(axis=1)]
+
+
+def is_early(rate: int, clocks: int) -> bool:
+    """Whether a period that began `clocks` before is not over yet.
+
+    Parameters
+    ----------
+    rate : int
+        Of `rate_of`.
+    clocks : int
+        From one start to the next.
+
+    Returns
+    -------
+    bool
+        True where more than the last position is missing.
+    """
+    return clocks * rate >> (PHASE_WIDTH - POSITION_WIDTH) < _PERIOD - 1
