@@ -21,7 +21,7 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 JOBS ?= 2
 # 1: make run records every signal of the RTL in build/run.fst
 WAVES ?=
-# Further arguments of run, test, registers, synth, check, pnr, prove, mutate and report
+# Further arguments of run, test, registers, synth, check, pnr, prove, mutate, report and release
 ARGS ?=
 export JOBS
 
@@ -39,7 +39,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
-  sources generate virtual-board bitstream netlist layers robustness site clean
+  sources generate virtual-board bitstream netlist layers robustness site release clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -154,6 +154,9 @@ layers: $(READY) ## draw the layers of the project, from its imports, into docs/
 
 site: $(SITE_READY) ## the documentation as a site in build/site
 	@'$(PY)' -m scripts site $(ARGS)
+
+release: $(SITE_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
+	@'$(PY)' -m scripts release --jobs '$(JOBS)' $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m scripts generate

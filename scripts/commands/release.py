@@ -1,0 +1,32 @@
+"""`make release`: wheel, netlists, FuseSoC cores, site and bitstreams of a clean, tested commit."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from directmpc.host.console import terminable
+from scripts.publish import release
+from scripts.shared.command import Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=release.FOLDER, help="folder of the release")
+    parser.add_argument("--jobs", type=int, default=2, help="processes of the tests")
+    parser.add_argument(
+        "--only", nargs="+", choices=release.PARTS, default=tuple(release.PARTS), metavar="PART",
+        help=f"of {', '.join(release.PARTS)}; the tests run in any case",
+    )  # fmt: skip
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    with terminable():
+        out = release.build(given.out, given.jobs, given.only)
+    print(f"{out}: written, {len(release.sums(out))} files; see SHA256SUMS and release.json")
+    return 0
+
+
+COMMAND = Command(
+    "release", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written",
+    outputs=(),
+)  # fmt: skip

