@@ -110,6 +110,29 @@ def near(words: dict[str, int], state: np.ndarray, rng: random.Random) -> np.nda
     return np.array([*seen, 32768], dtype=np.int64)
 
 
+async def one_at_a_time(bench: Bench) -> None:
+    """A word leaves its range alone: the innovation, the speed, the integral of the speed."""
+    board, none = bench.board, dict.fromkeys(speed_observer.COEFFICIENTS, 0)
+    at_rest = np.array([0, 0, 0, TIME_STEPS, 0])
+
+    async def step(alpha: int, beta: int, *names: str) -> int:
+        c = none | dict.fromkeys(("current", *names), f.WORD_HIGH)
+        measured = [max(-(2**15), min(2**15 - 1, 2**15 * x)) for x in (alpha, beta)]
+        _, flag = await bench.step(c, np.array([*measured, 0]), at_rest, pause=False)
+        return flag
+
+    for sign in (1, -1):
+        for alpha, beta in ((sign, 0), (0, sign)):
+            await bench.reset()
+            board.check("fits", await step(-alpha, -beta, "gain_rotor"), 0, "w at its end")
+            board.cover("error alone", await step(alpha, beta))
+    for name in ("speed", "integral"):
+        await bench.reset()
+        board.check("fits", await step(1, 0, "gain_rotor"), 0, "w at its end")
+        board.check("fits", await step(1, 1, "gain_integral"), 0, "integral at its end")
+        board.cover(f"{name} alone", await step(1, 1, f"gain_{name}"))
+
+
 @cocotb.test(skip=arguments()["resets"])
 async def steps(dut) -> None:
     """A closed loop's currents and sequences, then anything; resets in between."""
@@ -144,10 +167,12 @@ async def steps(dut) -> None:
         board.cover("speed saturated", of_speed)
         board.cover("moved", int(abs(bench.state[4]) > 2**10))
         board.cover("fits", 1 - saturated)
+    await one_at_a_time(bench)
     board.finish(
         {"estimate": count, "speed": count, "saturated": count},
         {"reset": 2, "saturated": count // 12, "moved": count // 4, "fits": count // 4}
-        | ({"speed saturated": count // 60} if count > 200 else {}),
+        | ({"speed saturated": count // 60} if count > 200 else {})
+        | {"error alone": 4, "speed alone": 1, "integral alone": 1},
     )
 
 
