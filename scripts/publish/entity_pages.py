@@ -16,6 +16,7 @@ from scripts.generate.fusesoc_cores import PUBLIC
 from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.measure.budgets import Budgets
+from scripts.publish import diagrams
 from scripts.shared import tools
 from scripts.shared.tools import ROOT, ToolError
 
@@ -260,6 +261,50 @@ def _facts(entity: str, held: Budgets, files: list[Path], path: str) -> list[str
     return lines
 
 
+def _diagrams(entity: str) -> list[str]:
+    """The section with the block diagrams; their files stand beside the page."""
+    lines = [
+        "", "## Block diagram", "",
+        "Drawn from the VHDL. A box is an instance, with its label below, or a process. Names on "
+        "the lines are the signals that the box at the arrow reads. Clock and reset are left out. "
+        "Assignments outside of processes are part of the lines. A click shows the picture in full "
+        "size.",
+    ]  # fmt: skip
+    for name in diagrams.nested(entity):
+        if name != entity:
+            lines += ["", f"Inside {_code(name)}:"]
+        picture = f"{name}-blocks.svg"
+        lines += ["", f"[![Block diagram of {name}]({picture})]({picture})"]
+    return lines
+
+
+def pictures(entity: str) -> dict[str, str]:
+    """Pictures of an entity's page.
+
+    Parameters
+    ----------
+    entity : str
+        Its name.
+
+    Returns
+    -------
+    dict[str, str]
+        File name -> SVG.
+
+    Raises
+    ------
+    ToolError
+        If a declaration has no comment, or an architecture cannot be read.
+    """
+    found = {}
+    files = sources.entities()
+    for name in diagrams.nested(entity):
+        text = files[name].read_text(encoding="utf-8")
+        groups = {port.name: port.group for port in ports(text, name) if port.group}
+        found[f"{name}-blocks.svg"] = diagrams.svg(diagrams.read(name), groups)
+    return found
+
+
 def page(entity: str, held: Budgets, at: Path) -> str:
     """The page of an entity.
 
@@ -299,6 +344,7 @@ def page(entity: str, held: Budgets, at: Path) -> str:
             lines += ["```text", said, "```"]
         else:
             lines.append(_linked(said, at.parent))
+    lines += _diagrams(entity)
     declared = generics(text, entity)
     if declared:
         rows = [

@@ -1,7 +1,8 @@
 """`make site`: the documentation as a site of plain files, without network.
 
 Pages are put together in ``build/site-pages``: those of docs/, a page for each public entity, and a
-page for every other file of the repository that a page links to. Links between them are rewritten;
+page for every other file of the repository that a page links to. Pictures of the entities are drawn
+from the VHDL. Links between them are rewritten;
 none leaves the site but those to other hosts. MkDocs builds the pages in strict mode, with the
 looks of mkdocs.yml. Groups and order of the navigation are those of docs/README.md.
 """
@@ -215,6 +216,8 @@ def stage(folder: Path) -> int:
     held = budgets.load()
     made = {ENTITIES / f"{e}.md": entity_pages.page(e, held, ENTITIES / f"{e}.md")
             for e in entity_pages.PUBLIC}  # fmt: skip
+    pictures = {ENTITIES / name: picture for entity in entity_pages.PUBLIC
+                for name, picture in entity_pages.pictures(entity).items()}  # fmt: skip
     made[ENTITIES / "index.md"] = entity_pages.index(ENTITIES / "index.md")
     first = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *(ROOT / name for name in _PROJECT)]
     todo, known = [*first, *made], {*first, *made}
@@ -229,7 +232,9 @@ def stage(folder: Path) -> int:
         path = todo.pop(0)
         out = folder / "docs" / place(path)
         out.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_file() and path.suffix in _AS_THEY_ARE:
+        if path in pictures:
+            tools.write(out, pictures[path])
+        elif path.is_file() and path.suffix in _AS_THEY_ARE:
             shutil.copyfile(path, out)
         else:
             text = made.get(path)
