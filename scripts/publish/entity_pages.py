@@ -16,7 +16,7 @@ from scripts.generate.fusesoc_cores import PUBLIC
 from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.measure.budgets import Budgets
-from scripts.publish import diagrams
+from scripts.publish import diagrams, scenes
 from scripts.shared import tools
 from scripts.shared.tools import ROOT, ToolError
 
@@ -278,8 +278,48 @@ def _diagrams(entity: str) -> list[str]:
     return lines
 
 
+def _waveform(entity: str) -> list[str]:
+    """The section with the waveform, if the entity has one; its file stands beside the page."""
+    if entity not in scenes.SCENES:
+        return []
+    name = f"{entity}-waves.svg"
+    return [
+        "", "## Waveform", "",
+        "Recorded from a simulation of the VHDL. A column is a clock: inputs change with the edge "
+        "at its left, and the edge at its right samples them. In a grey column the signals shown "
+        "do not change; the number above it says how many clocks are left out. Below a name stand "
+        "the port's format and unit.",
+        "", f"[![Waveform of {entity}]({name})]({name})",
+    ]  # fmt: skip
+
+
+def waveform(entity: str) -> dict[str, str]:
+    """Picture of an entity's waveform, from a run of GHDL.
+
+    Parameters
+    ----------
+    entity : str
+        Its name.
+
+    Returns
+    -------
+    dict[str, str]
+        File name -> SVG; empty for an entity without one.
+
+    Raises
+    ------
+    ToolError
+        If a declaration has no comment, there is no GHDL, or it fails.
+    """
+    if entity not in scenes.SCENES:
+        return {}
+    text = sources.entities()[entity].read_text(encoding="utf-8")
+    comments = {port.name: port.comment for port in ports(text, entity)}
+    return {f"{entity}-waves.svg": scenes.picture(entity, comments)}
+
+
 def pictures(entity: str) -> dict[str, str]:
-    """Pictures of an entity's page.
+    """Block diagrams of an entity's page.
 
     Parameters
     ----------
@@ -344,7 +384,7 @@ def page(entity: str, held: Budgets, at: Path) -> str:
             lines += ["```text", said, "```"]
         else:
             lines.append(_linked(said, at.parent))
-    lines += _diagrams(entity)
+    lines += _diagrams(entity) + _waveform(entity)
     declared = generics(text, entity)
     if declared:
         rows = [

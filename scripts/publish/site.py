@@ -1,8 +1,8 @@
 """`make site`: the documentation as a site of plain files, without network.
 
 Pages are put together in ``build/site-pages``: those of docs/, a page for each public entity, and a
-page for every other file of the repository that a page links to. Pictures of the entities are drawn
-from the VHDL. Links between them are rewritten;
+page for every other file of the repository that a page links to. Block diagrams of the entities are
+drawn from the VHDL, waveforms from short runs of GHDL. Links between them are rewritten;
 none leaves the site but those to other hosts. MkDocs builds the pages in strict mode, with the
 looks of mkdocs.yml. Groups and order of the navigation are those of docs/README.md.
 """
@@ -216,8 +216,10 @@ def stage(folder: Path) -> int:
     held = budgets.load()
     made = {ENTITIES / f"{e}.md": entity_pages.page(e, held, ENTITIES / f"{e}.md")
             for e in entity_pages.PUBLIC}  # fmt: skip
-    pictures = {ENTITIES / name: picture for entity in entity_pages.PUBLIC
-                for name, picture in entity_pages.pictures(entity).items()}  # fmt: skip
+    pictures: dict[Path, str] = {}
+    for entity in entity_pages.PUBLIC:
+        drawn = {**entity_pages.pictures(entity), **entity_pages.waveform(entity)}
+        pictures |= {ENTITIES / name: picture for name, picture in drawn.items()}
     made[ENTITIES / "index.md"] = entity_pages.index(ENTITIES / "index.md")
     first = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *(ROOT / name for name in _PROJECT)]
     todo, known = [*first, *made], {*first, *made}

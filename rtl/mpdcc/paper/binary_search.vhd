@@ -31,7 +31,7 @@ entity binary_search is
     start  : in    std_logic;                                   -- '1' for one clock: take x and y
     x      : in    std_logic_vector(WIDTH - 1 downto 0);        -- unsigned, step of the trajectory
     y      : in    std_logic_vector(WIDTH - 1 downto 0);        -- unsigned, room up to the bound
-    lower  : in    std_logic_vector(LENGTH_WIDTH downto 0);     -- shortest length of use, may change any time
+    lower  : in    std_logic_vector(LENGTH_WIDTH downto 0);     -- shortest length of use, steps, may change any time
     upper  : in    std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- longest length, steps, stable while searching
     done   : out   std_logic;                                   -- '1': length and below are valid
     below  : out   std_logic;                                   -- '1': no length of at least lower exists
