@@ -10,7 +10,8 @@
 -- the first clock whose phase has reached the sum of the times so far.  model/directmpc/mptc/vector_sequencer.py is
 -- the bit-true twin.
 -- Formats: times 1/4096 of the period, 4096 for all of it; the phase is compared in quarters of that.
--- Latency: u and switches of a sequence begin 5 clocks after start, always; the next start may come in any clock.
+-- Latency: u and switches of a sequence begin 5 clocks after start, early and invalid 4, always; the next start may
+-- come in any clock.
 -- Overflow: where t1 + t2 is above 4096, the period's end cuts what is in front of it, and invalid is set.  The phase
 -- stops at its end.  A start before the end sets early: rate is too small, or start too early.
 -- Considered and rejected: docs/alternatives.md.

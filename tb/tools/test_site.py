@@ -2,14 +2,16 @@
 
 Stimulus: the repository's pages; made-up pages, headers and ports.
 Checks: links as they are rewritten; groups of docs/README.md as navigation; an entity's page has
-its header, ports and clocks; MkDocs in strict mode has no warning; no page loads anything from
-another host; every link and picture of every page is there; built twice the same bytes; a dead
-anchor fails the build and leaves the site that stood there.
+its header, ports and clocks; its paragraph on latency has every figure that a bench asserts; MkDocs
+in strict mode has no warning; no page loads anything from another host; every link and picture of
+every page is there; built twice the same bytes; a dead anchor fails the build and leaves the site
+that stood there.
 Does not prove: what the pages look like.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -161,6 +163,63 @@ def test_every_public_entity_has_its_page(entity: str) -> None:
     for value in held.cycles.get(entity, {}).values():
         if isinstance(value, int):
             assert f" | {value} |" in page
+
+
+WORDS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5}
+
+
+def clocks_said(text: str, defaults: dict[str, int]) -> set[int]:
+    """Numbers and values of formulas in the paragraph on latency, for 1 to 8 explorers."""
+    (said,) = (said for label, said in entity_pages.header(text) if label == "Latency")
+    found = {WORDS[word] for word in re.findall(r"[a-z]+", said) if word in WORDS}
+    known = {"EXPLORERS", *defaults}
+    tokens = re.findall(r"[\w.,;]+|[()+*/]", said)
+    formula: list[str] = []
+    for token in [*tokens, "."]:
+        word = token.rstrip(".,;")
+        part = word.isdigit() or word in known or word in ("mod", *"()+*/")
+        if part:
+            formula.append({"mod": "%", "/": "//"}.get(word, word))
+        if not part or word != token:
+            while formula and formula[-1] in ("%", "//", "+", "*", "("):
+                formula.pop()
+            for explorers in range(1, 9):
+                with contextlib.suppress(SyntaxError, TypeError):
+                    value = eval(" ".join(formula), {**defaults, "EXPLORERS": explorers})
+                    found.add(int(value))
+            formula = []
+    return found
+
+
+def flat(value: object) -> set[int]:
+    """All numbers of a table of clocks."""
+    if isinstance(value, dict):
+        return set().union(*map(flat, value.values()))
+    if isinstance(value, list):
+        return set(value)
+    return {value} if isinstance(value, int) else set()
+
+
+def test_formulas_of_a_header_are_evaluated() -> None:
+    text = "-- x.\n-- Latency: W + 2 clocks, at most 4 + 3 * (6 / EXPLORERS) + 6 mod EXPLORERS. two"
+    got = clocks_said(text, {"W": 5})
+    assert {7, 22, 13, 10, 2} <= got
+    assert 21 not in got
+
+
+@pytest.mark.parametrize("entity", entity_pages.PUBLIC)
+def test_the_latency_on_a_page_is_what_a_bench_asserts(entity: str) -> None:
+    wanted = flat(budgets.load().cycles.get(entity, {}))
+    if entity == "mpdcc_scheduler":
+        wanted |= flat(budgets.load().cycles["mpdcc_core"])
+    text = sources.entities()[entity].read_text(encoding="utf-8")
+    defaults = {
+        one.name: int(one.default)
+        for one in entity_pages.generics(text, entity)
+        if one.default.isdigit()
+    }
+    if wanted:
+        assert wanted - clocks_said(text, defaults) == set()
 
 
 # --- the site -------------------------------------------------------------------------------------

@@ -117,6 +117,12 @@ def test_gate_guard() -> None:
     assert 1 in found["running"]
     assert found["faults"][-1] == 1
     assert found["gates"][-1] == 0
+    # the header's clocks: two to a movement of gates, one to all gates off
+    decided, trip = found["decided"].index(1), found["external_trip"].index(1)
+    assert found["gates"][decided : decided + 3] == [0, 0, found["gates"][decided + 2]]
+    assert found["gates"][decided + 2] != 0
+    assert found["gates"][trip] != 0
+    assert found["gates"][trip + 1] == 0
 
 
 def test_mptc_core() -> None:

@@ -6,8 +6,8 @@
 -- Formats: x, y unsigned, same unit; lengths unsigned.  upper <= 2**LENGTH_WIDTH - 1.
 -- Exits: (1) c <= y at once: length = upper; (2) the largest length still possible drops below
 -- lower: below = '1', the candidate cannot win and length is void.
--- Latency: done rises LENGTH_WIDTH + 2 clocks after start, 2 clocks with exit 1; it stays high,
--- with the result, until the next start, which is accepted at any time.
+-- Latency: done rises LENGTH_WIDTH + 2 clocks after start, 2 clocks with exit 1, from 3 clocks on
+-- with exit 2; it stays high, with the result, until the next start, which is accepted at any time.
 -- Overflow: none; c is LENGTH_WIDTH bits wider than x and every halving is exact, so no guard bits
 -- are needed.
 -- Differs from the listing: (25b) says x*l <= y where the listing tests '<'; c starts at a power

@@ -13,6 +13,8 @@
 -- Latency: 21 clocks from start to valid for a held position, 28 with the paper's explorers; a
 -- search at most 112, 82, 73, 70 with one, two, three, more explorers, whatever they find; with the
 -- paper's 62 + 22 * (63 / EXPLORERS) + 63 mod EXPLORERS. One decision at a time.
+-- The probe goes out 10 clocks after start, 14 with the paper's explorers. valid comes 1 clock after its answer,
+-- or 3 clocks after the last result is taken.
 -- With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
 -- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
