@@ -95,6 +95,9 @@ package mptc_constants is
   constant OPERAND_SHARE_BETA : natural := 42;
   constant OPERAND_ROOT_ALONG : natural := 43;
   constant OPERAND_ROOT_ACROSS : natural := 44;
+  constant OPERAND_RESIDUE_G : natural := 45;
+  constant OPERAND_RESIDUE_H : natural := 46;
+  constant OPERAND_RESIDUE_SUM : natural := 47;
 
   constant RESULT_START_ALPHA : natural := 0;
   constant RESULT_START_BETA : natural := 1;
@@ -128,14 +131,14 @@ package mptc_constants is
   constant SEED_COST : natural := 10;
   constant SEED_NONE : natural := 11;
 
-  constant OPERAND_COUNT : natural := 45; -- words on the operand bus
+  constant OPERAND_COUNT : natural := 48; -- words on the operand bus
   constant COEFFICIENT_COUNT : natural := 12; -- coefficient ports
   constant RESULT_COUNT : natural := 13; -- words that the program writes
   constant RESULT_COUNT_MPTC : natural := 9; -- those without MPFC
   constant SEED_COUNT_ALL : natural := 12; -- kinds of seeds
   constant TERM_COUNT : natural := 4; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 93; -- products
+  constant STEP_COUNT : natural := 115; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
@@ -152,54 +155,81 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
-  constant ADDRESS_COUNT_FAMILY : natural := 153; -- program addresses, FAMILY
+  constant ADDRESS_COUNT_FAMILY : natural := 212; -- program addresses, FAMILY
   constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
-  constant FIRST_PAIR : natural := 27; -- address: MPTC2 and GTV load the first pair
+  constant FIRST_PAIR : natural := 26; -- address: MPTC2 and GTV look the first pair up
   constant ZERO_PAIRS : natural := 6; -- pairs of MPTC2
   constant EDGE_PAIRS : natural := 12; -- pairs of GTV
   constant SEARCHES : natural := 4; -- searches of a duty at a time
+  constant PAIR_AHEAD : natural := 2; -- clocks from there to the beginning of its search
+  constant PAIR_REGISTERS : natural := 2; -- clocks from its result to its flux
   constant DUTY_CLOCKS : natural := 14; -- clocks from loading a pair to its result
-  constant LAST_MPTC1 : natural := 124; -- address: valid
-  constant LAST_MPTC2 : natural := 136; -- address: valid
-  constant LAST_GTV : natural := 152; -- address: valid
+  constant LAST_MPTC1 : natural := 127; -- address: valid
+  constant LAST_MPTC2 : natural := 140; -- address: valid
+  constant LAST_GTV : natural := 156; -- address: valid
+  constant HEXAGON_FORK : natural := 87; -- address of MPFC that the flux methods of several vectors leave out
+  constant HEXAGON_ADDRESS : natural := 157; -- theirs in its place
+  constant FIRST_WAY : natural := 76; -- address: the way of u_1 is in the accumulator, then that along beta
+  constant FIRST_REST : natural := 163; -- address: e is in the accumulators
+  constant LAST_HEXAGON : natural := 211; -- address: valid
+  constant REST_SHIFT : natural := 10; -- low bits dropped from a way
+  constant SIZE_WIDTH : natural := 28; -- bits of the size of a coordinate of e
+  constant STEP_WIDTH : natural := 26; -- bits of a way, signed
+  constant QUOTIENT_BITS : natural := 16; -- bits of a quotient, unsigned
+  constant QUOTIENT_RANGE : natural := 3; -- those before the point
+  constant HEXAGON_FRACTION : natural := 14; -- fractional bits of e in ways of a vector
+  constant HEXAGON_WIDTH : natural := 19; -- bits of e in ways of a vector, signed
+  constant RESIDUE_SHIFT : natural := 3; -- low bits dropped from a residue
+  constant HALVINGS : natural := 5; -- halvings of a long e
+  constant DIVISION_CLOCK : natural := 6; -- clock from e on: first bit of the quotients
+  constant TURN_CLOCK : natural := 23; -- clock from e on: first turn by 60 degrees
+  constant CHOICE_CLOCK : natural := 28; -- clock from e on: first choice
+  constant CHOICES : natural := 7; -- choices of a second vector, each two clocks
+  constant NEAR_CHOICES : natural := 4; -- those of MPC2, the first
+  constant CHOICE_COMPARE : natural := 6; -- clocks from a choice to its comparison
+  constant HEXAGON_CLOCKS : natural := 48; -- clocks from e to the decision
   constant CYCLES_MPTC : natural := 39; -- clocks from start to valid
   constant CYCLES_MPFC : natural := 78; -- clocks from start to valid
-  constant CYCLES_MPTC1 : natural := 54; -- clocks from start to valid
-  constant CYCLES_MPTC2 : natural := 66; -- clocks from start to valid
-  constant CYCLES_GTV : natural := 82; -- clocks from start to valid
+  constant CYCLES_MPTC1 : natural := 57; -- clocks from start to valid
+  constant CYCLES_MPTC2 : natural := 70; -- clocks from start to valid
+  constant CYCLES_GTV : natural := 86; -- clocks from start to valid
+  constant CYCLES_HEXAGON : natural := 110; -- clocks from start to valid, the others
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
 
-  constant A_COUNT_MPTC : block_naturals_t := (7, 7, 12);
-  constant A_COUNT      : block_naturals_t := (9, 10, 17);
+  constant A_COUNT_MPTC   : block_naturals_t := (7, 7, 12);
+  constant A_COUNT        : block_naturals_t := (9, 10, 17);
+  constant A_COUNT_FAMILY : block_naturals_t := (11, 10, 17);
 
-  constant B_COUNT_MPTC : block_naturals_t := (6, 7, 11);
-  constant B_COUNT      : block_naturals_t := (12, 13, 16);
+  constant B_COUNT_MPTC   : block_naturals_t := (6, 7, 11);
+  constant B_COUNT        : block_naturals_t := (12, 13, 16);
+  constant B_COUNT_FAMILY : block_naturals_t := (14, 13, 16);
 
-  constant SEED_COUNT_MPTC : block_naturals_t := (4, 4, 7);
-  constant SEED_COUNT      : block_naturals_t := (4, 4, 8);
+  constant SEED_COUNT_MPTC   : block_naturals_t := (4, 4, 7);
+  constant SEED_COUNT        : block_naturals_t := (4, 4, 8);
+  constant SEED_COUNT_FAMILY : block_naturals_t := (4, 4, 8);
 
   type a_lists_t is array (0 to BLOCK_COUNT - 1, 0 to 16) of natural;
 
-  -- what each block's A can be, MPFC's own last
+  -- what each block's A can be, MPFC's own behind MPTC's, the family's last
   constant A_LISTS : a_lists_t := (
-    (0, 2, 20, 33, 22, 34, 24, 23, 32, 0, 0, 0, 0, 0, 0, 0, 0),
+    (0, 2, 20, 33, 22, 34, 24, 23, 32, 46, 45, 0, 0, 0, 0, 0, 0),
     (1, 3, 21, 20, 23, 22, 25, 30, 32, 35, 0, 0, 0, 0, 0, 0, 0),
     (4, 5, 0, 27, 1, 28, 24, 22, 25, 23, 6, 38, 26, 7, 31, 37, 32)
   );
 
   type b_lists_t is array (0 to BLOCK_COUNT - 1, 0 to 15) of natural;
 
-  -- what each block's B can be, MPFC's own last
+  -- what each block's B can be, MPFC's own behind MPTC's, the family's last
   constant B_LISTS : b_lists_t := (
-    (8, 9, 11, 10, 26, 28, 29, 22, 23, 43, 44, 24, 0, 0, 0, 0),
+    (8, 9, 11, 10, 26, 28, 29, 22, 23, 43, 44, 24, 46, 47, 0, 0),
     (8, 9, 11, 10, 26, 24, 35, 39, 29, 43, 44, 25, 40, 0, 0, 0),
     (15, 16, 17, 12, 41, 42, 14, 13, 18, 27, 19, 36, 7, 32, 30, 39)
   );
 
   type seed_lists_t is array (0 to BLOCK_COUNT - 1, 0 to 7) of natural;
 
-  -- what each block's SEED can be, MPFC's own last
+  -- what each block's SEED can be, MPFC's own behind MPTC's, the family's last
   constant SEED_LISTS : seed_lists_t := (
     (0, 4, 6, 1, 0, 0, 0, 0),
     (0, 5, 7, 1, 0, 0, 0, 0),
@@ -291,18 +321,40 @@ package mptc_constants is
     (103, 2, 11, 10, 6, 0),
     (104, 2, 11, 10, 6, 0),
     (105, 2, 11, 10, 6, 0),
-    (117, 2, 11, 10, 6, 0),
-    (118, 2, 11, 10, 6, 0),
-    (119, 2, 11, 10, 6, 0),
     (120, 2, 11, 10, 6, 0),
-    (131, 2, 11, 10, 6, 0),
-    (132, 2, 11, 10, 6, 0),
-    (133, 2, 11, 10, 6, 0),
+    (121, 2, 11, 10, 6, 0),
+    (122, 2, 11, 10, 6, 0),
+    (123, 2, 11, 10, 6, 0),
     (134, 2, 11, 10, 6, 0),
-    (145, 2, 11, 10, 6, 0),
-    (146, 2, 11, 10, 6, 0),
-    (147, 2, 11, 10, 6, 0),
-    (148, 2, 11, 10, 6, 0)
+    (135, 2, 11, 10, 6, 0),
+    (136, 2, 11, 10, 6, 0),
+    (137, 2, 11, 10, 6, 0),
+    (148, 2, 11, 10, 6, 0),
+    (149, 2, 11, 10, 6, 0),
+    (150, 2, 11, 10, 6, 0),
+    (151, 2, 11, 10, 6, 0),
+    (73, 2, 3, 13, 7, 0),
+    (74, 2, 5, 13, 7, 0),
+    (158, 0, 4, 9, 3, 0),
+    (159, 0, 5, 10, -1, 0),
+    (160, 0, 8, 11, -1, 0),
+    (158, 1, 4, 9, 3, 0),
+    (159, 1, 5, 10, -1, 0),
+    (160, 1, 8, 11, -1, 0),
+    (193, 0, 9, 12, 3, 0),
+    (194, 0, 10, 13, -1, 0),
+    (195, 0, 9, 12, 3, 0),
+    (196, 0, 10, 13, -1, 0),
+    (197, 0, 9, 12, 3, 0),
+    (198, 0, 10, 13, -1, 0),
+    (199, 0, 9, 12, 3, 0),
+    (200, 0, 10, 13, -1, 0),
+    (201, 0, 9, 12, 3, 0),
+    (202, 0, 10, 13, -1, 0),
+    (203, 0, 9, 12, 3, 0),
+    (204, 0, 10, 13, -1, 0),
+    (205, 0, 9, 12, 3, 0),
+    (206, 0, 10, 13, -1, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first
@@ -377,6 +429,22 @@ package mptc_constants is
     (6, 0, 6),
     (6, 0, 6),
     (6, 0, 6)
+  );
+
+  subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5
+
+  type turns_t is array (0 to 63) of turn_t;
+
+  -- turns by 60 degrees to the second vector; index: first vector or zero, choice
+  constant TURNS : turns_t := (
+    "000", "000", "010", "100", "001", "011", "101", "101",
+    "000", "000", "001", "101", "010", "100", "011", "011",
+    "000", "000", "101", "001", "010", "100", "011", "011",
+    "000", "000", "101", "001", "100", "010", "011", "011",
+    "000", "000", "101", "001", "100", "010", "011", "011",
+    "000", "000", "101", "001", "010", "100", "011", "011",
+    "000", "000", "001", "101", "010", "100", "011", "011",
+    "000", "001", "011", "101", "000", "010", "100", "100"
   );
 
 end package mptc_constants;

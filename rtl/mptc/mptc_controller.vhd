@@ -3,7 +3,8 @@
 --
 -- Parts: mptc_sequencer counts the clocks and reads the program; mptc_datapath predicts the state with three
 -- mac_blocks; mptc_vector_stream tries the vectors; mptc_flux_reference forms the reference of MPFC. With FAMILY
--- mptc_mean_share takes the mean of the running sequence and mptc_pair_stream tries the pairs.
+-- mptc_mean_share takes the mean of the running sequence, mptc_pair_stream tries the pairs of MPTC1, MPTC2 and GTV, and
+-- mptc_hexagon finds the vectors and times of the flux methods.
 --
 -- Formats, latency, overflow: as in mptc_core.
 -- Licence: Apache-2.0
@@ -19,7 +20,7 @@ library work;
 entity mptc_controller is
   generic (
     FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
-    FAMILY       : boolean := false -- true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL
+    FAMILY       : boolean := false -- true: methods of several vectors too; needs FLUX_CONTROL
   );
   port (
     clk          : in    std_logic;           -- rising edge
@@ -29,7 +30,7 @@ entity mptc_controller is
     running      : in    mptc_sequence_t;     -- FAMILY: what is being applied, sampled with start
     coefficients : in    mptc_coefficients_t; -- parameters from a drive file, stable from start to valid
     method_mpfc  : in    std_logic;           -- '1': MPFC, '0': MPTC; sampled with start
-    pairs        : in    pairs_t;             -- FAMILY: method of two vectors; sampled with start
+    family_method : in    family_t;            -- FAMILY: method of several vectors; sampled with start
     decision     : out   mptc_decision_t;     -- stable until the next valid
     chosen       : out   mptc_sequence_t      -- what to apply next, stable until the next valid
   );
@@ -52,8 +53,12 @@ architecture rtl of mptc_controller is
   signal term       : term_t;
   signal target     : mptc_reference_t;
   signal number     : vector_t;
-  signal method     : pairs_t;
+  signal method     : family_t;
   signal tried      : mptc_tried_t;
+  signal residues   : mptc_residues_t;
+  signal sum_alpha  : sum_t;
+  signal sum_beta   : sum_t;
+  signal far        : std_logic;
   signal leader     : vector_t;
   signal mean_alpha : word_t;
   signal mean_beta  : word_t;
@@ -71,7 +76,7 @@ begin
       rst         => rst,
       start       => start,
       method_mpfc => method_mpfc,
-      pairs       => pairs,
+      family_method => family_method,
       accept      => accept,
       mpfc        => mpfc,
       method      => method,
@@ -115,6 +120,9 @@ begin
       term         => term,
       target       => target,
       state        => state,
+      residues     => residues,
+      sum_alpha    => sum_alpha,
+      sum_beta     => sum_beta,
       sum          => sum,
       overflow     => overflow
     );
@@ -126,7 +134,7 @@ begin
         clk       => clk,
         rst       => rst,
         square    => events.square,
-        rest      => events.rest,
+        rest      => events.radicand,
         sum       => sum,
         moment    => state.moment,
         target    => target
@@ -164,14 +172,15 @@ begin
     );
 
   ---------------------------------------------------------------------------------------------
-  -- Two vectors
+  -- Several vectors
   ---------------------------------------------------------------------------------------------
 
   g_family : if FAMILY generate
 
     signal applied  : mptc_sequence_t;
-    signal by_pairs : std_logic; -- the last decision is of two vectors
+    signal decided  : family_t; -- method of the last decision
     signal pair     : mptc_sequence_t;
+    signal several  : mptc_sequence_t;
 
   begin
 
@@ -184,7 +193,7 @@ begin
         end if;
 
         if (events.last = '1') then
-          by_pairs <= to_std_logic(method /= PAIRS_NONE);
+          decided <= method;
         end if;
       end if;
 
@@ -212,18 +221,39 @@ begin
         chosen      => pair
       );
 
-    u_next <= number when by_pairs = '0' else
-              pair.u1;
+    i_hexagon : entity work.mptc_hexagon
+      port map (
+        clk       => clk,
+        rst       => rst,
+        method    => method,
+        running   => applied,
+        way_alpha => events.way_alpha,
+        way_beta  => events.way_beta,
+        sum       => sum,
+        rest      => events.rest,
+        sum_alpha => sum_alpha,
+        sum_beta  => sum_beta,
+        last      => events.last,
+        residues  => residues,
+        chosen    => several,
+        far       => far
+      );
 
-    chosen.u1 <= u_next;
-    chosen.u2 <= number when by_pairs = '0' else
-                 pair.u2;
-    chosen.u3 <= number when by_pairs = '0' else
-                 pair.u3;
-    chosen.t1 <= WHOLE_PERIOD when by_pairs = '0' else
-                 pair.t1;
-    chosen.t2 <= (others => '0') when by_pairs = '0' else
-                 pair.t2;
+    p_chosen : process (decided, pair, several, number) is
+    begin
+
+      if (decided = FAMILY_NONE) then
+        chosen <= (number, number, number, WHOLE_PERIOD, (others => '0'));
+        u_next <= number;
+      elsif (decided(2) = '1') then
+        chosen <= several;
+        u_next <= several.u1;
+      else
+        chosen <= pair;
+        u_next <= pair.u1;
+      end if;
+
+    end process p_chosen;
 
   end generate g_family;
 
@@ -231,6 +261,8 @@ begin
     mean_alpha <= (others => '0');
     mean_beta  <= (others => '0');
     tried      <= NOTHING_TRIED;
+    residues   <= NO_RESIDUES;
+    far        <= '0';
     u_next     <= number;
     chosen.u1  <= number;
     chosen.u2  <= number;
@@ -244,7 +276,7 @@ begin
 
     if rising_edge(clk) then
       if (events.last = '1') then
-        decision.saturated <= overflow;
+        decision.saturated <= overflow or (far and method(2));
         decision.clamped   <= target.beyond and mpfc;
       end if;
     end if;

@@ -125,16 +125,16 @@ begin
       FAMILY       => false
     )
     port map (
-      clk          => clk,
-      rst          => rst,
-      start        => start,
-      inputs       => inputs,
-      coefficients => coefficients,
-      method_mpfc  => method_mpfc,
-      decision     => decision,
-      pairs        => PAIRS_NONE,
-      running      => NO_VOLTAGE,
-      chosen       => open
+      clk           => clk,
+      rst           => rst,
+      start         => start,
+      inputs        => inputs,
+      coefficients  => coefficients,
+      method_mpfc   => method_mpfc,
+      decision      => decision,
+      family_method => FAMILY_NONE,
+      running       => NO_VOLTAGE,
+      chosen        => open
     );
 
 end architecture rtl;

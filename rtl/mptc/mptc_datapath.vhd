@@ -25,7 +25,7 @@ library work;
 entity mptc_datapath is
   generic (
     FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
-    FAMILY       : boolean := false -- true: the mean share of a sequence in place of sample.u's
+    FAMILY       : boolean := false -- true: the mean share of a sequence in place of sample.u's; distances
   );
   port (
     clk          : in    std_logic;           -- rising edge
@@ -41,6 +41,9 @@ entity mptc_datapath is
     too_far      : in    std_logic;           -- '1': a distance saturated
     term         : in    term_t;              -- torque term of a vector, signed
     target       : in    mptc_reference_t;    -- MPFC's reference, stable when the program reads it
+    residues     : in    mptc_residues_t;     -- FAMILY: what a choice leaves of e
+    sum_alpha    : out   sum_t;               -- accumulator of the first block
+    sum_beta     : out   sum_t;               -- accumulator of the second block
     state        : out   mptc_state_t;        -- what the stream of vectors needs
     sum          : out   sum_t;               -- accumulator of the last block: costs, MPFC's radicand
     overflow     : out   std_logic            -- '1': a value has not fitted its word since idle
@@ -142,6 +145,9 @@ begin
   g_mean : if FAMILY generate
     words(OPERAND_SHARE_ALPHA) <= mean_alpha;
     words(OPERAND_SHARE_BETA)  <= mean_beta;
+    words(OPERAND_RESIDUE_G)   <= residues.along;
+    words(OPERAND_RESIDUE_H)   <= residues.beside;
+    words(OPERAND_RESIDUE_SUM) <= residues.total;
   end generate g_mean;
 
   g_share : if not FAMILY generate
@@ -195,9 +201,12 @@ begin
 
   g_blocks : for n in 0 to BLOCK_COUNT - 1 generate
 
-    constant A_WORDS     : natural := counted(FLUX_CONTROL, A_COUNT(n), A_COUNT_MPTC(n));
-    constant B_WORDS     : natural := counted(FLUX_CONTROL, B_COUNT(n), B_COUNT_MPTC(n));
-    constant SEED_WORDS  : natural := counted(FLUX_CONTROL, SEED_COUNT(n), SEED_COUNT_MPTC(n));
+    constant A_SINGLE    : natural := counted(FLUX_CONTROL, A_COUNT(n), A_COUNT_MPTC(n)); -- without FAMILY
+    constant B_SINGLE    : natural := counted(FLUX_CONTROL, B_COUNT(n), B_COUNT_MPTC(n));
+    constant SEED_SINGLE : natural := counted(FLUX_CONTROL, SEED_COUNT(n), SEED_COUNT_MPTC(n));
+    constant A_WORDS     : natural := choose(FAMILY, A_COUNT_FAMILY(n), A_SINGLE);
+    constant B_WORDS     : natural := choose(FAMILY, B_COUNT_FAMILY(n), B_SINGLE);
+    constant SEED_WORDS  : natural := choose(FAMILY, SEED_COUNT_FAMILY(n), SEED_SINGLE);
 
     signal a_inputs    : std_logic_vector(A_WORDS * WORD_WIDTH - 1 downto 0);
     signal b_inputs    : std_logic_vector(B_WORDS * WORD_WIDTH - 1 downto 0);
@@ -260,7 +269,9 @@ begin
 
   end generate g_blocks;
 
-  sum <= sums(BLOCK_COUNT - 1);
+  sum       <= sums(BLOCK_COUNT - 1);
+  sum_alpha <= sums(0);
+  sum_beta  <= sums(1);
 
   ---------------------------------------------------------------------------------------------
   -- Results

@@ -1,19 +1,24 @@
 -- Predictive torque control with one and two vectors a period (MPTC, MPTC1, MPTC2, GTV) and
--- predictive flux control (MPFC) of an induction machine on a two-level inverter (Paper B): the core.
+-- predictive flux control with one, two and three (MPFC, MPFC2, MPFC3, MPC2, SVM) of an induction
+-- machine on a two-level inverter (Paper B): the core.
 --
--- MPTC and MPFC are those of mptc_core, which explains them. pairs chooses MPTC1, MPTC2 or GTV
--- (docs/specification.md, section 3.6): next_u1 is applied for next_t1, next_u2 for the rest. What is
--- being applied is u1, u2, u3, t1, t2; its mean voltage enters the prediction (eq. 5). u is for MPTC
--- and MPFC and tells which zero vector takes fewer commutations. With them next_u1 to next_u3 are
--- u_next, next_t1 is the whole period.
+-- MPTC and MPFC are those of mptc_core, which explains them. family_method chooses one of the others
+-- (docs/specification.md, section 3.6): next_u1 is applied for next_t1, next_u2 for next_t2, next_u3
+-- for the rest; SVM means the seven segments of vector_sequencer. What is being applied is u1, u2, u3,
+-- t1, t2; its mean voltage enters the prediction (eq. 5). u is for MPTC and MPFC and tells which zero
+-- vector takes fewer commutations. With them next_u1 to next_u3 are u_next, next_t1 is the whole
+-- period.
 --
 -- How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
 -- quotient, found bit by bit by four mptc_duty (mptc_pair_stream). Lengths and costs of pairs take
--- the way that single vectors take.
+-- the way that single vectors take. The flux methods take MPFC's program to its reference. What is
+-- missing to it is divided by the way of a vector once (mptc_coordinates); then all times are sums,
+-- and only distances are products (mptc_choices).
 --
 -- Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
--- Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 54 for MPTC1, 66 for MPTC2, 82 for GTV,
--- always. One decision at a time; the next start may come with valid.
+-- Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 70 for MPTC2, 86 for GTV,
+-- 110 for MPFC2, MPFC3, MPC2 and SVM, always. One decision at a time; the next start may come with
+-- valid.
 -- Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 -- Considered and rejected: docs/alternatives.md.
 --
@@ -58,12 +63,12 @@ entity mptc_family_core is
     c_weight        : in    std_logic_vector(WORD_WIDTH - 1 downto 0); -- k_psi, not negative
     method_mpfc     : in    std_logic;                                 -- '1': MPFC, '0': MPTC; sampled with start
     -- sampled with start as well
-    pairs : in    std_logic_vector(1 downto 0);  -- 0: see method_mpfc, 1: MPTC1, 2: MPTC2, 3: GTV
-    u1    : in    std_logic_vector(2 downto 0);  -- first vector being applied, 0 to 7
-    u2    : in    std_logic_vector(2 downto 0);  -- second vector being applied, 0 to 7
-    u3    : in    std_logic_vector(2 downto 0);  -- third vector being applied, 0 to 7
-    t1    : in    std_logic_vector(12 downto 0); -- time of the first, 1/4096; t1 + t2 at most 4096
-    t2    : in    std_logic_vector(12 downto 0); -- time of the second, 1/4096; t1 + t2 at most 4096
+    family_method : in    std_logic_vector(2 downto 0);  -- 0: see method_mpfc; 1 to 7: MPTC1 to SVM
+    u1            : in    std_logic_vector(2 downto 0);  -- first vector being applied, 0 to 7
+    u2            : in    std_logic_vector(2 downto 0);  -- second vector being applied, 0 to 7
+    u3            : in    std_logic_vector(2 downto 0);  -- third vector being applied, 0 to 7
+    t1            : in    std_logic_vector(12 downto 0); -- time of the first, 1/4096; t1 + t2 at most 4096
+    t2            : in    std_logic_vector(12 downto 0); -- time of the second, 1/4096; t1 + t2 at most 4096
     -- decision, stable until the next valid
     valid     : out   std_logic;                     -- '1' for one clock: decision is new
     busy      : out   std_logic;                     -- '1': a decision is under way
@@ -137,16 +142,16 @@ begin
       FAMILY       => true
     )
     port map (
-      clk          => clk,
-      rst          => rst,
-      start        => start,
-      inputs       => inputs,
-      coefficients => coefficients,
-      method_mpfc  => method_mpfc,
-      pairs        => pairs,
-      running      => running,
-      decision     => decision,
-      chosen       => chosen
+      clk           => clk,
+      rst           => rst,
+      start         => start,
+      inputs        => inputs,
+      coefficients  => coefficients,
+      method_mpfc   => method_mpfc,
+      family_method => family_method,
+      running       => running,
+      decision      => decision,
+      chosen        => chosen
     );
 
 end architecture rtl;

@@ -9,8 +9,10 @@
 -- Every pair is a start and a direction: the second vector, and the active vector that is the first less the second.
 --
 -- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period.
--- Latency: pair n is loaded n mod 4 + DUTY_CLOCKS * (n / 4) clocks after the clock that follows begin_pairs; its
--- result comes DUTY_CLOCKS clocks later, its comparison STREAM_COMPARE after that. chosen is stable one clock after
+-- Latency: pair n is looked up n mod 4 + DUTY_CLOCKS * (n / 4) clocks after the clock that follows begin_pairs, its
+-- search begins PAIR_AHEAD clocks later; its
+-- result comes DUTY_CLOCKS clocks later, its flux PAIR_REGISTERS after that, its comparison STREAM_COMPARE after its
+-- flux. chosen is stable one clock after
 -- last.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
 -- Licence: Apache-2.0
@@ -29,9 +31,9 @@ entity mptc_pair_stream is
   port (
     clk         : in    std_logic;       -- rising edge
     rst         : in    std_logic;       -- synchronous, active high
-    begin_pairs : in    std_logic;       -- '1': the first pair is loaded a clock later
-    last        : in    std_logic;       -- '1': the last pair is compared, or MPTC1's duty is there
-    method      : in    pairs_t;         -- PAIRS_NONE, PAIRS_MPTC1, PAIRS_MPTC2 or PAIRS_GTV, stable
+    begin_pairs : in    std_logic;       -- '1': the first pair is looked up a clock later
+    last        : in    std_logic;       -- '1': the last pair has been compared, or MPTC1's duty is there
+    method      : in    family_t;         -- FAMILY_NONE, FAMILY_MPTC1, FAMILY_MPTC2 or FAMILY_GTV, stable
     leader      : in    vector_t;        -- MPTC1's vector, active
     state       : in    mptc_state_t;    -- flux and torque terms, stable
     sum         : in    sum_t;           -- cost of the pair that is compared, signed
@@ -66,15 +68,24 @@ architecture rtl of mptc_pair_stream is
   signal active      : std_logic;
   signal slot        : natural range 0 to DUTY_CLOCKS - 1;
   signal turn        : natural range 0 to ROUNDS - 1;
-  signal pair        : pair_t;                        -- what is loaded in this clock
+  signal pair        : pair_t;                        -- what is looked up in this clock
+  signal pair_1      : pair_t;                        -- a clock later: its torques are formed
+  signal pair_2      : pair_t;                        -- two clocks later: its search begins
+  signal active_1    : std_logic;
+  signal active_2    : std_logic;
+  signal slot_1      : natural range 0 to DUTY_CLOCKS - 1;
+  signal slot_2      : natural range 0 to DUTY_CLOCKS - 1;
+  signal later_1     : std_logic;                     -- '1': not in the first round
+  signal later_2     : std_logic;
   signal held        : pairs_of_units_t;              -- what the units search
   signal request     : mptc_search_t;
   signal load        : std_logic_vector(0 to SEARCHES - 1);
   signal founds      : founds_t;
-  signal found       : mptc_found_t;                  -- result of this clock
-  signal owner       : pair_t;                        -- its pair
-  signal ready       : std_logic;                     -- '1': there is one
-  signal on_way      : std_logic_vector(STREAM_COMPARE downto 1); -- results on their way, by clocks
+  signal outcome     : mptc_found_t;                  -- result of this clock
+  signal searched    : pair_t;                        -- its pair
+  signal found       : mptc_found_t;                  -- both a clock later
+  signal owner       : pair_t;
+  signal on_way      : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 1); -- results on their way, by clocks
   signal left        : std_logic_vector(TERM_WIDTH - 1 downto 0);
   signal delayed     : std_logic_vector(TERM_WIDTH - 1 downto 0);
   signal named       : named_t;
@@ -86,7 +97,7 @@ architecture rtl of mptc_pair_stream is
   signal winner      : named_t;
 
   -- pair number of a method; given is MPTC1's vector
-  function pair_of (rule : pairs_t; index : natural; given : vector_t) return pair_t is
+  function pair_of (rule : family_t; index : natural; given : vector_t) return pair_t is
 
     variable result : pair_t;
 
@@ -94,7 +105,7 @@ architecture rtl of mptc_pair_stream is
 
     result.second := "000";
 
-    if (rule = PAIRS_GTV) then
+    if (rule = FAMILY_GTV) then
       result.first     := std_logic_vector(to_unsigned(PAIR_TABLE(index mod 16, 0), 3));
       result.second    := std_logic_vector(to_unsigned(PAIR_TABLE(index mod 16, 1), 3));
       result.direction := std_logic_vector(to_unsigned(PAIR_TABLE(index mod 16, 2), 3));
@@ -102,7 +113,7 @@ architecture rtl of mptc_pair_stream is
     else
       result.first := std_logic_vector(to_unsigned((index + 1) mod 8, 3));
 
-      if (rule = PAIRS_MPTC1) then
+      if (rule = FAMILY_MPTC1) then
         result.first := given;
         result.there := to_std_logic(index = 0);
       else
@@ -218,7 +229,23 @@ begin
 
   pair <= pair_of(method, SEARCHES * turn + slot mod SEARCHES, leader);
 
-  p_request : process (pair, state) is
+  p_ahead : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      pair_1   <= pair;
+      pair_2   <= pair_1;
+      slot_1   <= slot;
+      slot_2   <= slot_1;
+      later_1  <= to_std_logic(turn /= 0);
+      later_2  <= later_1;
+      active_1 <= active;
+      active_2 <= active_1;
+    end if;
+
+  end process p_ahead;
+
+  p_request : process (clk) is
 
     variable error : error_t;
     variable span  : error_t;
@@ -226,23 +253,25 @@ begin
 
   begin
 
-    -- rotor_alpha: what the one's complement in level is off
-    error := shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)
-             - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT)
-             - fine_change(pair.second, state.along, state.across);
-    span  := fine_change(pair.direction, state.along, state.across);
-    sign  := (others => span(ERROR_WIDTH - 1));
+    if rising_edge(clk) then
+      -- rotor_alpha: what the one's complement in level is off
+      error := shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)
+               - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT)
+               - fine_change(pair_1.second, state.along, state.across);
+      span  := fine_change(pair_1.direction, state.along, state.across);
+      sign  := (others => span(ERROR_WIDTH - 1));
 
-    request.error <= error xor sign;
-    request.span  <= span xor sign;
-    request.way_x <= way_alpha(pair.direction, state.step_alpha);
-    request.way_y <= way_beta(pair.direction, state.step_beta);
+      request.error <= error xor sign;
+      request.span  <= span xor sign;
+      request.way_x <= way_alpha(pair_1.direction, state.step_alpha);
+      request.way_y <= way_beta(pair_1.direction, state.step_beta);
+    end if;
 
   end process p_request;
 
   g_units : for n in 0 to SEARCHES - 1 generate
 
-    load(n) <= to_std_logic(active = '1' and slot = n);
+    load(n) <= to_std_logic(active_2 = '1' and slot_2 = n);
 
     i_duty : entity work.mptc_duty
       port map (
@@ -257,7 +286,7 @@ begin
 
       if rising_edge(clk) then
         if (load(n) = '1') then
-          held(n) <= pair;
+          held(n) <= pair_2;
         end if;
 
         if (begin_pairs = '1' or rst = '1') then
@@ -273,22 +302,30 @@ begin
   -- Results
   ---------------------------------------------------------------------------------------------
 
-  p_found : process (slot, founds, held) is
+  p_outcome : process (slot_2, founds, held) is
   begin
 
-    found <= founds(0);
-    owner <= held(0);
+    outcome  <= founds(0);
+    searched <= held(0);
 
     for n in 1 to SEARCHES - 1 loop
-      if (slot = n) then
-        found <= founds(n);
-        owner <= held(n);
+      if (slot_2 = n) then
+        outcome  <= founds(n);
+        searched <= held(n);
       end if;
     end loop;
 
-  end process p_found;
+  end process p_outcome;
 
-  ready <= to_std_logic(active = '1' and slot < SEARCHES and turn /= 0) and owner.there;
+  p_found : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      found <= outcome;
+      owner <= searched;
+    end if;
+
+  end process p_found;
 
   p_left : process (found) is
   begin
@@ -301,20 +338,22 @@ begin
 
   end process p_left;
 
-  p_flux : process (found, owner, state) is
+  p_flux : process (clk) is
 
     variable x : flux_t;
     variable y : flux_t;
 
   begin
 
-    x := shift_left(resize(state.stator_alpha, FLUX_WIDTH), LENGTH_GUARD + WAY_GUARD)
-         + way_alpha(owner.second, state.step_alpha) + found.way_x;
-    y := shift_left(resize(state.stator_beta, FLUX_WIDTH), LENGTH_GUARD + WAY_GUARD)
-         + way_beta(owner.second, state.step_beta) + found.way_y;
+    if rising_edge(clk) then
+      x := shift_left(resize(state.stator_alpha, FLUX_WIDTH), LENGTH_GUARD + WAY_GUARD)
+           + way_alpha(owner.second, state.step_alpha) + found.way_x;
+      y := shift_left(resize(state.stator_beta, FLUX_WIDTH), LENGTH_GUARD + WAY_GUARD)
+           + way_beta(owner.second, state.step_beta) + found.way_y;
 
-    tried.x <= x(FLUX_WIDTH - 1 downto WAY_GUARD);
-    tried.y <= y(FLUX_WIDTH - 1 downto WAY_GUARD);
+      tried.x <= x(FLUX_WIDTH - 1 downto WAY_GUARD);
+      tried.y <= y(FLUX_WIDTH - 1 downto WAY_GUARD);
+    end if;
 
   end process p_flux;
 
@@ -324,7 +363,8 @@ begin
   begin
 
     if rising_edge(clk) then
-      on_way <= on_way(STREAM_COMPARE - 1 downto 1) & ready;
+      on_way <= on_way(on_way'high - 1 downto 1)
+                & (to_std_logic(active_2 = '1' and slot_2 < SEARCHES) and later_2 and searched.there);
 
       if (rst = '1') then
         on_way <= (others => '0');
@@ -336,7 +376,7 @@ begin
   i_left : entity work.delay_line
     generic map (
       WIDTH  => TERM_WIDTH,
-      CLOCKS => STREAM_TERM
+      CLOCKS => STREAM_TERM + PAIR_REGISTERS - 1
     )
     port map (
       clk     => clk,
@@ -348,7 +388,7 @@ begin
   i_named : entity work.delay_line
     generic map (
       WIDTH  => TIME_WIDTH + 6,
-      CLOCKS => STREAM_COMPARE
+      CLOCKS => STREAM_COMPARE + PAIR_REGISTERS - 1
     )
     port map (
       clk     => clk,
@@ -357,8 +397,8 @@ begin
       delayed => compared
     );
 
-  tried.enable <= ready and to_std_logic(method /= PAIRS_MPTC1);
-  tried.take   <= on_way(STREAM_TERM);
+  tried.enable <= on_way(PAIR_REGISTERS) and to_std_logic(method /= FAMILY_MPTC1);
+  tried.take   <= on_way(STREAM_TERM + PAIR_REGISTERS);
   tried.left   <= signed(delayed);
 
   ---------------------------------------------------------------------------------------------
@@ -366,20 +406,10 @@ begin
   ---------------------------------------------------------------------------------------------
 
   cost   <= sum(COST_WIDTH - 1 downto COST_DROPPED);
-  better <= on_way(STREAM_COMPARE) and to_std_logic(cost < best_cost);
+  better <= on_way(STREAM_COMPARE + PAIR_REGISTERS) and to_std_logic(cost < best_cost);
 
-  p_winner : process (method, named, better, compared, best) is
-  begin
-
-    winner <= best;
-
-    if (method = PAIRS_MPTC1) then
-      winner <= named;
-    elsif (better = '1') then
-      winner <= compared;
-    end if;
-
-  end process p_winner;
+  winner <= named when method = FAMILY_MPTC1 else
+            best;
 
   p_best : process (clk) is
 

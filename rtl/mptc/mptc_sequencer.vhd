@@ -2,7 +2,8 @@
 --
 -- The program stands in mptc_constants; model/directmpc/mptc/program.py explains and checks it.  MPTC and MPFC share
 -- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.  MPTC1, MPTC2 and
--- GTV go MPTC's way to its end and on from PAIR_ADDRESS.
+-- GTV go MPTC's way to its end and on from PAIR_ADDRESS.  MPFC2, MPFC3, MPC2 and SVM go MPFC's way up to HEXAGON_FORK
+-- and on from HEXAGON_ADDRESS.
 --
 -- With FLUX_CONTROL the program is read a clock ahead, and products come from registers.  Reading and choosing among
 -- the longer lists of MPFC in one clock ends at 95 to 105 MHz on ECP5, five seeds; this way it is 107 at least.
@@ -25,17 +26,17 @@ library work;
 entity mptc_sequencer is
   generic (
     FLUX_CONTROL : boolean := true; -- true: MPFC can be chosen at run time
-    FAMILY       : boolean := false -- true: MPTC1, MPTC2 and GTV too; needs FLUX_CONTROL
+    FAMILY       : boolean := false -- true: methods of several vectors too; needs FLUX_CONTROL
   );
   port (
     clk         : in    std_logic;       -- rising edge
     rst         : in    std_logic;       -- synchronous, active high
     start       : in    std_logic;       -- '1' for one clock: decide; ignored while busy
     method_mpfc : in    std_logic;       -- '1': MPFC, '0': MPTC; sampled with start
-    pairs       : in    pairs_t;         -- method of two vectors, goes before method_mpfc; sampled with start
+    family_method : in    family_t;       -- method of several vectors, goes before method_mpfc; sampled with start
     accept      : out   std_logic;       -- '1': start is accepted with the next edge
     mpfc        : out   std_logic;       -- '1': the decision under way is MPFC's
-    method      : out   pairs_t;         -- method of two vectors of the decision under way
+    method      : out   family_t;        -- method of several vectors of the decision under way
     products    : out   mptc_products_t; -- what the mac_blocks begin
     events      : out   mptc_events_t;   -- what is due
     valid       : out   std_logic;       -- '1' for one clock: the decision is new
@@ -58,7 +59,7 @@ architecture rtl of mptc_sequencer is
   signal active  : std_logic;
   signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
   signal turned  : std_logic; -- the method is MPFC
-  signal chosen  : pairs_t;   -- method of two vectors
+  signal chosen  : family_t;  -- method of several vectors
   signal ending  : std_logic;
   signal decoded : mptc_products_t;
 
@@ -95,6 +96,8 @@ begin
           address <= FORK_ADDRESS;
         elsif (FAMILY and address = LAST_MPTC) then
           address <= PAIR_ADDRESS;
+        elsif (FAMILY and chosen(2) = '1' and address = HEXAGON_FORK - 1) then
+          address <= HEXAGON_ADDRESS;
         else
           address <= (address + 1) mod 2 ** ADDRESS_BITS;
         end if;
@@ -117,10 +120,11 @@ begin
   end generate g_ending;
 
   g_ending_family : if FAMILY generate
-    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = PAIRS_NONE) or address = LAST_MPFC - 1
-                           or (address = LAST_MPTC1 - 1 and chosen = PAIRS_MPTC1)
-                           or (address = LAST_MPTC2 - 1 and chosen = PAIRS_MPTC2)
-                           or (address = LAST_GTV - 1 and chosen = PAIRS_GTV));
+    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = FAMILY_NONE) or address = LAST_MPFC - 1
+                           or address = LAST_HEXAGON - 1
+                           or (address = LAST_MPTC1 - 1 and chosen = FAMILY_MPTC1)
+                           or (address = LAST_MPTC2 - 1 and chosen = FAMILY_MPTC2)
+                           or (address = LAST_GTV - 1 and chosen = FAMILY_GTV));
   end generate g_ending_family;
 
   busy   <= active;
@@ -137,8 +141,8 @@ begin
         if (active = '0' and start = '1') then
           turned <= method_mpfc;
 
-          if (FAMILY and pairs /= PAIRS_NONE) then
-            turned <= '0';
+          if (FAMILY and family_method /= FAMILY_NONE) then
+            turned <= family_method(2);
           end if;
         end if;
       end if;
@@ -149,21 +153,21 @@ begin
 
   g_family : if FAMILY generate
 
-    p_pairs : process (clk) is
+    p_chosen : process (clk) is
     begin
 
       if rising_edge(clk) then
         if (active = '0' and start = '1') then
-          chosen <= pairs;
+          chosen <= family_method;
         end if;
       end if;
 
-    end process p_pairs;
+    end process p_chosen;
 
   end generate g_family;
 
   g_one_vector : if not FAMILY generate
-    chosen <= PAIRS_NONE;
+    chosen <= FAMILY_NONE;
   end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate
@@ -248,17 +252,24 @@ begin
     events.normalise    <= '0';
     events.orient       <= '0';
     events.square       <= '0';
-    events.rest         <= '0';
+    events.radicand     <= '0';
     events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1);
     events.begin_pairs  <= '0';
+    events.way_alpha    <= '0';
+    events.way_beta     <= '0';
+    events.rest         <= '0';
     events.last         <= ending;
 
     if (FAMILY) then
-      if (chosen = PAIRS_MPTC1) then
+      if (chosen = FAMILY_MPTC1) then
         events.begin_pairs <= to_std_logic(address = LAST_MPTC - 1);
       else
-        events.begin_pairs <= to_std_logic(address = FIRST_PAIR - 1 and chosen /= PAIRS_NONE);
+        events.begin_pairs <= to_std_logic(address = FIRST_PAIR - 1 and chosen /= FAMILY_NONE);
       end if;
+
+      events.way_alpha <= to_std_logic(address = FIRST_WAY);
+      events.way_beta  <= to_std_logic(address = FIRST_WAY + 1);
+      events.rest      <= to_std_logic(address = FIRST_REST);
     end if;
 
     for i in 0 to WORD_EVENTS - 1 loop
@@ -273,7 +284,7 @@ begin
       events.normalise    <= to_std_logic(address >= FIRST_NORMALISE and address < FIRST_NORMALISE + NORMALISE_STEPS);
       events.orient       <= to_std_logic(address = FIRST_NORMALISE + NORMALISE_STEPS);
       events.square       <= to_std_logic(address = FIRST_ROOT);
-      events.rest         <= to_std_logic(address = FIRST_ROOT + 1);
+      events.radicand     <= to_std_logic(address = FIRST_ROOT + 1);
       events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1 or address = FIRST_STREAM_MPFC - 1);
     end if;
 

@@ -8,6 +8,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.mptc_constants.all;
   use work.mptc_vectors.all;
 
@@ -60,12 +61,16 @@ package mptc_types is
     clamped   : std_logic;                    -- '1': MPFC cannot reach the torque reference
   end record mptc_decision_t;
 
-  subtype pairs_t is std_logic_vector(1 downto 0); -- method of two vectors
+  subtype family_t is std_logic_vector(2 downto 0); -- method of several vectors; bit 2: a flux method
 
-  constant PAIRS_NONE  : pairs_t := "00"; -- one vector: MPTC or MPFC
-  constant PAIRS_MPTC1 : pairs_t := "01";
-  constant PAIRS_MPTC2 : pairs_t := "10";
-  constant PAIRS_GTV   : pairs_t := "11";
+  constant FAMILY_NONE  : family_t := "000"; -- one vector: MPTC or MPFC
+  constant FAMILY_MPTC1 : family_t := "001";
+  constant FAMILY_MPTC2 : family_t := "010";
+  constant FAMILY_GTV   : family_t := "011";
+  constant FAMILY_MPFC2 : family_t := "100";
+  constant FAMILY_MPFC3 : family_t := "101";
+  constant FAMILY_MPC2  : family_t := "110";
+  constant FAMILY_SVM   : family_t := "111";
 
   subtype time_t is std_logic_vector(TIME_WIDTH downto 0); -- unsigned, 1/4096 of the period, at most 4096
 
@@ -119,6 +124,44 @@ package mptc_types is
     '0', (others => '0'), (others => '0'), '0', (others => '0')
   );
 
+  subtype hexagon_t is signed(HEXAGON_WIDTH - 1 downto 0); -- coordinate along a vector, in ways of a vector
+
+  subtype form_t is signed(HEXAGON_WIDTH downto 0); -- sum of two coordinates, one of them doubled
+
+  -- what is missing to the reference, e, in the coordinates of the leading vector
+  type mptc_missing_t is record
+    g       : hexagon_t; -- along the leading vector
+    h       : hexagon_t; -- along the next one
+    total   : hexagon_t; -- g + h
+    lead    : form_t;    -- 2*g + h
+    by_next : form_t;    -- g + 2*h
+    apart   : form_t;    -- g - h
+  end record mptc_missing_t;
+
+  -- what remains of e, as operands of its square
+  type mptc_residues_t is record
+    along  : word_t; -- along the leading vector
+    beside : word_t; -- along the next one
+    total  : word_t; -- sum of both
+  end record mptc_residues_t;
+
+  constant NO_RESIDUES : mptc_residues_t := ((others => '0'), (others => '0'), (others => '0'));
+
+  subtype kind_t is std_logic_vector(1 downto 0); -- where the point of a choice lies
+
+  constant KIND_SPOKE  : kind_t := "00"; -- between zero voltage and the choice's vector
+  constant KIND_EDGE   : kind_t := "01"; -- between the choice's vector and the leading one
+  constant KIND_ALONE  : kind_t := "10"; -- MPFC3: between zero voltage and the leading vector
+  constant KIND_INSIDE : kind_t := "11"; -- MPFC3: at e
+
+  -- choice of a second vector
+  type mptc_choice_t is record
+    number : std_logic_vector(2 downto 0); -- column of TURNS
+    turn   : turn_t;                       -- turns to its vector
+    part   : time_t;                       -- time of the leading vector, of a spoke that of the choice's vector
+    kind   : kind_t;
+  end record mptc_choice_t;
+
   subtype blocks_t is std_logic_vector(0 to BLOCK_COUNT - 1); -- one bit for each mac_block
 
   subtype select_t is std_logic_vector(4 downto 0); -- place in a list
@@ -143,10 +186,13 @@ package mptc_types is
     normalise    : std_logic;                                            -- MPFC: bring w to full size, one shift
     orient       : std_logic;                                            -- MPFC: last shift, w without size
     square       : std_logic; -- MPFC: the square of the reference's length is in the last block's accumulator
-    rest         : std_logic; -- MPFC: the same less the torque's part
+    radicand     : std_logic; -- MPFC: the same less the torque's part
     begin_stream : std_logic;                                            -- the first vector follows
     last         : std_logic;                                            -- the last vector or pair is compared
     begin_pairs  : std_logic;                                            -- the first pair follows
+    way_alpha    : std_logic; -- flux methods of several vectors: the way along alpha is in the accumulator
+    way_beta     : std_logic; -- the same: the way along beta
+    rest         : std_logic; -- the same: what is missing to the reference is in the accumulators
   end record mptc_events_t;
 
   -- state at k+2 without voltage, and what the vectors add to it
@@ -174,6 +220,12 @@ package mptc_types is
 
   -- value + step or value - step, one adder
   function moved (value, step : signed; negative : std_logic) return signed;
+
+  -- '1': negative
+  function sign_of (value : signed) return std_logic;
+
+  -- '1': a coordinate of the hexagon, or a sum of them, is more than the way of a vector
+  function beyond_one (value : signed) return std_logic;
 
 end package mptc_types;
 
@@ -208,5 +260,30 @@ package body mptc_types is
     return a(value'length downto 1);
 
   end function moved;
+
+  function sign_of (value : signed) return std_logic is
+  begin
+
+    return value(value'high);
+
+  end function sign_of;
+
+  function beyond_one (value : signed) return std_logic is
+
+    variable bits   : signed(value'length - 1 downto 0);
+    variable result : std_logic;
+
+  begin
+
+    bits   := value;
+    result := to_std_logic(bits(HEXAGON_FRACTION - 1 downto 0) /= 0) and bits(HEXAGON_FRACTION);
+
+    for i in HEXAGON_FRACTION + 1 to value'length - 2 loop
+      result := result or bits(i);
+    end loop;
+
+    return result and not bits(value'length - 1);
+
+  end function beyond_one;
 
 end package body mptc_types;

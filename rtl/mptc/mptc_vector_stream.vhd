@@ -38,7 +38,7 @@ entity mptc_vector_stream is
     applied      : in    std_logic_vector(2 downto 0);                   -- number of the vector being applied, stable
     psi_ref      : in    std_logic_vector(REFERENCE_WIDTH - 1 downto 0); -- flux reference, unsigned, stable
     state        : in    mptc_state_t;                                   -- flux and torque terms, stable
-    method       : in    pairs_t;                                        -- method of two vectors, stable
+    method       : in    family_t;                                        -- method of two vectors, stable
     tried        : in    mptc_tried_t;                                   -- pair on its way
     sum          : in    sum_t;                                          -- cost of the vector that is compared, signed
     difference   : out   word_t;                                         -- distance of a length, not negative
@@ -132,7 +132,7 @@ begin
 
   g_family_length : if FAMILY generate
     length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
-                      and to_std_logic(method = PAIRS_NONE or method = PAIRS_MPTC1)) or tried.enable;
+                      and to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1)) or tried.enable;
   end generate g_family_length;
 
   p_lengths : process (length_number, state) is
@@ -236,7 +236,7 @@ begin
 
   g_family_better : if FAMILY generate
     better <= to_std_logic(cost & '0' < best_cost & wins_tie)
-              and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST);
+              and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST);
   end generate g_family_better;
 
   leader <= best;

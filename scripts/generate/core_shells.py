@@ -458,7 +458,7 @@ Considered and rejected: docs/alternatives.md.""",
     generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
     groups=(*_MPTC_INPUTS, *_MPTC_DECISION),
     fixed=(("FAMILY", "false"),),
-    tied=(("pairs", "PAIRS_NONE"), ("running", "NO_VOLTAGE"), ("chosen", "open")),
+    tied=(("family_method", "FAMILY_NONE"), ("running", "NO_VOLTAGE"), ("chosen", "open")),
 )
 
 MPTC_FAMILY = Shell(
@@ -467,21 +467,26 @@ MPTC_FAMILY = Shell(
     folder="mptc",
     header="""\
 Predictive torque control with one and two vectors a period (MPTC, MPTC1, MPTC2, GTV) and
-predictive flux control (MPFC) of an induction machine on a two-level inverter (Paper B): the core.
+predictive flux control with one, two and three (MPFC, MPFC2, MPFC3, MPC2, SVM) of an induction
+machine on a two-level inverter (Paper B): the core.
 
-MPTC and MPFC are those of mptc_core, which explains them. pairs chooses MPTC1, MPTC2 or GTV
-(docs/specification.md, section 3.6): next_u1 is applied for next_t1, next_u2 for the rest. What is
-being applied is u1, u2, u3, t1, t2; its mean voltage enters the prediction (eq. 5). u is for MPTC
-and MPFC and tells which zero vector takes fewer commutations. With them next_u1 to next_u3 are
-u_next, next_t1 is the whole period.
+MPTC and MPFC are those of mptc_core, which explains them. family_method chooses one of the others
+(docs/specification.md, section 3.6): next_u1 is applied for next_t1, next_u2 for next_t2, next_u3
+for the rest; SVM means the seven segments of vector_sequencer. What is being applied is u1, u2, u3,
+t1, t2; its mean voltage enters the prediction (eq. 5). u is for MPTC and MPFC and tells which zero
+vector takes fewer commutations. With them next_u1 to next_u3 are u_next, next_t1 is the whole
+period.
 
 How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
 quotient, found bit by bit by four mptc_duty (mptc_pair_stream). Lengths and costs of pairs take
-the way that single vectors take.
+the way that single vectors take. The flux methods take MPFC's program to its reference. What is
+missing to it is divided by the way of a vector once (mptc_coordinates); then all times are sums,
+and only distances are products (mptc_choices).
 
 Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
-Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 54 for MPTC1, 66 for MPTC2, 82 for GTV,
-always. One decision at a time; the next start may come with valid.
+Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 70 for MPTC2, 86 for GTV,
+110 for MPFC2, MPFC3, MPC2 and SVM, always. One decision at a time; the next start may come with
+valid.
 Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 Considered and rejected: docs/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
@@ -490,7 +495,7 @@ Considered and rejected: docs/alternatives.md.""",
         *_MPTC_INPUTS,
         Group(
             "sampled with start as well",
-            (Port("pairs", "1", "0: see method_mpfc, 1: MPTC1, 2: MPTC2, 3: GTV"),),
+            (Port("family_method", "2", "0: see method_mpfc; 1 to 7: MPTC1 to SVM"),),
         ),
         Group(
             "",

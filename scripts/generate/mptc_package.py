@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.mptc import bit_true_sequences, cycles, vector_sequencer
+from directmpc.mptc import bit_true_hexagon, bit_true_sequences, cycles, vector_sequencer
 from directmpc.mptc import formats as f
 from directmpc.mptc import program as p
 from directmpc.mptc.coefficients import COEFFICIENTS
@@ -13,6 +13,11 @@ from directmpc.mptc.inverter import STATES, ZERO_FROM
 from scripts.shared import tools
 
 _PATH = Path(__file__).resolve().parents[2] / "rtl" / "mptc" / "mptc_constants.vhd"
+
+#: Bits of twice e: a sum of products has one bit more, its sign.
+_SIZE_WIDTH = f.ACCUMULATOR_WIDTH - (f.PRODUCT_FRACTION - f.REST_FRACTION)
+#: Bits of a quotient before the point.
+_RANGE = f.QUOTIENT_WIDTH - 1 - f.QUOTIENT_FRACTION
 
 _HEADER = """\
 -- Formats, voltage vectors and program of the two-level controllers, shared by model and RTL.
@@ -119,9 +124,27 @@ def _pairs() -> list[str]:
     ]
 
 
+def _turns() -> list[str]:
+    """Table of the second vectors of the flux methods, eight columns: an index of three bits."""
+    rows = [[*row, row[-1]] for row in bit_true_hexagon.TURNS.tolist()]
+    return [
+        "",
+        "  subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5",
+        "",
+        "  type turns_t is array (0 to 63) of turn_t;",
+        "",
+        "  -- turns by 60 degrees to the second vector; index: first vector or zero, choice",
+        "  constant TURNS : turns_t := (",
+        ",\n".join("    " + ", ".join(f'"{turn:03b}"' for turn in row) for row in rows),
+        "  );",
+        "",
+    ]
+
+
 def _program() -> list[str]:
     single = _rows(False) + _rows(True)
     rows = single + [(s, p.pair_address(s.clock), True) for s in p.PAIRS]
+    rows += [(s, p.hexagon_address(s.clock), True) for s in p.HEXAGON]
     basic = len(_rows(False))
     lines: list[str] = []
     for prefix, names in (
@@ -136,19 +159,21 @@ def _program() -> list[str]:
         ]
         lines.append("")
     lists: dict[str, list[list[str]]] = {"A": [], "B": [], "SEED": []}
-    counts: dict[str, list[tuple[int, int]]] = {"A": [], "B": [], "SEED": []}
+    counts: dict[str, list[tuple[int, int, int]]] = {"A": [], "B": [], "SEED": []}
     for block in range(p.BLOCKS):
         for kind, pick in (
             ("A", lambda s: s.a),
             ("B", lambda s: p.base(s.b)),
             ("SEED", lambda s: s.seed),
         ):
-            few = _unique([pick(s) for s, _, flux in rows if s.block == block and not flux])
-            all_names = _unique([pick(s) for s, _, _ in rows if s.block == block])
-            few = [name for name in few if name]
-            every = few + [name for name in all_names if name and name not in few]
+            every: list[str] = []
+            lengths: list[int] = []
+            for part in (rows[:basic], single, rows):
+                names = _unique([pick(s) for s, _, _ in part if s.block == block])
+                every += [name for name in names if name and name not in every]
+                lengths.append(len(every))
             lists[kind].append(every)
-            counts[kind].append((len(few), len(every)))
+            counts[kind].append((lengths[0], lengths[1], lengths[2]))
     tables = {"A": p.OPERANDS, "B": p.OPERANDS, "SEED": p.SEEDS}
     widest = {kind: max(len(names) for names in lists[kind]) for kind in lists}
     lines += _naturals(
@@ -185,29 +210,74 @@ def _program() -> list[str]:
                 p.address(p.RADICAND + p.SUM_LATENCY, True),
                 "address: the radicand without the torque is in the accumulator",
             ),
-            ("ADDRESS_COUNT_FAMILY", p.pair_address(p.GTV_LAST) + 1, "program addresses, FAMILY"),
+            (
+                "ADDRESS_COUNT_FAMILY",
+                p.hexagon_address(p.HEXAGON_LAST) + 1,
+                "program addresses, FAMILY",
+            ),
             ("PAIR_ADDRESS", p.pair_address(p.MPTC_LAST + 1), "address behind LAST_MPTC for pairs"),
-            ("FIRST_PAIR", p.MPTC_FIRST_TERM, "address: MPTC2 and GTV load the first pair"),
+            ("FIRST_PAIR", p.FIRST_PAIR, "address: MPTC2 and GTV look the first pair up"),
             ("ZERO_PAIRS", p.ZERO_PAIRS, "pairs of MPTC2"),
             ("EDGE_PAIRS", p.EDGE_PAIRS, "pairs of GTV"),
             ("SEARCHES", p.SEARCHES, "searches of a duty at a time"),
+            ("PAIR_AHEAD", p.PAIR_AHEAD, "clocks from there to the beginning of its search"),
+            ("PAIR_REGISTERS", p.PAIR_REGISTERS, "clocks from its result to its flux"),
             ("DUTY_CLOCKS", p.DUTY_CLOCKS, "clocks from loading a pair to its result"),
             ("LAST_MPTC1", p.pair_address(p.MPTC1_LAST), "address: valid"),
             ("LAST_MPTC2", p.pair_address(p.MPTC2_LAST), "address: valid"),
             ("LAST_GTV", p.pair_address(p.GTV_LAST), "address: valid"),
+            (
+                "HEXAGON_FORK",
+                p.address(p.HEXAGON_FORK, True),
+                "address of MPFC that the flux methods of several vectors leave out",
+            ),
+            ("HEXAGON_ADDRESS", p.hexagon_address(p.HEXAGON_FORK), "theirs in its place"),
+            (
+                "FIRST_WAY",
+                p.address(p.WAY + p.SUM_LATENCY, True),
+                "address: the way of u_1 is in the accumulator, then that along beta",
+            ),
+            ("FIRST_REST", p.hexagon_address(p.REST), "address: e is in the accumulators"),
+            ("LAST_HEXAGON", p.hexagon_address(p.HEXAGON_LAST), "address: valid"),
+            ("REST_SHIFT", f.PRODUCT_FRACTION - f.REST_FRACTION, "low bits dropped from a way"),
+            ("SIZE_WIDTH", _SIZE_WIDTH, "bits of the size of a coordinate of e"),
+            ("STEP_WIDTH", _SIZE_WIDTH - _RANGE + 1, "bits of a way, signed"),
+            ("QUOTIENT_BITS", f.QUOTIENT_WIDTH - 1, "bits of a quotient, unsigned"),
+            ("QUOTIENT_RANGE", _RANGE, "those before the point"),
+            ("HEXAGON_FRACTION", f.HEXAGON_FRACTION, "fractional bits of e in ways of a vector"),
+            ("HEXAGON_WIDTH", f.QUOTIENT_WIDTH + 2, "bits of e in ways of a vector, signed"),
+            (
+                "RESIDUE_SHIFT",
+                f.HEXAGON_FRACTION + 2 - f.RESIDUE_FRACTION,
+                "low bits dropped from a residue",
+            ),
+            ("HALVINGS", f.FAR_STEPS, "halvings of a long e"),
+            ("DIVISION_CLOCK", p.DIVISION - p.REST, "clock from e on: first bit of the quotients"),
+            ("TURN_CLOCK", p.TURN - p.REST, "clock from e on: first turn by 60 degrees"),
+            ("CHOICE_CLOCK", p.FIRST_CHOICE - p.REST, "clock from e on: first choice"),
+            ("CHOICES", p.CHOICES, "choices of a second vector, each two clocks"),
+            ("NEAR_CHOICES", bit_true_hexagon.NEAR_CHOICES, "those of MPC2, the first"),
+            ("CHOICE_COMPARE", p.CHOICE_COMPARE, "clocks from a choice to its comparison"),
+            (
+                "HEXAGON_CLOCKS",
+                p.HEXAGON_LAST - p.REST,
+                "clocks from e to the decision",
+            ),
             ("CYCLES_MPTC", cycles.CORE["MPTC"], "clocks from start to valid"),
             ("CYCLES_MPFC", cycles.CORE["MPFC"], "clocks from start to valid"),
             ("CYCLES_MPTC1", cycles.FAMILY["MPTC1"], "clocks from start to valid"),
             ("CYCLES_MPTC2", cycles.FAMILY["MPTC2"], "clocks from start to valid"),
             ("CYCLES_GTV", cycles.FAMILY["GTV"], "clocks from start to valid"),
+            ("CYCLES_HEXAGON", cycles.FAMILY["SVM"], "clocks from start to valid, the others"),
         ]
     )
     lines += ["", "  type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;", ""]
     for kind in lists:
-        few, every = zip(*counts[kind], strict=True)
+        few, more, every = zip(*counts[kind], strict=True)
         lines += [
-            f"  constant {kind}_COUNT_MPTC : block_naturals_t := ({', '.join(map(str, few))});",
-            f"  constant {kind}_COUNT      : block_naturals_t := ({', '.join(map(str, every))});",
+            f"  constant {kind}_COUNT_MPTC   : block_naturals_t := ({', '.join(map(str, few))});",
+            f"  constant {kind}_COUNT        : block_naturals_t := ({', '.join(map(str, more))});",
+            f"  constant {kind}_COUNT_FAMILY : block_naturals_t := ({', '.join(map(str, every))});",
             "",
         ]
     for kind in lists:
@@ -224,7 +294,7 @@ def _program() -> list[str]:
                 f"{kind}_LISTS",
                 f"{kind.lower()}_lists_t",
                 padded,
-                f"what each block's {kind} can be, MPFC's own last",
+                f"what each block's {kind} can be, MPFC's own behind MPTC's, the family's last",
             ),
         ]
     issue = []
@@ -299,6 +369,7 @@ def text() -> str:
             *_vectors(),
             *_program(),
             *_pairs()[1:],
+            *_turns()[1:],
             "end package mptc_constants;",
             "",
         ]

@@ -21,7 +21,7 @@ entity mptc_core_bench is
     rst        : in    std_logic;                      -- synchronous, active high
     request    : in    std_logic;                      -- a change asks for a decision on row
     row        : in    std_logic_vector(164 downto 0); -- t2, t1, u3, u2, u1, u, psi_ref, ... is_alpha rightmost
-    parameters : in    std_logic_vector(218 downto 0); -- pairs, method, ... c_current rightmost
+    parameters : in    std_logic_vector(219 downto 0); -- family method, method, ... c_current rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
     response   : out   std_logic_vector(42 downto 0);  -- t2, t1, u3, u2, u1, clamped, saturated, switches, u_next
     cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
@@ -34,16 +34,16 @@ architecture bench of mptc_core_bench is
   constant MOST_CLOCKS_MPTC : natural := 40;
   constant MOST_CLOCKS_MPFC : natural := 80;
 
-  type most_t is array (1 to 3) of natural;
+  type most_t is array (1 to 7) of natural;
 
-  constant MOST_CLOCKS_PAIRS : most_t := (64, 80, 90);
+  constant MOST_CLOCKS_FAMILY : most_t := (64, 80, 90, 110, 110, 110, 110);
 
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';
   signal start    : std_logic := '0';
   signal inputs   : std_logic_vector(164 downto 0) := (others => '0');
   signal method   : std_logic := '0';
-  signal pairs    : std_logic_vector(1 downto 0) := "00";
+  signal several  : std_logic_vector(2 downto 0) := "000";
   signal noise    : std_logic_vector(63 downto 0) := x"9E3779B97F4A7C15";
   signal answered : std_logic := '0';
   signal count    : unsigned(15 downto 0) := (others => '0');
@@ -69,7 +69,7 @@ begin
       noise  <= v;
       start  <= '0';
       method <= v(3);
-      pairs  <= v(8 downto 7);
+      several <= v(9 downto 7);
       count  <= count + 1;
 
       if (start = '1' and busy = '0') then
@@ -79,7 +79,7 @@ begin
       if (request /= answered and start = '0' and busy = '0') then
         inputs   <= row;
         method   <= parameters(216);
-        pairs    <= parameters(218 downto 217);
+        several  <= parameters(219 downto 217);
         start    <= '1';
         answered <= request;
         idle     <= 0;
@@ -97,19 +97,19 @@ begin
         report "no request for " & integer'image(PATIENCE) & " clocks"
         severity failure;
 
-      assert busy = '0' or count <= MOST_CLOCKS_MPFC or (FAMILY and parameters(218 downto 217) = "11")
+      assert busy = '0' or count <= MOST_CLOCKS_MPFC or (FAMILY and unsigned(parameters(219 downto 217)) > 2)
         report "a decision takes more than " & integer'image(MOST_CLOCKS_MPFC) & " clocks"
         severity failure;
 
       assert busy = '0' or count <= MOST_CLOCKS_MPTC or parameters(216) = '1'
-             or (FAMILY and parameters(218 downto 217) /= "00")
+             or (FAMILY and parameters(219 downto 217) /= "000")
         report "a decision takes more than " & integer'image(MOST_CLOCKS_MPTC) & " clocks"
         severity failure;
 
-      for code in 1 to 3 loop
-        assert busy = '0' or not FAMILY or to_integer(unsigned(parameters(218 downto 217))) /= code
-               or count <= MOST_CLOCKS_PAIRS(code)
-          report "a decision takes more than " & integer'image(MOST_CLOCKS_PAIRS(code)) & " clocks"
+      for code in 1 to 7 loop
+        assert busy = '0' or not FAMILY or to_integer(unsigned(parameters(219 downto 217))) /= code
+               or count <= MOST_CLOCKS_FAMILY(code)
+          report "a decision takes more than " & integer'image(MOST_CLOCKS_FAMILY(code)) & " clocks"
           severity failure;
       end loop;
 
@@ -198,7 +198,7 @@ begin
         c_torque        => parameters(197 downto 180),
         c_weight        => parameters(215 downto 198),
         method_mpfc     => method,
-        pairs           => pairs,
+        family_method   => several,
         u1              => inputs(132 downto 130),
         u2              => inputs(135 downto 133),
         u3              => inputs(138 downto 136),

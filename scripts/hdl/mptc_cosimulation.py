@@ -22,7 +22,7 @@ from scripts.hdl.mptc_simulation import FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence
-_PAIRS_AT = WORD_WIDTH * len(COEFFICIENTS) + 1  # bits of the parameters below the method
+_METHOD_AT = WORD_WIDTH * len(COEFFICIENTS) + 1  # bits of the parameters below the method
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
 
 
@@ -139,7 +139,11 @@ class Bench:
         self.dut.parameters.value = self.parameters
 
     async def decide(
-        self, measurement: np.ndarray, u: int, applied: np.ndarray | None = None, pairs: int = 0
+        self,
+        measurement: np.ndarray,
+        u: int,
+        applied: np.ndarray | None = None,
+        family_method: int = 0,
     ) -> tuple[int, ...]:
         """One decision in the order of ``FIELDS``.
 
@@ -151,8 +155,8 @@ class Bench:
             Number of the vector being applied, 0 to 7.
         applied : np.ndarray, optional
             u1, u2, u3, t1, t2; `u` for the whole period without.
-        pairs : int
-            Method of two vectors.
+        family_method : int
+            Method of several vectors, 0 without.
 
         Returns
         -------
@@ -167,7 +171,7 @@ class Bench:
         self.level ^= 1
         sequence = np.array([u, u, u, TIME_STEPS, 0]) if applied is None else applied
         self.dut.row.value = pack_row(measurement, u) | pack_sequence(sequence) << _SEQUENCE_AT
-        self.dut.parameters.value = self.parameters | pairs << _PAIRS_AT
+        self.dut.parameters.value = self.parameters | family_method << _METHOD_AT
         self.dut.request.value = self.level
         await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
         response = self.dut.response.value.to_unsigned()
@@ -189,7 +193,7 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
             job.measurements[k],
             job.u[k],
             None if job.applied is None else job.applied[k],
-            0 if job.pairs is None else int(job.pairs[k]),
+            0 if job.family_method is None else int(job.family_method[k]),
         )
         sequences[k] = bench.sequence
         progress(k + 1)
@@ -227,10 +231,10 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
             loop.scales, loop.lows, loop.highs, current, flux, omega_r, loop.vdc, wanted,
             loop.psi_ref[k],
         )  # fmt: skip
-        pairs = 0 if job.pairs is None else int(job.pairs[k])
-        out[k] = await bench.decide(measurement, applied[0], applied, pairs)
+        code = 0 if job.family_method is None else int(job.family_method[k])
+        out[k] = await bench.decide(measurement, applied[0], applied, code)
         out[k, 2] |= clipped
-        if pairs == 0:
+        if code == 0:
             current, flux, omega_r = step(
                 loop.plant, current, flux, omega_r, applied[0], loop.load[k]
             )

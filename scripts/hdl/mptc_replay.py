@@ -8,10 +8,10 @@ import numpy as np
 
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
-from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
+from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
-from scripts.hdl.mptc_simulation import PAIRS, Job
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
 from scripts.hdl.simulator import in_parallel
 
 
@@ -29,8 +29,6 @@ def lacking_in_rtl(drive: MptcDrive) -> tuple[str, str]:
         Key and value, and what the RTL serves instead; both empty if the RTL has all of it.
     """
     c = drive.control
-    if c.method not in (*SINGLE_METHODS, *PAIRS):
-        return f"control.method: {c.method}", ", ".join((*SINGLE_METHODS, *PAIRS))
     if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
         return f'control.duty_rule: "{c.duty_rule}"', '"deadbeat"'
     return "", ""
@@ -89,17 +87,17 @@ def decide(
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
     if drive.control.sequences:
         applied = bit_true_sequences.applied_words(trace)
-        pairs = np.full(len(u), PAIRS[drive.control.method])
+        code = np.full(len(u), FAMILY_METHODS[drive.control.method])
 
-        def _run_pairs(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
+        def _run_family(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
             job = Job(
-                values, measurements[rows], u[rows], family=True, pairs=pairs[rows],
+                values, measurements[rows], u[rows], family=True, family_method=code[rows],
                 applied=applied[rows],
             )  # fmt: skip
             answer = rtl_simulation.simulate(job, advance)
             return np.hstack([answer["decisions"], answer["sequences"]]).astype(np.int64)
 
-        out = in_parallel(len(trace), _run_pairs, progress)
+        out = in_parallel(len(trace), _run_family, progress)
         return bit_true_sequences.decisions(
             out[:, [5, 6, 7, 8, 9, 2]], clipped.astype(np.int64), out[:, 1]
         )

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.plant import PlantParameters
 from directmpc.mptc.trace import FloatArray, IntArray
 from scripts.hdl import simulator
@@ -21,8 +22,8 @@ BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
 #: Columns of a decision as the bench returns it.
 FIELDS = ("u", "cycles", "saturated", "clamped", "switches")
 
-#: Port `pairs` of the methods of two vectors.
-PAIRS = {"MPTC1": 1, "MPTC2": 2, "GTV": 3}
+#: Port `family_method` of the methods of several vectors.
+FAMILY_METHODS = {name: place for place, name in enumerate(SEQUENCE_METHODS, start=1)}
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,8 @@ class Job(simulator.Job):
         Instead of rows.
     each_registers : (n, 13), optional
         Registers of each row.
-    pairs : (n,), optional
-        Port `pairs` of each row; 0 without.
+    family_method : (n,), optional
+        Port `family_method` of each row; 0 without.
     applied : (n, 5), optional
         u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
     """
@@ -93,7 +94,7 @@ class Job(simulator.Job):
     loop: Loop | None = None
     each_registers: IntArray | None = None
     family: bool = False
-    pairs: IntArray | None = None
+    family_method: IntArray | None = None
     applied: IntArray | None = None
 
     @property

@@ -394,7 +394,7 @@ _DESIGN_NAMES = {
     "observer": "`mptc_observer`",
     "preexcitation": "`mptc_preexcitation`",
     "drive": "`mptc_drive`: all of these",
-    "family": "`mptc_family_core`: MPTC1, MPTC2 and GTV too",
+    "family": "`mptc_family_core`: the methods of two and three vectors too",
 }
 
 

@@ -314,8 +314,7 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
 @pytest.mark.parametrize(
     ("setting", "missing"),
     [
-        ('method = "MPC2"', "control.method: MPC2 is not in the RTL"),
-        ('method = "SVM"', "control.method: SVM is not in the RTL"),
+        ('method = "MPTC1"\nduty_rule = "mean"', 'control.duty_rule: "mean" is not in the RTL'),
         ('method = "MPTC2"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
     ],
 )

@@ -1,19 +1,21 @@
-"""Rows for ``mptc_family_core``: methods of two vectors beside MPTC and MPFC."""
+"""Rows for ``mptc_family_core``: methods of several vectors beside MPTC and MPFC."""
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from directmpc.mptc import bit_true, cycles
 from directmpc.mptc import bit_true_sequences as twin
-from directmpc.mptc import cycles
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import IntArray
-from scripts.hdl.mptc_simulation import FIELDS, PAIRS
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS
 from tb.helpers import mptc_rows as core
 
-METHODS = tuple(PAIRS)
+METHODS = tuple(FAMILY_METHODS)
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class PairRows:
     rows : core.Rows
         Registers, measurements, u.
     pairs : (n,)
-        Port `pairs`.
+        Port `family_method`.
     applied : (n, 5)
         u1, u2, u3, t1, t2; u for the whole period where `pairs` is 0.
     """
@@ -76,7 +78,7 @@ def mixed(seed: int, n: int) -> PairRows:
     rng = np.random.default_rng(seed)
     rows = core.mixed(seed, n)
     count = len(rows)
-    # MPFC's rows keep their method half of the time: it goes behind `pairs`
+    # MPFC's rows keep their method where none of several vectors is chosen
     pairs = rng.integers(0, len(METHODS) + 1, count)
     registers = rows.registers.copy()
     rows = core.Rows(registers, rows.measurements, rows.u)
@@ -85,3 +87,40 @@ def mixed(seed: int, n: int) -> PairRows:
     applied[alone, :3] = rows.u[alone, None]
     applied[alone, 3], applied[alone, 4] = TIME_STEPS, 0
     return PairRows(rows, pairs, applied)
+
+
+def _near(method: str, rng: np.random.Generator) -> tuple[IntArray, IntArray]:
+    """Registers and measurements of a state whose references a period can reach, or nearly."""
+    ts = float(rng.choice([50e-6, 100e-6]))
+    drive = core.shipped("induction_2kw2").with_control(method=method, ts=ts)
+    register, _, _, scales, lows, highs = twin.parameters(drive)
+    flux = 0.9 * cmath.exp(1j * rng.uniform(0, 2 * math.pi)) * rng.uniform(0.98, 1.02)
+    current = flux * complex(4.0, rng.uniform(-6, 6)) + complex(*rng.normal(0, 0.3, 2))
+    wanted = 3.0 * (flux.conjugate() * current).imag + rng.normal(0.0, 1.0)
+    length = abs(flux) * rng.choice([1.0, rng.uniform(0.98, 1.02)])
+    # now and then hardly any voltage: the way to go is very long
+    omega = rng.uniform(-330, 330)
+    vdc = 540.0 * rng.choice([1.0, 1.0, 1.0, 0.5 ** rng.integers(4, 14)])
+    seen, _ = bit_true.encode_row(
+        scales, lows, highs, current, flux, omega, float(vdc), wanted, float(length)
+    )
+    return register, seen
+
+
+def near(seed: int, n: int) -> PairRows:
+    """Periods as in a drive, n of each method of several vectors, in random order."""
+    rng = np.random.default_rng(seed)
+    codes = rng.permutation(np.repeat(np.arange(1, len(METHODS) + 1), n))
+    registers, seen = zip(*(_near(METHODS[code - 1], rng) for code in codes), strict=True)
+    applied = any_sequences(rng, len(codes))
+    rows = core.Rows(np.array(registers), np.array(seen), applied[:, 0])
+    return PairRows(rows, codes, applied)
+
+
+def together(*parts: PairRows) -> PairRows:
+    """Rows one after the other."""
+    return PairRows(
+        core.together(*(p.rows for p in parts)),
+        np.concatenate([p.pairs for p in parts]),
+        np.concatenate([p.applied for p in parts]),
+    )

@@ -20,7 +20,7 @@ from directmpc.mptc import formats as f
 from directmpc.mptc.bit_true import to_word
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.inverter import COMMUTATIONS, ZERO_FROM
-from directmpc.mptc.sequence import NEIGHBOURS, TIME_STEPS, is_active, zero_between
+from directmpc.mptc.sequence import TIME_STEPS, is_active, zero_between
 
 MPFC2, MPFC3, MPC2, SVM = (
     SEQUENCE_METHODS.index(name) for name in ("MPFC2", "MPFC3", "MPC2", "SVM")
@@ -30,17 +30,46 @@ MPFC2, MPFC3, MPC2, SVM = (
 HEXAGON_G = np.array([0, 1, 0, -1, -1, 0, 1, 0], dtype=np.int64)
 HEXAGON_H = np.array([0, 0, 1, 1, 0, -1, -1, 0], dtype=np.int64)
 
+#: Choices of a second vector: the last vector itself, zero voltage, the others.
+CHOICES = 7
+#: The first of them that MPC2 has: itself, zero voltage, the neighbours.
+NEAR_CHOICES = 4
+
+
+def _turns() -> np.ndarray:
+    """Turns to the second vector, in the order of the choices.
+
+    The fewer commutations the earlier, then by number. So of two choices that cost the same the
+    first is the one to take. From an active vector choice 0 is itself and choice 1 is zero voltage;
+    MPFC3 has no zero voltage there and takes choice 1 as the vector itself. From zero voltage
+    choice 0 is itself, and turns count from u_1.
+    """
+    table = np.zeros((8, CHOICES), dtype=np.int64)
+    for last in range(1, 7):
+        others = sorted(
+            (v for v in range(1, 7) if v != last), key=lambda v: (COMMUTATIONS[last, v], v)
+        )
+        table[last, 2:] = [(v - last) % 6 for v in others]
+    for last in (0, 7):
+        every = sorted(range(1, 7), key=lambda v: (COMMUTATIONS[last, v], v))
+        table[last, 1:] = [v - 1 for v in every]
+    return table
+
+
+#: Row: the vector that is applied first; column: the choice.
+TURNS = _turns()
+
 _REST_SHIFT = f.PRODUCT_FRACTION - f.REST_FRACTION
-_REST_HALF = 2 ** (_REST_SHIFT - 1)
-_REST_QUARTER = 2 ** (_REST_SHIFT - 2)
+_TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _QUOTIENT_WIDTH = f.QUOTIENT_WIDTH
 _QUOTIENT_FRACTION = f.QUOTIENT_FRACTION
 _RANGE = f.QUOTIENT_WIDTH - 1 - f.QUOTIENT_FRACTION
 _FAR_STEPS = f.FAR_STEPS
 _FRACTION = f.HEXAGON_FRACTION
 _ONE = 1 << f.HEXAGON_FRACTION
+_WHOLE = _ONE << 2
 _TIME_SHIFT = f.HEXAGON_FRACTION + 2 - f.TIME_WIDTH
-_THREE_SHIFT = f.HEXAGON_FRACTION + 1 - f.TIME_WIDTH
+_PART_SHIFT = f.HEXAGON_FRACTION - f.TIME_WIDTH
 _RESIDUE_SHIFT = f.HEXAGON_FRACTION + 2 - f.RESIDUE_FRACTION
 
 
@@ -89,19 +118,17 @@ def coordinates(r, o):
         1 where e is so long that it was halved.
     """
     # twice N*e, and twice N times the steps of u_1 along alpha and of u_2 along beta
-    x = -(r.v_a * r.along + ~r.v_b * r.across + r.modulus * o.base_a)
-    y = -(r.v_b * r.along + r.v_a * r.across + r.modulus * o.base_b)
-    x, y = (x + _REST_QUARTER) >> (_REST_SHIFT - 1), (y + _REST_QUARTER) >> (_REST_SHIFT - 1)
-    way_x = (r.modulus * o.step_a + _REST_HALF) >> _REST_SHIFT
-    way_y = (r.modulus * o.step_b + _REST_HALF) >> _REST_SHIFT
+    x = r.v_a * r.along + ~r.v_b * r.across + r.modulus * o.base_a + _TORQUE_HALF
+    y = r.v_b * r.along + r.v_a * r.across + r.modulus * o.base_b + _TORQUE_HALF
+    x, y = ~(x >> (_REST_SHIFT - 1)), ~(y >> (_REST_SHIFT - 1))
+    way_x = (r.modulus * o.step_a) >> _REST_SHIFT
+    way_y = (r.modulus * o.step_b) >> _REST_SHIFT
     far = 0
     for _ in range(_FAR_STEPS):
         if max(x, ~x) >= way_x << _RANGE or max(y, ~y) >= way_y << _RANGE:
             x >>= 1
             y >>= 1
             far = 1
-    if max(x, ~x) >= way_x << _RANGE or max(y, ~y) >= way_y << _RANGE:
-        far = 1
     h = quotient(y, way_y)
     # y = h*sqrt(3)/2, x = g + h/2
     return (quotient(x, way_x) << 1) - h, h << 1, far
@@ -116,63 +143,91 @@ def _turned(g, h, turns):
 
 
 @njit
-def _dot(g, h, to_g, to_h):
-    """Twice the scalar product in units of the squared length of a vector."""
-    return 2 * (g * to_g + h * to_h) + g * to_h + h * to_g
+def _limited(way):
+    return min(max(way, 0), _WHOLE)
 
 
 @njit
-def _limited(time, one):
-    return min(max(time, 0), one)
-
-
-@njit
-def edge(g, h, a, b):
-    """Point of the edge from b to a that is nearest to e.
+def spoke(g, h, turn):
+    """Part of a vector, zero voltage for the rest, that comes nearest to e.
 
     Parameters
     ----------
     g, h : int
         e, as `coordinates` returns it.
-    a, b : int
-        Vectors, 0 to 7.
+    turn : int
+        Turns of 60 degrees from the vector that stands where u_1 does, 0 to 5.
 
     Returns
     -------
     time : int
-        Fraction of a, two bits finer than g and h; exact.
-    cost : int
-        Square of the distance, see `square`.
+        Fraction of the vector, two bits finer than g and h.
+    at_g, at_h : int
+        The point, the same.
     """
-    along_g, along_h = HEXAGON_G[a] - HEXAGON_G[b], HEXAGON_H[a] - HEXAGON_H[b]
-    length = _dot(along_g, along_h, along_g, along_h) >> 1
-    one = _ONE << 2
-    time = 0
-    if length > 0:
-        # three and four go into it without remainder
-        time = 2 * _dot(g - HEXAGON_G[b] * _ONE, h - HEXAGON_H[b] * _ONE, along_g, along_h)
-        time = _limited(time // length, one)
-    at_g = time * HEXAGON_G[a] + (one - time) * HEXAGON_G[b]
-    at_h = time * HEXAGON_H[a] + (one - time) * HEXAGON_H[b]
-    return time, square((g << 2) - at_g, (h << 2) - at_h)
+    if turn % 3 == 0:
+        along = 2 * g + h
+    elif turn % 3 == 1:
+        along = g + 2 * h
+    else:
+        along = g - h
+    if 2 <= turn <= 4:
+        along = ~along
+    time = _limited(2 * along)
+    return time, time * HEXAGON_G[turn + 1], time * HEXAGON_H[turn + 1]
 
 
 @njit
-def square(g, h):
-    """Square of a residue's length.
+def edge(g, h, turn):
+    """Part of the vector where u_1 stands, another for the rest, that comes nearest to e.
 
     Parameters
     ----------
     g, h : int
-        Coordinates, two bits finer than those of e; cut off to words of RESIDUE_FRACTION
-        fractional bits, which hold them.
+        e, as `coordinates` returns it.
+    turn : int
+        Turns of 60 degrees to the other vector, 1 to 5.
+
+    Returns
+    -------
+    time : int
+        Fraction of the first vector, two bits finer than g and h; exact.
+    at_g, at_h : int
+        The point, the same.
+    """
+    if turn == 1:
+        along = 2 * (g - h)
+    elif turn == 2:
+        along = 2 * g
+    elif turn == 3:
+        along = 2 * g + h
+    elif turn == 4:
+        along = 2 * (g + h)
+    else:
+        along = 2 * (g + 2 * h)
+    time = _limited(along + _WHOLE // 2)
+    rest = _WHOLE - time
+    return time, time + rest * HEXAGON_G[turn + 1], rest * HEXAGON_H[turn + 1]
+
+
+@njit
+def square(g, h, at_g, at_h):
+    """Square of the distance of a point from e.
+
+    Parameters
+    ----------
+    g, h : int
+        e, as `coordinates` returns it.
+    at_g, at_h : int
+        The point, two bits finer. What remains is cut off to words of RESIDUE_FRACTION
+        fractional bits, which hold it.
 
     Returns
     -------
     int
         Not negative.
     """
-    g, h = g >> _RESIDUE_SHIFT, h >> _RESIDUE_SHIFT
+    g, h = ((g << 2) - at_g) >> _RESIDUE_SHIFT, ((h << 2) - at_h) >> _RESIDUE_SHIFT
     return g * (g + h) + h * h
 
 
@@ -200,6 +255,25 @@ def _last_active_of(applied):
 
 
 @njit
+def _on(vector, turn):
+    """Active vector that stands `turn` turns on from another."""
+    return (vector - 1 + turn) % 6 + 1
+
+
+@njit
+def _pair(g, h, a, count):
+    """Second vector and time of active a, of the first `count` choices; e in a's coordinates."""
+    best, best_time, best_cost = a, -1, square(g, h, _WHOLE, 0)
+    for k in range(1, count):
+        turn = TURNS[a, k]
+        time, at_g, at_h = spoke(g, h, 0) if k == 1 else edge(g, h, turn)
+        cost = square(g, h, at_g, at_h)
+        if cost < best_cost:
+            best, best_time, best_cost = ZERO_FROM[a] if k == 1 else _on(a, turn), time, cost
+    return best, best_time
+
+
+@njit
 def mpfc2(g, h, applied):
     """The last vector, then any (docs/specification.md, section 3.6).
 
@@ -216,17 +290,20 @@ def mpfc2(g, h, applied):
         What to apply, times in steps of the period.
     """
     last = _last_of(applied)
-    best, best_time, best_cost = -1, 0, 0
-    for j in range(7):
-        b = j
-        if j == 0:
-            b = ZERO_FROM[last] if is_active(last) else last
-        time, cost = edge(g, h, last, b)
-        fewer = best >= 0 and COMMUTATIONS[last, b] < COMMUTATIONS[last, best]
-        if best < 0 or cost < best_cost or (cost == best_cost and fewer):
-            best, best_time, best_cost = b, time, cost
-    t1 = best_time >> _TIME_SHIFT
-    return last, best, best, t1, TIME_STEPS - t1
+    if is_active(last):
+        g, h = _turned(g, h, last - 1)
+        best, time = _pair(g, h, last, CHOICES)
+        t1 = 0 if time < 0 else time >> _TIME_SHIFT
+        return last, best, best, t1, TIME_STEPS - t1
+    best, best_time, best_cost = last, _WHOLE, square(g, h, 0, 0)
+    for k in range(1, CHOICES):
+        turn = TURNS[last, k]
+        time, at_g, at_h = spoke(g, h, turn)
+        cost = square(g, h, at_g, at_h)
+        if cost < best_cost:
+            best, best_time, best_cost = turn + 1, time, cost
+    t2 = best_time >> _TIME_SHIFT
+    return last, best, best, TIME_STEPS - t2, t2
 
 
 @njit
@@ -242,31 +319,27 @@ def three(g, h, turn):
 
     Returns
     -------
-    t1, t3 : int
-        One bit finer than g and h.
-    full : bool
-        Whether they fill the period.
+    t1, rest : int
+        Time of l and of zero voltage, in steps of the period.
+    cost : int
+        Square of the distance, see `square`.
     """
-    one = _ONE << 1
-    by_l = 2 * g + h
-    to_g, to_h = HEXAGON_G[turn + 1], HEXAGON_H[turn + 1]
-    by_v = _dot(g, h, to_g, to_h)
-    if turn % 3 == 0:
-        return 0, _limited(by_v, one), False
-    # where l and v are neighbours e lies between them, else v's opposite stands in for it
-    t1, t3 = 2 * g, 2 * h
-    if turn in (2, 5):
-        t1 += 2 * h
-    if turn > 3:
-        t3 = -t3
-    if t1 < 0:
-        return 0, _limited(by_v, one), False
-    if t3 < 0:
-        return _limited(by_l, one), 0, False
-    if t1 + t3 > one:
-        time = edge(g, h, 1, turn + 1)[0] >> 1
-        return time, one - time, True
-    return t1, t3, False
+    if turn % 3 != 0:
+        # where l and v are neighbours e lies between them, else v's opposite stands in for it
+        beside_v = g if turn in (1, 4) else g + h
+        beside_l = h if turn < 3 else ~h
+        if beside_v >= 0:
+            if beside_l < 0:
+                time, at_g, at_h = spoke(g, h, 0)
+                t1 = time >> _TIME_SHIFT
+                return t1, TIME_STEPS - t1, square(g, h, at_g, at_h)
+            if beside_v + beside_l > _ONE:
+                time, at_g, at_h = edge(g, h, turn)
+                return time >> _TIME_SHIFT, 0, square(g, h, at_g, at_h)
+            t1 = beside_v >> _PART_SHIFT
+            return t1, TIME_STEPS - t1 - (beside_l >> _PART_SHIFT), 0
+    time, at_g, at_h = spoke(g, h, turn)
+    return 0, TIME_STEPS - (time >> _TIME_SHIFT), square(g, h, at_g, at_h)
 
 
 @njit
@@ -287,21 +360,13 @@ def mpfc3(g, h, applied):
     """
     last = _last_active_of(applied)
     g, h = _turned(g, h, last - 1)
-    best, best_cost, best_t1, best_t3, best_full = 0, 0, 0, 0, False
-    for apart in range(4):
-        for v in range(1, 7):
-            turn = (v - last) % 6
-            if min(turn, 6 - turn) != apart:
-                continue
-            t1, t3, full = three(g, h, turn)
-            at_g = t1 + t3 * HEXAGON_G[turn + 1]
-            at_h = t3 * HEXAGON_H[turn + 1]
-            cost = square(4 * g - 2 * at_g, 4 * h - 2 * at_h)
-            if best == 0 or cost < best_cost:
-                best, best_cost, best_t1, best_t3, best_full = v, cost, t1, t3, full
-    t1, t3 = best_t1 >> _THREE_SHIFT, best_t3 >> _THREE_SHIFT
-    rest = 0 if best_full else TIME_STEPS - t1 - t3
-    return last, zero_between(last, best), best, t1, rest
+    best, best_t1, best_rest, best_cost = 0, 0, 0, 0
+    for k in range(1, CHOICES):
+        turn = TURNS[last, k]
+        t1, rest, cost = three(g, h, turn)
+        if best == 0 or cost < best_cost:
+            best, best_t1, best_rest, best_cost = _on(last, turn), t1, rest, cost
+    return last, zero_between(last, best), best, best_t1, best_rest
 
 
 @njit
@@ -321,16 +386,13 @@ def mpc2(g, h, applied):
         What to apply, times in steps of the period.
     """
     a = 1
-    for u in range(2, 7):
-        if _dot(g, h, HEXAGON_G[u], HEXAGON_H[u]) > _dot(g, h, HEXAGON_G[a], HEXAGON_H[a]):
-            a = u
-    best, best_time = a, _ONE << 2
-    best_cost = square((g - HEXAGON_G[a] * _ONE) << 2, (h - HEXAGON_H[a] * _ONE) << 2)
-    for b in (ZERO_FROM[a], NEIGHBOURS[a, 0], NEIGHBOURS[a, 1]):
-        time, cost = edge(g, h, a, b)
-        if cost < best_cost:
-            best, best_time, best_cost = b, time, cost
-    t1, last = best_time >> _TIME_SHIFT, _last_of(applied)
+    for _ in range(5):
+        if g >= h and g + 2 * h >= 0:
+            break
+        g, h = _turned(g, h, 1)
+        a += 1
+    best, time = _pair(g, h, a, NEAR_CHOICES)
+    t1, last = TIME_STEPS if time < 0 else time >> _TIME_SHIFT, _last_of(applied)
     if COMMUTATIONS[last, best] < COMMUTATIONS[last, a]:
         return best, a, a, TIME_STEPS - t1, t1
     return a, best, best, t1, TIME_STEPS - t1
@@ -357,7 +419,7 @@ def svm(g, h):
                 break
             g, h = _turned(g, h, 1)
             sector += 1
-    t1, t2 = g >> (_FRACTION - f.TIME_WIDTH), h >> (_FRACTION - f.TIME_WIDTH)
+    t1, t2 = g >> _PART_SHIFT, h >> _PART_SHIFT
     if g + h > _ONE:
         t1 = (g << f.TIME_WIDTH) // (g + h)
         t2 = TIME_STEPS - t1

@@ -1,13 +1,12 @@
 """The bit-true twin of the methods that apply two or three vectors a period.
 
 As `bit_true`, whose state and torque terms it shares. MPTC1, MPTC2 and GTV stand here, the flux
-methods in `bit_true_hexagon`. ``mptc_family_core`` has MPTC1, MPTC2 and GTV, by the rule
-deadbeat. A pair is a first vector for the duty and a
-second for the rest. The difference of two vectors one leg apart is an active vector itself, and so
-is a vector's difference from zero: every pair is a start (its second vector) and a direction, an
-active vector. The torque is linear in the duty, so the duty is a quotient of two torque terms. It
-is found bit by bit, and its part of the way is added up with it: the product of duty and way, which
-stands here as one, takes no multiplier there.
+methods in `bit_true_hexagon`. ``mptc_family_core`` has all of them, duties by the rule deadbeat. A
+pair is a first vector for the duty and a second for the rest. The difference of two vectors one leg
+apart is an active vector itself, and so is a vector's difference from zero: every pair is a start
+(its second vector) and a direction, an active vector. The torque is linear in the duty, so the duty
+is a quotient of two torque terms. It is found bit by bit, and its part of the way is added up with
+it: the product of duty and way, which stands here as one, takes no multiplier there.
 """
 
 from __future__ import annotations

@@ -6,16 +6,27 @@ depend on the measurements.
 
 from __future__ import annotations
 
-from directmpc.mptc.program import GTV_LAST, MPFC_LAST, MPTC1_LAST, MPTC2_LAST, MPTC_LAST
+from directmpc.mptc.program import (
+    GTV_LAST,
+    HEXAGON_LAST,
+    MPFC_LAST,
+    MPTC1_LAST,
+    MPTC2_LAST,
+    MPTC_LAST,
+)
 
 #: Of ``mptc_core``, by the method of the drive file.
 CORE: dict[str, int] = {"MPTC": MPTC_LAST + 1, "MPFC": MPFC_LAST + 1}
 
-#: Of ``mptc_family_core``, the methods of two vectors; the others as ``mptc_core``.
+#: Of ``mptc_family_core``, the methods of several vectors; the others as ``mptc_core``.
 FAMILY: dict[str, int] = {
     "MPTC1": MPTC1_LAST + 1,
     "MPTC2": MPTC2_LAST + 1,
     "GTV": GTV_LAST + 1,
+    "MPFC2": HEXAGON_LAST + 1,
+    "MPFC3": HEXAGON_LAST + 1,
+    "MPC2": HEXAGON_LAST + 1,
+    "SVM": HEXAGON_LAST + 1,
 }
 
 #: Of ``mptc_drive``, which registers the decision.

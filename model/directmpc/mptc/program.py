@@ -21,9 +21,11 @@ from dataclasses import dataclass
 from directmpc.mac_program import SUM_LATENCY
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import (
+    FAR_STEPS,
     ITERATIONS,
     MEASUREMENTS,
     NORMALISE_STEPS,
+    QUOTIENT_WIDTH,
     ROOT_WIDTH,
     TIME_WIDTH,
 )
@@ -67,6 +69,8 @@ FLUX_COMPLEMENTS = ("not_half_angle", "not_moment")
 #: What else is an operand: the flux error, constants, u, and the parts of MPFC's reference.
 OTHERS = ("difference", "gain", "root3_2", "share_alpha", "share_beta")
 FLUX_OTHERS = ("root_along", "root_across")
+#: Distance of a choice from e, of the flux methods of several vectors.
+FAMILY_OTHERS = ("residue_g", "residue_h", "residue_sum")
 
 OPERANDS: tuple[str, ...] = (
     *MEASUREMENTS,
@@ -76,8 +80,8 @@ OPERANDS: tuple[str, ...] = (
     *FLUX_COMPLEMENTS,
     *OTHERS,
     *FLUX_OTHERS,
+    *FAMILY_OTHERS,
 )
-FLUX_OPERANDS = {"gain", *FLUX_RESULTS, *FLUX_COMPLEMENTS, *FLUX_OTHERS, "root3_2"}
 
 SEEDS: tuple[str, ...] = (
     "half",
@@ -109,6 +113,8 @@ class Step:
         One of SEEDS; empty: add to the sum so far.
     result : str
         One of RESULTS or TERMS where the sum is complete with this product.
+    taken : bool
+        Whether another unit takes the sum when it is complete with this product.
     """
 
     clock: int
@@ -117,6 +123,7 @@ class Step:
     b: str
     seed: str = ""
     result: str = ""
+    taken: bool = False
 
 
 def _pass_flux(clock: int, seeds: str, lead: str = "", half: str = "") -> list[Step]:
@@ -212,7 +219,7 @@ MPFC: tuple[Step, ...] = (
     Step(MODULUS, ALPHA, "rotor_alpha", "rotor_alpha", "half"),
     Step(MODULUS + 1, ALPHA, "rotor_beta", "rotor_beta", "", "modulus"),
     Step(RADICAND, FLUX, "square", "modulus", "none"),
-    Step(RADICAND + 1, FLUX, "not_moment", "moment"),
+    Step(RADICAND + 1, FLUX, "not_moment", "moment", taken=True),
     Step(RADICAND + 2, FLUX, "modulus", "gain", "half", "modulus"),
     Step(RADICAND + 2 + LATENCY, FLUX, "modulus", "step_alpha", "torque_half", "level"),
     Step(ALONG, ALPHA, "rotor_alpha", "root_along", "half"),
@@ -254,6 +261,13 @@ ZERO_PAIRS, EDGE_PAIRS = 6, 12
 #: to begin, one to compare with the whole period, one for each bit.
 SEARCHES = 4
 DUTY_CLOCKS = 2 + TIME_WIDTH
+#: Clocks from looking a pair up to the beginning of its search: a register behind the table, and
+#: one behind the torques. The table needs no term, so MPTC2 and GTV look up a clock earlier.
+PAIR_AHEAD = 2
+FIRST_PAIR = MPTC_FIRST_TERM + 1 - PAIR_AHEAD
+#: Clocks from a search's result to the pair's flux in the magnitude: a register behind the choice
+#: among the searches, and one behind the flux.
+PAIR_REGISTERS = 2
 
 
 def pair_clock(n: int) -> int:
@@ -269,7 +283,8 @@ def pair_clock(n: int) -> int:
     int
         Clock.
     """
-    return MPTC_FIRST_TERM + n % SEARCHES + DUTY_CLOCKS * (n // SEARCHES + 1)
+    begun = FIRST_PAIR + PAIR_AHEAD + n % SEARCHES + DUTY_CLOCKS * (n // SEARCHES)
+    return begun + DUTY_CLOCKS + PAIR_REGISTERS
 
 
 #: Costs of MPTC2 and GTV: behind MPTC's program, which they share.
@@ -278,12 +293,75 @@ PAIRS: tuple[Step, ...] = tuple(
     for n in range(EDGE_PAIRS)
 )
 
-#: MPTC1's pair is known when MPTC's vector is.
-MPTC1_LAST = MPTC_LAST + DUTY_CLOCKS + 1
-MPTC2_LAST = pair_clock(ZERO_PAIRS - 1) + STREAM_COMPARE + 1
-GTV_LAST = pair_clock(EDGE_PAIRS - 1) + STREAM_COMPARE + 1
+#: MPTC1's pair is known when MPTC's vector is; its duty comes out of the first register.
+MPTC1_LAST = MPTC_LAST + PAIR_AHEAD + DUTY_CLOCKS + 2
+#: The last comparison, then the decision.
+MPTC2_LAST = pair_clock(ZERO_PAIRS - 1) + STREAM_COMPARE + 2
+GTV_LAST = pair_clock(EDGE_PAIRS - 1) + STREAM_COMPARE + 2
 #: What is added to a clock behind MPTC's last for its address.
 PAIR_OFFSET = MPFC_LAST + FORK_OFFSET - MPTC_LAST
+
+
+#: Clock of the flux methods of several vectors in which the way of u_1 is formed.
+WAY = RADICAND + 2 + LATENCY + 1
+#: Their first clock with an address of its own; nothing is issued or written around it.
+HEXAGON_FORK = ALONG - 1
+#: Clock in which e stands in the accumulators; it is taken, and halved where it is long.
+REST = ALONG + 2 + SUM_LATENCY
+#: First bit of the quotients, first turn, first choice; clocks.
+DIVISION = REST + 1 + FAR_STEPS
+TURN = DIVISION + QUOTIENT_WIDTH - 1 + 1
+#: Turns by 60 degrees that bring any vector to u_1's place at most.
+TURNS = 5
+FIRST_CHOICE = TURN + TURNS
+#: Choices of a second vector; clocks for each, and from its beginning to its residue.
+CHOICES = 7
+CHOICE_CLOCKS = 2
+RESIDUE = 2
+
+
+def choice_clock(n: int) -> int:
+    """Clock in which a choice of a second vector begins.
+
+    Parameters
+    ----------
+    n : int
+        Number of the choice, from 0.
+
+    Returns
+    -------
+    int
+        Clock.
+    """
+    return FIRST_CHOICE + CHOICE_CLOCKS * n
+
+
+#: MPFC2, MPFC3, MPC2 and SVM: in MPFC's program, and in place of its end.
+HEXAGON: tuple[Step, ...] = (
+    Step(WAY, FLUX, "step_alpha", "modulus", "none", taken=True),
+    Step(WAY + 1, FLUX, "step_beta", "modulus", "none", taken=True),
+    Step(ALONG, ALPHA, "rotor_alpha", "root_along", "torque_half"),
+    Step(ALONG + 1, ALPHA, "not_rotor_beta", "root_across"),
+    Step(ALONG + 2, ALPHA, "modulus", "stator_alpha", taken=True),
+    Step(ALONG, BETA, "rotor_beta", "root_along", "torque_half"),
+    Step(ALONG + 1, BETA, "rotor_alpha", "root_across"),
+    Step(ALONG + 2, BETA, "modulus", "stator_beta", taken=True),
+    *(
+        step
+        for n in range(CHOICES)
+        for step in (
+            Step(choice_clock(n) + RESIDUE, ALPHA, "residue_h", "residue_h", "torque_half"),
+            Step(choice_clock(n) + RESIDUE + 1, ALPHA, "residue_g", "residue_sum", taken=True),
+        )
+    ),
+)
+#: Clocks from a choice's beginning to its comparison; clock in which ``valid`` is high.
+CHOICE_COMPARE = RESIDUE + 1 + SUM_LATENCY
+HEXAGON_LAST = choice_clock(CHOICES - 1) + CHOICE_COMPARE + 2
+#: What is added to a clock from HEXAGON_FORK on for its address.
+HEXAGON_OFFSET = GTV_LAST + PAIR_OFFSET + 1 - HEXAGON_FORK
+#: MPFC's products that the others have too.
+BEFORE_HEXAGON: tuple[Step, ...] = tuple(s for s in MPFC if s.clock < HEXAGON_FORK)
 
 
 def base(name: str) -> str:
@@ -336,6 +414,22 @@ def pair_address(clock: int) -> int:
     return clock + PAIR_OFFSET if clock > MPTC_LAST else clock
 
 
+def hexagon_address(clock: int) -> int:
+    """Program address of a clock of MPFC2, MPFC3, MPC2 and SVM.
+
+    Parameters
+    ----------
+    clock : int
+        Clock after the one that accepts ``start``.
+
+    Returns
+    -------
+    int
+        As MPFC's before HEXAGON_FORK, then behind the pairs'.
+    """
+    return clock + HEXAGON_OFFSET if clock >= HEXAGON_FORK else address(clock, True)
+
+
 def check(steps: tuple[Step, ...]) -> None:
     """Check that a method's program does not contradict itself.
 
@@ -376,9 +470,7 @@ def check(steps: tuple[Step, ...]) -> None:
         for step in order:
             if open_sum == bool(step.seed):
                 raise ValueError(f"block {block}: the sum at clock {step.clock} has no beginning")
-            open_sum = not step.result and step.seed not in ("cost",)
-            if step.a == "not_moment":  # watched by the root, no result of its own
-                open_sum = False
+            open_sum = not step.result and not step.taken and step.seed != "cost"
 
 
 if MPTC_LAST >= FORK + FORK_OFFSET:
@@ -386,3 +478,4 @@ if MPTC_LAST >= FORK + FORK_OFFSET:
 check(COMMON + MPTC)
 check(COMMON + MPTC + PAIRS)
 check(COMMON + MPFC)
+check(COMMON + BEFORE_HEXAGON + HEXAGON)

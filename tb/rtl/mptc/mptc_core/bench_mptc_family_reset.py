@@ -1,6 +1,6 @@
 """A reset in the middle of a decision of ``mptc_family_core`` leaves nothing behind.
 
-As bench_mptc_core_reset, for the methods of two vectors.
+As bench_mptc_core_reset, for the methods of several vectors.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from tb.helpers import mptc_pairs
 from tb.helpers.scoreboard import Scoreboard
 from tb.rtl.mptc.mptc_core.bench_mptc_core_reset import ResetBench
 
-_SEQUENCE_AT, _PAIRS_AT = 130, 217
+_SEQUENCE_AT, _METHOD_AT = 130, 217
 
 
 class PairResetBench(ResetBench):
-    """A bench whose decisions of two vectors can be ended by a reset."""
+    """A bench whose decisions of several vectors can be ended by a reset."""
 
     async def begin_pair(self, rows: mptc_pairs.PairRows, k: int) -> None:
         """Ask for a decision; returns in the clock before the edge that accepts ``start``."""
         self.load(rows.rows.registers[k])
-        self.dut.parameters.value = self.parameters | int(rows.pairs[k]) << _PAIRS_AT
+        self.dut.parameters.value = self.parameters | int(rows.pairs[k]) << _METHOD_AT
         row = pack_row(rows.rows.measurements[k], rows.rows.u[k])
         self.dut.row.value = row | pack_sequence(rows.applied[k]) << _SEQUENCE_AT
         await self.asked()
@@ -36,7 +36,7 @@ async def resets(dut) -> None:
     """One aborted decision before each."""
     board = Scoreboard()
     rng = np.random.default_rng(31)
-    rows = mptc_pairs.mixed(seed=12, n=6)
+    rows = mptc_pairs.mixed(seed=12, n=8)
     wanted = rows.expected()
     bench = PairResetBench(dut)
     await bench.reset(rows.rows.registers[0])
@@ -59,7 +59,7 @@ async def resets(dut) -> None:
             sequence = unpack_sequence(dut.response.value.to_unsigned() >> 8)
             told = tuple(int(v) for v in wanted[k])
             board.check("decision", (*answer, *sequence), told, where)
-            board.cover(f"{clocks} clocks")
+            board.cover(f"method {code}")
     edges = sum(cycles.FAMILY.values())
-    least = {f"{clocks} clocks": clocks for clocks in cycles.FAMILY.values()}
+    least = {f"method {code}": n for code, n in enumerate(cycles.FAMILY.values(), start=1)}
     board.finish({"decision": edges, "busy": edges, "valid": edges}, least)

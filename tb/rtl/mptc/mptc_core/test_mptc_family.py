@@ -1,15 +1,18 @@
 """``mptc_family_core`` against its bit-true twins: every decision, time, flag and clock.
 
-Sweep: MPTC, MPFC, MPTC1, MPTC2 and GTV, chosen anew for every decision; both drives that ship.
-Stimulus: states out of closed loops; measurements and registers of any content, with corners, zero
-flux and zero torque; running sequences of any content, with times of zero and of a whole period;
-all inputs random on every clock but the start's, `start` repeated while busy.
+Sweep: MPTC, MPFC and the seven methods of several vectors, chosen anew for every decision; both
+drives that ship.
+Stimulus: states out of closed loops; states whose references a period reaches; measurements and
+registers of any content, with corners, zero flux and zero torque; running sequences of any content,
+with times of zero and of a whole period; all inputs random on every clock but the start's, `start`
+repeated while busy.
 Checks: vectors, times, switch states, flags bit for bit. The twins against float64 in
 test_mptc_sequences.
-Timing: 54, 66 and 82 clocks for MPTC1, MPTC2 and GTV, 39 and 78 for MPTC and MPFC, always; the
-bench ends a simulation in which a decision takes more than 64, 80 and 90, or 40 and 80.
+Timing: 57, 70 and 86 clocks for MPTC1, MPTC2 and GTV, 110 for MPFC2, MPFC3, MPC2 and SVM, 39 and
+78 for MPTC and MPFC, always; the bench ends a simulation in which a decision takes more than 64,
+80, 90 and 110, or 40 and 80.
 Resets: at every edge of a decision of each method; the next one, of any method, is the twin's.
-Faults: in each file that the methods of two vectors add, in the sequencer, in what they share.
+Faults: in each file that the methods of several vectors add, in the sequencer, in what they share.
 Does not prove: parameters that change between start and valid, which is forbidden.
 """
 
@@ -23,7 +26,7 @@ import pytest
 from directmpc.mptc import cycles
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.mptc_simulation import Job
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
 from scripts.hdl.sources import RTL
 from tb.helpers import mptc_pairs
 from tb.helpers.faults import altered
@@ -39,7 +42,7 @@ def ghdl(rows: PairRows, rtl: Path | None = None) -> np.ndarray:
         rows.rows.u,
         each_registers=rows.rows.registers,
         family=True,
-        pairs=rows.pairs,
+        family_method=rows.pairs,
         applied=rows.applied,
     )
     answer = rtl_simulation.simulate(job, rtl=rtl)
@@ -52,20 +55,26 @@ def wrong(rows: PairRows, got: np.ndarray) -> int:
 
 
 def test_rtl_decides_as_the_twins() -> None:
-    rows = mptc_pairs.mixed(seed=1, n=50)
+    rows = mptc_pairs.together(mptc_pairs.mixed(seed=1, n=50), mptc_pairs.near(seed=2, n=40))
     got = ghdl(rows)
-    assert len(got) == 500
+    assert len(got) == 780
     assert wrong(rows, got) == 0
+    assert got[:, 2].sum() >= 20
+    assert got[:, 3].sum() >= 20
     for code, name in enumerate(mptc_pairs.METHODS, start=1):
         mine = rows.pairs == code
         assert mine.sum() > 80
         assert set(got[mine, 1].tolist()) == {clocks_of("mptc_family_core", name.lower())}
-        duties = got[mine, 8]
-        assert ((duties > 0) & (duties < 4095)).sum() >= 10
-        assert (duties == 0).sum() + (duties == 4095).sum() >= 10
-    gtv = rows.pairs == 3
-    assert ((got[gtv, 6] % 7) != 0).sum() >= 5  # pairs of two active vectors
-    assert got[:, 2].sum() >= 20
+        t1, t2 = got[mine, 8], got[mine, 9]
+        assert ((t1 > 0) & (t1 < 4095)).sum() >= 10
+        assert np.isin(t1, (0, 4095, 4096)).sum() >= 10 or name == "SVM"
+        assert ((t1 + t2 < 4096).sum() >= 5) == (name in ("MPFC3", "SVM"))
+    pairs = {name: got[rows.pairs == code] for name, code in FAMILY_METHODS.items()}
+    assert ((pairs["GTV"][:, 6] % 7) != 0).sum() >= 5  # pairs of two active vectors
+    assert ((pairs["MPFC2"][:, 5] % 7) == 0).sum() >= 10  # after zero voltage
+    assert ((pairs["MPC2"][:, 5] % 7) == 0).sum() >= 2  # the second vector first
+    assert (pairs["MPC2"][:, 5] == pairs["MPC2"][:, 7]).sum() >= 10  # one vector alone
+    assert set(pairs["MPFC3"][:, 6].tolist()) == {0, 7}
 
 
 def test_clocks_are_those_of_the_program() -> None:
@@ -106,19 +115,54 @@ FAULTS = {
     ),
     "zero for MPTC1": (
         "mptc_vector_stream",
-        "and not to_std_logic(method = PAIRS_MPTC1 and stream = STREAM_LAST)",
+        "and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)",
         "",
     ),
     "end": ("mptc_sequencer", "address = LAST_MPTC2 - 1 and", "address = LAST_MPTC2 - 2 and"),
-    "result": ("mptc_controller", "(method /= PAIRS_NONE)", "(method = PAIRS_GTV)"),
+    "result": ("mptc_controller", "decided <= method;", "decided <= FAMILY_NONE;"),
+    "quotient": ("mptc_quotient", "QUOTIENT_RANGE - 1);", "QUOTIENT_RANGE);"),
+    "halving": ("mptc_coordinates", "clock < HALVINGS)", "clock < HALVINGS - 1)"),
+    "far": ("mptc_controller", "or (far and method(2))", "and method(2)"),
+    "sign of e": ("mptc_coordinates", "negative_y <= not sum_beta", "negative_y <= sum_beta"),
+    "turn": ("mptc_coordinates", "e.h       <= -e.g;", "e.h       <= e.g;"),
+    "turn of a sum": ("mptc_coordinates", "e.by_next <= -e.apart;", "e.by_next <= e.apart;"),
+    "sector of SVM": ("mptc_coordinates", "and not sign_of(e.h) and", "and"),
+    "share of SVM": ("mptc_coordinates", "CHOICE_CLOCK + TIME_WIDTH));", "CHOICE_CLOCK + 11));"),
+    "nearest of MPC2": (
+        "mptc_coordinates",
+        "not sign_of(e.apart) and not",
+        "not sign_of(e.apart) or not",
+    ),
+    "edge": (
+        "mptc_choices",
+        "shift_left(resize(form, WAY_BITS), 1) + 2 ** (WHOLE_BIT - 1);",
+        "shift_left(resize(form, WAY_BITS), 1) + 2 ** (WHOLE_BIT - 2);",
+    ),
+    "opposite spoke": ("mptc_choices", 'or turn = "011" or turn = "100"', 'or turn = "011"'),
+    "residue": ("mptc_choices", "moved(fine, taken, '1')", "moved(fine, taken, '0')"),
+    "inside": ("mptc_choices", "if (held = KIND_INSIDE) then", "if (later = '0') then"),
+    "full": ("mptc_choices", "full <= beyond_one(form);", "full <= '0';"),
+    "turns": ("mptc_choices", "row & next_number", 'row & "001"'),
+    "tie of choices": ("mptc_choices", "0)) < least)", "0)) <= least)"),
+    "choices of MPC2": ("mptc_choices", "SLOTS_BEHIND + NEAR_CHOICES)", "SLOTS_BEHIND + CHOICES)"),
+    "last vector": (
+        "mptc_hexagon",
+        "elsif (unsigned(given.t2) /= 0) then",
+        "elsif (unsigned(given.t1) /= 0) then",
+    ),
+    "zero between": ("mptc_hexagon", "zero_is_u_7(row) and zero_is_u_7(other)", "zero_is_u_7(row)"),
+    "order of MPC2": ("mptc_hexagon", "elsif (fewer = '1') then", "elsif (fewer = '0') then"),
+    "third": ("mptc_hexagon", "downto 0 => sign_of(e.h))", "downto 0 => '0')"),
+    "way": ("mptc_sequencer", "address = FIRST_WAY + 1", "address = FIRST_WAY"),
+    "fork": ("mptc_sequencer", "address = HEXAGON_FORK - 1", "address = HEXAGON_FORK"),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_found_with_two_vectors(name: str, tmp_path: Path) -> None:
+def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> None:
     where, old, new = FAULTS[name]
     rtl = altered(tmp_path, where, old, new)
-    rows = mptc_pairs.mixed(seed=5, n=16)
+    rows = mptc_pairs.together(mptc_pairs.mixed(seed=5, n=16), mptc_pairs.near(seed=6, n=30))
     assert wrong(rows, ghdl(rows, rtl)) > 0
 
 
@@ -134,4 +178,4 @@ def resets(rtl: Path = RTL) -> Outcome:
 
 
 def test_a_reset_leaves_no_search_behind() -> None:
-    assert resets().checks["decision"] == 202
+    assert resets().checks["decision"] == 653

@@ -1,0 +1,342 @@
+-- Flux control with two and three vectors a period: MPFC2, MPFC3, MPC2 and SVM (Paper B, sections 5.3, 6.2 and 7).
+--
+-- mptc_coordinates brings what is missing to MPFC's reference vector into coordinates along two voltage vectors;
+-- mptc_choices finds the second vector and its time. Here stands which vector is the first, and what a choice means
+-- to each method: MPFC2 goes on with the last vector, MPFC3 with the last active one, then zero voltage; MPC2 begins
+-- with the vector nearest to e, or with the second where that takes fewer commutations; SVM takes the two beside e.
+--
+-- Formats: as in mptc_types; times 1/4096 of the period.
+-- Latency: chosen is stable one clock after last, HEXAGON_CLOCKS clocks after rest.
+-- Overflow: far tells that e was halved; nothing wraps.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.directmpc_math.all;
+  use work.mptc_constants.all;
+  use work.mptc_types.all;
+  use work.mptc_vectors.all;
+
+entity mptc_hexagon is
+  port (
+    clk       : in    std_logic;       -- rising edge
+    rst       : in    std_logic;       -- synchronous, active high
+    method    : in    family_t;        -- a flux method, or another: then chosen means nothing; stable
+    running   : in    mptc_sequence_t; -- what is being applied, stable
+    way_alpha : in    std_logic;       -- '1': sum is the way of u_1 along alpha
+    way_beta  : in    std_logic;       -- '1': sum is the way of u_2 along beta
+    sum       : in    sum_t;           -- accumulator, signed
+    rest      : in    std_logic;       -- '1': -e is in the following two
+    sum_alpha : in    sum_t;           -- accumulator, signed; later the square of a distance
+    sum_beta  : in    sum_t;           -- accumulator, signed
+    last      : in    std_logic;       -- '1': the last choice has been compared
+    residues  : out   mptc_residues_t; -- operands of the squares
+    chosen    : out   mptc_sequence_t; -- what to apply next
+    far       : out   std_logic        -- '1': e was so long that it was halved
+  );
+end entity mptc_hexagon;
+
+architecture rtl of mptc_hexagon is
+
+  constant PART_SHIFT : natural := HEXAGON_FRACTION - TIME_WIDTH;
+
+  subtype steps_t is unsigned(TIME_WIDTH downto 0);
+
+  signal clock  : natural range 0 to HEXAGON_CLOCKS;
+  signal ended  : vector_t;                                  -- vector that is applied last
+  signal base   : vector_t;                                  -- first active vector of MPFC2 and MPFC3
+  signal leader : vector_t;
+  signal row    : vector_t;
+  signal e      : mptc_missing_t;
+  signal share  : std_logic_vector(TIME_WIDTH - 1 downto 0);
+  signal best   : mptc_choice_t;
+  signal size_h : steps_t;                                   -- h, its complement where it is negative
+  signal beyond : std_logic;                                 -- g and h fill more than the period
+  signal flat   : std_logic;                                 -- h is zero
+  signal first  : steps_t;                                   -- time of the leading vector, of a spoke that of the other
+  signal third  : steps_t;                                   -- MPFC3: time of the third; SVM: of the second
+  signal rest_t : steps_t;                                   -- what these leave
+  signal other  : vector_t;                                  -- the choice's vector
+  signal fewer  : std_logic;                                 -- MPC2: it takes fewer commutations than the leading one
+
+  -- '1': u_1 to u_6
+  function is_active (number : vector_t) return std_logic is
+  begin
+
+    return has_alpha(number);
+
+  end function is_active;
+
+  -- vector that is applied last
+  function last_of (given : mptc_sequence_t) return vector_t is
+
+    variable sum_of_two : steps_t;
+
+  begin
+
+    sum_of_two := unsigned(given.t1) + unsigned(given.t2);
+
+    if (sum_of_two(TIME_WIDTH) = '0') then
+      return given.u3;
+    elsif (unsigned(given.t2) /= 0) then
+      return given.u2;
+    else
+      return given.u1;
+    end if;
+
+  end function last_of;
+
+  -- active vector that is applied last
+  function last_active_of (given : mptc_sequence_t) return vector_t is
+
+    variable sum_of_two : steps_t;
+
+  begin
+
+    sum_of_two := unsigned(given.t1) + unsigned(given.t2);
+
+    if (sum_of_two(TIME_WIDTH) = '0' and is_active(given.u3) = '1') then
+      return given.u3;
+    elsif (unsigned(given.t2) /= 0 and is_active(given.u2) = '1') then
+      return given.u2;
+    elsif (is_active(given.u1) = '1') then
+      return given.u1;
+    elsif (is_active(given.u2) = '1') then
+      return given.u2;
+    elsif (is_active(given.u3) = '1') then
+      return given.u3;
+    else
+      return "001";
+    end if;
+
+  end function last_active_of;
+
+  -- active vector that stands some turns by 60 degrees on from another
+  function turned (number : vector_t; turns : turn_t) return vector_t is
+
+    variable result : unsigned(3 downto 0);
+
+  begin
+
+    result := unsigned('0' & number) + unsigned(turns);
+
+    if (result > 6) then
+      result := result - 6;
+    end if;
+
+    return std_logic_vector(result(2 downto 0));
+
+  end function turned;
+
+begin
+
+  ---------------------------------------------------------------------------------------------
+  -- Clocks and first vectors
+  ---------------------------------------------------------------------------------------------
+
+  p_clock : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (clock /= 0 and clock /= HEXAGON_CLOCKS) then
+        clock <= clock + 1;
+      end if;
+
+      if (rest = '1') then
+        clock <= 1;
+      end if;
+
+      if (rst = '1' or last = '1') then
+        clock <= 0;
+      end if;
+    end if;
+
+  end process p_clock;
+
+  p_first : process (clk) is
+
+    variable vector : vector_t;
+
+  begin
+
+    if rising_edge(clk) then
+      if (rest = '1') then
+        vector := last_of(running);
+        ended  <= vector;
+        base   <= vector;
+
+        if (is_active(vector) = '0') then
+          base <= "001";
+        end if;
+
+        if (method = FAMILY_MPFC3) then
+          base <= last_active_of(running);
+        end if;
+      end if;
+    end if;
+
+  end process p_first;
+
+  row <= ended when method = FAMILY_MPFC2 else
+         leader;
+
+  i_coordinates : entity work.mptc_coordinates
+    port map (
+      clk       => clk,
+      way_alpha => way_alpha,
+      way_beta  => way_beta,
+      sum       => sum,
+      rest      => rest,
+      sum_alpha => sum_alpha,
+      sum_beta  => sum_beta,
+      clock     => clock,
+      method    => method,
+      base      => base,
+      leader    => leader,
+      missing   => e,
+      share     => share,
+      far       => far
+    );
+
+  i_choices : entity work.mptc_choices
+    port map (
+      clk      => clk,
+      clock    => clock,
+      method   => method,
+      row      => row,
+      missing  => e,
+      sum      => sum_alpha,
+      residues => residues,
+      best     => best
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- What the nearest choice means
+  ---------------------------------------------------------------------------------------------
+
+  -- e is stable long before the last choice
+  p_ahead : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      size_h <= unsigned(e.h(HEXAGON_FRACTION downto PART_SHIFT) xor (TIME_WIDTH downto 0 => sign_of(e.h)));
+      beyond <= beyond_one(e.total);
+      flat   <= to_std_logic(e.h = 0);
+    end if;
+
+  end process p_ahead;
+
+  p_times : process (method, best, e, share, size_h, beyond, flat) is
+  begin
+
+    first <= unsigned(best.part);
+    third <= (others => '0');
+
+    if (method = FAMILY_SVM) then
+      first <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
+      third <= size_h;
+
+      if (beyond = '1') then
+        first <= '0' & unsigned(share);
+        third <= (others => '0');
+
+        if (flat = '1') then
+          first <= unsigned(WHOLE_PERIOD);
+        end if;
+      end if;
+    elsif (method = FAMILY_MPFC3) then
+      if (best.kind = KIND_INSIDE) then
+        first <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
+        third <= size_h;
+
+        if (best.turn = "001" or best.turn = "100") then
+          first <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
+        end if;
+      end if;
+    elsif (method = FAMILY_MPFC2 and best.number = "000") then
+      first <= (others => '0');
+    end if;
+
+  end process p_times;
+
+  rest_t <= unsigned(WHOLE_PERIOD) - first - third;
+
+  p_other : process (method, best, row, leader) is
+
+  begin
+
+    other <= turned(leader, best.turn);
+
+    if (method /= FAMILY_MPFC3) then
+      if (best.number = "000") then
+        other <= row;
+      elsif (best.number = "001" and is_active(row) = '1') then
+        other <= (others => zero_is_u_7(row));
+      end if;
+    end if;
+
+  end process p_other;
+
+  p_fewer : process (ended, leader, other) is
+
+    variable from_leader : switches_t;
+    variable from_ended  : switches_t;
+
+  begin
+
+    -- both stand at most one leg apart: it is fewer where the inverter has the choice's state in that leg
+    from_leader := switches_of_vector(other) xor switches_of_vector(leader);
+    from_ended  := switches_of_vector(other) xor switches_of_vector(ended);
+    fewer       <= to_std_logic((from_leader and not from_ended) /= "000");
+
+  end process p_fewer;
+
+  p_chosen : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (last = '1') then
+        chosen.u1 <= row;
+        chosen.u2 <= other;
+        chosen.u3 <= other;
+        chosen.t1 <= std_logic_vector(first);
+        chosen.t2 <= std_logic_vector(rest_t);
+
+        if (method = FAMILY_SVM) then
+          chosen.u2 <= turned(leader, "001");
+          chosen.u3 <= "000";
+
+          if (beyond = '0') then
+            chosen.t2 <= std_logic_vector(third);
+          end if;
+        elsif (method = FAMILY_MPFC3) then
+          -- u_7 takes fewer commutations between two vectors of even number
+          chosen.u2 <= (others => zero_is_u_7(row) and zero_is_u_7(other));
+
+          if (best.kind = KIND_SPOKE) then
+            chosen.t1 <= (others => '0');
+          elsif (best.kind = KIND_EDGE) then
+            chosen.t2 <= (others => '0');
+          end if;
+        elsif (method = FAMILY_MPFC2) then
+          -- on a spoke from zero voltage the time is the other vector's
+          if (is_active(row) = '0' and best.number /= "000") then
+            chosen.t1 <= std_logic_vector(rest_t);
+            chosen.t2 <= std_logic_vector(first);
+          end if;
+        elsif (fewer = '1') then
+          chosen.u1 <= other;
+          chosen.u2 <= row;
+          chosen.u3 <= row;
+          chosen.t1 <= std_logic_vector(rest_t);
+          chosen.t2 <= std_logic_vector(first);
+        end if;
+      end if;
+    end if;
+
+  end process p_chosen;
+
+end architecture rtl;
