@@ -17,8 +17,8 @@ from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
 from directmpc.mptc.plant import step, step_sequence
-from directmpc.mptc.sequence import TIME_STEPS
-from scripts.hdl.mptc_simulation import FIELDS, Job
+from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence
@@ -215,6 +215,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     current, flux, omega_r, integral = loop.current, loop.flux, loop.omega_r, 0.0
     applied = np.array([0, 0, 0, TIME_STEPS, 0])
     inside = np.empty(1, dtype=np.complex128), np.empty(1)
+    vectors, lengths = np.empty(7, dtype=np.int64), np.empty(7)
     for k in range(steps):
         wanted = float(loop.torque_ref[k])
         if loop.use_speed:
@@ -239,9 +240,10 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
                 loop.plant, current, flux, omega_r, applied[0], loop.load[k]
             )
         else:
-            times = applied[3:] / TIME_STEPS
+            known = VectorSequence(*(int(u) for u in applied[:3]), *(applied[3:] / TIME_STEPS))
+            count = segments(known, code == FAMILY_METHODS["SVM"], vectors, lengths)
             current, flux, omega_r = step_sequence(
-                loop.plant, current, flux, omega_r, applied[:3], np.append(times, 1 - times.sum()),
+                loop.plant, current, flux, omega_r, vectors[:count], lengths[:count],
                 loop.load[k], *inside,
             )  # fmt: skip
         applied = sequences[k] = np.array(bench.sequence)

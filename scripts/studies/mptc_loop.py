@@ -28,7 +28,7 @@ from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
 from scripts.hdl.mptc_replay import lacking_in_rtl
-from scripts.hdl.mptc_simulation import PAIRS, Job, Loop
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared.figures import COLOURS, pyplot, save_png
 
@@ -187,9 +187,10 @@ def _on_rtl(
         scenario.current, scenario.flux, scenario.omega_r,
     )  # fmt: skip
     empty = np.zeros((0, len(MEASUREMENTS)), dtype=np.int64)
+    method = np.full(count, FAMILY_METHODS[drive.control.method]) if several else None
     job = Job(
         registers(drive).array(), empty, empty[:, 0], loop=loop, family=several,
-        pairs=np.full(count, PAIRS[drive.control.method]) if several else None, waves=waves,
+        family_method=method, waves=waves,
     )  # fmt: skip
     with progress_bar("RTL in closed loop", count) as progress:
         answer = mptc_simulation.simulate(job, progress)
@@ -302,7 +303,7 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
     }  # fmt: skip
     if family:
         parts = (*((f"u{n}", 3, False) for n in (1, 2, 3)), ("t1", 13, False), ("t2", 13, False))
-        groups["sequence of period k, sampled with start"] = [("pairs", 2, False), *parts]
+        groups["sequence of period k, sampled with start"] = [("family_method", 3, False), *parts]
         groups["next sequence, valid with valid"] = [
             (f"next_{name}", bits, signed) for name, bits, signed in parts
         ]

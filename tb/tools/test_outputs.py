@@ -22,6 +22,7 @@ IN_PLACE = {
     "scripts/hdl/ghdl.py": 1,  # the same
     "scripts/hdl/mpdcc_rows.py": 1,  # the same
     "scripts/hdl/netlist_check.py": 1,  # the same
+    "scripts/hdl/recording.py": 1,  # the same
     "scripts/hdl/simulator.py": 3,  # the same: job, log, progress
     "scripts/measure/sweep_points.py": 2,  # a copy of the tree below build/
 }
