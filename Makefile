@@ -9,6 +9,7 @@ ROOT := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 VENV := $(ROOT)/.venv
 READY := $(VENV)/.ready
 SITE_READY := $(VENV)/.site-ready
+CLUSTER_READY := $(VENV)/.cluster-ready
 
 PY ?= $(VENV)/bin/python
 # The same from any working directory
@@ -39,7 +40,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
-  sources generate virtual-board bitstream netlist layers robustness site release clean
+  cluster sources generate virtual-board bitstream netlist layers robustness site release clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -61,6 +62,11 @@ $(SITE_READY): $(ROOT)/requirements-site.txt $(READY)
 	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input -r '$(ROOT)/requirements-site.txt' >&2
 	@touch '$@'
 
+$(CLUSTER_READY): $(ROOT)/requirements-cluster.txt $(READY)
+	@echo 'setup: installing the Python packages of requirements-cluster.txt into .venv' >&2
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input -r '$(ROOT)/requirements-cluster.txt' >&2
+	@touch '$@'
+
 setup: ## install what is missing: system tools (apt) and .venv
 	@'$(ROOT)/scripts/setup.sh' >&2
 
@@ -71,9 +77,10 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); at most 12 minutes on two cores
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
 
-# without MkDocs, the test of the site says that it is skipped
+# without MkDocs or Dask, the test that needs it says that it is skipped
 test-all: $(READY) ## every test
 	@$(MAKE) --no-print-directory -f '$(firstword $(MAKEFILE_LIST))' '$(SITE_READY)' || echo 'test-all: the packages of the site cannot be installed' >&2
+	@$(MAKE) --no-print-directory -f '$(firstword $(MAKEFILE_LIST))' '$(CLUSTER_READY)' || echo 'test-all: the packages of the cluster cannot be installed' >&2
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)
 
 lint: $(READY) ## VHDL and Python style, docstrings, layers, analysis as VHDL-93 and VHDL-2008, fresh files
@@ -134,6 +141,9 @@ fidelity: $(READY) ## decisions and closed loops beside the ideal controller, an
 
 robustness: $(READY) ## closed loops with noise, on shipped and random drives; goes on where it was stopped
 	@'$(PY)' -m scripts robustness --jobs '$(JOBS)' $(ARGS)
+
+cluster: $(CLUSTER_READY) ## install Dask, for studies on several machines (docs/cluster.md)
+	@echo 'cluster: Dask is installed; docs/cluster.md says how to start a scheduler and workers'
 
 sources: $(READY) ## VHDL files in compile order for TOP
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts sources '' >&2; exit 2; fi; '$(PY)' -m scripts sources "$$TOP"

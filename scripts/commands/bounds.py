@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 
+from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
 from scripts.studies import bounds
 
@@ -14,12 +15,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tables", action="store_true", help="rewrite tables and picture from the stored file only"
     )
+    workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
     if given.jobs < 1:
         raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
-    bounds.regenerate(given.jobs, given.tables)
+    bounds.regenerate(given.jobs, given.tables, given.scheduler)
     return 0
 
 

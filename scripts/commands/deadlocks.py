@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
-from scripts.shared.command import Command
+from scripts.shared import workers
+from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import ROOT
 from scripts.studies import deadlocks
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    workers.add_arguments(parser)
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument("--steps", type=int, default=deadlocks.STEPS)
     parser.add_argument("--starts", type=int, default=deadlocks.STARTS, help="of every rule")
@@ -30,11 +34,20 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
+    if given.jobs < 1:
+        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     if given.page:
         deadlocks.write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
     else:
         deadlocks.study(
-            given.drive, given.steps, given.starts, given.detailed, given.out, given.reuse
+            given.drive,
+            given.steps,
+            given.starts,
+            given.detailed,
+            given.out,
+            given.reuse,
+            given.jobs,
+            given.scheduler,
         )
     return 0
 

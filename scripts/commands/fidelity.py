@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 
 from scripts.publish import report
+from scripts.shared import workers
 from scripts.shared.command import Command
 from scripts.studies.fidelity import study
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
+    workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    study.write(study.collect(given.jobs))
+    study.write(study.collect(given.jobs, given.scheduler))
     report.write_fidelity()
     return 0
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
-from scripts.shared.command import Command
+from scripts.shared import workers
+from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    workers.add_arguments(parser)
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument("--steps", type=int, default=horizon.STEPS)
     parser.add_argument("--starts", type=int, default=horizon.STARTS)
@@ -18,7 +22,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    horizon.study(given.drive, given.steps, given.starts, given.out)
+    if given.jobs < 1:
+        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
+    horizon.study(given.drive, given.steps, given.starts, given.out, given.jobs, given.scheduler)
     return 0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from directmpc.host.console import terminable
 from scripts.measure import mutation
+from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
 
 
@@ -21,6 +22,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each"
     )
     parser.add_argument("--page", type=Path, default=mutation.PAGE, help="page of the tables")
+    workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -31,7 +33,14 @@ def _run(given: argparse.Namespace) -> int | None:
     chosen = mutation.named(given.only, units)
     if not given.publish:
         with terminable():
-            mutation.mutate_all(chosen, given.sample, given.jobs, given.out, anew=given.anew)
+            mutation.mutate_all(
+                chosen,
+                given.sample,
+                given.jobs,
+                given.out,
+                anew=given.anew,
+                scheduler=given.scheduler,
+            )
         argued = mutation.arguments()
         for unit in chosen:
             found = mutation.score(unit.name, mutation.kept(unit.name, given.out), argued)

@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
 from scripts.studies import robustness
 
@@ -18,6 +19,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=robustness.REPORT, help="file of the loops")
     parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
+    workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -25,7 +27,13 @@ def _run(given: argparse.Namespace) -> int | None:
         if getattr(given, name) < 1:
             raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     rows = robustness.study(
-        given.out, given.jobs, given.steps, given.starts, given.random, anew=given.anew
+        given.out,
+        given.jobs,
+        given.steps,
+        given.starts,
+        given.random,
+        anew=given.anew,
+        scheduler=given.scheduler,
     )
     robustness.publish(rows, given.page)
     return 0

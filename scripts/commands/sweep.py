@@ -6,6 +6,7 @@ import argparse
 import json
 
 from scripts.measure import sweep, sweep_points
+from scripts.shared import workers
 from scripts.shared.command import Command
 
 
@@ -14,6 +15,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="points at a time")
     parser.add_argument("--plot", action="store_true", help="only plot and table, from the CSV")
     parser.add_argument("--point", help=argparse.SUPPRESS)
+    workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -23,7 +25,7 @@ def _run(given: argparse.Namespace) -> int | None:
     elif given.plot:
         sweep.publish(sweep.stored_rows())
     else:
-        sweep.measure_points(given.only, given.jobs)
+        sweep.measure_points(given.only, given.jobs, given.scheduler)
     return 0
 
 

@@ -37,6 +37,7 @@ from scripts.hdl import equivalence, ghdl, sources
 from scripts.hdl.mutants import Mutant, code, mutants, shuffled
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import ROOT, Generics, ToolError
+from scripts.shared.workers import Pool
 
 LIST = ROOT / "tb" / "mutation.toml"
 ARGUED = ROOT / "tb" / "mutation_equivalent.toml"
@@ -353,6 +354,11 @@ def _written(
     tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
 
 
+def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:
+    """Write results as `kept` has them."""
+    _written(unit, found["key"], found["mutants"], folder, whole=found["whole"])
+
+
 # --- benches --------------------------------------------------------------------------------------
 
 
@@ -656,6 +662,36 @@ def mutate(
     return kept(unit.name, results)
 
 
+def elsewhere(unit: Unit, sample: int, before: Mapping[str, Any]) -> dict[str, Any]:
+    """Run the mutants of a unit that have no result yet, in a worker that sees no other's files.
+
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    sample : int
+        As of `mutate`.
+    before : Mapping[str, Any]
+        Results that there are, as of `kept`.
+
+    Returns
+    -------
+    dict[str, Any]
+        As of `kept`.
+
+    Raises
+    ------
+    MutationError
+        If benches fail without a change, or something else fails than a check.
+    ToolError
+        If a tool is missing or fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="directmpc-results-") as name, workshop() as place:
+        if before:
+            _store(unit, before, Path(name))
+        return mutate(unit, place, sample, Path(name))
+
+
 def mutate_all(
     units: Sequence[Unit],
     sample: int = SAMPLE,
@@ -663,6 +699,7 @@ def mutate_all(
     results: Path = RESULTS,
     *,
     anew: bool = False,
+    scheduler: str | None = None,
 ) -> None:
     """Run the mutants of several units, some units at a time.
 
@@ -678,6 +715,9 @@ def mutate_all(
         Folder of the results.
     anew : bool
         Whether results that there are do not count.
+    scheduler : str | None
+        Of a Dask cluster that runs the units, each in one worker; what a unit has is stored when
+        all of it has been run. None for this machine.
 
     Raises
     ------
@@ -686,6 +726,12 @@ def mutate_all(
     ToolError
         If a tool is missing or fails.
     """
+    if scheduler is not None:
+        calls = [(unit, sample, {} if anew else kept(unit.name, results)) for unit in units]
+        with Pool(jobs, scheduler) as pool:
+            for n, found in pool.each("units", elsewhere, calls):
+                _store(units[n], found, results)
+        return
     waiting: queue.SimpleQueue[Unit] = queue.SimpleQueue()
     for unit in units:
         waiting.put(unit)

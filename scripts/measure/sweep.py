@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from scripts.measure.sweep_points import (
 from scripts.shared import cache, paper_a, progress, tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import BUILD, ROOT, ToolError
+from scripts.shared.workers import Pool
 
 CSV = ROOT / "reports" / "design_space.csv"
 PLOT = ROOT / "reports" / "design_space.png"
@@ -292,7 +293,40 @@ def publish(rows: list[dict[str, Any]]) -> None:
     tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
 
 
-def measure_points(only: Sequence[str], jobs: int) -> None:
+def measure_or_error(point: Point) -> dict[str, Any]:
+    """Everything of one point.
+
+    Parameters
+    ----------
+    point : Point
+        The point.
+
+    Returns
+    -------
+    dict[str, Any]
+        Its row; where a tool failed, ``error`` with the message and nothing else.
+    """
+    try:
+        return _measure_point(point)
+    except ToolError as error:
+        return {"error": str(error)}
+
+
+def _measured(
+    chosen: Sequence[Point], jobs: int, scheduler: str | None
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Number and row of each point, as they come."""
+    if scheduler is not None:
+        with Pool(jobs, scheduler) as cluster:
+            yield from cluster.each("points", measure_or_error, [(point,) for point in chosen])
+        return
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        number = {pool.submit(measure_or_error, point): n for n, point in enumerate(chosen)}
+        for future in concurrent.futures.as_completed(number):
+            yield number[future], future.result()
+
+
+def measure_points(only: Sequence[str], jobs: int, scheduler: str | None = None) -> None:
     """Measure every point and write CSV, plot and page; or print those named.
 
     Parameters
@@ -301,6 +335,8 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
         Words; points with one in their name are measured and printed, nothing is written.
     jobs : int
         Points at a time.
+    scheduler : str | None
+        Of a Dask cluster that measures them; None for this machine.
 
     Raises
     ------
@@ -319,22 +355,18 @@ def measure_points(only: Sequence[str], jobs: int) -> None:
 
     failed: list[str] = []
 
-    def _one(point: Point) -> dict[str, Any]:
-        try:
-            row = _measure_point(point)
-        except ToolError as error:
+    rows: list[dict[str, Any]] = [{} for _ in chosen]
+    for n, row in _measured(chosen, jobs, scheduler):
+        point, rows[n] = chosen[n], row
+        if error := row.get("error"):
             failed.append(f"{point.dimension} {point.setting} ({point.variant})")
             say(f"{failed[-1]}: {error}")
-            return {}
+            continue
         say(
             f"{point.dimension} {point.setting}, {point.variant} {point.explorers}: "
             f"{row['cycles_worst']} cycles, {row['slices_unpacked']} slices, "
             f"{row['fmax_worst_mhz']} MHz, {row['mismatch_pct']} % differ"
         )
-        return row
-
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        rows = list(pool.map(_one, chosen))
     if failed:
         raise ToolError(f"nothing is written, {len(failed)} points failed: {', '.join(failed)}")
     if only:

@@ -12,10 +12,8 @@ The simulated RTL decides anew on rows of each of the variants' loops; what diff
 
 from __future__ import annotations
 
-import concurrent.futures
 import itertools
 import math
-import multiprocessing
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -29,9 +27,10 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.shared import progress, tables, tools
+from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 
 DRIVE = "anpc5l_6kv"
 BOUNDS = (0.04, 0.05, 0.06, 0.07, 0.08, 0.10, 0.12, 0.14, 0.16, 0.18)
@@ -225,13 +224,15 @@ def point(
     return row | {"rtl_rows": checked, "rtl_differing": wrong}
 
 
-def study(jobs: int) -> list[dict[str, Any]]:
+def study(jobs: int, scheduler: str | None = None) -> list[dict[str, Any]]:
     """All rows.
 
     Parameters
     ----------
     jobs : int
         Processes.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
 
     Returns
     -------
@@ -244,15 +245,8 @@ def study(jobs: int) -> list[dict[str, Any]]:
         If the RTL decided otherwise than its model.
     """
     wanted = [(b, *s, STARTS, STEPS, RTL_ROWS) for s, b in itertools.product(SETTINGS, BOUNDS)]
-    context = multiprocessing.get_context("spawn")
-    with (
-        concurrent.futures.ProcessPoolExecutor(jobs, context) as pool,
-        progress.counter("bounds", len(wanted)) as advance,
-    ):
-        waiting = [pool.submit(point, *one) for one in wanted]
-        for _ in concurrent.futures.as_completed(waiting):
-            advance()
-        rows = [one.result() for one in waiting]
+    with Pool(jobs, scheduler) as pool:
+        rows = pool.all("bounds", point, wanted)
     wrong = [row for row in rows if row["rtl_differing"]]
     if wrong:
         raise BoundsError(f"the RTL decides otherwise than its model: {wrong[0]}")
@@ -443,7 +437,7 @@ def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
     )
 
 
-def regenerate(jobs: int, tables_only: bool) -> None:
+def regenerate(jobs: int, tables_only: bool, scheduler: str | None = None) -> None:
     """Run the study, or take its file, and publish.
 
     Parameters
@@ -452,6 +446,8 @@ def regenerate(jobs: int, tables_only: bool) -> None:
         Processes.
     tables_only : bool
         Whether the file is taken as it is.
+    scheduler : str | None
+        As of `study`.
 
     Raises
     ------
@@ -464,6 +460,6 @@ def regenerate(jobs: int, tables_only: bool) -> None:
             f"ghdl: {tools.version('ghdl')}",
             "command: python -m scripts bounds",
         )
-        text = tables.csv_text(study(jobs), head, COLUMNS, digits=4)
+        text = tables.csv_text(study(jobs, scheduler), head, COLUMNS, digits=4)
         tools.write(REPORT, text)
     publish(read(REPORT), PAGE, PICTURE)

@@ -34,6 +34,7 @@ from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 from scripts.studies import deadlock_rules as rules
 from scripts.studies import horizon as horizon_study
 from scripts.studies.deadlock_rules import ONE, Rule
@@ -674,7 +675,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _intervals(base: Drive, starts: int, steps: int) -> str:
+def _intervals(base: Drive, starts: int, steps: int, pool: Pool) -> str:
     """How many starts narrow the interval of SESE's saving in `docs/sese.md`, as Markdown."""
     shown = []
     speeds = horizon_study.COMPARED
@@ -685,11 +686,7 @@ def _intervals(base: Drive, starts: int, steps: int) -> str:
         for bound in horizon_study.BOUNDS
         for start in range(starts)
     ]
-    rows = []
-    with progress_bar("starts", len(settings)) as progress:
-        for setting in settings:
-            rows.append(_run(base, LARGEST, setting, steps))
-            progress(len(rows))
+    rows = pool.all("starts", _run, [(base, LARGEST, setting, steps) for setting in settings])
     for speed in speeds:
         saved = [horizon_study.reduction(rows, speed, start) for start in range(starts)]
         saved = [value for value in saved if np.isfinite(value)]
@@ -708,7 +705,7 @@ def _intervals(base: Drive, starts: int, steps: int) -> str:
     return tables.markdown(head, shown)
 
 
-def _elsewhere(base: Drive, starts: int, steps: int) -> str:
+def _elsewhere(base: Drive, starts: int, steps: int, pool: Pool) -> str:
     """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
     other = load_mpdcc_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
     places = (
@@ -725,33 +722,37 @@ def _elsewhere(base: Drive, starts: int, steps: int) -> str:
     head = (
         "where", "horizon", "rule", "THD", "f_sw", "deadlocks", "beyond bounds: i, v_n, v_ph",
     )  # fmt: skip
+    cases = [
+        (text, drive, point, horizon, name)
+        for text, drive, point in places
+        for horizon in HORIZONS
+        for name in (LARGEST, RECOMMENDED)
+    ]
+    everything = pool.all(
+        "elsewhere", _run,
+        [
+            (drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
+            for _, drive, point, horizon, name in cases
+            for k in range(FRESH, FRESH + starts)
+        ],
+    )  # fmt: skip
     shown = []
-    total, done = len(places) * len(HORIZONS) * 2, 0
-    with progress_bar("elsewhere", total) as progress:
-        for text, drive, point in places:
-            for horizon in HORIZONS:
-                for name in (LARGEST, RECOMMENDED):
-                    rows = [
-                        _run(drive, name, Setting(horizon, 0.10, point.omega_s, k), steps, point)
-                        for k in range(FRESH, FRESH + starts)
-                    ]
-                    worst = ", ".join(
-                        f"{max(r[k] for r in rows):.3f}"
-                        for k in ("excess_current", "excess_vn", "excess_vph")
-                    )
-                    shown.append(
-                        (
-                            text,
-                            horizon,
-                            name,
-                            f"{_mean(rows, 'thd_pct'):.1f} %",
-                            f"{_mean(rows, 'fsw_hz'):.0f} Hz",
-                            f"{_mean(rows, 'deadlock_pct'):.0f} %",
-                            f"{worst} pu",
-                        )
-                    )
-                    done += 1
-                    progress(done)
+    for n, (text, _, _, horizon, name) in enumerate(cases):
+        rows = everything[n * starts : (n + 1) * starts]
+        worst = ", ".join(
+            f"{max(r[k] for r in rows):.3f}" for k in ("excess_current", "excess_vn", "excess_vph")
+        )
+        shown.append(
+            (
+                text,
+                horizon,
+                name,
+                f"{_mean(rows, 'thd_pct'):.1f} %",
+                f"{_mean(rows, 'fsw_hz'):.0f} Hz",
+                f"{_mean(rows, 'deadlock_pct'):.0f} %",
+                f"{worst} pu",
+            )
+        )
     return tables.markdown(head, shown)
 
 
@@ -762,6 +763,8 @@ def study(
     detailed: int = DETAILED,
     out: Path = REPORTS,
     reuse: bool = False,
+    processes: int = 1,
+    scheduler: str | None = None,
 ) -> None:
     """Run the study and write its files.
 
@@ -779,6 +782,10 @@ def study(
         Folder of the files.
     reuse : bool
         Whether the runs are taken from deadlocks.csv as it is.
+    processes : int
+        That run the loops.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
 
     Raises
     ------
@@ -791,16 +798,6 @@ def study(
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     out.mkdir(parents=True, exist_ok=True)
 
-    anatomies: list[dict[str, Any]] = []
-    with progress_bar("deadlocks, step by step", len(points)) as progress:
-        for h, s, b in points:
-            settings = [Setting(h, b, s, start) for start in range(starts)]
-            anatomies.append(_anatomy(base, settings, steps))
-            progress(len(anatomies))
-    tools.write(
-        out / "deadlock_steps.csv", tables.csv_text(anatomies, columns=STEP_FIELDS, digits=4)
-    )
-
     jobs = [
         (name, Setting(h, b, s, start))
         for name in CASES
@@ -810,13 +807,19 @@ def study(
             *(range(FRESH, FRESH + detailed) if name in (LARGEST, RECOMMENDED) else ()),
         )
     ]
-    if not reuse:
-        rows: list[dict[str, Any]] = []
-        with progress_bar("closed loops", len(jobs)) as progress:
-            for name, setting in jobs:
-                rows.append(_run(base, name, setting, steps))
-                progress(len(rows))
-        tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
+    with Pool(processes, scheduler) as pool:
+        anatomies = pool.all(
+            "deadlocks, step by step", _anatomy,
+            [(base, [Setting(h, b, s, k) for k in range(starts)], steps) for h, s, b in points],
+        )  # fmt: skip
+        tools.write(
+            out / "deadlock_steps.csv", tables.csv_text(anatomies, columns=STEP_FIELDS, digits=4)
+        )
+        if not reuse:
+            rows = pool.all("closed loops", _run, [(base, *job, steps) for job in jobs])
+            tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
+        elsewhere = _elsewhere(base, starts, steps, pool)
+        intervals = _intervals(base, detailed, steps, pool)
     # from the file in both cases: so the tables are the same with `reuse` and without
     rows = _read(out / "deadlocks.csv")
 
@@ -855,11 +858,11 @@ def study(
         "",
         f"Elsewhere, bound 0.1 pu, {starts} starts:",
         "",
-        _elsewhere(base, starts, steps),
+        elsewhere,
         "",
         "Switching frequency saved by SESE at equal distortion, rule 'largest excess':",
         "",
-        _intervals(base, detailed, steps),
+        intervals,
     ]
     tools.write(out / "deadlocks.md", "\n".join(lines) + "\n")
     if out == REPORTS:

@@ -34,6 +34,7 @@ from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 from scripts.studies.fidelity import decisions
 
 BOUNDS = (0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
@@ -94,7 +95,7 @@ def drive_of(base: Drive, setting: Setting) -> Drive:
     )
 
 
-def _run(base: Drive, setting: Setting, steps: int, *, shadow: bool = False) -> dict[str, Any]:
+def _run(base: Drive, setting: Setting, steps: int, shadow: bool = False) -> dict[str, Any]:
     """One closed loop and its figures."""
     drive = drive_of(base, setting)
     others = (
@@ -403,6 +404,8 @@ def study(
     steps: int = STEPS,
     starts: int = STARTS,
     out: Path = REPORTS,
+    jobs: int = 1,
+    scheduler: str | None = None,
 ) -> None:
     """Run the study and write its files.
 
@@ -416,6 +419,10 @@ def study(
         Starts of every setting.
     out : Path
         Folder of the files.
+    jobs : int
+        Processes.
+    scheduler : str | None
+        Of a Dask cluster that runs the loops; None for processes of this machine.
 
     Raises
     ------
@@ -432,11 +439,23 @@ def study(
         for bound in BOUNDS
         for start in range(starts)
     ]
-    rows: list[dict[str, Any]] = []
-    with progress_bar("closed loops", len(settings)) as progress:
-        for setting in settings:
-            rows.append(_run(base, setting, steps, shadow=True))
-            progress(len(rows))
+    budgeted = [[Setting("SESE", 0.10, 1.0, k, budget=b) for k in range(starts)] for b in BUDGETS]
+    delays = [
+        (horizon, delay, compensate)
+        for horizon in ("SE", "SESE")
+        for delay, compensate in ((False, False), (True, False), (True, True))
+    ]
+    delayed = [
+        [Setting(h, 0.10, 1.0, k, delay=d, compensate=c) for k in range(starts)]
+        for h, d, c in delays
+    ]
+    with Pool(jobs, scheduler) as pool:
+        rows = pool.all(
+            "closed loops", _run, [(base, setting, steps, True) for setting in settings]
+        )
+        others = [setting for group in (*budgeted, *delayed) for setting in group]
+        answers = pool.all("budgets and delays", _run, [(base, each, steps) for each in others])
+    found_of = dict(zip(others, answers, strict=True))
     out.mkdir(parents=True, exist_ok=True)
     tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
     _draw(rows, out / "sese.png")
@@ -469,11 +488,8 @@ def study(
 
     shown: list[Sequence[object]] = []
     budgets: list[tuple[int, float, float, float]] = []
-    for budget in BUDGETS:
-        found = [
-            _run(base, Setting("SESE", 0.10, 1.0, start, budget=budget), steps)
-            for start in range(starts)
-        ]
+    for budget, group in zip(BUDGETS, budgeted, strict=True):
+        found = [found_of[setting] for setting in group]
         thd = np.mean([r["thd_pct"] for r in found])
         fsw, half = interval([r["fsw_hz"] for r in found])
         dead = np.mean([r["deadlock_pct"] for r in found])
@@ -492,26 +508,18 @@ def study(
     lines += ["", "Budget, 0.1 pu bound, full speed:", "", tables.markdown(head, shown)]
 
     shown = []
-    for horizon in ("SE", "SESE"):
-        for delay, compensate in ((False, False), (True, False), (True, True)):
-            found = [
-                _run(
-                    base,
-                    Setting(horizon, 0.10, 1.0, start, delay=delay, compensate=compensate),
-                    steps,
-                )
-                for start in range(starts)
-            ]
-            name = "no delay" if not delay else "delay, compensated" if compensate else "delay"
-            fsw, half = interval([r["fsw_hz"] for r in found])
-            shown.append(
-                (
-                    f"{horizon}, {name}",
-                    f"{np.mean([r['thd_pct'] for r in found]):.2f} %",
-                    f"{fsw:.0f} ± {half:.0f} Hz",
-                    f"{max(r['excess_current'] for r in found):.3f} pu",
-                )
+    for (horizon, delay, compensate), group in zip(delays, delayed, strict=True):
+        found = [found_of[setting] for setting in group]
+        name = "no delay" if not delay else "delay, compensated" if compensate else "delay"
+        fsw, half = interval([r["fsw_hz"] for r in found])
+        shown.append(
+            (
+                f"{horizon}, {name}",
+                f"{np.mean([r['thd_pct'] for r in found]):.2f} %",
+                f"{fsw:.0f} ± {half:.0f} Hz",
+                f"{max(r['excess_current'] for r in found):.3f} pu",
             )
+        )
     head = ("horizon, delay", "THD", "f_sw", "current beyond its bound")
     lines += ["", "One step of delay, 0.1 pu bound, full speed:", "", tables.markdown(head, shown)]
 

@@ -10,11 +10,9 @@ One step of delay is compensated and the deadlock rule is the weighted one in ev
 
 from __future__ import annotations
 
-import concurrent.futures
 import csv
 import itertools
 import math
-import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -31,8 +29,9 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
-from scripts.shared import progress, tables
+from scripts.shared import tables
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 
 NOISE_CURRENT, NOISE_VOLTAGE = 0.005, 0.0025
 """Rms, per unit, of noise 1."""
@@ -237,7 +236,14 @@ def _cell(value: Any) -> str:
 
 
 def study(
-    out: Path, jobs: int, steps: int, starts: int, count: int, *, anew: bool = False
+    out: Path,
+    jobs: int,
+    steps: int,
+    starts: int,
+    count: int,
+    *,
+    anew: bool = False,
+    scheduler: str | None = None,
 ) -> dict[Setting, dict[str, float]]:
     """Run what the file does not have yet.
 
@@ -253,6 +259,8 @@ def study(
         As of `settings`.
     anew : bool
         Whether all loops are run, whatever the file has.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
 
     Returns
     -------
@@ -262,17 +270,11 @@ def study(
     wanted = [rounded(setting) for setting in settings(starts, count)]
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
     missing = [setting for setting in wanted if setting not in rows]
-    context = multiprocessing.get_context("spawn")
-    with (
-        concurrent.futures.ProcessPoolExecutor(jobs, context) as pool,
-        progress.counter("closed loops", len(missing)) as advance,
-    ):
-        waiting = [pool.submit(loop, setting, steps) for setting in missing]
-        for n, future in enumerate(concurrent.futures.as_completed(waiting)):
-            found = future.result()
+    with Pool(jobs, scheduler) as pool:
+        calls = [(setting, steps) for setting in missing]
+        for n, (_, found) in enumerate(pool.each("closed loops", loop, calls)):
             setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
             rows[setting] = {name: found[name] for name in FIGURES}
-            advance()
             if n % 16 == 15:
                 _write(out, rows)
     _write(out, rows)

@@ -181,11 +181,23 @@ def test_the_site_installs_its_own_packages_once(project):
     assert "<pip>" not in again.stderr
 
 
-def test_all_tests_run_without_the_packages_of_the_site(project):
+def test_dask_is_installed_once_and_on_demand_only(project):
+    (project / "requirements-cluster.txt").write_text("")
+    without = make(project, "setup")
+    first = make(project, "cluster")
+    again = make(project, "cluster")
+    assert "requirements-cluster.txt>" not in without.stderr
+    assert first.returncode == 0, first.stderr
+    assert "requirements-cluster.txt>" in first.stderr
+    assert "<pip>" not in again.stderr
+
+
+def test_all_tests_run_without_the_packages_of_site_and_cluster(project):
     make(project, "setup")
     done = make(project, "test-all")
     assert done.returncode == 0, done.stderr
     assert "packages of the site cannot be installed" in done.stderr
+    assert "packages of the cluster cannot be installed" in done.stderr
     assert "<pytest>" in done.stdout
 
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import json
-import multiprocessing
-from collections.abc import Callable, Sequence
 from typing import Any
 
-from directmpc.host.console import progress_bar
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
-from scripts.studies.fidelity.points import DRIVES, Row, points
+from scripts.studies.fidelity.points import DRIVES, points
 
 REPORTS = ROOT / "reports"
 DOCUMENT = ROOT / "docs" / "accuracy.md"
@@ -23,60 +20,15 @@ BUDGETED = 2  # the error budget takes every second point
 SAMPLED_BOUND = 0.10  # pu: bound at which GHDL decides a sample
 
 
-class Pool:
-    """Processes that measure, each compiled once for all that is measured.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes at a time.
-    """
-
-    def __init__(self, jobs: int) -> None:
-        # a worker started afresh holds no lock of the progress bar's thread
-        context = multiprocessing.get_context("spawn")
-        self._pool = concurrent.futures.ProcessPoolExecutor(jobs, context)
-
-    def __enter__(self) -> Pool:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
-
-    def all(
-        self, what: str, function: Callable[..., Row], arguments: Sequence[tuple[Any, ...]]
-    ) -> list[Row]:
-        """Call a function for every set of arguments, in order, with progress.
-
-        Parameters
-        ----------
-        what : str
-            What is measured, for the progress.
-        function : Callable[..., Row]
-            Called in another process.
-        arguments : Sequence[tuple[Any, ...]]
-            Of each call.
-
-        Returns
-        -------
-        list[Row]
-            What each call returned, in the order of the arguments.
-        """
-        futures = [self._pool.submit(function, *each) for each in arguments]
-        with progress_bar(what, len(arguments)) as progress:
-            for done, future in enumerate(concurrent.futures.as_completed(futures), 1):
-                future.result()
-                progress(done)
-        return [future.result() for future in futures]
-
-
-def collect(jobs: int) -> dict[str, Any]:
+def collect(jobs: int, scheduler: str | None = None) -> dict[str, Any]:
     """Measure what is not known yet; everything else comes from build/fidelity.
 
     Parameters
     ----------
     jobs : int
         Processes at a time.
+    scheduler : str | None
+        Of a Dask cluster that measures; None for processes of this machine.
 
     Returns
     -------
@@ -94,7 +46,7 @@ def collect(jobs: int) -> dict[str, Any]:
     rated = [p for p in every if p.omega_s == EXPLAINED]
     for variant in KEYS:
         decisions.netlist_of(variant)  # compiled once, not by every process
-    with Pool(jobs) as pool:
+    with Pool(jobs, scheduler) as pool:
         decided = pool.all(
             "decisions on the same states, RTL included", decisions.measure,
             [(p, v, d) for v in KEYS for d in decisions.DRIVERS for p in every],

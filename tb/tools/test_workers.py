@@ -1,0 +1,211 @@
+"""Workers: processes of this machine, and those of a Dask cluster of a scheduler and two workers.
+
+Stimulus: short closed loops of the robustness study; one of the cluster's two worker processes is
+killed with SIGKILL while it has calls; wrong addresses; a scheduler without workers.
+Checks: results are the same in one process and in the cluster, number by number; every call has one
+result, though a worker was killed; what goes wrong is one sentence.
+Does not prove: that processors of another kind round alike.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scripts.shared import workers
+from scripts.shared.tools import ROOT, ToolError
+from scripts.studies import robustness
+
+STEPS, PATIENCE = 1500, 240
+
+
+def tagged(number: int, seconds: float) -> tuple[int, int]:
+    """A slow call, and which process did it."""
+    time.sleep(seconds)
+    return number, os.getpid()
+
+
+def _logged(path: Path, pattern: str) -> str:
+    """Wait for a line of a log."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if found := re.search(pattern, path.read_text(encoding="utf-8")):
+            return found[1]
+        time.sleep(0.1)
+    raise AssertionError(f"{pattern} is not in {path.read_text(encoding='utf-8')}")
+
+
+@contextmanager
+def started(folder: Path, name: str, *arguments: str) -> Iterator[tuple[subprocess.Popen, Path]]:
+    """A process of the cluster, and its log."""
+    log = folder / f"{name}.log"
+    environment = os.environ | {"PYTHONPATH": f"{ROOT / 'model'}{os.pathsep}{ROOT}"}
+    with log.open("w", encoding="utf-8") as out:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dask", *arguments],
+            stdout=out, stderr=subprocess.STDOUT, cwd=ROOT, env=environment,
+        )  # fmt: skip
+        try:
+            yield process, log
+        finally:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def scheduling(folder: Path) -> Iterator[str]:
+    """A scheduler without workers; its address."""
+    pytest.importorskip(
+        "distributed", reason="requirements-cluster.txt is not installed: make cluster"
+    )
+    arguments = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    with started(folder, "scheduler", *arguments) as (_, log):
+        yield _logged(log, r"Scheduler at:\s+(tcp://\S+)")
+
+
+def _worker(folder: Path, name: str, address: str):
+    # without a nanny, the process is the one that computes
+    return started(
+        folder, name, "worker", address, "--no-nanny", "--nthreads", "1", "--no-dashboard",
+        "--name", name, "--local-directory", str(folder),
+    )  # fmt: skip
+
+
+def test_processes_answer_in_the_order_of_the_calls() -> None:
+    with workers.Pool(2) as pool:
+        found = pool.all("calls", divmod, [(n, 7) for n in range(50)])
+        assert found == [divmod(n, 7) for n in range(50)]
+        assert pool.all("nothing", divmod, []) == []
+        with pytest.raises(ZeroDivisionError):
+            pool.all("calls", divmod, [(1, 1), (1, 0)])
+
+
+def test_without_dask_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ToolError, match="'make cluster' installs"):
+        workers.Pool(1, "tcp://127.0.0.1:1")
+
+
+def test_processes_need_no_dask() -> None:
+    code = (
+        "import sys; from scripts.shared.workers import Pool\n"
+        "if __name__ == '__main__':\n"
+        "    with Pool(1) as pool: pool.all('x', divmod, [(1, 1)])\n"
+        "    assert not {'dask', 'distributed'} & set(sys.modules)"
+    )
+    environment = os.environ | {"PYTHONPATH": f"{ROOT / 'model'}{os.pathsep}{ROOT}"}
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT, env=environment)
+
+
+def test_the_versions_installed_are_those_of_the_file() -> None:
+    pytest.importorskip(
+        "distributed", reason="requirements-cluster.txt is not installed: make cluster"
+    )
+    text = (ROOT / "requirements-cluster.txt").read_text(encoding="utf-8")
+    pinned = re.findall(r"(?m)^([\w.-]+)==(\S+)", text)
+    assert {"dask", "distributed"} <= {name for name, _ in pinned}
+    for name, version in pinned:
+        assert importlib.metadata.version(name) == version, name
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:none"])
+def test_an_address_without_a_scheduler_is_one_line(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip(
+        "distributed", reason="requirements-cluster.txt is not installed: make cluster"
+    )
+    monkeypatch.setattr(workers, "WAIT", 1)
+    with pytest.raises(ToolError, match=f"--scheduler {address}: no scheduler answers") as caught:
+        workers.Pool(1, address)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scheduler_without_workers_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "WAIT", 5)
+    with scheduling(tmp_path) as address, pytest.raises(ToolError, match="no worker within 5 s"):
+        workers.Pool(1, address)
+
+
+def test_a_worker_with_other_sources_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with scheduling(tmp_path) as address, _worker(tmp_path, "one", address) as (_, log):
+        _logged(log, r"(Registered to)")
+        with workers.Pool(1, address) as pool:
+            assert pool.all("calls", divmod, [(7, 2)]) == [(3, 1)]
+            # one that joins later is found by the call
+            monkeypatch.setattr(workers, "fingerprint", lambda: "other")
+            with pytest.raises(ToolError, match="has other sources or packages"):
+                pool.all("calls", divmod, [(7, 2)])
+        with pytest.raises(ToolError, match="has other sources or packages"):
+            workers.Pool(1, address)
+
+
+def test_calls_of_a_killed_worker_are_done_by_the_other(tmp_path: Path) -> None:
+    with (
+        scheduling(tmp_path) as address,
+        _worker(tmp_path, "one", address) as (first, log),
+        _worker(tmp_path, "two", address) as (second, other),
+    ):
+        import cloudpickle
+
+        cloudpickle.register_pickle_by_value(sys.modules[__name__])
+        _logged(log, r"(Registered to)")
+        _logged(other, r"(Registered to)")
+        seen: dict[int, int] = {}
+        with workers.Pool(1, address) as pool:
+            for n, (number, process) in pool.each("calls", tagged, [(k, 0.3) for k in range(20)]):
+                assert n == number
+                assert n not in seen
+                seen[n] = process
+                if len(seen) == 6:
+                    assert set(seen.values()) == {first.pid, second.pid}
+                    first.kill()
+        assert sorted(seen) == list(range(20))
+        assert set(list(seen.values())[-5:]) == {second.pid}
+
+
+@pytest.mark.timeout(1200)
+def test_a_study_is_the_same_though_a_worker_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = [s for s in robustness.settings(1, 1) if s.horizon == "SE"][:16]
+    monkeypatch.setattr(robustness, "settings", lambda *_: iter(chosen))
+    alone, there = tmp_path / "alone.csv", tmp_path / "there.csv"
+    robustness.study(alone, 1, STEPS, 1, 1)
+    assert len(set(alone.read_text(encoding="utf-8").splitlines())) == 17
+    with (
+        scheduling(tmp_path) as address,
+        _worker(tmp_path, "one", address) as (first, log),
+        _worker(tmp_path, "two", address) as (_, other),
+    ):
+        _logged(log, r"(Registered to)")
+        _logged(other, r"(Registered to)")
+        whole = workers.Pool.each
+        left = []
+
+        def _each(pool: workers.Pool, *arguments):
+            for count, result in enumerate(whole(pool, *arguments), 1):
+                if count == 3:
+                    first.kill()
+                    left.append(len(chosen) - count)
+                yield result
+
+        monkeypatch.setattr(workers.Pool, "each", _each)
+        robustness.study(there, 1, STEPS, 1, 1, scheduler=address)
+        assert left == [13]
+        assert first.wait() == -signal.SIGKILL
+    assert there.read_bytes() == alone.read_bytes()
