@@ -1,0 +1,29 @@
+"""Closed loops per minute on one and two workers, without and with Dask."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scripts.shared.command import Command, UsageError
+from scripts.studies import scaling
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--loops", type=int, default=scaling.LOOPS, help="closed loops of each run")
+    parser.add_argument("--steps", type=int, default=scaling.STEPS, help="control steps of a loop")
+    parser.add_argument("--page", type=Path, default=scaling.PAGE, help="page of the table")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for name in ("loops", "steps"):
+        if getattr(given, name) < 1:
+            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
+    scaling.publish(given.loops, given.steps, given.page)
+    return 0
+
+
+COMMAND = Command(
+    "scaling", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written",
+    outputs=("page",),
+)  # fmt: skip
