@@ -6,6 +6,9 @@ tables of ``docs/robustness.md``. A row that the file has already is not run aga
 that was stopped goes on where it was; ``--anew`` begins at the first.
 
 One step of delay is compensated and the deadlock rule is the weighted one in every loop.
+
+The loops with another machine ask what a wrong leakage or capacitance costs, and what of it the
+estimate of the leakage takes back. They begin to count ``LEARNING`` after the start.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ import numpy as np
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.drive_tables import DriveError
-from directmpc.mpdcc import closed_loop, metrics
+from directmpc.mpdcc import closed_loop, leakage, metrics
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
@@ -53,6 +56,31 @@ RANDOM = 200
 """Random drives, each with SE: without noise and under noise 1, by either rule and with filters."""
 
 STEPS, SETTLE = 3000, 400
+LEARNING = 0.15
+"""s from the start until the loops with another machine count."""
+
+#: Machine and inverter of the plant: factors on the controller's parameters.
+MACHINES: dict[str, dict[str, dict[str, float]]] = {
+    "same": {},
+    "leakage x 0.8": {"machine": {"xls": 0.8, "xlr": 0.8}},
+    "leakage x 1.2": {"machine": {"xls": 1.2, "xlr": 1.2}},
+    "capacitances x 0.9": {"inverter": {"xdc": 0.9, "xph": 0.9}},
+    "capacitances x 1.1": {"inverter": {"xdc": 1.1, "xph": 1.1}},
+    "resistances x 1.5, sensors, dead time": {"machine": {"rs": 1.5, "rr": 1.5}},
+}
+SENSORS = {"bits": 12, "offset_current": 0.005, "offset_voltage": 0.005, "dead_time": 2e-6}
+"""Of the last machine."""
+
+KNOWN, GIVEN, THETA, OBSERVER = "known", "not known", "theta", "theta, observer"
+"""Whether the controller knows the machine, estimates its leakage, and its rotor flux besides."""
+
+#: Machine and what the controller knows of it, by noise 1 with the rule "inwards" and filters.
+MISMATCHES = (
+    ("same", KNOWN), ("same", THETA), ("same", OBSERVER),
+    *[(f"leakage x {x}", how) for x in (0.8, 1.2) for how in (KNOWN, GIVEN, THETA, OBSERVER)],
+    *[(f"capacitances x {x}", how) for x in (0.9, 1.1) for how in (KNOWN, THETA)],
+    ("resistances x 1.5, sensors, dead time", OBSERVER),
+)  # fmt: skip
 REPORT = ROOT / "reports" / "robustness.csv"
 PAGE = ROOT / "docs" / "robustness.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts robustness) -->"
@@ -61,7 +89,11 @@ END = "<!-- {}: end -->"
 
 @dataclass(frozen=True, order=True)
 class Setting:
-    """One closed loop; `drive` is a shipped one's name or ``random N``."""
+    """One closed loop; `drive` is a shipped one's name or ``random N``.
+
+    `machine` is one of `MACHINES`. `knows` is empty where the loop counts after `SETTLE` steps, and
+    else what the controller knows of the machine; then it counts after `LEARNING`.
+    """
 
     drive: str
     horizon: str
@@ -71,11 +103,13 @@ class Setting:
     rule: str
     gain: float
     start: int
+    machine: str = "same"
+    knows: str = ""
 
 
 FIGURES = (
     "fsw_hz", "thd_pct", "deadlocks_per_1000", "excess_current", "excess_vn", "excess_vph",
-    "outside_pct", "saturated",
+    "outside_pct", "theta", "saturated",
 )  # fmt: skip
 
 
@@ -100,6 +134,10 @@ def settings(starts: int, count: int) -> Iterator[Setting]:
         yield Setting(name, horizon, speed, bound, *remedy, start)
     for number, remedy in itertools.product(range(count), REMEDIES[:6]):
         yield Setting(f"random {number}", "SE", SPEEDS[number % 2], 0.10, *remedy, 0)
+    for start, name, horizon, speed, mismatch in itertools.product(
+        range(starts), DRIVES, ("SE", "SESE"), SPEEDS, MISMATCHES
+    ):
+        yield Setting(name, horizon, speed, 0.10, 1.0, "inwards", GAIN, start, *mismatch)
 
 
 def drive_of(setting: Setting) -> Drive:
@@ -163,15 +201,28 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
         than 0.002 pu outside its bound.
     """
     drive = drive_of(setting)
+    real = drive.changed(
+        **{
+            table: {key: getattr(getattr(drive, table), key) * x for key, x in factors.items()}
+            for table, factors in MACHINES[setting.machine].items()
+        }
+    )
+    if setting.knows == KNOWN:
+        drive = real
     errors = DriveErrors(
         noise_current=setting.noise * NOISE_CURRENT,
         noise_voltage=setting.noise * NOISE_VOLTAGE,
         seed=1000 + setting.start,
+        **(SENSORS if "sensors" in setting.machine else {}),
     )
+    estimate = setting.knows in (THETA, OBSERVER)
     result = closed_loop.simulate(
-        drive, bit_true_fast.decide, registers(drive, "fast").array(),
-        OperatingPoint(setting.speed), steps, settle=SETTLE, seed=setting.start,
-        delay=True, compensate=False, errors=errors,
+        drive, bit_true_fast.decide,
+        registers(drive, "fast", leakage.ROOM if estimate else 1.0).array(),
+        OperatingPoint(setting.speed), steps,
+        settle=round(LEARNING / drive.control.ts) if setting.knows else SETTLE, seed=setting.start,
+        plant_drive=real, delay=True, compensate=False, errors=errors,
+        flux_observer=setting.knows == OBSERVER, leakage_estimate=estimate,
     )  # fmt: skip
     summary = metrics.summarise(drive, result)
     switching = metrics.switching_frequency(result.positions, drive.control.ts)
@@ -188,6 +239,7 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
         "excess_vph": float(excess[4:].max()),
         "outside_pct": 100 * float(outside.mean()),
         "saturated": int(result.decisions.saturated.sum()),
+        "theta": float(result.theta[-1]) if result.theta is not None else 1.0,
     }
 
 
@@ -211,7 +263,7 @@ def read(path: Path) -> dict[Setting, dict[str, float]]:
     found = {}
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            if None in row.values() or None in row:
+            if None in row.values() or None in row or "theta" not in row:
                 continue
             setting = Setting(**{name: parse[str(kinds[name])](row[name]) for name in kinds})
             found[setting] = {name: float(row[name]) for name in FIGURES}
@@ -325,6 +377,7 @@ def shipped_table(rows: dict[Setting, dict[str, float]]) -> str:
                     v
                     for k, v in rows.items()
                     if (k.drive, k.horizon, k.speed, k.bound) == (name, horizon, speed, bound)
+                    and not k.knows
                     and (k.noise, k.rule, k.gain) == _rounded_remedy(remedy)
                 ]
                 for remedy in ((noise, rule, gain), REMEDIES[0])
@@ -336,6 +389,49 @@ def shipped_table(rows: dict[Setting, dict[str, float]]) -> str:
         label = f"{rule}{', filters' if gain < 1 else ''}"
         lines.append((name, f"{bound:g}", f"{noise:g}", label, *cells))
     head = ("drive", "bound, pu", "noise", "rule", "SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
+    return tables.markdown(head, lines)
+
+
+def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What another machine changes, over the starts of the shipped drives.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    lines = []
+    for name, (machine, knows) in itertools.product(DRIVES, MISMATCHES):
+        if knows == KNOWN:
+            continue
+        base = machine if (machine, KNOWN) in MISMATCHES else "same"
+        cells, thetas = [], []
+        for horizon, speed in itertools.product(("SE", "SESE"), SPEEDS):
+            chosen, known = (
+                [
+                    v
+                    for k, v in rows.items()
+                    if (k.drive, k.horizon, k.speed, k.machine, k.knows)
+                    == (name, horizon, speed, *wanted)
+                ]
+                for wanted in ((machine, knows), (base, KNOWN))
+            )
+            change, distortion = (
+                100 * (_mean(chosen, figure) / _mean(known, figure) - 1)
+                for figure in ("fsw_hz", "thd_pct")
+            )
+            cells.append(
+                f"{change:+.0f} ({distortion:+.1f}, {_mean(chosen, 'deadlocks_per_1000'):.0f})"
+            )
+            thetas.append(_mean(chosen, "theta"))
+        found = "-" if knows == GIVEN else f"{min(thetas):.2f} to {max(thetas):.2f}"
+        lines.append((name, machine, knows, found, *cells))
+    head = ("drive", "plant", "controller", "theta", "SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
     return tables.markdown(head, lines)
 
 
@@ -399,5 +495,6 @@ def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
         {
             (BEGIN.format("shipped"), END.format("shipped")): shipped_table(rows),
             (BEGIN.format("random"), END.format("random")): random_table(rows),
+            (BEGIN.format("mismatch"), END.format("mismatch")): mismatch_table(rows),
         },
     )

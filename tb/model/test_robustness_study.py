@@ -21,10 +21,36 @@ SHOWN = (
     Setting("anpc5l_6kv", "SE", 0.6, 0.06, 1.0, "inwards", robustness.GAIN, 1),
     Setting("anpc5l_3kv3", "SE", 1.0, 0.10, 2.0, "dead", 1.0, 0),
     Setting("random 7", "SE", 0.6, 0.10, 1.0, "inwards", 1.0, 0),
+    Setting(
+        "anpc5l_3kv3",
+        "SE",
+        0.6,
+        0.10,
+        1.0,
+        "inwards",
+        robustness.GAIN,
+        2,
+        "leakage x 0.8",
+        robustness.THETA,
+    ),
+    Setting(
+        "anpc5l_6kv",
+        "SE",
+        1.0,
+        0.10,
+        1.0,
+        "inwards",
+        robustness.GAIN,
+        0,
+        "resistances x 1.5, sensors, dead time",
+        robustness.OBSERVER,
+    ),
 )
 
 
-@pytest.mark.parametrize("setting", SHOWN, ids=lambda setting: f"{setting.drive}, {setting.rule}")
+@pytest.mark.parametrize(
+    "setting", SHOWN, ids=lambda setting: f"{setting.drive}, {setting.rule}, {setting.machine}"
+)
 def test_a_loop_run_again_is_the_files(setting: Setting) -> None:
     found = robustness.loop(setting, robustness.STEPS)
     wanted = robustness.read(robustness.REPORT)[robustness.rounded(setting)]
@@ -61,6 +87,7 @@ def test_the_page_shows_the_file() -> None:
     for name, text in (
         ("shipped", robustness.shipped_table(rows)),
         ("random", robustness.random_table(rows)),
+        ("mismatch", robustness.mismatch_table(rows)),
     ):
         begin, end = robustness.BEGIN.format(name), robustness.END.format(name)
         assert tables.inside(page, begin, end).strip() == text.strip(), name

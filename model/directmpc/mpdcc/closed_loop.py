@@ -11,14 +11,15 @@ import cmath
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.mpdcc import ideal
+from directmpc.mpdcc import ideal, leakage
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
@@ -245,6 +246,8 @@ class ClosedLoopResult:
         What the shadow controller would have decided on the same inputs.
     profile : Profile
         References and speeds of the recorded steps.
+    theta : (n,) or None
+        The estimate of the leakage where the loop has one.
     """
 
     ts: float
@@ -255,6 +258,7 @@ class ClosedLoopResult:
     decisions: Decisions
     shadow: Decisions | None
     profile: Profile
+    theta: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.decisions)
@@ -321,7 +325,7 @@ class ClosedLoopResult:
 def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
-    shadow_out, sensed, dead, rest, dead_time, filters, filtered, shown,
+    shadow_out, sensed, dead, rest, dead_time, filters, filtered, shown, estimators, adapt,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -337,7 +341,17 @@ def _loop(
             applied[:] = decided
         measure(sensed, k, state, x)
         step_row(filters, filtered, x, positions[k])
+        if estimators.use_flux:
+            rotor_flux.step_row(
+                estimators.flux, estimators.flux_state, x, vdc[k], omega_r[k], positions[k]
+            )
         shown[k] = x
+        if estimators.use_leakage:
+            word, _ = leakage.step_row(
+                estimators.leakage, estimators.leakage_state, x, vdc[k], omega_r[k], positions[k], 0
+            )
+            estimators.theta[k] = word
+            adapt(word, estimators.given, parameters)
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
             ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
@@ -364,6 +378,57 @@ def _loop(
         else:
             plant_step(plant, state, applied, omega_r[k], vdc[k])
     states[len(vdc)] = state
+
+
+class Estimators(NamedTuple):
+    """Observer of the rotor flux and estimate of the leakage of a loop, for compiled code.
+
+    Attributes
+    ----------
+    use_flux, use_leakage : bool
+        Whether they are there.
+    flux, flux_state : ndarray of int64
+        As of `observer.step_words`.
+    leakage, leakage_state : ndarray of int64
+        As of `leakage.step_words`.
+    theta : ndarray of int64, shape (n,)
+        Filled: theta of each step, 16 fractional bits.
+    given : ndarray of int64, shape (p,)
+        Parameters of the controller for theta = 1.
+    """
+
+    use_flux: bool
+    use_leakage: bool
+    flux: IntArray
+    flux_state: IntArray
+    leakage: IntArray
+    leakage_state: IntArray
+    theta: IntArray
+    given: IntArray
+
+
+@njit
+def _as_given(theta, given, values):
+    """Stand in where nothing adapts to theta."""
+    return 0
+
+
+def _estimators(
+    drive: Drive, state: FloatArray, steps: int, parameters: Any, flux: bool, estimate: bool
+) -> Estimators:
+    """Estimators of a loop that begins in a state of the plant."""
+    flux_words, _ = rotor_flux.coefficients(drive)
+    words, _ = leakage.coefficients(drive)
+    return Estimators(
+        use_flux=flux,
+        use_leakage=estimate,
+        flux=rotor_flux.array(flux_words),
+        flux_state=rotor_flux.state_of(drive.machine, complex(*state[:2]), complex(*state[2:4])),
+        leakage=leakage.array(words),
+        leakage_state=leakage.first(),
+        theta=np.full(steps, 1 << leakage.FRACTION, dtype=np.int64),
+        given=parameters.copy() if estimate else np.zeros(1, dtype=np.int64),
+    )
 
 
 @njit
@@ -454,6 +519,8 @@ def simulate(
     delay: bool = False,
     compensate: bool = True,
     errors: DriveErrors = NO_ERRORS,
+    flux_observer: bool = False,
+    leakage_estimate: bool = False,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
 
@@ -487,6 +554,12 @@ def simulate(
         which the decision takes effect, rather than the measured one.
     errors : DriveErrors
         Of sensors and switches; none unless given.
+    flux_observer : bool
+        Whether the controller sees the rotor flux of the bit-true observer, which begins at the
+        plant's, in place of the plant's.
+    leakage_estimate : bool
+        Whether the bit-true estimate of the leakage scales the controller's coefficients. Only for
+        a bit-true controller, whose `parameters` are ``Registers.array()``.
 
     Returns
     -------
@@ -496,9 +569,12 @@ def simulate(
     Raises
     ------
     ValueError
-        If steps or settle do not make sense or a profile is too short.
+        If steps or settle do not make sense, a profile is too short, or the estimate is wanted for
+        another controller.
     """
     total = settle + steps
+    if leakage_estimate and not isinstance(parameters, np.ndarray):
+        raise ValueError("leakage_estimate: only a bit-true controller has coefficients to scale")
     if steps < 1 or settle < 0:
         raise ValueError(f"at least one step is needed, got steps {steps} after settle {settle}")
     rng = np.random.default_rng(seed)
@@ -525,6 +601,7 @@ def simulate(
     positions[0] = applied
     shown, seen = np.empty((total, STATES)), np.empty((total, STATES))
     filters = CapacitorFilter(drive)
+    estimators = _estimators(drive, state, total, parameters, flux_observer, leakage_estimate)
     seen_s = np.empty((total, 3), np.int64)
     seen_iref = np.empty((total, 2))
     out = np.zeros((total, 7), np.int64)
@@ -534,12 +611,13 @@ def simulate(
         for a in (profile.omega_s, profile.omega_r, rippled(drive, profile, errors), profile.iref)
     )
     _loop(
-        decide, parameters,
+        decide, parameters.copy() if leakage_estimate else parameters,
         _no_shadow if shadow is None else shadow, 0 if shadow is None else shadow_parameters,
         shadow is not None, plant, delay, compensate, predictor,
         omega_s, omega_r, vdc, iref, state, applied, states, positions,
         seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
         errors.dead_time > 0.0, filters.coefficient, filters.state, shown,
+        estimators, leakage.scaled if leakage_estimate else _as_given,
     )  # fmt: skip
 
     keep = slice(settle, total)
@@ -560,6 +638,7 @@ def simulate(
         decisions=Decisions.of_words(out[keep]),
         shadow=Decisions.of_words(shadow_out[keep]) if shadow is not None else None,
         profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
+        theta=estimators.theta[keep] / float(1 << leakage.FRACTION),
     )
 
 

@@ -44,6 +44,14 @@ OPTIONS = (
 #: Place of every parameter in ``Registers.array()``.
 INDEX: dict[str, int] = {name: place for place, name in enumerate((*COEFFICIENTS, *OPTIONS))}
 
+#: Coefficients of the slopes and curvatures of the current, all proportional to 1/D: an estimate of
+#: the leakage scales them, see ``leakage``.
+CURRENT_SLOPES: tuple[str, ...] = (
+    "stator_alpha", "stator_beta", "rotor_alpha", "rotor_beta", "emf_alpha", "emf_beta",
+    "forced_voltage", "forced_neutral", "curvature_emf_alpha", "curvature_emf_beta",
+    "curvature_flux_alpha", "curvature_flux_beta", "error_forced",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Registers:
@@ -308,7 +316,7 @@ class Unrounded:
     correction: float
 
 
-def unrounded(drive: Drive, variant: str) -> Unrounded:
+def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
     """Register values of a drive in full precision (Paper A, eqs. 2, 9 and 14).
 
     Parameters
@@ -317,6 +325,8 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
         Validated drive file.
     variant : str
         "paper" or "fast": which explorers the core has.
+    room : float
+        Factor by which ``CURRENT_SLOPES`` may grow at run time.
 
     Returns
     -------
@@ -332,7 +342,11 @@ def unrounded(drive: Drive, variant: str) -> Unrounded:
     real = _per_unit(drive, prediction)
     bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
     unit = min(
-        min(f.COEFFICIENT_SHARE * _HIGH / abs(value) for value in real.values() if value != 0.0),
+        min(
+            f.COEFFICIENT_SHARE * _HIGH / abs(value * (room if name in CURRENT_SLOPES else 1.0))
+            for name, value in real.items()
+            if value != 0.0
+        ),
         f.BOUND_HIGH[variant] / max(bounds),
         _curvature_unit(drive) if variant == "fast" else math.inf,
     )
@@ -384,7 +398,7 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
             )
 
 
-def registers(drive: Drive, variant: str) -> Registers:
+def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
     """Register values of a drive.
 
     Parameters
@@ -393,6 +407,8 @@ def registers(drive: Drive, variant: str) -> Registers:
         Validated drive file.
     variant : str
         "paper" or "fast": which explorers the core has.
+    room : float
+        Factor by which ``CURRENT_SLOPES`` may grow at run time.
 
     Returns
     -------
@@ -406,7 +422,7 @@ def registers(drive: Drive, variant: str) -> Registers:
         the message names the drive file's key.
     """
     refuse_unserved(drive, variant)
-    exact = unrounded(drive, variant)
+    exact = unrounded(drive, variant, room)
     coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
     bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
     return Registers(

@@ -28,10 +28,17 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.fixed_point import rounded
+from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.formats import CURRENT, FLUX, LINK_VOLTAGE, SPEED
+from directmpc.mpdcc.formats import (
+    CAPACITOR_VOLTAGE,
+    CURRENT,
+    FLUX,
+    LINK_VOLTAGE,
+    NEUTRAL_VOLTAGE,
+    SPEED,
+)
 from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mpdcc.trace import IntArray
 
@@ -216,6 +223,59 @@ def step_words(coefficient, state, m, s):
     state[2], state[3], state[4], state[5] = flux[0], flux[1], m[0], m[1]
     state[6] = o0 | o1
     return out[0], out[1], over
+
+
+def state_of(machine: InductionMachine, current: complex, flux: complex) -> IntArray:
+    """State of the twin that has found current and rotor flux.
+
+    Parameters
+    ----------
+    machine : InductionMachine
+        Machine the observer is set up for.
+    current, flux : complex
+        Stator current and rotor flux, per unit.
+
+    Returns
+    -------
+    ndarray of int64, shape (7,)
+        See ``STATE_WORDS``.
+    """
+    stator = machine.xm / machine.xr * flux + machine.d / machine.xr * current
+    state = np.zeros(STATE_WORDS, dtype=np.int64)
+    values = (flux.real, flux.imag, stator.real, stator.imag)
+    state[:4] = [round(value * FLUX_SCALE * 2**GUARD) for value in values]
+    state[4:6] = [round(value * CURRENT.scale) for value in (current.real, current.imag)]
+    return state
+
+
+_FORMATS = [CURRENT, CURRENT, NEUTRAL_VOLTAGE, *[CAPACITOR_VOLTAGE] * 3, LINK_VOLTAGE, SPEED]
+_SCALES, _LOWS, _HIGHS = limits(_FORMATS)
+_FLUX_UNIT = float(FLUX.scale)
+
+
+@njit
+def step_row(coefficient, state, x, vdc, omega_r, s):
+    """One step in front of a controller that works per unit: the rotor flux of a row replaced.
+
+    Parameters
+    ----------
+    coefficient, state : ndarray of int64
+        As of ``step_words``.
+    x : ndarray of float64, shape (8,)
+        Measured i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c, per
+        unit; the flux becomes the observer's.
+    vdc, omega_r : float
+        Per unit.
+    s : ndarray of int64, shape (3,)
+        Positions applied until now.
+    """
+    real = np.empty(8)
+    real[0], real[1] = x[0], x[1]
+    real[2:6] = x[4:]
+    real[6], real[7] = vdc, omega_r
+    m, _ = encode_row(real, _SCALES, _LOWS, _HIGHS)
+    a, b, _ = step_words(coefficient, state, m, s)
+    x[2], x[3] = a / _FLUX_UNIT, b / _FLUX_UNIT
 
 
 class IdealState(NamedTuple):
