@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
-from scripts.studies import robustness
+from scripts.studies import mptc_robustness, robustness
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--random", type=int, default=robustness.RANDOM, help="random drives")
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=robustness.REPORT, help="file of the loops")
+    parser.add_argument(
+        "--two-level-out", type=Path, default=mptc_robustness.REPORT,
+        help="file of the loops of two-level drives",
+    )  # fmt: skip
     parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
     workers.add_arguments(parser)
 
@@ -36,6 +40,10 @@ def _run(given: argparse.Namespace) -> int | None:
         scheduler=given.scheduler,
     )
     robustness.publish(rows, given.page)
+    two_level = mptc_robustness.study(
+        given.two_level_out, given.jobs, given.random, anew=given.anew
+    )
+    mptc_robustness.publish(two_level, given.page)
     return 0
 
 

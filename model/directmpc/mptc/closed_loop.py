@@ -8,7 +8,7 @@ torque reference where one is asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -127,6 +127,26 @@ class Run:
             shadow=out[:, 3],
             margin=result[:, 2],
         )
+
+    def after(self, first: int) -> Run:
+        """The run without its beginning.
+
+        Parameters
+        ----------
+        first : int
+            Periods that are left out.
+
+        Returns
+        -------
+        Run
+            The others; it shares their memory.
+        """
+        rows = {
+            field.name: getattr(self, field.name)[first:]
+            for field in fields(self)
+            if field.name not in ("ts", "trace")
+        }
+        return Run(ts=self.ts, trace=self.trace.rows(slice(first, None)), **rows)
 
     @property
     def mismatch(self) -> float:

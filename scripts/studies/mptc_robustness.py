@@ -1,0 +1,402 @@
+"""What sensors that err and another machine cost MPTC and MPFC: loops of the bit-true model.
+
+Random drives like the 2.2 kW one hold a torque at an imposed speed, on the flux of the bit-true
+observer. Each drive runs without an error first; every other loop of it is compared with that one.
+``python -m scripts robustness`` writes ``reports/mptc_robustness.csv``, one row per closed loop, and
+a table of ``docs/robustness.md``. Rows that the file has are not run again.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import math
+import multiprocessing
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from directmpc.api.drive_file import load_mptc_drive
+from directmpc.compiled import njit
+from directmpc.drive_tables import DriveError
+from directmpc.mptc import closed_loop
+from directmpc.mptc import drive_twin as joined
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.plant import PlantParameters, plant_parameters
+from directmpc.mptc.trace import FloatArray, IntArray
+from scripts.shared import progress, tables
+from scripts.shared.tools import ROOT
+from scripts.studies.mptc import RATED_TORQUE, figures
+
+REPORT = ROOT / "reports" / "mptc_robustness.csv"
+BEGIN = "<!-- two-level: begin (written by python -m scripts robustness) -->"
+END = "<!-- two-level: end -->"
+METHODS = ("MPTC", "MPFC")
+RANDOM = 200
+SECONDS, SETTLE = 0.3, 0.05
+"""That a loop counts, and before it; s."""
+
+RATED_CURRENT = 7.0
+"""Amplitude at rated load, A: what errors of the sensors are shares of."""
+
+SPEEDS = (300.0, 600.0, 900.0)
+"""1/min; drives take them in turn."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is wrong in a loop.
+
+    Attributes
+    ----------
+    noise, offset, gain : float
+        Of the current sensors, shares of `RATED_CURRENT` and of the value: noise of each component
+        as standard deviation; offset and gain of phase a, those of phase b are their opposite.
+    bits : int
+        Of the converters, full scale `current_max` to either side; 0 for none.
+    resistance, leakage : float
+        Factors on the machine's.
+    """
+
+    noise: float = 0.0
+    offset: float = 0.0
+    gain: float = 0.0
+    bits: int = 0
+    resistance: float = 1.0
+    leakage: float = 1.0
+
+
+CASES: dict[str, Case] = {
+    "none": Case(),
+    "noise 1 %": Case(noise=0.01),
+    "noise 2 %": Case(noise=0.02),
+    "12 bits": Case(bits=12),
+    "offset 1 %, gain 1 %": Case(offset=0.01, gain=0.01),
+    "resistances x 0.5": Case(resistance=0.5),
+    "resistances x 1.5": Case(resistance=1.5),
+    "leakage x 0.8": Case(leakage=0.8),
+    "leakage x 1.2": Case(leakage=1.2),
+}
+FIGURES = (
+    "torque_ripple_nm", "flux_ripple_wb", "thd_pct", "switching_hz", "torque_mean_nm",
+    "flux_mean_wb", "torque_nm",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """One closed loop: number of the random drive, method, key of `CASES`."""
+
+    number: int
+    method: str
+    case: str
+
+
+class Sensed(NamedTuple):
+    """A controller behind sensors that err, for compiled code.
+
+    Attributes
+    ----------
+    inner : drive_twin.Controller
+        It decides.
+    matrix : ndarray of float64, shape (2, 2)
+        What the sensors make of the current, alpha and beta.
+    added : ndarray of float64, shape (n, 2)
+        Added to it, A.
+    lsb : float
+        Of the converters, A; 0 for none.
+    count : ndarray of int64, shape (1,)
+        Periods so far.
+    """
+
+    inner: joined.Controller
+    matrix: FloatArray
+    added: FloatArray
+    lsb: float
+    count: IntArray
+
+
+@njit
+def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
+    """``drive_twin.decide`` on what the sensors say.
+
+    Parameters
+    ----------
+    p : Sensed
+        Moved on: call once a period.
+    i : complex
+        Stator current at k, A.
+    psi : complex
+        Not looked at: the flux is the observer's.
+    omega_r : float
+        Electrical speed at k, rad/s.
+    u : int
+        Not looked at: the applied vector is the last decision.
+    vdc, torque_ref, psi_ref : float
+        V, N*m, Wb.
+
+    Returns
+    -------
+    u : int
+        Vector to apply from k+1 on, 0 to 7.
+    saturated, clamped : int
+        Flags.
+    """
+    k = p.count[0]
+    p.count[0] = k + 1
+    alpha = p.matrix[0, 0] * i.real + p.matrix[0, 1] * i.imag + p.added[k, 0]
+    beta = p.matrix[1, 0] * i.real + p.matrix[1, 1] * i.imag + p.added[k, 1]
+    if p.lsb > 0.0:
+        alpha, beta = np.rint(alpha / p.lsb) * p.lsb, np.rint(beta / p.lsb) * p.lsb
+    return joined.decide(p.inner, complex(alpha, beta), psi, omega_r, u, vdc, torque_ref, psi_ref)
+
+
+def settings(count: int) -> Iterator[Setting]:
+    """All closed loops of the study, in order.
+
+    Parameters
+    ----------
+    count : int
+        Random drives.
+
+    Yields
+    ------
+    Setting
+        The next one.
+    """
+    for number in range(count):
+        for method in METHODS:
+            for case in CASES:
+                yield Setting(number, method, case)
+
+
+def drive_of(number: int, method: str) -> tuple[MptcDrive, float, float, float]:
+    """A random drive with its operating point.
+
+    Parameters
+    ----------
+    number : int
+        Of the drive.
+    method : str
+        MPTC or MPFC.
+
+    Returns
+    -------
+    drive : MptcDrive
+        Machine and control period within half and one and a half of the 2.2 kW drive's.
+    rpm, torque, flux : float
+        Speed (1/min), torque (N*m) and stator flux (Wb) that it holds.
+    """
+    rng = np.random.default_rng(number)
+    base = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml").with_control(method=method)
+    m = base.machine
+    while True:
+        rs, rr, lm, stator, rotor = rng.uniform(0.5, 1.5, 5)
+        lm *= m.lm
+        machine = {
+            "rs": m.rs * rs, "rr": m.rr * rr, "lm": lm, "ls": lm + (m.ls - m.lm) * stator,
+            "lr": lm + (m.lr - m.lm) * rotor,
+        }  # fmt: skip
+        period = base.control.ts * rng.uniform(0.5, 1.5)
+        torque, flux = RATED_TORQUE * rng.uniform(0.1, 1.0), rng.uniform(0.7, 1.0)
+        rpm = SPEEDS[number % len(SPEEDS)]
+        try:
+            drive = base.changed(machine=machine, control={"ts": period})
+            closed_loop.constant(drive, rpm, torque, flux, 1)
+        except (DriveError, ValueError):  # out of a drive file's range or beyond breakdown
+            continue
+        return drive, rpm, torque, flux
+
+
+def plant_of(drive: MptcDrive, case: Case) -> PlantParameters:
+    """The machine of a loop.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        The controller's.
+    case : Case
+        Its factors count.
+
+    Returns
+    -------
+    PlantParameters
+        SI; the speed is imposed.
+    """
+    m = drive.machine
+    return plant_parameters(drive, rs=case.resistance, rr=case.resistance)._replace(
+        ls=m.lm + (m.ls - m.lm) * case.leakage, lr=m.lm + (m.lr - m.lm) * case.leakage
+    )
+
+
+def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
+    """Run a closed loop.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+    seconds : float
+        Time that counts, after `SETTLE`.
+
+    Returns
+    -------
+    dict
+        The setting and its figures; ``torque_nm`` is the torque that was asked for.
+    """
+    case = CASES[setting.case]
+    drive, rpm, torque, flux = drive_of(setting.number, setting.method)
+    settle = round(SETTLE / drive.control.ts)
+    total = settle + round(seconds / drive.control.ts)
+    scenario = closed_loop.constant(drive, rpm, torque, flux, total)
+    rng = np.random.default_rng(10_000 + setting.number)
+    added = case.noise * RATED_CURRENT * rng.standard_normal((total, 2))
+    added += case.offset * RATED_CURRENT * np.array([1.0, -1.0 / math.sqrt(3.0)])
+    words = joined.parameters(drive)
+    state = joined.state_at(drive, words, scenario.current, scenario.flux)
+    sensed = Sensed(
+        joined.controller(drive, words, state),
+        np.array([[1.0 + case.gain, 0.0], [2.0 * case.gain / math.sqrt(3.0), 1.0 - case.gain]]),
+        added,
+        drive.control.current_max / 2 ** (case.bits - 1) if case.bits else 0.0,
+        np.zeros(1, dtype=np.int64),
+    )
+    run = closed_loop.simulate(
+        drive, scenario, plant=plant_of(drive, case), controller=(decide, sensed)
+    )
+    found = figures(run.after(settle))
+    return (
+        asdict(setting)
+        | {"torque_nm": torque}
+        | {name: found[name] for name in FIGURES if name in found}
+    )
+
+
+def read(path: Path) -> dict[Setting, dict[str, float]]:
+    """Rows of a study's file.
+
+    Parameters
+    ----------
+    path : Path
+        It may not exist, or end in the middle of a row: that one is left out.
+
+    Returns
+    -------
+    dict
+        Figures by setting.
+    """
+    if not path.exists():
+        return {}
+    found = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if None in row.values() or None in row:
+                continue
+            setting = Setting(int(row["number"]), row["method"], row["case"])
+            found[setting] = {name: float(row[name]) for name in FIGURES}
+    return found
+
+
+def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
+    """Write a study's file in the order of its settings; all of it or nothing."""
+    temporary = path.with_suffix(".part")
+    with temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([field.name for field in fields(Setting)] + list(FIGURES))
+        for setting in sorted(rows):
+            values = [f"{rows[setting][name]:.6g}" for name in FIGURES]
+            writer.writerow([*asdict(setting).values(), *values])
+    os.replace(temporary, path)
+
+
+def study(
+    out: Path, jobs: int, count: int, *, anew: bool = False
+) -> dict[Setting, dict[str, float]]:
+    """Run what the file does not have yet.
+
+    Parameters
+    ----------
+    out : Path
+        The file; it is written every now and then.
+    jobs : int
+        Processes.
+    count : int
+        Random drives.
+    anew : bool
+        Whether all loops are run, whatever the file has.
+
+    Returns
+    -------
+    dict
+        Figures of all settings.
+    """
+    wanted = list(settings(count))
+    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
+    missing = [setting for setting in wanted if setting not in rows]
+    context = multiprocessing.get_context("spawn")
+    with (
+        concurrent.futures.ProcessPoolExecutor(jobs, context) as pool,
+        progress.counter("closed loops of two-level drives", len(missing)) as advance,
+    ):
+        waiting = [pool.submit(loop, setting) for setting in missing]
+        for n, future in enumerate(concurrent.futures.as_completed(waiting)):
+            found = future.result()
+            setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
+            rows[setting] = {name: found[name] for name in FIGURES}
+            advance()
+            if n % 64 == 63:
+                _write(out, rows)
+    _write(out, rows)
+    return read(out)
+
+
+def table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What errors change, over the random drives.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    numbers = sorted({setting.number for setting in rows})
+    lines = []
+    for method in METHODS:
+        for case in list(CASES)[1:]:
+            cells = []
+            pairs = [
+                (rows[Setting(n, method, case)], rows[Setting(n, method, "none")]) for n in numbers
+            ]
+            for name in ("torque_ripple_nm", "flux_ripple_wb", "thd_pct", "switching_hz"):
+                change = [100.0 * (mine[name] / exact[name] - 1.0) for mine, exact in pairs]
+                low, middle, high = np.percentile(change, (5, 50, 95))
+                cells.append(f"{middle:+.0f} ({low:+.0f} to {high:+.0f})")
+            off = [abs(mine["torque_mean_nm"] - mine["torque_nm"]) for mine, _ in pairs]
+            cells.append(f"{np.median(off):.2f} ({np.percentile(off, 95):.2f})")
+            lines.append((method, case, *cells))
+    head = (
+        "method", "error", "torque ripple, %", "flux ripple, %", "THD, %", "f_sw, %",
+        "mean torque off, N m: median (95 %)",
+    )  # fmt: skip
+    return f"{len(numbers)} drives.\n\n" + tables.markdown(head, lines)
+
+
+def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
+    """Write the table into its page.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+    page : Path
+        The page; its markers stay.
+    """
+    tables.rewrite(page, {(BEGIN, END): table(rows)})
