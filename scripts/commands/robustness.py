@@ -41,7 +41,7 @@ def _run(given: argparse.Namespace) -> int | None:
     )
     robustness.publish(rows, given.page)
     two_level = mptc_robustness.study(
-        given.two_level_out, given.jobs, given.random, anew=given.anew
+        given.two_level_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
     )
     mptc_robustness.publish(two_level, given.page)
     return 0

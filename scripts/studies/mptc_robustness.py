@@ -2,16 +2,14 @@
 
 Random drives like the 2.2 kW one hold a torque at an imposed speed, on the flux of the bit-true
 observer. Each drive runs without an error first; every other loop of it is compared with that one.
-``python -m scripts robustness`` writes ``reports/mptc_robustness.csv``, one row per closed loop, and
+``python -m scripts robustness`` writes ``reports/mptc_robustness.csv``, a row per closed loop, and
 a table of ``docs/robustness.md``. Rows that the file has are not run again.
 """
 
 from __future__ import annotations
 
-import concurrent.futures
 import csv
 import math
-import multiprocessing
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
@@ -28,8 +26,9 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.trace import FloatArray, IntArray
-from scripts.shared import progress, tables
+from scripts.shared import tables
 from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
 from scripts.studies.mptc import RATED_TORQUE, figures
 
 REPORT = ROOT / "reports" / "mptc_robustness.csv"
@@ -314,7 +313,7 @@ def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
 
 
 def study(
-    out: Path, jobs: int, count: int, *, anew: bool = False
+    out: Path, jobs: int, count: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
     """Run what the file does not have yet.
 
@@ -328,6 +327,8 @@ def study(
         Random drives.
     anew : bool
         Whether all loops are run, whatever the file has.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
 
     Returns
     -------
@@ -337,17 +338,11 @@ def study(
     wanted = list(settings(count))
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
     missing = [setting for setting in wanted if setting not in rows]
-    context = multiprocessing.get_context("spawn")
-    with (
-        concurrent.futures.ProcessPoolExecutor(jobs, context) as pool,
-        progress.counter("closed loops of two-level drives", len(missing)) as advance,
-    ):
-        waiting = [pool.submit(loop, setting) for setting in missing]
-        for n, future in enumerate(concurrent.futures.as_completed(waiting)):
-            found = future.result()
+    with Pool(jobs, scheduler) as pool:
+        calls = [(setting,) for setting in missing]
+        for n, (_, found) in enumerate(pool.each("closed loops of two-level drives", loop, calls)):
             setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
             rows[setting] = {name: found[name] for name in FIGURES}
-            advance()
             if n % 64 == 63:
                 _write(out, rows)
     _write(out, rows)
