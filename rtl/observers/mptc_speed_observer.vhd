@@ -15,7 +15,8 @@
 -- mac_sequencer reads.  mptc_mean_share gives the mean voltage of the sequence.
 -- Formats: ports and words as in mptc_core (model/directmpc/mptc/formats.py).  A state has 26 bits, 8 more than a
 -- word, the integral too, in units of the full scale of the speed.  eps has ERROR_SHIFT fractional bits more than a
--- word: the error of the current is small beside its base.
+-- word: the error of the current is small beside its base.  Halves of steps have no offset: half an LSB would be seen
+-- in the speed at a few r/min.
 -- Latency: speed_valid 22, valid 48 clocks after start, always.  One multiplier.
 -- Overflow: states and words saturate and set saturated; nothing wraps.  eps is limited without a flag: an error of
 -- the current that is so large is that of an estimate that has just begun.  A reset clears the states.
@@ -100,6 +101,15 @@ architecture rtl of mptc_speed_observer is
   -- sums of Euler's step, which are not complete in the order of the states
   constant DUE_FOLLOWING : events_t :=
     (DUE_NEXT_W_ALPHA, DUE_NEXT_W_BETA, DUE_NEXT_PSI_ALPHA, DUE_NEXT_PSI_BETA);
+
+  -- half of what a state has moved: both are cut before they are subtracted, so that half an LSB cancels on average
+  function half_step (value, origin : state_t) return word_t is
+  begin
+
+    return std_logic_vector(resize(value(STATE_WIDTH - 1 downto GUARD + 1), WORD_WIDTH)
+                            - resize(origin(STATE_WIDTH - 1 downto GUARD + 1), WORD_WIDTH));
+
+  end function half_step;
 
   signal active : std_logic;
   signal due    : std_logic_vector(DUE_EVENTS - 1 downto 0); -- clocks of the program's events
@@ -206,8 +216,8 @@ begin
   a_words(A_E_ALPHA)        <= std_logic_vector(innovation(0));
   a_words(A_E_BETA)         <= std_logic_vector(innovation(1));
   a_words(A_NOT_E_BETA)     <= not std_logic_vector(innovation(1));
-  a_words(A_HALF_PSI_ALPHA) <= half_of(following(2), state(2), GUARD);
-  a_words(A_HALF_PSI_BETA)  <= half_of(following(3), state(3), GUARD);
+  a_words(A_HALF_PSI_ALPHA) <= half_step(following(2), state(2));
+  a_words(A_HALF_PSI_BETA)  <= half_step(following(3), state(3));
   a_words(A_STEP_ALPHA)     <= std_logic_vector(step_of(0));
   a_words(A_STEP_BETA)      <= std_logic_vector(step_of(1));
   a_words(A_EPS)            <= std_logic_vector(eps);
@@ -324,7 +334,7 @@ begin
         end if;
 
         if (due(DUE_HALF_W) = '1') then
-          innovation(i) <= signed(half_of(following(i), state(i), GUARD));
+          innovation(i) <= signed(half_step(following(i), state(i)));
         end if;
       end loop;
 

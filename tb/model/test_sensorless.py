@@ -202,7 +202,7 @@ def executed(words: dict[str, int], state: list[int], m: list[int], shares: list
         if name.startswith("half_w"):
             return known["e_" + name[7:]]
         if name.startswith("half_psi"):
-            return (known["next_" + name[5:]] - known[name[5:]]) >> (guard + 1)
+            return (known["next_" + name[5:]] >> up) - (known[name[5:]] >> up)
         if name.startswith("error_"):
             return known["e_" + name[6:]]
         if name in ("w_alpha", "w_beta", "psi_alpha", "psi_beta", "omega"):
@@ -238,7 +238,7 @@ def executed(words: dict[str, int], state: list[int], m: list[int], shares: list
                 due[clock + SUM_LATENCY + 1] = {p.result: rounded(p.result, total)}
         if clock == PROGRAM.actions["half_w"]:
             due[clock + 1] = {
-                f"e_{x}": (known[f"next_w_{x}"] - known[f"w_{x}"]) >> (guard + 1) for x in axes
+                f"e_{x}": (known[f"next_w_{x}"] >> up) - (known[f"w_{x}"] >> up) for x in axes
             }
     assert not due
     port = saturated((known["omega"] + (1 << 9)) >> 10, 16)

@@ -159,7 +159,15 @@ def to_state(total):
 
 
 @njit
-def advance_words(c, state, q, e_a, e_b, step_a, step_b):
+def _half(after, before, balanced):
+    """Half of what a state has moved, a word; balanced: without an offset."""
+    if balanced:
+        return (after >> (_GUARD + 1)) - (before >> (_GUARD + 1))
+    return (after - before) >> (_GUARD + 1)
+
+
+@njit
+def advance_words(c, state, q, e_a, e_b, step_a, step_b, balanced=False):
     """States after a step (Paper B, eqs. 5, 8 and 9).
 
     Parameters
@@ -174,6 +182,10 @@ def advance_words(c, state, q, e_a, e_b, step_a, step_b):
         Innovation, words.
     step_a, step_b : int
         What the voltage adds to the flux, 2*FRACTION fractional bits.
+    balanced : bool
+        How halves of what the states have moved are cut to words. True: the difference of two
+        states that are cut, so that both errors cancel on average. False: the difference is cut,
+        which makes it half an LSB too small on average.
 
     Returns
     -------
@@ -195,8 +207,8 @@ def advance_words(c, state, q, e_a, e_b, step_a, step_b):
     pn_b, s8 = to_state((state[3] << up) + stator_b + e_b * c.gain_stator)
     saturated = s5 | s6 | s7 | s8
     # halves of what has moved; a difference of two states has a bit more than a state
-    dw_a, dw_b = (wn_a - state[0]) >> (_GUARD + 1), (wn_b - state[1]) >> (_GUARD + 1)
-    dp_a, dp_b = (pn_a - state[2]) >> (_GUARD + 1), (pn_b - state[3]) >> (_GUARD + 1)
+    dw_a, dw_b = _half(wn_a, state[0], balanced), _half(wn_b, state[1], balanced)
+    dp_a, dp_b = _half(pn_a, state[2], balanced), _half(pn_b, state[3], balanced)
     state[0], s0 = to_state((wn_a << up) + dw_a * c.rotor + dp_a * c.rotor_flux + ~dw_b * q)
     state[1], s1 = to_state((wn_b << up) + dw_b * c.rotor + dp_b * c.rotor_flux + dw_a * q)
     state[2], s2 = to_state((pn_a << up) + dw_a * c.drop + dp_a * c.drop_flux)

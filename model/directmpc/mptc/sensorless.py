@@ -1,7 +1,7 @@
 """Operation without a speed sensor (Paper B, section 6.2): a controller on estimates, and its loop.
 
 The controller measures the current alone. Flux and speed are those of `speed_observer`, and so is
-the speed that a speed PI sees. `simulate` runs any method with a shaft and a speed PI;
+the speed that a speed PI sees, behind a low-pass. `simulate` runs any method with a shaft and a speed PI;
 `SensorlessController` is any `Controller` behind the observer, for loops of others.
 """
 
@@ -31,6 +31,13 @@ from directmpc.mptc.sequence_loop import decide_one, decide_one_word, samples_of
 from directmpc.mptc.speed_observer import SpeedGains
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import Controller, MptcDecision, MptcState, VectorSequence, mptc_decision
+
+FILTER_TIME = 3.2e-3
+"""Time constant of the low-pass between the estimate and the speed PI, s.
+
+With `speed_observer.KP` and `KI` the estimate has its own resonance near 800 rad/s, where noise of
+the current is passed on most. The low-pass lies well below it, and well above the speed loop.
+"""
 
 
 @dataclass(frozen=True)
@@ -191,22 +198,23 @@ def _observer(
 @njit(kept=False)
 def _loop(
     estimates, advance, decide, parameters, core, plant, centred, vdc, scenario, gains, noise, lsb,
-    i, psi, omega_r, seen, fluxes, flags, inside_i, inside_t,
+    i, psi, omega_r, seen, fluxes, flags, inside_i, inside_t, filter_share,
 ):  # fmt: skip
     torque_ref, psi_ref, load, speed_ref = scenario
     use_speed = len(speed_ref) > 0
     samples = len(inside_i) // len(torque_ref)
     vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
     applied = whole(0)
-    integral = 0.0
+    integral, smooth = 0.0, omega_r
     for k in range(len(torque_ref)):
         measured = i + noise[k]
         if lsb > 0.0:
             measured = lsb * complex(np.rint(measured.real / lsb), np.rint(measured.imag / lsb))
         omega, flux = estimates(parameters, measured)
+        smooth += filter_share * (omega - smooth)
         asked = torque_ref[k]
         if use_speed:
-            error = speed_ref[k] - omega / plant.pole_pairs
+            error = speed_ref[k] - smooth / plant.pole_pairs
             if abs(gains[0] * error + integral) < gains[2]:
                 integral += gains[1] * error * plant.ts
             asked += min(max(gains[0] * error + integral, -gains[2]), gains[2])
@@ -234,6 +242,7 @@ def simulate(
     gains: SpeedGains | None = None,
     plant: PlantParameters | None = None,
     errors: CurrentErrors | None = None,
+    filter_time: float = FILTER_TIME,
 ) -> SensorlessRun:
     """Run a closed loop on estimates.
 
@@ -251,6 +260,9 @@ def simulate(
         The drive's own with imposed speed if not given.
     errors : CurrentErrors, optional
         Of the current measurement; none if not given.
+    filter_time : float
+        Time constant of the low-pass between the estimate and the speed PI, s; a control period
+        or less: no low-pass. The controller always has the estimate itself.
 
     Returns
     -------
@@ -260,8 +272,10 @@ def simulate(
     Raises
     ------
     ValueError
-        If a gain has the wrong sign, or the model cannot represent a value.
+        If a gain or the time constant has the wrong sign, or the model cannot represent a value.
     """
+    if not (np.isfinite(filter_time) and filter_time >= 0.0):
+        raise ValueError(f"filter_time: got {filter_time!r:.40}; 0 or more s is needed")
     n, c = len(scenario.torque_ref), drive.control
     errors = errors or CurrentErrors()
     samples = samples_of(c.ts)
@@ -287,7 +301,7 @@ def simulate(
         *steps, decide, observer, core,
         plant or plant_parameters(drive), c.method == "SVM", drive.inverter.vdc,
         (scenario.torque_ref, scenario.psi_ref, scenario.load, wished), scenario.gains, noise, lsb,
-        *first, seen, fluxes, flags, inside_i, inside_t,
+        *first, seen, fluxes, flags, inside_i, inside_t, min(1.0, c.ts / max(filter_time, c.ts)),
     )  # fmt: skip
     return SensorlessRun(
         c.ts, seen[:, 0], seen[:, 1], fluxes[:, 0], fluxes[:, 1], seen[:, 2], seen[:, 3],

@@ -16,7 +16,8 @@ the estimates go on to k+1 by Heun's method.
 Bit-true, the states are those of `observer`: w = -lambda*L_m*psi_r stands for the rotor flux, so
 that eps is a cross product of the innovation and w. The speed's integral is a state of 26 bits like
 the others, in units of the speed's full scale. Four products are added to those of
-``mptc_observer``. ``mptc_speed_observer`` is this in VHDL.
+``mptc_observer``. Halves of what the states have moved are cut without an offset: at a few r/min
+an offset of half an LSB is seen in the speed. ``mptc_speed_observer`` is this in VHDL.
 """
 
 from __future__ import annotations
@@ -376,7 +377,7 @@ def step_words(coefficient, state, m, share_a, share_b):
     d, s1 = to_word((m[2] << _LINK_SHIFT) * c.voltage_alpha)
     s, s2 = to_word((m[2] << _LINK_SHIFT) * c.voltage_beta)
     psis_alpha, psis_beta, s3 = advance_words(
-        c, state, q, now.error_alpha, now.error_beta, d * share_a, s * share_b
+        c, state, q, now.error_alpha, now.error_beta, d * share_a, s * share_b, True
     )
     state[4] = now.integral
     return now.port, psis_alpha, psis_beta, s0 | s1 | s2 | s3 | now.saturated
