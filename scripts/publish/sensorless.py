@@ -123,6 +123,33 @@ def _gains(f: Figures) -> str:
     )
 
 
+def _low_pass(f: Figures) -> str:
+    """Low speed with noise over the time constant of the low-pass."""
+    rows = []
+    for ending, engine in (("noise", "float64"), ("bit-true, noise", "bit-true")):
+        found = (
+            f("low-pass", f"{1e3 * t:g}, {ending}", study.CRAWL, study.RATED_TORQUE,
+              "speed_error_rpm")
+            for t in study.FILTERS
+        )  # fmt: skip
+        rows.append([engine, *(_cell(value, ".2f") for value in found)])
+    titles = [f"{1e3 * t:g} ms" if t else "none" for t in study.FILTERS]
+    return tables.markdown(["error of the speed, r/min; low-pass", *titles], rows, "lr")
+
+
+def _seeds(f: Figures) -> str:
+    """Low speed with several noises."""
+    rows = []
+    for ending, engine in (("noise", "float64"), ("bit-true, noise", "bit-true")):
+        found = (
+            f("seeds", f"{seed}, {ending}", study.CRAWL, study.RATED_TORQUE, "speed_error_rpm")
+            for seed in study.SEEDS
+        )
+        rows.append([engine, *(_cell(value, ".2f") for value in found)])
+    titles = [f"{seed}" for seed in study.SEEDS]
+    return tables.markdown(["error of the speed, r/min; noise number", *titles], rows, "lr")
+
+
 def _resistance(f: Figures) -> str:
     """Low speed with another stator resistance."""
     shares = study.RESISTANCES
@@ -181,6 +208,8 @@ def texts(f: Figures) -> dict[str, str]:
     return {
         "cases": _cases(f),
         "gains": _gains(f),
+        "low-pass": _low_pass(f),
+        "seeds": _seeds(f),
         "resistance": _resistance(f),
         "region": _region(f, exact),
         "skewed": _region(f, skewed),
@@ -223,14 +252,19 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
     """
     rpm, load = study.FAILING
     columns = (
-        ("start (Fig. 23)", "start", None),
-        ("reversal (Fig. 24)", "reversal", None),
-        ("15 r/min, 14 N m (Fig. 26)", "crawl", None),
+        ("start, no load (Fig. 23)", "start", None),
+        ("reversal, no load (Fig. 24)", "reversal", None),
+        (f"{study.TOP:g} r/min, 14 N m (Fig. 25)", "full speed", None),
+        (f"{study.CRAWL:g} r/min, 14 N m (Fig. 26)", "crawl", None),
         (f"{rpm:g} r/min, {load:g} N m: fails", "", curves.failed),
     )
+    labels = (
+        "speed (r/min)", "estimate less speed (r/min)", "torque (N m)", "stator flux (Wb)",
+        "current of phase a (A)",
+    )  # fmt: skip
     plt = pyplot()
     figure, axes = plt.subplots(
-        3, len(columns), figsize=(12.0, 6.5), layout="constrained", sharex="col"
+        len(labels), len(columns), figsize=(15.0, 10.0), layout="constrained", sharex="col"
     )
     for column, (title, name, alone) in enumerate(columns):
         runs = (
@@ -243,18 +277,21 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
             speed, estimate = study.speeds(drive, made)
             t = made.ts * np.arange(len(speed))
             axes[0][column].plot(t, speed, color=colour, linewidth=0.9, label=label)
-            axes[1][column].plot(t, estimate - speed, color=colour, linewidth=0.4)
             per_step = len(made.current_inside) // len(speed)
             current = made.current_inside[::per_step].real
-            axes[2][column].plot(t, current, color=colour, linewidth=0.4)
+            drawn = (estimate - speed, made.torque, np.abs(made.flux), current)
+            for row, values in enumerate(drawn, start=1):
+                axes[row][column].plot(t, values, color=colour, linewidth=0.4)
         axes[0][column].set_title(title, fontsize=9)
-        axes[2][column].set_xlabel("time (s)")
-    for row, label in enumerate(
-        ("speed (r/min)", "estimate less speed (r/min)", "current of phase a (A)")
-    ):
+        axes[-1][column].set_xlabel("time (s)")
+    for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
     axes[0][0].legend(frameon=False, loc="lower right")
-    figure.suptitle("SVM-MPFC without a speed sensor (Paper B, section 6.2), float64", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, SVM-MPFC at 10 kHz without a speed sensor (Paper B, section 6.2), float64; "
+        "at control instants",
+        fontsize=10,
+    )
     save_png(figure, path)
     plt.close(figure)
 

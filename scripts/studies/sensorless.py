@@ -45,6 +45,8 @@ class Case:
         Of the observer.
     engine : str
         "ideal" or "model" (bit-true), of observer and controller.
+    filter_time : float
+        Of the low-pass between the estimate and the speed PI, s.
     """
 
     errors: CurrentErrors = field(default_factory=CurrentErrors)
@@ -52,6 +54,7 @@ class Case:
     rr: float = 1.0
     gains: SpeedGains = field(default_factory=SpeedGains)
     engine: str = "ideal"
+    filter_time: float = sensorless.FILTER_TIME
 
 
 CASES: dict[str, Case] = {
@@ -65,9 +68,14 @@ CASES: dict[str, Case] = {
 }
 #: kp and ki of eq. 23 that are tried.
 TRIED = ((1.0, 500.0), (5.0, 5e3), (5.0, 10e3), (5.0, 20e3), (10.0, 20e3), (20.0, 20e3))
+FILTERS = (0.0, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3)  # s, time constants that are tried at low speed
+SEEDS = (1, 2, 3, 4, 5)  # of the noise at low speed
 RESISTANCES = (0.8, 0.9, 0.95, 1.02, 1.05, 1.1)  # of the stator, at low speed
 REGION_SPEEDS = (0.0, 15.0, 30.0, 45.0, 60.0, 80.0, 100.0, 120.0, 150.0, 200.0, 300.0)  # r/min
 REGION_LOADS = (14.0, 7.0, 0.0, -7.0, -14.0)  # N*m; below 0 the machine generates
+
+#: Observers whose low-pass is tried: ending of the name -> engine.
+LOW_PASSED = {"noise": "ideal", "bit-true, noise": "model"}
 
 #: Machines of the region: name -> case.
 REGIONS: dict[str, Case] = {
@@ -87,7 +95,7 @@ class Curves:
     Attributes
     ----------
     exact : dict
-        Start, reversal and low speed without errors.
+        Start, reversal, low and full speed without errors.
     noisy : dict
         The same with 12 bits and noise.
     failed : SensorlessRun
@@ -149,8 +157,9 @@ def run(
     scenario = replace(scenario, torque_ref=np.zeros(steps), speed_ref=wanted, gains=GAINS)
     plant = plant_parameters(drive, INERTIA, rs=case.rs, rr=case.rr)
     return sensorless.simulate(
-        drive, scenario, engine=case.engine, gains=case.gains, plant=plant, errors=case.errors
-    )
+        drive, scenario, engine=case.engine, gains=case.gains, plant=plant, errors=case.errors,
+        filter_time=case.filter_time,
+    )  # fmt: skip
 
 
 def speeds(drive: MptcDrive, made: SensorlessRun) -> tuple[FloatArray, FloatArray]:
@@ -275,6 +284,17 @@ def measure(
             made = run(drive, case, CRAWL, CRAWL, RATED_TORQUE, 3.0)
             figures = steady_figures(drive, made, CRAWL)
             _keep("gains, crawl", name + ending, CRAWL, RATED_TORQUE, figures)
+    for ending, engine in LOW_PASSED.items():
+        for filter_time in FILTERS:
+            case = Case(NOISY, engine=engine, filter_time=filter_time)
+            made = run(drive, case, CRAWL, CRAWL, RATED_TORQUE, 3.0)
+            name = f"{1e3 * filter_time:g}, {ending}"
+            _keep("low-pass", name, CRAWL, RATED_TORQUE, steady_figures(drive, made, CRAWL))
+        for seed in SEEDS:
+            case = Case(replace(NOISY, seed=seed), engine=engine)
+            made = run(drive, case, CRAWL, CRAWL, RATED_TORQUE, 3.0)
+            figures = steady_figures(drive, made, CRAWL)
+            _keep("seeds", f"{seed}, {ending}", CRAWL, RATED_TORQUE, figures)
     for share in RESISTANCES:
         made = run(drive, Case(rs=share), CRAWL, CRAWL, RATED_TORQUE, 3.0)
         figures = steady_figures(drive, made, CRAWL)
@@ -299,4 +319,5 @@ def count() -> int:
         How often it calls `advance`.
     """
     points = len(REGIONS) * len(REGION_SPEEDS) * len(REGION_LOADS)
-    return 4 * len(CASES) + 6 * len(TRIED) + len(RESISTANCES) + points
+    passed = len(LOW_PASSED) * (len(FILTERS) + len(SEEDS))
+    return 4 * len(CASES) + 6 * len(TRIED) + len(RESISTANCES) + passed + points

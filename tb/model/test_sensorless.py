@@ -330,9 +330,10 @@ def test_what_the_page_says_of_the_goals_is_what_is_stored() -> None:
         )
         return [value <= goal for value, goal in zip(found, report.GOALS, strict=True)]
 
-    assert met("exact") == met("12 bits") == met("bit-true") == [True, True, True]
-    assert met("12 bits, noise 1 %") == [True, True, False]
-    assert met("bit-true, 12 bits, noise 1 %") == [True, True, False]
+    for case in ("exact", "12 bits", "bit-true", "12 bits, noise 1 %", "bit-true, 12 bits, noise 1 %"):
+        assert met(case) == [True, True, True], case
+    # without the low-pass of the speed, and with noise, the third is missed
+    assert f("low-pass", "0, noise", 15.0, 14.0, "speed_error_rpm") > report.GOALS[2]
     # below 150 r/min a generating load is the only one that makes more than 1 r/min, and it does
     worst = {
         (rpm, load): f("region", "12 bits, noise 1 %", rpm, load, "speed_error_rpm")

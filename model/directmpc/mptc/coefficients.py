@@ -168,7 +168,8 @@ def _round_the_pair(rounded: dict[str, int], values: dict[str, float], ratio: fl
     """Round `rotor` and `rotor_flux` up or down so that the machine without load stays at rest.
 
     There w is `ratio` times psi_s, and rotor*w + rotor_flux*psi is 0. Rounded each for itself, the
-    two can err in the same direction, which an observer sees as a slip that is not there.
+    two can err in the same direction, which an observer of the speed sees as a slip that is not
+    there. Beside the ripple of the methods without SVM this is not seen.
     """
     exact = values["rotor"] * _UNIT, values["rotor_flux"] * _UNIT
     tried = [(math.floor(exact[0]) + x, math.floor(exact[1]) + y) for x in (0, 1) for y in (0, 1)]
@@ -228,7 +229,8 @@ def registers(drive: MptcDrive) -> Registers:
                 f"{_KEYS[name]}: the coefficient {name} is {values[name]:.4g} and "
                 "cannot be represented"
             )
-    _round_the_pair(rounded, values, (1.0 / m.ls - lam * m.lr) * flux / rotor)
+    if c.method == "SVM":
+        _round_the_pair(rounded, values, (1.0 / m.ls - lam * m.lr) * flux / rotor)
     for name in ("rotor", "drop_flux"):
         rounded[name] = min(rounded[name], -1)
     rounded |= {"torque": exact, "weight": _weight(drive, flux / (per_rotor * rotor))}

@@ -105,6 +105,7 @@ FAULTS = {
         "coarse(following(4), GUARD)",
         "coarse(state(4), GUARD)",
     ),
+    "offset of a half step": (ENTITY, "- resize(origin(", "- 1 - resize(origin("),
     "half step": (ENTITY, "due(DUE_HALF_W) = '1'", "due(DUE_W_ALPHA) = '1'"),
     "time": (ENTITY, "applied.t2      <= t2;", "applied.t2      <= t1;"),
     "late start": (ENTITY, "(active = '0' and start = '1')", "(start = '1')"),
