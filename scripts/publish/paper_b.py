@@ -280,6 +280,15 @@ def _flux_claims(f: Figures) -> list[Claim]:
             Claim(source, f"{what}: torque ripple of three vectors lower than of two",
                   f"{three:.2f} against {two:.2f} N m", _yes(three < two))
         )  # fmt: skip
+    for source, name, rpm, what in (
+        ("Fig. 19", "reversal", 1500.0, "after the reversal"),
+        ("Fig. 20", "crawl", study.CRAWL, "15 r/min with rated load"),
+    ):
+        two, three = (f(name, method, rpm, "flux_ripple_mwb") for method in ("MPFC2", "MPFC3"))
+        claims.append(
+            Claim(source, f"{what}: flux ripple of three vectors lower than of two",
+                  f"{three:.1f} against {two:.1f} mWb", _yes(three < two))
+        )  # fmt: skip
     for source, name, rpm, quantity, unit in (
         ("Fig. 18", "load step", study.DISTURBED, "speed_loss_rpm", "r/min lost"),
         ("Fig. 19", "reversal", 1500.0, "to_1400_rpm_ms", "ms to 1400 r/min"),
@@ -297,6 +306,10 @@ def _flux_claims(f: Figures) -> list[Claim]:
         [f(name, method, 1500.0, "torque_ripple_nm") for name in ("start", "reversal")]
         for method in study.COMPARED
     ]
+    steady = [
+        [f(name, method, 1500.0, "flux_ripple_mwb") for name in ("start", "reversal")]
+        for method in study.COMPARED
+    ]
     slow = np.array(study.SPEEDS) < SLOW_BELOW
     alike = np.abs(ripple["MPC2"] / ripple["FOC"] - 1.0) <= SIMILAR
     return [
@@ -311,6 +324,11 @@ def _flux_claims(f: Figures) -> list[Claim]:
             "Figs. 28, 29", "after start and reversal MPC2 has a lower torque ripple than FOC",
             f"{_list(calm[0], '.2f')} against {_list(calm[1], '.2f')} N m",
             _yes(all(a < b for a, b in zip(*calm, strict=True))),
+        ),
+        Claim(
+            "Figs. 28, 29", "after start and reversal MPC2 has a lower flux ripple than FOC",
+            f"{_list(steady[0], '.1f')} against {_list(steady[1], '.1f')} mWb",
+            _yes(all(a < b for a, b in zip(*steady, strict=True))),
         ),
         *(
             Claim(
@@ -450,15 +468,23 @@ def _transients(f: Figures) -> str:
     for text, name, rpm, quantity, form, measured in (
         ("load step at 900 r/min: torque ripple, N m", "load step", study.DISTURBED,
          "torque_ripple_nm", ".2f", full),
+        ("load step at 900 r/min: flux ripple, mWb", "load step", study.DISTURBED,
+         "flux_ripple_mwb", ".1f", full),
         ("load step: largest loss of speed, r/min", "load step", study.DISTURBED,
          "speed_loss_rpm", ".0f", full),
         ("start: to 1400 r/min, ms", "start", 1500.0, "to_1400_rpm_ms", ".0f", study.COMPARED),
         ("start: torque ripple at 1500 r/min, N m", "start", 1500.0, "torque_ripple_nm", ".2f",
          study.COMPARED),
+        ("start: flux ripple at 1500 r/min, mWb", "start", 1500.0, "flux_ripple_mwb", ".1f",
+         study.COMPARED),
         ("reversal: to 1400 r/min, ms", "reversal", 1500.0, "to_1400_rpm_ms", ".0f", columns),
         ("reversal: torque ripple at 1500 r/min, N m", "reversal", 1500.0, "torque_ripple_nm",
          ".2f", columns),
+        ("reversal: flux ripple at 1500 r/min, mWb", "reversal", 1500.0, "flux_ripple_mwb", ".1f",
+         columns),
         ("15 r/min, 14 N m: torque ripple, N m", "crawl", study.CRAWL, "torque_ripple_nm", ".2f",
+         full[:2]),
+        ("15 r/min, 14 N m: flux ripple, mWb", "crawl", study.CRAWL, "flux_ripple_mwb", ".1f",
          full[:2]),
         ("15 r/min, 14 N m: largest error of the speed, r/min", "crawl", study.CRAWL,
          "speed_error_rpm", ".2f", full[:2]),
@@ -546,6 +572,29 @@ def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
     _save(figure, path)
 
 
+def _draw_bars(f: Figures, path: Path) -> None:
+    """Fig. 9: distortion without load at low speed as bars, beside the paper's numbers."""
+    paper = {"MPTC": 8.90, "MPTC1": 11.16, "MPTC2": 3.64}
+    names = ("MPTC", "MPTC1", "MPTC1, mean", "MPTC2", "MPTC2, mean", "MPTC2, best")
+    figure, axes = _axes(1, 1, (8.0, 3.2))
+    ax = axes[0][0]
+    for place, name in enumerate(names):
+        for value, shift, colour in (
+            (f.unloaded(name), -0.2, COLOURS[0]),
+            (paper[name.partition(",")[0]], 0.2, "0.7"),
+        ):
+            ax.bar(place + shift, value, width=0.4, color=colour)
+            ax.annotate(f"{value:.2f}", (place + shift, value), ha="center", va="bottom", fontsize=8)
+    ax.bar([0], [0.0], color=COLOURS[0], label="here, bit-true model")
+    ax.bar([0], [0.0], color="0.7", label="Paper B; it does not name its rule of the duty")
+    ax.set_xticks(range(len(names)), names)
+    ax.set_ylim(0.0, 13.5)
+    ax.set_ylabel("THD of the current (%)")
+    ax.legend(frameon=False, fontsize=8)
+    figure.suptitle("2.2 kW drive, 150 r/min, no load, 0.986 Wb (Paper B, Fig. 9)", fontsize=10)
+    _save(figure, path)
+
+
 def _draw_speeds(f: Figures, path: Path) -> None:
     """Figs. 10, 14, 15, 16, 31 and 32: figures over speed at rated load."""
     groups = (("MPTC", "MPTC1", "MPTC2", "GTV"), ("MPTC", "MPFC2", "MPFC3", "MPC2", "FOC"))
@@ -580,12 +629,14 @@ def _rpm(run: SequenceRun) -> np.ndarray:
 
 def _draw_dynamics(curves: study.Curves, path: Path) -> None:
     """Figs. 18, 19 and 20."""
+    reversals = {n: curves.reversed[n] for n in study.FLUX_METHODS}
     _draw_runs(
         (
-            ("100 % load at 900 r/min (Fig. 18)", curves.disturbed),
-            ("reversal (Fig. 19)", {n: curves.reversed[n] for n in study.FLUX_METHODS}),
-            ("15 r/min, 14 N m (Fig. 20)", curves.crawling),
+            ("100 % load at 900 r/min (Fig. 18)", "load step", curves.disturbed),
+            ("reversal, no load (Fig. 19)", "reversal", reversals),
+            ("15 r/min, 14 N m (Fig. 20)", "crawl", curves.crawling),
         ),
+        curves,
         path,
     )
 
@@ -594,29 +645,41 @@ def _draw_compared(curves: study.Curves, path: Path) -> None:
     """Figs. 28 and 29: start and reversal of MPC2 and FOC."""
     _draw_runs(
         (
-            ("start (Fig. 28)", curves.started),
-            ("reversal (Fig. 29)", {n: curves.reversed[n] for n in study.COMPARED}),
+            ("start, no load (Fig. 28)", "start", curves.started),
+            (
+                "reversal, no load (Fig. 29)",
+                "reversal",
+                {n: curves.reversed[n] for n in study.COMPARED},
+            ),
         ),
+        curves,
         path,
     )
 
 
-def _draw_runs(columns: Sequence[tuple[str, dict[str, SequenceRun]]], path: Path) -> None:
-    """Speed, torque and current of several runs, a column for each group."""
-    figure, axes = _axes(3, len(columns), (3.7 * len(columns), 6.5), sharex="col")
-    for column, (title, runs) in enumerate(columns):
+def _draw_runs(
+    columns: Sequence[tuple[str, str, dict[str, SequenceRun]]], curves: study.Curves, path: Path
+) -> None:
+    """Speed, torque, stator flux and current of several runs, a column for each group."""
+    figure, axes = _axes(4, len(columns), (3.7 * len(columns), 8.5), sharex="col")
+    for column, (title, group, runs) in enumerate(columns):
         for name, colour in zip(runs, COLOURS, strict=False):
             run = runs[name]
             t = run.ts * np.arange(len(run.torque))
             inside = run.sample_time * np.arange(0, len(run.torque_inside), 10)
             axes[0][column].plot(t, _rpm(run), color=colour, linewidth=0.9, label=name)
-            axes[1][column].plot(inside, run.torque_inside[::10], color=colour, linewidth=0.4)
-            axes[2][column].plot(inside, run.current_inside[::10].real, color=colour, linewidth=0.4)
+            for row, values in enumerate(
+                (run.torque_inside, curves.flux[group, name], run.current_inside.real), start=1
+            ):
+                axes[row][column].plot(inside, values[::10], color=colour, linewidth=0.4)
         axes[0][column].set_title(title, fontsize=9)
-        axes[2][column].set_xlabel("time (s)")
-    for row, label in enumerate(("speed (r/min)", "torque (N m)", "current of phase a (A)")):
+        axes[-1][column].set_xlabel("time (s)")
+    for row, label in enumerate(
+        ("speed (r/min)", "torque (N m)", "stator flux (Wb)", "current of phase a (A)")
+    ):
         axes[row][0].set_ylabel(label)
     axes[0][0].legend(frameon=False)
+    figure.suptitle("2.2 kW drive, sampled inside the control period", fontsize=10)
     _save(figure, path)
 
 
@@ -682,6 +745,7 @@ def regenerate(texts_only: bool = False) -> None:
             found = Figures(rows)
             drawings: dict[str, Callable[[Path], None]] = {
                 "spectra": lambda path: _draw_spectra(curves, found, path),
+                "bars": lambda path: _draw_bars(found, path),
                 "speeds": lambda path: _draw_speeds(found, path),
                 "dynamics": lambda path: _draw_dynamics(curves, path),
                 "compared": lambda path: _draw_compared(curves, path),

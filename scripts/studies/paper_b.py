@@ -19,10 +19,12 @@ from directmpc.mptc import closed_loop, foc, sequence_loop
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.foc import FocTuning
+from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.plant import PlantParameters, plant_parameters
-from directmpc.mptc.sequence import is_active
+from directmpc.mptc.sequence import is_active, segments
 from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
+from directmpc.states import VectorSequence
 from scripts.studies import mptc as single
 from scripts.studies.mptc import (
     GAINS,
@@ -104,6 +106,8 @@ class Curves:
         Runs of the load step, the reversal and the low speed.
     started : dict
         Runs of the start.
+    flux : dict
+        Magnitude of the stator flux of these runs (Wb) inside the period, by group and controller.
     steps : dict
         Time (ms, from the step on) and torque (N*m) of the torque step at `LOW_SPEED`.
     """
@@ -113,6 +117,7 @@ class Curves:
     reversed: dict[str, SequenceRun]
     crawling: dict[str, SequenceRun]
     started: dict[str, SequenceRun]
+    flux: dict[tuple[str, str], FloatArray]
     steps: dict[str, tuple[FloatArray, FloatArray]]
 
 
@@ -275,6 +280,50 @@ def distortions(run: SequenceRun) -> dict[str, float]:
     return found | {"thd_at_instants_pct": 100.0 * float(at_instants)}
 
 
+def flux_inside(drive: MptcDrive, run: SequenceRun) -> np.ndarray:
+    """Stator flux where current and torque are sampled.
+
+    From the flux at k on, the voltage less the drop across the stator resistance is integrated
+    (Paper B, eq. 2): the voltage exactly, the current between samples by the trapezoidal rule.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller of the run.
+    run : SequenceRun
+        Any run on the drive's own machine.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n * s,)
+        Wb, at the distances of `torque_inside`.
+    """
+    n = len(run.torque)
+    current = run.current_inside.reshape(n, -1)
+    samples = current.shape[1]
+    following = np.append(current.ravel()[1:], current[-1, -1]).reshape(n, -1)
+    drops = np.cumsum(0.5 * (current + following)[:, :-1], axis=1) * run.sample_time
+    flux = np.repeat((run.trace.psi_s @ np.array([1.0, 1.0j]))[:, np.newaxis], samples, axis=1)
+    flux[:, 1:] -= drive.machine.rs * drops
+    applied = run.trace.sequences()
+    at = np.arange(samples) / samples
+    centred = drive.control.method == "SVM"
+    vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
+    for k, (u, t) in enumerate(zip(applied.vectors, applied.times, strict=True)):
+        count = segments(VectorSequence(*map(int, u), *t), centred, vectors, lengths)
+        ends = np.cumsum(lengths[:count])
+        ends[-1] = 1.0  # what is left belongs to the last
+        within = np.clip(at[:, np.newaxis] - (ends - np.diff(ends, prepend=0.0)), 0.0, None)
+        shares = np.minimum(within, np.diff(ends, prepend=0.0))
+        flux[k] += drive.inverter.vdc * run.ts * (shares @ UNIT[vectors[:count]])
+    return flux.ravel()
+
+
+def _flux_ripple(drive: MptcDrive, run: SequenceRun, seconds: float) -> float:
+    """Standard deviation of the flux magnitude at the end of a run, mWb."""
+    return 1e3 * float(np.abs(flux_inside(drive, run))[-round(seconds / run.sample_time) :].std())
+
+
 def unloaded_figures(run: SequenceRun) -> dict[str, float]:
     """Figures of a run without load.
 
@@ -324,7 +373,7 @@ def disturbed(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     run : SequenceRun
         0.6 s.
     figures : dict of str to float
-        Ripple of the torque in the last 0.2 s, and the largest loss of speed.
+        Ripple of torque and flux in the last 0.2 s, and the largest loss of speed.
     """
     ts = drive.control.ts
     steps, begin = round(0.6 / ts), round(0.1 / ts)
@@ -334,6 +383,7 @@ def disturbed(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
     return run, {
         "torque_ripple_nm": float(run.torque_inside[-round(0.2 / run.sample_time) :].std()),
+        "flux_ripple_mwb": _flux_ripple(drive, run, 0.2),
         "speed_loss_rpm": DISTURBED - float(rpm.min()),
     }
 
@@ -355,7 +405,7 @@ def reversal(
     run : SequenceRun
         0.8 s; the reference turns after 0.1 s.
     figures : dict of str to float
-        Time from the turn to 1400 r/min, and the ripple of the torque in the
+        Time from the turn to 1400 r/min, and the ripple of torque and flux in the
         last 0.1 s.
     """
     return _to_full_speed(drive, -1500.0, 0.8, tuning)
@@ -378,7 +428,7 @@ def start(
     run : SequenceRun
         0.6 s; the reference steps after 0.1 s.
     figures : dict of str to float
-        Time from the step to 1400 r/min, and the ripple of the torque in the
+        Time from the step to 1400 r/min, and the ripple of torque and flux in the
         last 0.1 s.
     """
     return _to_full_speed(drive, 0.0, 0.6, tuning)
@@ -397,6 +447,7 @@ def _to_full_speed(
     return run, {
         "to_1400_rpm_ms": 1e3 * ts * float(reached[0] - begin) if len(reached) else np.inf,
         "torque_ripple_nm": float(run.torque_inside[-round(0.1 / run.sample_time) :].std()),
+        "flux_ripple_mwb": _flux_ripple(drive, run, 0.1),
     }
 
 
@@ -413,13 +464,14 @@ def crawl(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     run : SequenceRun
         3 s.
     figures : dict of str to float
-        Ripple of the torque and largest error of the speed in the last second.
+        Ripple of torque and flux, and largest error of the speed in the last second.
     """
     run = steady(drive, CRAWL, RATED_TORQUE, RATED_FLUX)
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
     last = round(1.0 / run.ts)
     return run, {
         "torque_ripple_nm": float(run.torque_inside[-round(1.0 / run.sample_time) :].std()),
+        "flux_ripple_mwb": _flux_ripple(drive, run, 1.0),
         "speed_error_rpm": float(np.abs(rpm[-last:] - CRAWL).max()),
     }
 
@@ -532,7 +584,7 @@ def measure(
         What is drawn.
     """
     rows: list[Row] = []
-    curves = Curves({}, {}, {}, {}, {}, {})
+    curves = Curves({}, {}, {}, {}, {}, {}, {})
 
     def _keep(study: str, controller: str, rpm: float, found: dict[str, float]) -> None:
         for quantity, value in found.items():
@@ -556,18 +608,23 @@ def measure(
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.disturbed[name], found = disturbed(one)
         _keep("load step", name, DISTURBED, found)
+        curves.flux["load step", name] = np.abs(flux_inside(one, curves.disturbed[name]))
         curves.reversed[name], found = reversal(one)
+        curves.flux["reversal", name] = np.abs(flux_inside(one, curves.reversed[name]))
         _keep("reversal", name, 1500.0, found)
     one = with_controller(drive, "FOC", "deadbeat", 100.0)
     curves.reversed["FOC"], found = reversal(one, TUNING)
+    curves.flux["reversal", "FOC"] = np.abs(flux_inside(one, curves.reversed["FOC"]))
     _keep("reversal", "FOC", 1500.0, found)
     for name in COMPARED:
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.started[name], found = start(one, tuning_of(name))
+        curves.flux["start", name] = np.abs(flux_inside(one, curves.started[name]))
         _keep("start", name, 1500.0, found)
     for name in FLUX_METHODS[:2]:
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.crawling[name], found = crawl(one)
+        curves.flux["crawl", name] = np.abs(flux_inside(one, curves.crawling[name]))
         _keep("crawl", name, CRAWL, found)
     for name in (*STEP_METHODS, SLOW_FOC):
         slow = name == SLOW_FOC
