@@ -584,7 +584,9 @@ def _draw_bars(f: Figures, path: Path) -> None:
             (paper[name.partition(",")[0]], 0.2, "0.7"),
         ):
             ax.bar(place + shift, value, width=0.4, color=colour)
-            ax.annotate(f"{value:.2f}", (place + shift, value), ha="center", va="bottom", fontsize=8)
+            ax.annotate(
+                f"{value:.2f}", (place + shift, value), ha="center", va="bottom", fontsize=8
+            )
     ax.bar([0], [0.0], color=COLOURS[0], label="here, bit-true model")
     ax.bar([0], [0.0], color="0.7", label="Paper B; it does not name its rule of the duty")
     ax.set_xticks(range(len(names)), names)

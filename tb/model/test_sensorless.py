@@ -330,7 +330,13 @@ def test_what_the_page_says_of_the_goals_is_what_is_stored() -> None:
         )
         return [value <= goal for value, goal in zip(found, report.GOALS, strict=True)]
 
-    for case in ("exact", "12 bits", "bit-true", "12 bits, noise 1 %", "bit-true, 12 bits, noise 1 %"):
+    for case in (
+        "exact",
+        "12 bits",
+        "bit-true",
+        "12 bits, noise 1 %",
+        "bit-true, 12 bits, noise 1 %",
+    ):
         assert met(case) == [True, True, True], case
     # without the low-pass of the speed, and with noise, the third is missed
     assert f("low-pass", "0, noise", 15.0, 14.0, "speed_error_rpm") > report.GOALS[2]

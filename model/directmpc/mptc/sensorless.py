@@ -1,8 +1,8 @@
 """Operation without a speed sensor (Paper B, section 6.2): a controller on estimates, and its loop.
 
 The controller measures the current alone. Flux and speed are those of `speed_observer`, and so is
-the speed that a speed PI sees, behind a low-pass. `simulate` runs any method with a shaft and a speed PI;
-`SensorlessController` is any `Controller` behind the observer, for loops of others.
+the speed that a speed PI sees, behind a low-pass. `simulate` runs any method with a shaft and a
+speed PI; `SensorlessController` is any `Controller` behind the observer, for loops of others.
 """
 
 from __future__ import annotations
