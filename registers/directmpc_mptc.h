@@ -67,6 +67,12 @@ extern "C" {
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bm 0xfff0000
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bp 16
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bw 12
+#define SYSTEM_REGISTERS__CAPABILITIES__FAMILY_bm 0x10000000
+#define SYSTEM_REGISTERS__CAPABILITIES__FAMILY_bp 28
+#define SYSTEM_REGISTERS__CAPABILITIES__FAMILY_bw 1
+#define SYSTEM_REGISTERS__CAPABILITIES__SENSORLESS_bm 0x20000000
+#define SYSTEM_REGISTERS__CAPABILITIES__SENSORLESS_bp 29
+#define SYSTEM_REGISTERS__CAPABILITIES__SENSORLESS_bw 1
 
 // reg - system_registers::control
 #define SYSTEM_REGISTERS__CONTROL__ENABLE_bm 0x1
@@ -312,10 +318,58 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPTC_DECISION__STATOR_FLUX__BETA_bw 16
 #define MPTC_DECISION__STATOR_FLUX__BETA_reset 0x0
 
+// reg - mptc_decision::vectors
+#define MPTC_DECISION__VECTORS__U1_bm 0x7
+#define MPTC_DECISION__VECTORS__U1_bp 0
+#define MPTC_DECISION__VECTORS__U1_bw 3
+#define MPTC_DECISION__VECTORS__U1_reset 0x0
+#define MPTC_DECISION__VECTORS__U2_bm 0x38
+#define MPTC_DECISION__VECTORS__U2_bp 3
+#define MPTC_DECISION__VECTORS__U2_bw 3
+#define MPTC_DECISION__VECTORS__U2_reset 0x0
+#define MPTC_DECISION__VECTORS__U3_bm 0x1c0
+#define MPTC_DECISION__VECTORS__U3_bp 6
+#define MPTC_DECISION__VECTORS__U3_bw 3
+#define MPTC_DECISION__VECTORS__U3_reset 0x0
+
+// reg - mptc_decision::times
+#define MPTC_DECISION__TIMES__T1_bm 0x1fff
+#define MPTC_DECISION__TIMES__T1_bp 0
+#define MPTC_DECISION__TIMES__T1_bw 13
+#define MPTC_DECISION__TIMES__T1_reset 0x0
+#define MPTC_DECISION__TIMES__T2_bm 0x1fff0000
+#define MPTC_DECISION__TIMES__T2_bp 16
+#define MPTC_DECISION__TIMES__T2_bw 13
+#define MPTC_DECISION__TIMES__T2_reset 0x0
+
+// reg - mptc_decision::sequencer
+#define MPTC_DECISION__SEQUENCER__EARLY_bm 0x1
+#define MPTC_DECISION__SEQUENCER__EARLY_bp 0
+#define MPTC_DECISION__SEQUENCER__EARLY_bw 1
+#define MPTC_DECISION__SEQUENCER__EARLY_reset 0x0
+#define MPTC_DECISION__SEQUENCER__INVALID_bm 0x2
+#define MPTC_DECISION__SEQUENCER__INVALID_bp 1
+#define MPTC_DECISION__SEQUENCER__INVALID_bw 1
+#define MPTC_DECISION__SEQUENCER__INVALID_reset 0x0
+#define MPTC_DECISION__SEQUENCER__DELAYED_bm 0x4
+#define MPTC_DECISION__SEQUENCER__DELAYED_bp 2
+#define MPTC_DECISION__SEQUENCER__DELAYED_bw 1
+#define MPTC_DECISION__SEQUENCER__DELAYED_reset 0x0
+
+// reg - mptc_decision::speed
+#define MPTC_DECISION__SPEED__OMEGA_R_bm 0xffff
+#define MPTC_DECISION__SPEED__OMEGA_R_bp 0
+#define MPTC_DECISION__SPEED__OMEGA_R_bw 16
+#define MPTC_DECISION__SPEED__OMEGA_R_reset 0x0
+
 // regfile - mptc_decision
 typedef struct __attribute__ ((__packed__)) {
     uint32_t decision;
     uint32_t stator_flux;
+    uint32_t vectors;
+    uint32_t times;
+    uint32_t sequencer;
+    uint32_t speed;
 } mptc_decision_t;
 
 // reg - mptc_parameters::c_current
@@ -408,6 +462,36 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPTC_PARAMETERS__METHOD_MPFC__VALUE_bw 1
 #define MPTC_PARAMETERS__METHOD_MPFC__VALUE_reset 0x0
 
+// reg - mptc_parameters::family_method
+#define MPTC_PARAMETERS__FAMILY_METHOD__VALUE_bm 0x7
+#define MPTC_PARAMETERS__FAMILY_METHOD__VALUE_bp 0
+#define MPTC_PARAMETERS__FAMILY_METHOD__VALUE_bw 3
+#define MPTC_PARAMETERS__FAMILY_METHOD__VALUE_reset 0x0
+
+// reg - mptc_parameters::rate
+#define MPTC_PARAMETERS__RATE__VALUE_bm 0xffffff
+#define MPTC_PARAMETERS__RATE__VALUE_bp 0
+#define MPTC_PARAMETERS__RATE__VALUE_bw 24
+#define MPTC_PARAMETERS__RATE__VALUE_reset 0x0
+
+// reg - mptc_parameters::c_gain_speed
+#define MPTC_PARAMETERS__C_GAIN_SPEED__VALUE_bm 0x3ffff
+#define MPTC_PARAMETERS__C_GAIN_SPEED__VALUE_bp 0
+#define MPTC_PARAMETERS__C_GAIN_SPEED__VALUE_bw 18
+#define MPTC_PARAMETERS__C_GAIN_SPEED__VALUE_reset 0x0
+
+// reg - mptc_parameters::c_gain_integral
+#define MPTC_PARAMETERS__C_GAIN_INTEGRAL__VALUE_bm 0x3ffff
+#define MPTC_PARAMETERS__C_GAIN_INTEGRAL__VALUE_bp 0
+#define MPTC_PARAMETERS__C_GAIN_INTEGRAL__VALUE_bw 18
+#define MPTC_PARAMETERS__C_GAIN_INTEGRAL__VALUE_reset 0x0
+
+// reg - mptc_parameters::sensorless
+#define MPTC_PARAMETERS__SENSORLESS__VALUE_bm 0x1
+#define MPTC_PARAMETERS__SENSORLESS__VALUE_bp 0
+#define MPTC_PARAMETERS__SENSORLESS__VALUE_bw 1
+#define MPTC_PARAMETERS__SENSORLESS__VALUE_reset 0x0
+
 // regfile - mptc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_current;
@@ -425,6 +509,11 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t c_gain_rotor;
     uint32_t c_gain_stator;
     uint32_t method_mpfc;
+    uint32_t family_method;
+    uint32_t rate;
+    uint32_t c_gain_speed;
+    uint32_t c_gain_integral;
+    uint32_t sensorless;
 } mptc_parameters_t;
 
 // reg - mptc_measurements::is_alpha
@@ -494,6 +583,36 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t u;
 } mptc_measurements_t;
 
+// reg - mptc_running::vectors
+#define MPTC_RUNNING__VECTORS__U1_bm 0x7
+#define MPTC_RUNNING__VECTORS__U1_bp 0
+#define MPTC_RUNNING__VECTORS__U1_bw 3
+#define MPTC_RUNNING__VECTORS__U1_reset 0x0
+#define MPTC_RUNNING__VECTORS__U2_bm 0x38
+#define MPTC_RUNNING__VECTORS__U2_bp 3
+#define MPTC_RUNNING__VECTORS__U2_bw 3
+#define MPTC_RUNNING__VECTORS__U2_reset 0x0
+#define MPTC_RUNNING__VECTORS__U3_bm 0x1c0
+#define MPTC_RUNNING__VECTORS__U3_bp 6
+#define MPTC_RUNNING__VECTORS__U3_bw 3
+#define MPTC_RUNNING__VECTORS__U3_reset 0x0
+
+// reg - mptc_running::times
+#define MPTC_RUNNING__TIMES__T1_bm 0x1fff
+#define MPTC_RUNNING__TIMES__T1_bp 0
+#define MPTC_RUNNING__TIMES__T1_bw 13
+#define MPTC_RUNNING__TIMES__T1_reset 0x0
+#define MPTC_RUNNING__TIMES__T2_bm 0x1fff0000
+#define MPTC_RUNNING__TIMES__T2_bp 16
+#define MPTC_RUNNING__TIMES__T2_bw 13
+#define MPTC_RUNNING__TIMES__T2_reset 0x0
+
+// regfile - mptc_running
+typedef struct __attribute__ ((__packed__)) {
+    uint32_t vectors;
+    uint32_t times;
+} mptc_running_t;
+
 // addrmap - directmpc_mptc
 typedef struct __attribute__ ((__packed__)) {
     system_registers_t system;
@@ -501,14 +620,16 @@ typedef struct __attribute__ ((__packed__)) {
     guard_registers_t guard;
     uint8_t RESERVED_60_7f[0x20];
     mptc_decision_t result;
-    uint8_t RESERVED_88_ff[0x78];
+    uint8_t RESERVED_98_ff[0x68];
     mptc_parameters_t parameters;
-    uint8_t RESERVED_13c_1ff[0xc4];
+    uint8_t RESERVED_150_1ff[0xb0];
     mptc_measurements_t measurements;
+    uint8_t RESERVED_224_27f[0x5c];
+    mptc_running_t running;
 } directmpc_mptc_t;
 
 
-static_assert(sizeof(directmpc_mptc_t) == 0x224, "Packing error");
+static_assert(sizeof(directmpc_mptc_t) == 0x288, "Packing error");
 
 #ifdef __cplusplus
 }

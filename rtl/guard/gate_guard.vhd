@@ -61,6 +61,7 @@ entity gate_guard is
     -- result
     gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     running        : out   std_logic;                                              -- '1': gates follow decisions
+    waits          : out   std_logic_vector(2 downto 0);                           -- a, b, c; '1': no other goal yet
     resting        : out   std_logic;                                              -- '1': no leg is moving or about to
     faults         : out   std_logic_vector(FAULT_COUNT - 1 downto 0)              -- latched, bits as in gate_tables
   );
@@ -161,6 +162,7 @@ begin
         rest_time => rest_now,
         legal     => legal(x),
         blocked   => blocked(x),
+        waits     => waits(2 - x),
         resting   => at_rest(x),
         refused   => refused(x),
         gates     => gates((x + 1) * GATES_OF_LEG - 1 downto x * GATES_OF_LEG)

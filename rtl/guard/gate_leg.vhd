@@ -39,6 +39,7 @@ entity gate_leg is
     rest_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- after the last one, clocks, 1 at least
     legal     : out   std_logic;                                               -- '1': goal follows position
     blocked   : out   std_logic; -- '1': goal moves, but a move waits already
+    waits     : out   std_logic; -- '1': a move waits to begin: a goal that moves would be blocked
     resting   : out   std_logic;                                               -- '1': off or at rest, nothing to do
     refused   : out   std_logic;                                               -- '1': a forbidden pattern was to come
     gates     : out   std_logic_vector(gates_of(FIVE_LEVEL) - 1 downto 0)      -- '1': on
@@ -79,6 +80,8 @@ begin
 
   legal   <= '1' when phase = STOPPED else
              is_edge(FIVE_LEVEL, accepted, goal);
+  waits   <= '1' when phase = STARTING else
+             waiting;
   blocked <= '1' when (phase = STARTING or waiting = '1') and goal /= accepted else
              '0';
   resting <= '1' when phase = STOPPED or (phase = RESTED and over = '1' and waiting = '0') else

@@ -532,6 +532,8 @@ begin
   capabilities.inwards.next_q         <= to_std_logic(INWARDS and not FOLDED);
   capabilities.capacitor_filter.next_q <= to_std_logic(CAPACITOR_FILTER);
   capabilities.flux_control.next_q    <= '0';
+  capabilities.family.next_q <= '0';
+  capabilities.sensorless.next_q <= '0';
   capabilities.observer.next_q        <= '1';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 

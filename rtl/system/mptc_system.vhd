@@ -6,8 +6,17 @@
 -- observer's, which works on the next one meanwhile. Parameters and the guard's settings are shadows that take effect
 -- together between two decisions. What is common to all systems is in system_shell.
 --
+-- FAMILY: mptc_family_core decides, by one of nine methods.  vector_sequencer plays its decision of up to three vectors
+-- from the next start on, goal_holder gives the guard what is played.  The sequence that is being applied enters the
+-- next prediction: the one decided last, or with control.own_positions = 0 the one in running.vectors and
+-- running.times.  There is no observer then, but with SENSORLESS.
+-- SENSORLESS: mptc_speed_observer in the place of mptc_observer.  The core begins when the speed is there, whether
+-- parameters.sensorless chooses that speed or the measured one.
+--
 -- Formats: as mptc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start; gates move with the start after.
+-- Latency: the core starts one clock after start, with SENSORLESS 23; gates move with the start after.  FAMILY: the
+-- guard has a vector's goal 6 clocks after its begin in the period, where no leg has to wait; that of the first vector
+-- of a period so too.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -20,10 +29,13 @@ library work;
   use work.directmpc_math.all;
   use work.directmpc_mptc_registers_pkg.all;
   use work.directmpc_system_registers_pkg.all;
+  use work.mptc_types.all;
 
 entity mptc_system is
   generic (
     FLUX_CONTROL    : boolean                  := true; -- true: MPFC can be chosen at run time
+    FAMILY          : boolean                  := false; -- true: two and three vectors too; MPFC is there whatever the above
+    SENSORLESS      : boolean                  := false; -- true: the speed can be the observer's
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
   );
   port (
@@ -119,6 +131,24 @@ architecture rtl of mptc_system is
   signal estimated      : std_logic; -- the observer has taken a step
   signal ready          : std_logic; -- there is a decision that has not been applied
   signal apply          : std_logic;
+  signal watching       : std_logic;       -- the flux is the observer's
+  signal core_start     : std_logic;
+  signal core_omega     : std_logic_vector(15 downto 0);
+  signal sequence_now   : mptc_sequence_t; -- is being applied
+  signal chosen         : mptc_sequence_t; -- decision
+  signal early_set      : std_logic;
+  signal invalid_set    : std_logic;
+  signal delayed_set    : std_logic;
+  signal built_family   : std_logic;
+  signal built_speed    : std_logic;
+  signal built_several  : std_logic;
+  signal shown_alpha    : std_logic_vector(15 downto 0);
+  signal shown_beta     : std_logic_vector(15 downto 0);
+  signal is_running     : std_logic;
+  signal forget_own     : std_logic;       -- what was decided last is forgotten
+  signal waits          : std_logic_vector(2 downto 0);
+  signal give           : std_logic;       -- a goal of the guard is new
+  signal goal           : std_logic_vector(2 downto 0);
   signal goal_a         : std_logic_vector(2 downto 0);
   signal goal_b         : std_logic_vector(2 downto 0);
   signal goal_c         : std_logic_vector(2 downto 0);
@@ -202,16 +232,18 @@ begin
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
-      apply              => apply,
+      apply              => give,
       position_a         => goal_a,
       position_b         => goal_b,
       position_c         => goal_c,
       gates              => gates,
-      running            => running,
+      waits              => waits,
+      running            => is_running,
       faults             => faults
     );
 
-  busy <= deciding;
+  busy    <= deciding;
+  running <= is_running;
 
   p_parameters : process (clk) is
   begin
@@ -245,40 +277,129 @@ begin
   observer_flag  <= observer_valid and observer_full;
   observer_start <= go;
 
-  -- one step on from the measurements of this decision, for the next one
-  i_observer : entity work.mptc_observer
-    port map (
-      clk             => clk,
-      rst             => observer_rst,
-      start           => observer_start,
-      is_alpha        => sample.is_alpha.value.value,
-      is_beta         => sample.is_beta.value.value,
-      omega_r         => sample.omega_r.value.value,
-      v_dc            => sample.v_dc.value.value,
-      u               => until_u,
-      c_current       => in_force.c_current.value.value,
-      c_flux          => in_force.c_flux.value.value,
-      c_rotor         => in_force.c_rotor.value.value,
-      c_rotor_flux    => in_force.c_rotor_flux.value.value,
-      c_drop          => in_force.c_drop.value.value,
-      c_drop_flux     => in_force.c_drop_flux.value.value,
-      c_speed         => in_force.c_speed.value.value,
-      c_voltage_alpha => in_force.c_voltage_alpha.value.value,
-      c_voltage_beta  => in_force.c_voltage_beta.value.value,
-      c_gain_rotor    => in_force.c_gain_rotor.value.value,
-      c_gain_stator   => in_force.c_gain_stator.value.value,
-      valid           => observer_valid,
-      busy            => observer_busy,
-      psis_alpha      => observer_alpha,
-      psis_beta       => observer_beta,
-      saturated       => observer_full
-    );
+  g_observer : if not (FAMILY or SENSORLESS) generate
+
+    -- one step on from the measurements of this decision, for the next one
+    i_observer : entity work.mptc_observer
+      port map (
+        clk             => clk,
+        rst             => observer_rst,
+        start           => observer_start,
+        is_alpha        => sample.is_alpha.value.value,
+        is_beta         => sample.is_beta.value.value,
+        omega_r         => sample.omega_r.value.value,
+        v_dc            => sample.v_dc.value.value,
+        u               => until_u,
+        c_current       => in_force.c_current.value.value,
+        c_flux          => in_force.c_flux.value.value,
+        c_rotor         => in_force.c_rotor.value.value,
+        c_rotor_flux    => in_force.c_rotor_flux.value.value,
+        c_drop          => in_force.c_drop.value.value,
+        c_drop_flux     => in_force.c_drop_flux.value.value,
+        c_speed         => in_force.c_speed.value.value,
+        c_voltage_alpha => in_force.c_voltage_alpha.value.value,
+        c_voltage_beta  => in_force.c_voltage_beta.value.value,
+        c_gain_rotor    => in_force.c_gain_rotor.value.value,
+        c_gain_stator   => in_force.c_gain_stator.value.value,
+        valid           => observer_valid,
+        busy            => observer_busy,
+        psis_alpha      => observer_alpha,
+        psis_beta       => observer_beta,
+        saturated       => observer_full
+      );
+
+  end generate g_observer;
+
+  g_measured : if not SENSORLESS generate
+    core_start <= go;
+    core_omega <= sample.omega_r.value.value;
+  end generate g_measured;
+
+  g_unobserved : if FAMILY and not SENSORLESS generate
+    observer_valid <= '0';
+    observer_busy  <= '0';
+    observer_full  <= '0';
+    observer_alpha <= (others => '0');
+    observer_beta  <= (others => '0');
+  end generate g_unobserved;
+
+  g_speed : if SENSORLESS generate
+
+    signal speed_valid : std_logic;
+    signal speed       : std_logic_vector(15 downto 0);
+
+  begin
+
+    -- the speed for this decision, then one step on for the next one
+    i_observer : entity work.mptc_speed_observer
+      port map (
+        clk             => clk,
+        rst             => observer_rst,
+        start           => observer_start,
+        is_alpha        => sample.is_alpha.value.value,
+        is_beta         => sample.is_beta.value.value,
+        v_dc            => sample.v_dc.value.value,
+        u1              => sequence_now.u1,
+        u2              => sequence_now.u2,
+        u3              => sequence_now.u3,
+        t1              => sequence_now.t1,
+        t2              => sequence_now.t2,
+        c_current       => in_force.c_current.value.value,
+        c_flux          => in_force.c_flux.value.value,
+        c_rotor         => in_force.c_rotor.value.value,
+        c_rotor_flux    => in_force.c_rotor_flux.value.value,
+        c_drop          => in_force.c_drop.value.value,
+        c_drop_flux     => in_force.c_drop_flux.value.value,
+        c_speed         => in_force.c_speed.value.value,
+        c_voltage_alpha => in_force.c_voltage_alpha.value.value,
+        c_voltage_beta  => in_force.c_voltage_beta.value.value,
+        c_gain_rotor    => in_force.c_gain_rotor.value.value,
+        c_gain_stator   => in_force.c_gain_stator.value.value,
+        c_gain_speed    => in_force.c_gain_speed.value.value,
+        c_gain_integral => in_force.c_gain_integral.value.value,
+        speed_valid     => speed_valid,
+        omega_r         => speed,
+        valid           => observer_valid,
+        busy            => observer_busy,
+        psis_alpha      => observer_alpha,
+        psis_beta       => observer_beta,
+        saturated       => observer_full
+      );
+
+    core_start <= speed_valid;
+    core_omega <= speed when in_force.sensorless.value.value = '1' else
+                  sample.omega_r.value.value;
+
+    -- the observer's outputs move on before the core has decided
+    p_used : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (core_start = '1') then
+          shown_alpha                                <= flux_alpha;
+          shown_beta                                 <= flux_beta;
+          from_hardware.result.speed.omega_r.next_q  <= core_omega;
+        end if;
+      end if;
+
+    end process p_used;
+
+    from_hardware.result.speed.omega_r.we <= core_valid;
+
+  end generate g_speed;
+
+  g_no_speed : if not SENSORLESS generate
+    shown_alpha                           <= flux_alpha;
+    shown_beta                            <= flux_beta;
+    from_hardware.result.speed.omega_r    <= (next_q => (others => '0'), we => '0');
+  end generate g_no_speed;
 
   -- until its first step has ended the observer knows no flux
-  flux_alpha <= sample.psis_alpha.value.value when observing = '0' else
+  watching   <= observing and to_std_logic(SENSORLESS or not FAMILY);
+  flux_alpha <= sample.psis_alpha.value.value when watching = '0' else
                 observer_alpha when estimated = '1' else
                 (others => '0');
-  flux_beta  <= sample.psis_beta.value.value when observing = '0' else
+  flux_beta  <= sample.psis_beta.value.value when watching = '0' else
                 observer_beta when estimated = '1' else
                 (others => '0');
 
@@ -297,49 +418,197 @@ begin
 
   end process p_estimated;
 
-  i_core : entity work.mptc_core
-    generic map (
-      FLUX_CONTROL => FLUX_CONTROL
-    )
-    port map (
-      clk                         => clk,
-      rst                         => rst,
-      start                       => go,
-      is_alpha                    => sample.is_alpha.value.value,
-      is_beta                     => sample.is_beta.value.value,
-      psis_alpha                  => flux_alpha,
-      psis_beta                   => flux_beta,
-      omega_r                     => sample.omega_r.value.value,
-      v_dc                        => sample.v_dc.value.value,
-      torque_ref                  => sample.torque_ref.value.value,
-      psi_ref                     => sample.psi_ref.value.value,
-      u                           => until_u,
-      c_current                   => in_force.c_current.value.value,
-      c_flux                      => in_force.c_flux.value.value,
-      c_rotor                     => in_force.c_rotor.value.value,
-      c_rotor_flux                => in_force.c_rotor_flux.value.value,
-      c_drop_current              => in_force.c_drop_current.value.value,
-      c_drop                      => in_force.c_drop.value.value,
-      c_drop_flux                 => in_force.c_drop_flux.value.value,
-      c_speed                     => in_force.c_speed.value.value,
-      c_voltage_alpha             => in_force.c_voltage_alpha.value.value,
-      c_voltage_beta              => in_force.c_voltage_beta.value.value,
-      c_torque                    => in_force.c_torque.value.value,
-      c_weight                    => in_force.c_weight.value.value,
-      method_mpfc                 => in_force.method_mpfc.value.value,
-      valid                       => core_valid,
-      busy                        => open,
-      u_next                      => core_u,
-      switches                    => core_switches,
-      saturated                   => core_saturated,
-      clamped                     => core_clamped
-    );
-
   -- a decision is applied with the start that follows it
-  apply  <= go and ready;
-  goal_a <= "00" & own_switches(2);
-  goal_b <= "00" & own_switches(1);
-  goal_c <= "00" & own_switches(0);
+  apply <= go and ready;
+
+  g_single : if not FAMILY generate
+
+    i_core : entity work.mptc_core
+      generic map (
+        FLUX_CONTROL => FLUX_CONTROL
+      )
+      port map (
+        clk                         => clk,
+        rst                         => rst,
+        start                       => core_start,
+        is_alpha                    => sample.is_alpha.value.value,
+        is_beta                     => sample.is_beta.value.value,
+        psis_alpha                  => flux_alpha,
+        psis_beta                   => flux_beta,
+        omega_r                     => core_omega,
+        v_dc                        => sample.v_dc.value.value,
+        torque_ref                  => sample.torque_ref.value.value,
+        psi_ref                     => sample.psi_ref.value.value,
+        u                           => until_u,
+        c_current                   => in_force.c_current.value.value,
+        c_flux                      => in_force.c_flux.value.value,
+        c_rotor                     => in_force.c_rotor.value.value,
+        c_rotor_flux                => in_force.c_rotor_flux.value.value,
+        c_drop_current              => in_force.c_drop_current.value.value,
+        c_drop                      => in_force.c_drop.value.value,
+        c_drop_flux                 => in_force.c_drop_flux.value.value,
+        c_speed                     => in_force.c_speed.value.value,
+        c_voltage_alpha             => in_force.c_voltage_alpha.value.value,
+        c_voltage_beta              => in_force.c_voltage_beta.value.value,
+        c_torque                    => in_force.c_torque.value.value,
+        c_weight                    => in_force.c_weight.value.value,
+        method_mpfc                 => in_force.method_mpfc.value.value,
+        valid                       => core_valid,
+        busy                        => open,
+        u_next                      => core_u,
+        switches                    => core_switches,
+        saturated                   => core_saturated,
+        clamped                     => core_clamped
+      );
+
+    sequence_now <= (until_u, until_u, until_u, WHOLE_PERIOD, (others => '0'));
+    chosen       <= NO_VOLTAGE;
+    give         <= apply;
+    goal         <= own_switches;
+    early_set    <= '0';
+    invalid_set  <= '0';
+    delayed_set  <= '0';
+    forget_own   <= '0';
+
+  end generate g_single;
+
+  g_family : if FAMILY generate
+
+    constant FLAGS : positive := 5; -- clocks after its start in which the sequencer's flags are of it
+
+    signal own_sequence  : mptc_sequence_t; -- decided last
+    signal own_segmented : std_logic;
+    signal begun         : std_logic_vector(FLAGS - 1 downto 0); -- starts of the sequencer, the latest in bit 0
+    signal playing       : std_logic;
+    signal wanted        : std_logic_vector(2 downto 0);
+    signal early         : std_logic;
+    signal invalid       : std_logic;
+
+  begin
+
+    i_core : entity work.mptc_family_core
+      port map (
+        clk                         => clk,
+        rst                         => rst,
+        start                       => core_start,
+        is_alpha                    => sample.is_alpha.value.value,
+        is_beta                     => sample.is_beta.value.value,
+        psis_alpha                  => flux_alpha,
+        psis_beta                   => flux_beta,
+        omega_r                     => core_omega,
+        v_dc                        => sample.v_dc.value.value,
+        torque_ref                  => sample.torque_ref.value.value,
+        psi_ref                     => sample.psi_ref.value.value,
+        u                           => until_u,
+        c_current                   => in_force.c_current.value.value,
+        c_flux                      => in_force.c_flux.value.value,
+        c_rotor                     => in_force.c_rotor.value.value,
+        c_rotor_flux                => in_force.c_rotor_flux.value.value,
+        c_drop_current              => in_force.c_drop_current.value.value,
+        c_drop                      => in_force.c_drop.value.value,
+        c_drop_flux                 => in_force.c_drop_flux.value.value,
+        c_speed                     => in_force.c_speed.value.value,
+        c_voltage_alpha             => in_force.c_voltage_alpha.value.value,
+        c_voltage_beta              => in_force.c_voltage_beta.value.value,
+        c_torque                    => in_force.c_torque.value.value,
+        c_weight                    => in_force.c_weight.value.value,
+        method_mpfc                 => in_force.method_mpfc.value.value,
+        family_method               => in_force.family_method.value.value,
+        u1                          => sequence_now.u1,
+        u2                          => sequence_now.u2,
+        u3                          => sequence_now.u3,
+        t1                          => sequence_now.t1,
+        t2                          => sequence_now.t2,
+        valid                       => core_valid,
+        busy                        => open,
+        u_next                      => core_u,
+        switches                    => core_switches,
+        saturated                   => core_saturated,
+        clamped                     => core_clamped,
+        next_u1                     => chosen.u1,
+        next_u2                     => chosen.u2,
+        next_u3                     => chosen.u3,
+        next_t1                     => chosen.t1,
+        next_t2                     => chosen.t2
+      );
+
+    sequence_now.u1 <= own_sequence.u1 when owning = '1' else
+                       to_hardware.running.vectors.u1.value;
+    sequence_now.u2 <= own_sequence.u2 when owning = '1' else
+                       to_hardware.running.vectors.u2.value;
+    sequence_now.u3 <= own_sequence.u3 when owning = '1' else
+                       to_hardware.running.vectors.u3.value;
+    sequence_now.t1 <= own_sequence.t1 when owning = '1' else
+                       to_hardware.running.times.t1.value;
+    sequence_now.t2 <= own_sequence.t2 when owning = '1' else
+                       to_hardware.running.times.t2.value;
+
+    -- what the gates are at is never forgotten
+    forget_own <= forget and not deciding and not is_running;
+
+    p_own_sequence : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        begun <= begun(FLAGS - 2 downto 0) & apply;
+
+        if (core_valid = '1') then
+          own_sequence  <= chosen;
+          own_segmented <= to_std_logic(in_force.family_method.value.value = FAMILY_SVM);
+        end if;
+
+        if (rst = '1' or forget_own = '1') then
+          own_sequence  <= NO_VOLTAGE;
+          own_segmented <= '0';
+        end if;
+
+        if (rst = '1') then
+          begun <= (others => '0');
+        end if;
+      end if;
+
+    end process p_own_sequence;
+
+    i_sequencer : entity work.vector_sequencer
+      port map (
+        clk       => clk,
+        rst       => rst,
+        start     => apply,
+        u1        => own_sequence.u1,
+        u2        => own_sequence.u2,
+        u3        => own_sequence.u3,
+        t1        => own_sequence.t1,
+        t2        => own_sequence.t2,
+        segmented => own_segmented,
+        rate      => in_force.rate.value.value,
+        playing   => playing,
+        u         => open,
+        switches  => wanted,
+        early     => early,
+        invalid   => invalid
+      );
+
+    i_holder : entity work.goal_holder
+      port map (
+        clk     => clk,
+        rst     => rst,
+        fresh   => apply,
+        playing => playing,
+        wanted  => wanted,
+        waits   => waits,
+        decided => give,
+        goal    => goal,
+        delayed => delayed_set
+      );
+
+    early_set   <= begun(FLAGS - 1) and early;
+    invalid_set <= begun(FLAGS - 1) and invalid;
+
+  end generate g_family;
+
+  goal_a <= "00" & goal(2);
+  goal_b <= "00" & goal(1);
+  goal_c <= "00" & goal(0);
 
   p_own : process (clk) is
   begin
@@ -353,7 +622,7 @@ begin
         ready <= '0';
       end if;
 
-      if (rst = '1') then
+      if (rst = '1' or forget_own = '1') then
         own_u        <= (others => '0');
         own_switches <= (others => '0');
         ready        <= '0';
@@ -373,16 +642,42 @@ begin
   capabilities.weighted_deadlock.next_q <= '0';
   capabilities.inwards.next_q         <= '0';
   capabilities.capacitor_filter.next_q <= '0';
-  capabilities.flux_control.next_q    <= to_std_logic(FLUX_CONTROL);
-  capabilities.observer.next_q        <= '1';
+  capabilities.flux_control.next_q    <= to_std_logic(FLUX_CONTROL or FAMILY);
+  capabilities.observer.next_q        <= to_std_logic(SENSORLESS or not FAMILY);
+  capabilities.family.next_q          <= built_family;
+  capabilities.sensorless.next_q      <= built_speed;
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 
   from_hardware.result.decision.u_next <= (next_q => core_u, we => core_valid);
   from_hardware.result.decision.switches <= (next_q => core_switches, we => core_valid);
   from_hardware.result.decision.saturated <= (next_q => core_saturated, we => core_valid);
   from_hardware.result.decision.clamped <= (next_q => core_clamped, we => core_valid);
-  from_hardware.result.stator_flux.alpha <= (next_q => flux_alpha, we => core_valid);
-  from_hardware.result.stator_flux.beta <= (next_q => flux_beta, we => core_valid);
+  from_hardware.result.stator_flux.alpha <= (next_q => shown_alpha, we => core_valid);
+  from_hardware.result.stator_flux.beta <= (next_q => shown_beta, we => core_valid);
+
+  built_family  <= to_std_logic(FAMILY);
+  built_speed   <= to_std_logic(SENSORLESS);
+  built_several <= core_valid and built_family;
+
+  -- what is not built keeps its reset value
+  from_hardware.parameters.family_method.value <= (swwe => built_family);
+  from_hardware.parameters.rate.value <= (swwe => built_family);
+  from_hardware.parameters.c_gain_speed.value <= (swwe => built_speed);
+  from_hardware.parameters.c_gain_integral.value <= (swwe => built_speed);
+  from_hardware.parameters.sensorless.value <= (swwe => built_speed);
+  from_hardware.running.vectors.u1 <= (swwe => built_family);
+  from_hardware.running.vectors.u2 <= (swwe => built_family);
+  from_hardware.running.vectors.u3 <= (swwe => built_family);
+  from_hardware.running.times.t1 <= (swwe => built_family);
+  from_hardware.running.times.t2 <= (swwe => built_family);
+  from_hardware.result.vectors.u1 <= (next_q => chosen.u1, we => built_several);
+  from_hardware.result.vectors.u2 <= (next_q => chosen.u2, we => built_several);
+  from_hardware.result.vectors.u3 <= (next_q => chosen.u3, we => built_several);
+  from_hardware.result.times.t1 <= (next_q => chosen.t1, we => built_several);
+  from_hardware.result.times.t2 <= (next_q => chosen.t2, we => built_several);
+  from_hardware.result.sequencer.early.hwset <= early_set;
+  from_hardware.result.sequencer.invalid.hwset <= invalid_set;
+  from_hardware.result.sequencer.delayed.hwset <= delayed_set;
 
   valid     <= core_valid;
   u_next    <= core_u;

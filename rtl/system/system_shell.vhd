@@ -78,6 +78,7 @@ entity system_shell is
     position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b
     position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c
     gates              : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
+    waits              : out   std_logic_vector(2 downto 0);  -- a, b, c; '1': no other position yet
     running            : out   std_logic;                     -- '1': gates follow decisions
     faults             : out   std_logic_vector(FAULT_COUNT - 1 downto 0) -- latched, bits as in gate_tables
   );
@@ -245,6 +246,7 @@ begin
       link_high      => in_force.link_high.value.value,
       link_low       => in_force.link_low.value.value,
       gates          => all_gates,
+      waits          => waits,
       running        => is_running,
       resting        => is_resting,
       faults         => latched

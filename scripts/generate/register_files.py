@@ -29,6 +29,8 @@ from directmpc.mpdcc import program as common_terms
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
+from directmpc.mptc import speed_observer as mptc_speed_observer
+from directmpc.mptc import vector_sequencer
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 
@@ -107,12 +109,15 @@ class Word:
         Two's complement.
     text : str
         What it is, unit included.
+    optional : bool
+        A build without it takes writes and keeps 0.
     """
 
     name: str
     width: int
     signed: bool
     text: str
+    optional: bool = False
 
 
 #: Meaning of the coefficients of ``mpdcc_core``; what a component shares stands once.
@@ -151,6 +156,8 @@ _MPTC = {
     "weight": "k_psi",
     "gain_rotor": "observer: innovation in w",
     "gain_stator": "observer: innovation in the flux",
+    "gain_speed": "observer: kp, eps in the speed",
+    "gain_integral": "observer: ki*T_s, eps in the speed's integral",
 }
 
 
@@ -220,7 +227,30 @@ def parameters(controller: str) -> list[Word]:
         Word(f"c_{name}", width, True, f"Coefficient: {_MPTC[name]}; 17 fractional bits")
         for name in names
     ]
-    return [*words, Word("method_mpfc", 1, False, "1: MPFC, 0: MPTC")]
+    # last, so that the addresses before it stay
+    return [
+        *words,
+        Word("method_mpfc", 1, False, "1: MPFC, 0: MPTC"),
+        Word("family_method", 3, False, "0: see method_mpfc; 1 to 7: MPTC1 to SVM", True),
+        Word(
+            "rate",
+            vector_sequencer.RATE_WIDTH,
+            False,
+            "2**32 by the clocks of a control period: speed of the sequencer",
+            True,
+        ),
+        *(
+            Word(
+                f"c_{name}",
+                width,
+                True,
+                f"Coefficient: {_MPTC[name]}; 17 fractional bits",
+                True,
+            )
+            for name in mptc_speed_observer.COEFFICIENTS[-2:]
+        ),
+        Word("sensorless", 1, False, "1: the speed is the observer's, 0: a measurement", True),
+    ]
 
 
 def measurements(controller: str) -> list[Word]:
@@ -270,6 +300,7 @@ def _regfile(name: str, words: Iterable[Word], *, committed: bool) -> Iterator[s
     for word in words:
         mark = " [committed]" if committed else ""
         sign = "twos_complement; " if word.signed else ""
+        sign += "swwe; " if word.optional else ""
         text = f"{word.text}; {'signed' if word.signed else 'unsigned'}."
         yield "  reg {"
         yield f'    desc = "{text}{mark}";'

@@ -212,8 +212,19 @@ class Leg:
         bool
             False for the present goal.
         """
+        return self.waits and wanted != self.goal
+
+    @property
+    def waits(self) -> bool:
+        """Whether the last move has not begun: a position that moves the leg would be blocked.
+
+        Returns
+        -------
+        bool
+            False of a leg that is off.
+        """
         unsettled = self.goal != self.settled or self.starts_at is not None
-        return self.alive and unsettled and wanted != self.goal
+        return self.alive and unsettled
 
     def clock(self, now: int, dead: int, rest: int) -> None:
         """One rising edge.
@@ -527,6 +538,17 @@ class GateGuard:
             True as well of a guard that is off.
         """
         return all(leg.resting(self.now) for leg in self.legs)
+
+    @property
+    def waits(self) -> int:
+        """Legs whose last move has not begun, as the port has them.
+
+        Returns
+        -------
+        int
+            Bit 2: a, 1: b, 0: c.
+        """
+        return sum(leg.waits << (2 - x) for x, leg in enumerate(self.legs))
 
     @property
     def fault_bits(self) -> int:

@@ -34,6 +34,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "inwards": (13, 1, False),
                 "capacitor_filter": (14, 1, False),
                 "least_dead_time": (16, 12, False),
+                "family": (28, 1, False),
+                "sensorless": (29, 1, False),
             },
         ),
         "system.control": (
@@ -668,6 +670,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "inwards": (13, 1, False),
                 "capacitor_filter": (14, 1, False),
                 "least_dead_time": (16, 12, False),
+                "family": (28, 1, False),
+                "sensorless": (29, 1, False),
             },
         ),
         "system.control": (
@@ -812,6 +816,35 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "beta": (16, 16, False),
             },
         ),
+        "result.vectors": (
+            0x088,
+            {
+                "u1": (0, 3, False),
+                "u2": (3, 3, False),
+                "u3": (6, 3, False),
+            },
+        ),
+        "result.times": (
+            0x08C,
+            {
+                "t1": (0, 13, False),
+                "t2": (16, 13, False),
+            },
+        ),
+        "result.sequencer": (
+            0x090,
+            {
+                "early": (0, 1, False),
+                "invalid": (1, 1, False),
+                "delayed": (2, 1, False),
+            },
+        ),
+        "result.speed": (
+            0x094,
+            {
+                "omega_r": (0, 16, False),
+            },
+        ),
         "parameters.c_current": (
             0x100,
             {
@@ -902,6 +935,36 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 1, False),
             },
         ),
+        "parameters.family_method": (
+            0x13C,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "parameters.rate": (
+            0x140,
+            {
+                "value": (0, 24, False),
+            },
+        ),
+        "parameters.c_gain_speed": (
+            0x144,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_gain_integral": (
+            0x148,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.sensorless": (
+            0x14C,
+            {
+                "value": (0, 1, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {
@@ -954,6 +1017,21 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             0x220,
             {
                 "value": (0, 3, False),
+            },
+        ),
+        "running.vectors": (
+            0x280,
+            {
+                "u1": (0, 3, False),
+                "u2": (3, 3, False),
+                "u3": (6, 3, False),
+            },
+        ),
+        "running.times": (
+            0x284,
+            {
+                "t1": (0, 13, False),
+                "t2": (16, 13, False),
             },
         ),
     },

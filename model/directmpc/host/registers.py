@@ -27,7 +27,8 @@ from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
-from directmpc.mptc.drive import SINGLE_METHODS, MptcDrive
+from directmpc.mptc import vector_sequencer
+from directmpc.mptc.drive import SEQUENCE_METHODS, SINGLE_METHODS, MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -38,6 +39,10 @@ HIGHEST: dict[tuple[str, str], int] = {
     ("guard.current_limit", "value"): 2**15 - 2,
     ("guard.link_high", "value"): 2**16 - 2,
 }
+
+#: Duty rules that the core of the methods of two and three vectors has, and methods with a choice.
+BUILT_RULES = ("deadbeat",)
+RULED_METHODS = ("MPTC1", "MPTC2")
 
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
@@ -338,21 +343,36 @@ def values(
         saturated += problems
         controller = "mpdcc"
     else:
-        if drive.control.method not in SINGLE_METHODS:
-            raise ValueError(
-                f'control.method: got "{drive.control.method}"; the system serves '
-                f"{' and '.join(SINGLE_METHODS)}"
-            )
         chosen = mptc_coefficients.registers(drive)
         parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
         gains = mptc_observer.coefficients(drive)
         parameters |= {f"c_{name}": gains[name] for name in mptc_observer.COEFFICIENTS[-2:]}
         parameters["method_mpfc"] = int(drive.control.method == "MPFC")
+        parameters |= _sequence_words(drive, (settings or GuardSettings()).clock)
         controller = "mptc"
     words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
     addresses = registers_of(controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
     return RegisterValues(controller, words, saturated)
+
+
+def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
+    """Registers of the methods of two and three vectors, as far as the drive needs them."""
+    c = drive.control
+    if c.method in SINGLE_METHODS:
+        return {}
+    if c.duty_rule not in BUILT_RULES and c.method in RULED_METHODS:
+        raise ValueError(
+            f'control.duty_rule: got "{c.duty_rule}"; the core has '
+            f"{' and '.join(BUILT_RULES)} for {c.method}"
+        )
+    try:
+        rate = vector_sequencer.rate_of(round(clock * c.ts))
+    except ValueError as error:
+        raise ValueError(
+            f"control.ts: got {1e6 * c.ts:g} us with a clock of {clock / 1e6:g} MHz; {error}"
+        ) from None
+    return {"family_method": SEQUENCE_METHODS.index(c.method) + 1, "rate": rate}
 
 
 def format_csv(found: RegisterValues) -> str:

@@ -120,6 +120,10 @@ architecture rtl of directmpc_mptc_registers is
     type \directmpc_mptc.result_strb_t\ is record
         decision : std_logic;
         stator_flux : std_logic;
+        vectors : std_logic;
+        times : std_logic;
+        sequencer : std_logic;
+        speed : std_logic;
     end record;
 
     type \directmpc_mptc.parameters_strb_t\ is record
@@ -138,6 +142,11 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_rotor : std_logic;
         c_gain_stator : std_logic;
         method_mpfc : std_logic;
+        family_method : std_logic;
+        rate : std_logic;
+        c_gain_speed : std_logic;
+        c_gain_integral : std_logic;
+        sensorless : std_logic;
     end record;
 
     type \directmpc_mptc.measurements_strb_t\ is record
@@ -152,12 +161,18 @@ architecture rtl of directmpc_mptc_registers is
         u : std_logic;
     end record;
 
+    type \directmpc_mptc.running_strb_t\ is record
+        vectors : std_logic;
+        times : std_logic;
+    end record;
+
     type decoded_reg_strb_t is record
         system : \directmpc_mptc.system_strb_t\;
         guard : \directmpc_mptc.guard_strb_t\;
         result : \directmpc_mptc.result_strb_t\;
         parameters : \directmpc_mptc.parameters_strb_t\;
         measurements : \directmpc_mptc.measurements_strb_t\;
+        running : \directmpc_mptc.running_strb_t\;
     end record;
     signal decoded_reg_strb : decoded_reg_strb_t;
     signal decoded_err : std_logic;
@@ -447,9 +462,79 @@ architecture rtl of directmpc_mptc_registers is
         beta : \directmpc_mptc.result.stator_flux.beta_combo_t\;
     end record;
 
+    type \directmpc_mptc.result.vectors.u1_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.vectors.u2_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.vectors.u3_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.vectors_combo_t\ is record
+        u1 : \directmpc_mptc.result.vectors.u1_combo_t\;
+        u2 : \directmpc_mptc.result.vectors.u2_combo_t\;
+        u3 : \directmpc_mptc.result.vectors.u3_combo_t\;
+    end record;
+
+    type \directmpc_mptc.result.times.t1_combo_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.times.t2_combo_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.times_combo_t\ is record
+        t1 : \directmpc_mptc.result.times.t1_combo_t\;
+        t2 : \directmpc_mptc.result.times.t2_combo_t\;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.early_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.invalid_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.delayed_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer_combo_t\ is record
+        early : \directmpc_mptc.result.sequencer.early_combo_t\;
+        invalid : \directmpc_mptc.result.sequencer.invalid_combo_t\;
+        delayed : \directmpc_mptc.result.sequencer.delayed_combo_t\;
+    end record;
+
+    type \directmpc_mptc.result.speed.omega_r_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.speed_combo_t\ is record
+        omega_r : \directmpc_mptc.result.speed.omega_r_combo_t\;
+    end record;
+
     type \directmpc_mptc.result_combo_t\ is record
         decision : \directmpc_mptc.result.decision_combo_t\;
         stator_flux : \directmpc_mptc.result.stator_flux_combo_t\;
+        vectors : \directmpc_mptc.result.vectors_combo_t\;
+        times : \directmpc_mptc.result.times_combo_t\;
+        sequencer : \directmpc_mptc.result.sequencer_combo_t\;
+        speed : \directmpc_mptc.result.speed_combo_t\;
     end record;
 
     type \directmpc_mptc.parameters.c_current.value_combo_t\ is record
@@ -587,6 +672,51 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.parameters.method_mpfc.value_combo_t\;
     end record;
 
+    type \directmpc_mptc.parameters.family_method.value_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.family_method_combo_t\ is record
+        value : \directmpc_mptc.parameters.family_method.value_combo_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.rate.value_combo_t\ is record
+        next_q : std_logic_vector(23 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.rate_combo_t\ is record
+        value : \directmpc_mptc.parameters.rate.value_combo_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_speed.value_combo_t\ is record
+        next_q : std_logic_vector(17 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_speed_combo_t\ is record
+        value : \directmpc_mptc.parameters.c_gain_speed.value_combo_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_integral.value_combo_t\ is record
+        next_q : std_logic_vector(17 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_integral_combo_t\ is record
+        value : \directmpc_mptc.parameters.c_gain_integral.value_combo_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.sensorless.value_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.sensorless_combo_t\ is record
+        value : \directmpc_mptc.parameters.sensorless.value_combo_t\;
+    end record;
+
     type \directmpc_mptc.parameters_combo_t\ is record
         c_current : \directmpc_mptc.parameters.c_current_combo_t\;
         c_flux : \directmpc_mptc.parameters.c_flux_combo_t\;
@@ -603,6 +733,11 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_rotor : \directmpc_mptc.parameters.c_gain_rotor_combo_t\;
         c_gain_stator : \directmpc_mptc.parameters.c_gain_stator_combo_t\;
         method_mpfc : \directmpc_mptc.parameters.method_mpfc_combo_t\;
+        family_method : \directmpc_mptc.parameters.family_method_combo_t\;
+        rate : \directmpc_mptc.parameters.rate_combo_t\;
+        c_gain_speed : \directmpc_mptc.parameters.c_gain_speed_combo_t\;
+        c_gain_integral : \directmpc_mptc.parameters.c_gain_integral_combo_t\;
+        sensorless : \directmpc_mptc.parameters.sensorless_combo_t\;
     end record;
 
     type \directmpc_mptc.measurements.is_alpha.value_combo_t\ is record
@@ -698,12 +833,54 @@ architecture rtl of directmpc_mptc_registers is
         u : \directmpc_mptc.measurements.u_combo_t\;
     end record;
 
+    type \directmpc_mptc.running.vectors.u1_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.running.vectors.u2_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.running.vectors.u3_combo_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.running.vectors_combo_t\ is record
+        u1 : \directmpc_mptc.running.vectors.u1_combo_t\;
+        u2 : \directmpc_mptc.running.vectors.u2_combo_t\;
+        u3 : \directmpc_mptc.running.vectors.u3_combo_t\;
+    end record;
+
+    type \directmpc_mptc.running.times.t1_combo_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.running.times.t2_combo_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.running.times_combo_t\ is record
+        t1 : \directmpc_mptc.running.times.t1_combo_t\;
+        t2 : \directmpc_mptc.running.times.t2_combo_t\;
+    end record;
+
+    type \directmpc_mptc.running_combo_t\ is record
+        vectors : \directmpc_mptc.running.vectors_combo_t\;
+        times : \directmpc_mptc.running.times_combo_t\;
+    end record;
+
     type field_combo_t is record
         system : \directmpc_mptc.system_combo_t\;
         guard : \directmpc_mptc.guard_combo_t\;
         result : \directmpc_mptc.result_combo_t\;
         parameters : \directmpc_mptc.parameters_combo_t\;
         measurements : \directmpc_mptc.measurements_combo_t\;
+        running : \directmpc_mptc.running_combo_t\;
     end record;
     signal field_combo : field_combo_t;
 
@@ -948,9 +1125,70 @@ architecture rtl of directmpc_mptc_registers is
         beta : \directmpc_mptc.result.stator_flux.beta_storage_t\;
     end record;
 
+    type \directmpc_mptc.result.vectors.u1_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.vectors.u2_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.vectors.u3_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.vectors_storage_t\ is record
+        u1 : \directmpc_mptc.result.vectors.u1_storage_t\;
+        u2 : \directmpc_mptc.result.vectors.u2_storage_t\;
+        u3 : \directmpc_mptc.result.vectors.u3_storage_t\;
+    end record;
+
+    type \directmpc_mptc.result.times.t1_storage_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.times.t2_storage_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.times_storage_t\ is record
+        t1 : \directmpc_mptc.result.times.t1_storage_t\;
+        t2 : \directmpc_mptc.result.times.t2_storage_t\;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.early_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.invalid_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer.delayed_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.result.sequencer_storage_t\ is record
+        early : \directmpc_mptc.result.sequencer.early_storage_t\;
+        invalid : \directmpc_mptc.result.sequencer.invalid_storage_t\;
+        delayed : \directmpc_mptc.result.sequencer.delayed_storage_t\;
+    end record;
+
+    type \directmpc_mptc.result.speed.omega_r_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mptc.result.speed_storage_t\ is record
+        omega_r : \directmpc_mptc.result.speed.omega_r_storage_t\;
+    end record;
+
     type \directmpc_mptc.result_storage_t\ is record
         decision : \directmpc_mptc.result.decision_storage_t\;
         stator_flux : \directmpc_mptc.result.stator_flux_storage_t\;
+        vectors : \directmpc_mptc.result.vectors_storage_t\;
+        times : \directmpc_mptc.result.times_storage_t\;
+        sequencer : \directmpc_mptc.result.sequencer_storage_t\;
+        speed : \directmpc_mptc.result.speed_storage_t\;
     end record;
 
     type \directmpc_mptc.parameters.c_current.value_storage_t\ is record
@@ -1073,6 +1311,46 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.parameters.method_mpfc.value_storage_t\;
     end record;
 
+    type \directmpc_mptc.parameters.family_method.value_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.parameters.family_method_storage_t\ is record
+        value : \directmpc_mptc.parameters.family_method.value_storage_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.rate.value_storage_t\ is record
+        value : std_logic_vector(23 downto 0);
+    end record;
+
+    type \directmpc_mptc.parameters.rate_storage_t\ is record
+        value : \directmpc_mptc.parameters.rate.value_storage_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_speed.value_storage_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_speed_storage_t\ is record
+        value : \directmpc_mptc.parameters.c_gain_speed.value_storage_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_integral.value_storage_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \directmpc_mptc.parameters.c_gain_integral_storage_t\ is record
+        value : \directmpc_mptc.parameters.c_gain_integral.value_storage_t\;
+    end record;
+
+    type \directmpc_mptc.parameters.sensorless.value_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.sensorless_storage_t\ is record
+        value : \directmpc_mptc.parameters.sensorless.value_storage_t\;
+    end record;
+
     type \directmpc_mptc.parameters_storage_t\ is record
         c_current : \directmpc_mptc.parameters.c_current_storage_t\;
         c_flux : \directmpc_mptc.parameters.c_flux_storage_t\;
@@ -1089,6 +1367,11 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_rotor : \directmpc_mptc.parameters.c_gain_rotor_storage_t\;
         c_gain_stator : \directmpc_mptc.parameters.c_gain_stator_storage_t\;
         method_mpfc : \directmpc_mptc.parameters.method_mpfc_storage_t\;
+        family_method : \directmpc_mptc.parameters.family_method_storage_t\;
+        rate : \directmpc_mptc.parameters.rate_storage_t\;
+        c_gain_speed : \directmpc_mptc.parameters.c_gain_speed_storage_t\;
+        c_gain_integral : \directmpc_mptc.parameters.c_gain_integral_storage_t\;
+        sensorless : \directmpc_mptc.parameters.sensorless_storage_t\;
     end record;
 
     type \directmpc_mptc.measurements.is_alpha.value_storage_t\ is record
@@ -1175,12 +1458,49 @@ architecture rtl of directmpc_mptc_registers is
         u : \directmpc_mptc.measurements.u_storage_t\;
     end record;
 
+    type \directmpc_mptc.running.vectors.u1_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.running.vectors.u2_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.running.vectors.u3_storage_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \directmpc_mptc.running.vectors_storage_t\ is record
+        u1 : \directmpc_mptc.running.vectors.u1_storage_t\;
+        u2 : \directmpc_mptc.running.vectors.u2_storage_t\;
+        u3 : \directmpc_mptc.running.vectors.u3_storage_t\;
+    end record;
+
+    type \directmpc_mptc.running.times.t1_storage_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \directmpc_mptc.running.times.t2_storage_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \directmpc_mptc.running.times_storage_t\ is record
+        t1 : \directmpc_mptc.running.times.t1_storage_t\;
+        t2 : \directmpc_mptc.running.times.t2_storage_t\;
+    end record;
+
+    type \directmpc_mptc.running_storage_t\ is record
+        vectors : \directmpc_mptc.running.vectors_storage_t\;
+        times : \directmpc_mptc.running.times_storage_t\;
+    end record;
+
     type field_storage_t is record
         system : \directmpc_mptc.system_storage_t\;
         guard : \directmpc_mptc.guard_storage_t\;
         result : \directmpc_mptc.result_storage_t\;
         parameters : \directmpc_mptc.parameters_storage_t\;
         measurements : \directmpc_mptc.measurements_storage_t\;
+        running : \directmpc_mptc.running_storage_t\;
     end record;
     signal field_storage : field_storage_t;
 
@@ -1515,6 +1835,18 @@ begin
         decoded_reg_strb.result.stator_flux <= cpuif_req_masked and (cpuif_addr = 16#84#) and not cpuif_req_is_wr;
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#84#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#84#) and not cpuif_req_is_wr);
+        decoded_reg_strb.result.vectors <= cpuif_req_masked and (cpuif_addr = 16#88#) and not cpuif_req_is_wr;
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#88#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#88#) and not cpuif_req_is_wr);
+        decoded_reg_strb.result.times <= cpuif_req_masked and (cpuif_addr = 16#8C#) and not cpuif_req_is_wr;
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#8C#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#8C#) and not cpuif_req_is_wr);
+        decoded_reg_strb.result.sequencer <= cpuif_req_masked and (cpuif_addr = 16#90#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#90#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#90#));
+        decoded_reg_strb.result.speed <= cpuif_req_masked and (cpuif_addr = 16#94#) and not cpuif_req_is_wr;
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#94#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#94#) and not cpuif_req_is_wr);
         decoded_reg_strb.parameters.c_current <= cpuif_req_masked and (cpuif_addr = 16#100#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#100#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#100#));
@@ -1560,6 +1892,21 @@ begin
         decoded_reg_strb.parameters.method_mpfc <= cpuif_req_masked and (cpuif_addr = 16#138#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#138#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#138#));
+        decoded_reg_strb.parameters.family_method <= cpuif_req_masked and (cpuif_addr = 16#13C#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#13C#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#13C#));
+        decoded_reg_strb.parameters.rate <= cpuif_req_masked and (cpuif_addr = 16#140#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#140#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#140#));
+        decoded_reg_strb.parameters.c_gain_speed <= cpuif_req_masked and (cpuif_addr = 16#144#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#144#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#144#));
+        decoded_reg_strb.parameters.c_gain_integral <= cpuif_req_masked and (cpuif_addr = 16#148#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#148#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#148#));
+        decoded_reg_strb.parameters.sensorless <= cpuif_req_masked and (cpuif_addr = 16#14C#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#14C#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#14C#));
         decoded_reg_strb.measurements.is_alpha <= cpuif_req_masked and (cpuif_addr = 16#200#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#200#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#200#));
@@ -1587,6 +1934,12 @@ begin
         decoded_reg_strb.measurements.u <= cpuif_req_masked and (cpuif_addr = 16#220#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#220#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#220#));
+        decoded_reg_strb.running.vectors <= cpuif_req_masked and (cpuif_addr = 16#280#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#280#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#280#));
+        decoded_reg_strb.running.times <= cpuif_req_masked and (cpuif_addr = 16#284#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#284#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#284#));
         decoded_err <= (not is_valid_addr or (is_valid_addr and not is_valid_rw)) and decoded_req;
     end process;
 
@@ -2695,6 +3048,270 @@ begin
         end if;
     end process;
 
+    -- Field: directmpc_mptc.result.vectors.u1
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.vectors.u1.value;
+        load_next_c := '0';
+        if hwif_in.result.vectors.u1.we then -- HW Write - we
+            next_c := hwif_in.result.vectors.u1.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.vectors.u1.next_q <= next_c;
+        field_combo.result.vectors.u1.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.vectors.u1.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.vectors.u1.value <= 3x"0";
+            else
+                if field_combo.result.vectors.u1.load_next then
+                    field_storage.result.vectors.u1.value <= field_combo.result.vectors.u1.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mptc.result.vectors.u2
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.vectors.u2.value;
+        load_next_c := '0';
+        if hwif_in.result.vectors.u2.we then -- HW Write - we
+            next_c := hwif_in.result.vectors.u2.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.vectors.u2.next_q <= next_c;
+        field_combo.result.vectors.u2.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.vectors.u2.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.vectors.u2.value <= 3x"0";
+            else
+                if field_combo.result.vectors.u2.load_next then
+                    field_storage.result.vectors.u2.value <= field_combo.result.vectors.u2.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mptc.result.vectors.u3
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.vectors.u3.value;
+        load_next_c := '0';
+        if hwif_in.result.vectors.u3.we then -- HW Write - we
+            next_c := hwif_in.result.vectors.u3.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.vectors.u3.next_q <= next_c;
+        field_combo.result.vectors.u3.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.vectors.u3.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.vectors.u3.value <= 3x"0";
+            else
+                if field_combo.result.vectors.u3.load_next then
+                    field_storage.result.vectors.u3.value <= field_combo.result.vectors.u3.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mptc.result.times.t1
+    process(all)
+        variable next_c: std_logic_vector(12 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.times.t1.value;
+        load_next_c := '0';
+        if hwif_in.result.times.t1.we then -- HW Write - we
+            next_c := hwif_in.result.times.t1.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.times.t1.next_q <= next_c;
+        field_combo.result.times.t1.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.times.t1.value <= 13x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.times.t1.value <= 13x"0";
+            else
+                if field_combo.result.times.t1.load_next then
+                    field_storage.result.times.t1.value <= field_combo.result.times.t1.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mptc.result.times.t2
+    process(all)
+        variable next_c: std_logic_vector(12 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.times.t2.value;
+        load_next_c := '0';
+        if hwif_in.result.times.t2.we then -- HW Write - we
+            next_c := hwif_in.result.times.t2.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.times.t2.next_q <= next_c;
+        field_combo.result.times.t2.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.times.t2.value <= 13x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.times.t2.value <= 13x"0";
+            else
+                if field_combo.result.times.t2.load_next then
+                    field_storage.result.times.t2.value <= field_combo.result.times.t2.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mptc.result.sequencer.early
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.sequencer.early.value;
+        load_next_c := '0';
+        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+            next_c := field_storage.result.sequencer.early.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
+            load_next_c := '1';
+        elsif hwif_in.result.sequencer.early.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.result.sequencer.early.next_q <= next_c;
+        field_combo.result.sequencer.early.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.sequencer.early.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.sequencer.early.value <= '0';
+            else
+                if field_combo.result.sequencer.early.load_next then
+                    field_storage.result.sequencer.early.value <= field_combo.result.sequencer.early.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.result.sequencer.early.value <= field_storage.result.sequencer.early.value;
+
+    -- Field: directmpc_mptc.result.sequencer.invalid
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.sequencer.invalid.value;
+        load_next_c := '0';
+        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+            next_c := field_storage.result.sequencer.invalid.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
+            load_next_c := '1';
+        elsif hwif_in.result.sequencer.invalid.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.result.sequencer.invalid.next_q <= next_c;
+        field_combo.result.sequencer.invalid.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.sequencer.invalid.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.sequencer.invalid.value <= '0';
+            else
+                if field_combo.result.sequencer.invalid.load_next then
+                    field_storage.result.sequencer.invalid.value <= field_combo.result.sequencer.invalid.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.result.sequencer.invalid.value <= field_storage.result.sequencer.invalid.value;
+
+    -- Field: directmpc_mptc.result.sequencer.delayed
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.sequencer.delayed.value;
+        load_next_c := '0';
+        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+            next_c := field_storage.result.sequencer.delayed.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
+            load_next_c := '1';
+        elsif hwif_in.result.sequencer.delayed.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.result.sequencer.delayed.next_q <= next_c;
+        field_combo.result.sequencer.delayed.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.sequencer.delayed.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.sequencer.delayed.value <= '0';
+            else
+                if field_combo.result.sequencer.delayed.load_next then
+                    field_storage.result.sequencer.delayed.value <= field_combo.result.sequencer.delayed.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.result.sequencer.delayed.value <= field_storage.result.sequencer.delayed.value;
+
+    -- Field: directmpc_mptc.result.speed.omega_r
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.speed.omega_r.value;
+        load_next_c := '0';
+        if hwif_in.result.speed.omega_r.we then -- HW Write - we
+            next_c := hwif_in.result.speed.omega_r.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.speed.omega_r.next_q <= next_c;
+        field_combo.result.speed.omega_r.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.speed.omega_r.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.speed.omega_r.value <= 16x"0";
+            else
+                if field_combo.result.speed.omega_r.load_next then
+                    field_storage.result.speed.omega_r.value <= field_combo.result.speed.omega_r.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
     -- Field: directmpc_mptc.parameters.c_current.value
     process(all)
         variable next_c: std_logic_vector(17 downto 0);
@@ -3130,6 +3747,151 @@ begin
     end process;
     hwif_out.parameters.method_mpfc.value.value <= field_storage.parameters.method_mpfc.value.value;
 
+    -- Field: directmpc_mptc.parameters.family_method.value
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.family_method.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.family_method and decoded_req_is_wr and hwif_in.parameters.family_method.value.swwe then -- SW write
+            next_c := (field_storage.parameters.family_method.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.family_method.value.next_q <= next_c;
+        field_combo.parameters.family_method.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.family_method.value.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.family_method.value.value <= 3x"0";
+            else
+                if field_combo.parameters.family_method.value.load_next then
+                    field_storage.parameters.family_method.value.value <= field_combo.parameters.family_method.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.family_method.value.value <= field_storage.parameters.family_method.value.value;
+
+    -- Field: directmpc_mptc.parameters.rate.value
+    process(all)
+        variable next_c: std_logic_vector(23 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.rate.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.rate and decoded_req_is_wr and hwif_in.parameters.rate.value.swwe then -- SW write
+            next_c := (field_storage.parameters.rate.value.value and not decoded_wr_biten(23 downto 0)) or (decoded_wr_data(23 downto 0) and decoded_wr_biten(23 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.rate.value.next_q <= next_c;
+        field_combo.parameters.rate.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.rate.value.value <= 24x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.rate.value.value <= 24x"0";
+            else
+                if field_combo.parameters.rate.value.load_next then
+                    field_storage.parameters.rate.value.value <= field_combo.parameters.rate.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.rate.value.value <= field_storage.parameters.rate.value.value;
+
+    -- Field: directmpc_mptc.parameters.c_gain_speed.value
+    process(all)
+        variable next_c: std_logic_vector(17 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.c_gain_speed.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.c_gain_speed and decoded_req_is_wr and hwif_in.parameters.c_gain_speed.value.swwe then -- SW write
+            next_c := (field_storage.parameters.c_gain_speed.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.c_gain_speed.value.next_q <= next_c;
+        field_combo.parameters.c_gain_speed.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.c_gain_speed.value.value <= 18x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.c_gain_speed.value.value <= 18x"0";
+            else
+                if field_combo.parameters.c_gain_speed.value.load_next then
+                    field_storage.parameters.c_gain_speed.value.value <= field_combo.parameters.c_gain_speed.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.c_gain_speed.value.value <= field_storage.parameters.c_gain_speed.value.value;
+
+    -- Field: directmpc_mptc.parameters.c_gain_integral.value
+    process(all)
+        variable next_c: std_logic_vector(17 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.c_gain_integral.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.c_gain_integral and decoded_req_is_wr and hwif_in.parameters.c_gain_integral.value.swwe then -- SW write
+            next_c := (field_storage.parameters.c_gain_integral.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.c_gain_integral.value.next_q <= next_c;
+        field_combo.parameters.c_gain_integral.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.c_gain_integral.value.value <= 18x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.c_gain_integral.value.value <= 18x"0";
+            else
+                if field_combo.parameters.c_gain_integral.value.load_next then
+                    field_storage.parameters.c_gain_integral.value.value <= field_combo.parameters.c_gain_integral.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.c_gain_integral.value.value <= field_storage.parameters.c_gain_integral.value.value;
+
+    -- Field: directmpc_mptc.parameters.sensorless.value
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.sensorless.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.sensorless and decoded_req_is_wr and hwif_in.parameters.sensorless.value.swwe then -- SW write
+            next_c := (field_storage.parameters.sensorless.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.sensorless.value.next_q <= next_c;
+        field_combo.parameters.sensorless.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.sensorless.value.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.sensorless.value.value <= '0';
+            else
+                if field_combo.parameters.sensorless.value.load_next then
+                    field_storage.parameters.sensorless.value.value <= field_combo.parameters.sensorless.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.sensorless.value.value <= field_storage.parameters.sensorless.value.value;
+
     -- Field: directmpc_mptc.measurements.is_alpha.value
     process(all)
         variable next_c: std_logic_vector(15 downto 0);
@@ -3418,6 +4180,151 @@ begin
     end process;
     hwif_out.measurements.u.value.value <= field_storage.measurements.u.value.value;
 
+    -- Field: directmpc_mptc.running.vectors.u1
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.running.vectors.u1.value;
+        load_next_c := '0';
+        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u1.swwe then -- SW write
+            next_c := (field_storage.running.vectors.u1.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.running.vectors.u1.next_q <= next_c;
+        field_combo.running.vectors.u1.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.running.vectors.u1.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.running.vectors.u1.value <= 3x"0";
+            else
+                if field_combo.running.vectors.u1.load_next then
+                    field_storage.running.vectors.u1.value <= field_combo.running.vectors.u1.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.running.vectors.u1.value <= field_storage.running.vectors.u1.value;
+
+    -- Field: directmpc_mptc.running.vectors.u2
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.running.vectors.u2.value;
+        load_next_c := '0';
+        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u2.swwe then -- SW write
+            next_c := (field_storage.running.vectors.u2.value and not decoded_wr_biten(5 downto 3)) or (decoded_wr_data(5 downto 3) and decoded_wr_biten(5 downto 3));
+            load_next_c := '1';
+        end if;
+        field_combo.running.vectors.u2.next_q <= next_c;
+        field_combo.running.vectors.u2.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.running.vectors.u2.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.running.vectors.u2.value <= 3x"0";
+            else
+                if field_combo.running.vectors.u2.load_next then
+                    field_storage.running.vectors.u2.value <= field_combo.running.vectors.u2.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.running.vectors.u2.value <= field_storage.running.vectors.u2.value;
+
+    -- Field: directmpc_mptc.running.vectors.u3
+    process(all)
+        variable next_c: std_logic_vector(2 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.running.vectors.u3.value;
+        load_next_c := '0';
+        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u3.swwe then -- SW write
+            next_c := (field_storage.running.vectors.u3.value and not decoded_wr_biten(8 downto 6)) or (decoded_wr_data(8 downto 6) and decoded_wr_biten(8 downto 6));
+            load_next_c := '1';
+        end if;
+        field_combo.running.vectors.u3.next_q <= next_c;
+        field_combo.running.vectors.u3.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.running.vectors.u3.value <= 3x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.running.vectors.u3.value <= 3x"0";
+            else
+                if field_combo.running.vectors.u3.load_next then
+                    field_storage.running.vectors.u3.value <= field_combo.running.vectors.u3.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.running.vectors.u3.value <= field_storage.running.vectors.u3.value;
+
+    -- Field: directmpc_mptc.running.times.t1
+    process(all)
+        variable next_c: std_logic_vector(12 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.running.times.t1.value;
+        load_next_c := '0';
+        if decoded_reg_strb.running.times and decoded_req_is_wr and hwif_in.running.times.t1.swwe then -- SW write
+            next_c := (field_storage.running.times.t1.value and not decoded_wr_biten(12 downto 0)) or (decoded_wr_data(12 downto 0) and decoded_wr_biten(12 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.running.times.t1.next_q <= next_c;
+        field_combo.running.times.t1.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.running.times.t1.value <= 13x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.running.times.t1.value <= 13x"0";
+            else
+                if field_combo.running.times.t1.load_next then
+                    field_storage.running.times.t1.value <= field_combo.running.times.t1.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.running.times.t1.value <= field_storage.running.times.t1.value;
+
+    -- Field: directmpc_mptc.running.times.t2
+    process(all)
+        variable next_c: std_logic_vector(12 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.running.times.t2.value;
+        load_next_c := '0';
+        if decoded_reg_strb.running.times and decoded_req_is_wr and hwif_in.running.times.t2.swwe then -- SW write
+            next_c := (field_storage.running.times.t2.value and not decoded_wr_biten(28 downto 16)) or (decoded_wr_data(28 downto 16) and decoded_wr_biten(28 downto 16));
+            load_next_c := '1';
+        end if;
+        field_combo.running.times.t2.next_q <= next_c;
+        field_combo.running.times.t2.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.running.times.t2.value <= 13x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.running.times.t2.value <= 13x"0";
+            else
+                if field_combo.running.times.t2.load_next then
+                    field_storage.running.times.t2.value <= field_combo.running.times.t2.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.running.times.t2.value <= field_storage.running.times.t2.value;
+
     ----------------------------------------------------------------------------
     -- Write response
     ----------------------------------------------------------------------------
@@ -3454,6 +4361,8 @@ begin
             readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
             readback_data_var(ad_hi(16#8#))(14) := hwif_in.system.capabilities.capacitor_filter.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
+            readback_data_var(ad_hi(16#8#))(28) := hwif_in.system.capabilities.family.next_q;
+            readback_data_var(ad_hi(16#8#))(29) := hwif_in.system.capabilities.sensorless.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#C#) then
             readback_data_var(ad_hi(16#C#))(0) := field_storage.system.control.enable.value;
@@ -3534,6 +4443,23 @@ begin
             readback_data_var(ad_hi(16#84#))(15 downto 0) := field_storage.result.stator_flux.alpha.value;
             readback_data_var(ad_hi(16#84#))(31 downto 16) := field_storage.result.stator_flux.beta.value;
         end if;
+        if ad_low(rd_mux_addr) = ad_low(16#88#) then
+            readback_data_var(ad_hi(16#88#))(2 downto 0) := field_storage.result.vectors.u1.value;
+            readback_data_var(ad_hi(16#88#))(5 downto 3) := field_storage.result.vectors.u2.value;
+            readback_data_var(ad_hi(16#88#))(8 downto 6) := field_storage.result.vectors.u3.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#8C#) then
+            readback_data_var(ad_hi(16#8C#))(12 downto 0) := field_storage.result.times.t1.value;
+            readback_data_var(ad_hi(16#8C#))(28 downto 16) := field_storage.result.times.t2.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#90#) then
+            readback_data_var(ad_hi(16#90#))(0) := field_storage.result.sequencer.early.value;
+            readback_data_var(ad_hi(16#90#))(1) := field_storage.result.sequencer.invalid.value;
+            readback_data_var(ad_hi(16#90#))(2) := field_storage.result.sequencer.delayed.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#94#) then
+            readback_data_var(ad_hi(16#94#))(15 downto 0) := field_storage.result.speed.omega_r.value;
+        end if;
         if ad_low(rd_mux_addr) = ad_low(16#100#) then
             readback_data_var(ad_hi(16#100#))(17 downto 0) := field_storage.parameters.c_current.value.value;
         end if;
@@ -3579,6 +4505,21 @@ begin
         if ad_low(rd_mux_addr) = ad_low(16#138#) then
             readback_data_var(ad_hi(16#138#))(0) := field_storage.parameters.method_mpfc.value.value;
         end if;
+        if ad_low(rd_mux_addr) = ad_low(16#13C#) then
+            readback_data_var(ad_hi(16#13C#))(2 downto 0) := field_storage.parameters.family_method.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#140#) then
+            readback_data_var(ad_hi(16#140#))(23 downto 0) := field_storage.parameters.rate.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#144#) then
+            readback_data_var(ad_hi(16#144#))(17 downto 0) := field_storage.parameters.c_gain_speed.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#148#) then
+            readback_data_var(ad_hi(16#148#))(17 downto 0) := field_storage.parameters.c_gain_integral.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#14C#) then
+            readback_data_var(ad_hi(16#14C#))(0) := field_storage.parameters.sensorless.value.value;
+        end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;
         end if;
@@ -3605,6 +4546,15 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#220#) then
             readback_data_var(ad_hi(16#220#))(2 downto 0) := field_storage.measurements.u.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#280#) then
+            readback_data_var(ad_hi(16#280#))(2 downto 0) := field_storage.running.vectors.u1.value;
+            readback_data_var(ad_hi(16#280#))(5 downto 3) := field_storage.running.vectors.u2.value;
+            readback_data_var(ad_hi(16#280#))(8 downto 6) := field_storage.running.vectors.u3.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#284#) then
+            readback_data_var(ad_hi(16#284#))(12 downto 0) := field_storage.running.times.t1.value;
+            readback_data_var(ad_hi(16#284#))(28 downto 16) := field_storage.running.times.t2.value;
         end if;
         readback_data_rt_c <= readback_data_var;
     end process;

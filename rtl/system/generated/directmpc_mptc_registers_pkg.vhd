@@ -11,7 +11,7 @@ package directmpc_mptc_registers_pkg is
 
     constant DIRECTMPC_MPTC_REGISTERS_DATA_WIDTH : positive := 32;
     constant DIRECTMPC_MPTC_REGISTERS_MIN_ADDR_WIDTH : positive := 10;
-    constant DIRECTMPC_MPTC_REGISTERS_SIZE : positive := 548;
+    constant DIRECTMPC_MPTC_REGISTERS_SIZE : positive := 648;
 
     type \mptc_decision.decision.u_next_in_t\ is record
         next_q : std_logic_vector(2 downto 0);
@@ -55,9 +55,124 @@ package directmpc_mptc_registers_pkg is
         beta : \mptc_decision.stator_flux.beta_in_t\;
     end record;
 
+    type \mptc_decision.vectors.u1_in_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.vectors.u2_in_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.vectors.u3_in_t\ is record
+        next_q : std_logic_vector(2 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.vectors_in_t\ is record
+        u1 : \mptc_decision.vectors.u1_in_t\;
+        u2 : \mptc_decision.vectors.u2_in_t\;
+        u3 : \mptc_decision.vectors.u3_in_t\;
+    end record;
+
+    type \mptc_decision.times.t1_in_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.times.t2_in_t\ is record
+        next_q : std_logic_vector(12 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.times_in_t\ is record
+        t1 : \mptc_decision.times.t1_in_t\;
+        t2 : \mptc_decision.times.t2_in_t\;
+    end record;
+
+    type \mptc_decision.sequencer.early_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer.invalid_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer.delayed_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer_in_t\ is record
+        early : \mptc_decision.sequencer.early_in_t\;
+        invalid : \mptc_decision.sequencer.invalid_in_t\;
+        delayed : \mptc_decision.sequencer.delayed_in_t\;
+    end record;
+
+    type \mptc_decision.speed.omega_r_in_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mptc_decision.speed_in_t\ is record
+        omega_r : \mptc_decision.speed.omega_r_in_t\;
+    end record;
+
     type mptc_decision_in_t is record
         decision : \mptc_decision.decision_in_t\;
         stator_flux : \mptc_decision.stator_flux_in_t\;
+        vectors : \mptc_decision.vectors_in_t\;
+        times : \mptc_decision.times_in_t\;
+        sequencer : \mptc_decision.sequencer_in_t\;
+        speed : \mptc_decision.speed_in_t\;
+    end record;
+
+    type \mptc_parameters.family_method.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.family_method_in_t\ is record
+        value : \mptc_parameters.family_method.value_in_t\;
+    end record;
+
+    type \mptc_parameters.rate.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.rate_in_t\ is record
+        value : \mptc_parameters.rate.value_in_t\;
+    end record;
+
+    type \mptc_parameters.c_gain_speed.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.c_gain_speed_in_t\ is record
+        value : \mptc_parameters.c_gain_speed.value_in_t\;
+    end record;
+
+    type \mptc_parameters.c_gain_integral.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.c_gain_integral_in_t\ is record
+        value : \mptc_parameters.c_gain_integral.value_in_t\;
+    end record;
+
+    type \mptc_parameters.sensorless.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.sensorless_in_t\ is record
+        value : \mptc_parameters.sensorless.value_in_t\;
+    end record;
+
+    type mptc_parameters_in_t is record
+        family_method : \mptc_parameters.family_method_in_t\;
+        rate : \mptc_parameters.rate_in_t\;
+        c_gain_speed : \mptc_parameters.c_gain_speed_in_t\;
+        c_gain_integral : \mptc_parameters.c_gain_integral_in_t\;
+        sensorless : \mptc_parameters.sensorless_in_t\;
     end record;
 
     type \mptc_measurements.is_alpha.value_in_t\ is record
@@ -153,10 +268,70 @@ package directmpc_mptc_registers_pkg is
         u : \mptc_measurements.u_in_t\;
     end record;
 
+    type \mptc_running.vectors.u1_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_running.vectors.u2_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_running.vectors.u3_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_running.vectors_in_t\ is record
+        u1 : \mptc_running.vectors.u1_in_t\;
+        u2 : \mptc_running.vectors.u2_in_t\;
+        u3 : \mptc_running.vectors.u3_in_t\;
+    end record;
+
+    type \mptc_running.times.t1_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_running.times.t2_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_running.times_in_t\ is record
+        t1 : \mptc_running.times.t1_in_t\;
+        t2 : \mptc_running.times.t2_in_t\;
+    end record;
+
+    type mptc_running_in_t is record
+        vectors : \mptc_running.vectors_in_t\;
+        times : \mptc_running.times_in_t\;
+    end record;
+
     type directmpc_mptc_in_t is record
         system : system_registers_in_t;
         result : mptc_decision_in_t;
+        parameters : mptc_parameters_in_t;
         measurements : mptc_measurements_in_t;
+        running : mptc_running_in_t;
+    end record;
+
+    type \mptc_decision.sequencer.early_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer.invalid_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer.delayed_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mptc_decision.sequencer_out_t\ is record
+        early : \mptc_decision.sequencer.early_out_t\;
+        invalid : \mptc_decision.sequencer.invalid_out_t\;
+        delayed : \mptc_decision.sequencer.delayed_out_t\;
+    end record;
+
+    type mptc_decision_out_t is record
+        sequencer : \mptc_decision.sequencer_out_t\;
     end record;
 
     type \mptc_parameters.c_current.value_out_t\ is record
@@ -279,6 +454,46 @@ package directmpc_mptc_registers_pkg is
         value : \mptc_parameters.method_mpfc.value_out_t\;
     end record;
 
+    type \mptc_parameters.family_method.value_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mptc_parameters.family_method_out_t\ is record
+        value : \mptc_parameters.family_method.value_out_t\;
+    end record;
+
+    type \mptc_parameters.rate.value_out_t\ is record
+        value : std_logic_vector(23 downto 0);
+    end record;
+
+    type \mptc_parameters.rate_out_t\ is record
+        value : \mptc_parameters.rate.value_out_t\;
+    end record;
+
+    type \mptc_parameters.c_gain_speed.value_out_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \mptc_parameters.c_gain_speed_out_t\ is record
+        value : \mptc_parameters.c_gain_speed.value_out_t\;
+    end record;
+
+    type \mptc_parameters.c_gain_integral.value_out_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \mptc_parameters.c_gain_integral_out_t\ is record
+        value : \mptc_parameters.c_gain_integral.value_out_t\;
+    end record;
+
+    type \mptc_parameters.sensorless.value_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mptc_parameters.sensorless_out_t\ is record
+        value : \mptc_parameters.sensorless.value_out_t\;
+    end record;
+
     type mptc_parameters_out_t is record
         c_current : \mptc_parameters.c_current_out_t\;
         c_flux : \mptc_parameters.c_flux_out_t\;
@@ -295,6 +510,11 @@ package directmpc_mptc_registers_pkg is
         c_gain_rotor : \mptc_parameters.c_gain_rotor_out_t\;
         c_gain_stator : \mptc_parameters.c_gain_stator_out_t\;
         method_mpfc : \mptc_parameters.method_mpfc_out_t\;
+        family_method : \mptc_parameters.family_method_out_t\;
+        rate : \mptc_parameters.rate_out_t\;
+        c_gain_speed : \mptc_parameters.c_gain_speed_out_t\;
+        c_gain_integral : \mptc_parameters.c_gain_integral_out_t\;
+        sensorless : \mptc_parameters.sensorless_out_t\;
     end record;
 
     type \mptc_measurements.is_alpha.value_out_t\ is record
@@ -381,10 +601,48 @@ package directmpc_mptc_registers_pkg is
         u : \mptc_measurements.u_out_t\;
     end record;
 
+    type \mptc_running.vectors.u1_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mptc_running.vectors.u2_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mptc_running.vectors.u3_out_t\ is record
+        value : std_logic_vector(2 downto 0);
+    end record;
+
+    type \mptc_running.vectors_out_t\ is record
+        u1 : \mptc_running.vectors.u1_out_t\;
+        u2 : \mptc_running.vectors.u2_out_t\;
+        u3 : \mptc_running.vectors.u3_out_t\;
+    end record;
+
+    type \mptc_running.times.t1_out_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \mptc_running.times.t2_out_t\ is record
+        value : std_logic_vector(12 downto 0);
+    end record;
+
+    type \mptc_running.times_out_t\ is record
+        t1 : \mptc_running.times.t1_out_t\;
+        t2 : \mptc_running.times.t2_out_t\;
+    end record;
+
+    type mptc_running_out_t is record
+        vectors : \mptc_running.vectors_out_t\;
+        times : \mptc_running.times_out_t\;
+    end record;
+
     type directmpc_mptc_out_t is record
         system : system_registers_out_t;
         guard : guard_registers_out_t;
+        result : mptc_decision_out_t;
         parameters : mptc_parameters_out_t;
         measurements : mptc_measurements_out_t;
+        running : mptc_running_out_t;
     end record;
 end package;

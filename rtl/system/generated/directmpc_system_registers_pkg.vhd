@@ -51,6 +51,14 @@ package directmpc_system_registers_pkg is
         next_q : std_logic_vector(11 downto 0);
     end record;
 
+    type \system_registers.capabilities.family_in_t\ is record
+        next_q : std_logic;
+    end record;
+
+    type \system_registers.capabilities.sensorless_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities_in_t\ is record
         controller : \system_registers.capabilities.controller_in_t\;
         explorers : \system_registers.capabilities.explorers_in_t\;
@@ -62,6 +70,8 @@ package directmpc_system_registers_pkg is
         inwards : \system_registers.capabilities.inwards_in_t\;
         capacitor_filter : \system_registers.capabilities.capacitor_filter_in_t\;
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
+        family : \system_registers.capabilities.family_in_t\;
+        sensorless : \system_registers.capabilities.sensorless_in_t\;
     end record;
 
     type \system_registers.status.busy_in_t\ is record

@@ -40,6 +40,7 @@ async def every_clock(dut) -> None:
         board.check("faults", number(dut.faults), guard.fault_bits, context)
         board.check("running", number(dut.running), int(guard.running), context)
         board.check("resting", number(dut.resting), int(guard.resting), context)
+        board.check("waits", number(dut.waits), guard.waits, context)
         board.cover("moved", int(was != guard.gates))
         board.cover("running", int(guard.running))
         for fault in guard.faults - old:
