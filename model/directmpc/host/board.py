@@ -59,6 +59,8 @@ _NEEDED = {
     "parameters.f_q_midpoint": "capacitor_filter",
     "parameters.f_q_phase": "capacitor_filter",
     "parameters.method_mpfc": "flux_control",
+    "parameters.family_method": "family",
+    "parameters.sensorless": "sensorless",
 }
 
 

@@ -17,7 +17,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from directmpc.api.drive_file import load_drive
@@ -27,8 +27,9 @@ from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
+from directmpc.mptc import speed_observer as mptc_speed_observer
 from directmpc.mptc import vector_sequencer
-from directmpc.mptc.drive import SEQUENCE_METHODS, SINGLE_METHODS, MptcDrive
+from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -302,7 +303,12 @@ def guard_words(
 
 
 def values(
-    drive: Drive | MptcDrive, settings: GuardSettings | None = None, variant: str = "fast"
+    drive: Drive | MptcDrive,
+    settings: GuardSettings | None = None,
+    variant: str = "fast",
+    *,
+    built: Collection[str] = (),
+    sensorless: bool = False,
 ) -> RegisterValues:
     """Register values of a drive.
 
@@ -314,6 +320,11 @@ def values(
         Gate guard; the defaults without it.
     variant : str
         "fast" or "paper", for MPDCC.
+    built : collection of str
+        Of "family" and "sensorless", what the system has: their registers are among the values even
+        where the drive could do without.
+    sensorless : bool
+        Whether the speed is to be estimated; two-level drives alone.
 
     Returns
     -------
@@ -345,10 +356,15 @@ def values(
     else:
         chosen = mptc_coefficients.registers(drive)
         parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
-        gains = mptc_observer.coefficients(drive)
-        parameters |= {f"c_{name}": gains[name] for name in mptc_observer.COEFFICIENTS[-2:]}
+        estimating = sensorless or "sensorless" in built
+        gains = mptc_speed_observer.coefficients(drive) if estimating else {}
+        gains = gains or mptc_observer.coefficients(drive)
+        parameters |= {f"c_{name}": gains[name] for name in gains if name.startswith("gain")}
+        if estimating:
+            parameters["sensorless"] = int(sensorless)
         parameters["method_mpfc"] = int(drive.control.method == "MPFC")
-        parameters |= _sequence_words(drive, (settings or GuardSettings()).clock)
+        if drive.control.sequences or "family" in built:
+            parameters |= _sequence_words(drive, (settings or GuardSettings()).clock)
         controller = "mptc"
     words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
     addresses = registers_of(controller)
@@ -357,10 +373,8 @@ def values(
 
 
 def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
-    """Registers of the methods of two and three vectors, as far as the drive needs them."""
+    """Registers of the methods of two and three vectors, and of the sequencer."""
     c = drive.control
-    if c.method in SINGLE_METHODS:
-        return {}
     if c.duty_rule not in BUILT_RULES and c.method in RULED_METHODS:
         raise ValueError(
             f'control.duty_rule: got "{c.duty_rule}"; the core has '
@@ -372,7 +386,8 @@ def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
         raise ValueError(
             f"control.ts: got {1e6 * c.ts:g} us with a clock of {clock / 1e6:g} MHz; {error}"
         ) from None
-    return {"family_method": SEQUENCE_METHODS.index(c.method) + 1, "rate": rate}
+    number = SEQUENCE_METHODS.index(c.method) + 1 if c.sequences else 0
+    return {"family_method": number, "rate": rate}
 
 
 def format_csv(found: RegisterValues) -> str:
@@ -533,7 +548,8 @@ def too_slow(
         period = math.floor(settings.clock * drive.control.ts + 1e-6)
         if settings.decision_limit is None and period < limit:  # the next start comes then
             limit, told = period, f"{period} (control.ts)"
-        clocks = mptc_cycles.DRIVE[drive.control.method]
+        method = drive.control.method
+        clocks = (mptc_cycles.DRIVE | mptc_cycles.FAMILY)[method]
         if clocks > limit:
             raise ValueError(_never(drive, settings, clocks, limit, told))
         return None

@@ -13,7 +13,7 @@ from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.host.goal_holder import GoalHolder
 from directmpc.host.registers import GuardSettings
 from directmpc.host.registers import values as register_values
-from directmpc.mptc import bit_true, closed_loop, machine, plant
+from directmpc.mptc import bit_true, closed_loop, cycles, machine, plant
 from directmpc.mptc import bit_true_sequences as twin
 from directmpc.mptc import speed_observer as speed_twin
 from directmpc.mptc import vector_sequencer as sequencer
@@ -33,6 +33,7 @@ CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
 LEAST_DEAD_TIME = 10
 #: Clocks from the sequencer's start to its first vector.
 PLAYED = clocks_of("vector_sequencer", "latency")
+CLOCKS = cycles.CORE | cycles.FAMILY
 METHODS = ("MPTC", "MPFC", *FAMILY_METHODS)
 #: Settings of the guard, clocks; its limits are none here.
 SETTINGS = {
@@ -190,10 +191,11 @@ class Rig:
         return clocks
 
 
-def words_of(drive: MptcDrive, period: int) -> dict[str, int]:
+def words_of(drive: MptcDrive, period: int, sensorless: bool) -> dict[str, int]:
     """Registers of a drive whose control period has so many clocks."""
     settings = GuardSettings(clock=period / drive.control.ts)
-    found = register_values(drive, settings).words
+    built = ("family", "sensorless") if sensorless else ("family",)
+    found = register_values(drive, settings, built=built, sensorless=sensorless).words
     return found | {f"guard.{name}": value for name, value in SETTINGS.items()}
 
 
@@ -253,13 +255,10 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
     drive = rows.shipped("induction_2kw2").with_control(method=method)
     known = plant.plant_parameters(drive)
     await rig.reset()
-    words = words_of(drive, period)
+    words = words_of(drive, period, rig.sensorless)
     estimator = None
     if rig.sensorless:
-        gains = speed_twin.coefficients(drive)
-        words |= {f"parameters.c_{name}": gains[name] for name in gains}
-        words["parameters.sensorless"] = 1
-        estimator = Estimator(speed_twin.array(gains))
+        estimator = Estimator(speed_twin.array(speed_twin.coefficients(drive)))
     await rig.load(words)
     settings = {name: words[f"guard.{name}"] for name in SETTINGS}
     reference = Reference(words["parameters.rate"], settings)
@@ -284,7 +283,9 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
         begun = reference.now
         if reference.decided is not None:
             board.cover("several", int(wanted[0][3] not in (0, TIME_STEPS)))
-        await rig.decide(seen)
+        clocks = await rig.decide(seen)
+        more = clocks_of("mptc_speed_observer", "speed") if rig.sensorless else 0
+        board.check("clocks", clocks, CLOCKS[method] + more, rig.where)
         # the sequence decided before is the one that plays now
         reference.decided = wanted[0], method == "SVM"
         await decision(rig, wanted)
@@ -392,5 +393,5 @@ async def family(dut) -> None:
     runs = len(given["methods"] or METHODS) * len(given["periods"])
     rig.board.finish(
         {"gates": 300 * runs * steps, "decision": runs * steps, "sequence": runs * steps},
-        {"moved": 2 * runs * steps, "running": runs},
+        {"moved": runs, "running": runs},
     )

@@ -226,7 +226,8 @@ async def decisions_and_flags(system: System, count: int) -> None:
     found = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0))
     for _, address, data in found.writes():
         assert await bus.write_word(address, data) == OKAY
-    parameters = {n: found.words[f"parameters.{n}"] for n in system.words}
+    # what the drive does not need is 0
+    parameters = {n: found.words.get(f"parameters.{n}", 0) for n in system.words}
     await bus.write("system.command", clear_counters=1)
     await bus.write("system.flags", saturated=1, deadlock=1, start_ignored=1, clamped=1)
     worst, seen = 0, set()
