@@ -30,6 +30,8 @@ entity board_top is
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
     INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
     CAPACITOR_FILTER  : boolean               := true;       -- MPDCC: true: filters of v_n and v_ph
+    FAMILY            : boolean               := false;      -- MPTC: true: methods of two and three vectors
+    SENSORLESS        : boolean               := false;      -- MPTC: true: the speed can be estimated
     CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
@@ -398,6 +400,8 @@ begin
 
     i_system : entity work.mptc_system
       generic map (
+        FAMILY          => FAMILY,
+        SENSORLESS      => SENSORLESS,
         LEAST_DEAD_TIME => DEAD_CLOCKS
       )
       port map (

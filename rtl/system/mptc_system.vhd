@@ -9,7 +9,7 @@
 -- FAMILY: mptc_family_core decides, by one of nine methods.  vector_sequencer plays its decision of up to three vectors
 -- from the next start on, goal_holder gives the guard what is played.  The sequence that is being applied enters the
 -- next prediction: the one decided last, or with control.own_positions = 0 the one in running.vectors and
--- running.times.  There is no observer then, but with SENSORLESS.
+-- running.times, u where the method has one vector.  There is no observer then, but with SENSORLESS.
 -- SENSORLESS: mptc_speed_observer in the place of mptc_observer.  The core begins when the speed is there, whether
 -- parameters.sensorless chooses that speed or the measured one.
 --
@@ -34,7 +34,7 @@ library work;
 entity mptc_system is
   generic (
     FLUX_CONTROL    : boolean                  := true; -- true: MPFC can be chosen at run time
-    FAMILY          : boolean                  := false; -- true: two and three vectors too; MPFC is there whatever the above
+    FAMILY          : boolean                  := false; -- true: two and three vectors too; includes MPFC
     SENSORLESS      : boolean                  := false; -- true: the speed can be the observer's
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
   );
@@ -478,6 +478,7 @@ begin
 
     signal own_sequence  : mptc_sequence_t; -- decided last
     signal own_segmented : std_logic;
+    signal alone         : std_logic; -- a method of one vector
     signal begun         : std_logic_vector(FLAGS - 1 downto 0); -- starts of the sequencer, the latest in bit 0
     signal playing       : std_logic;
     signal wanted        : std_logic_vector(2 downto 0);
@@ -532,16 +533,28 @@ begin
         next_t2                     => chosen.t2
       );
 
-    sequence_now.u1 <= own_sequence.u1 when owning = '1' else
-                       to_hardware.running.vectors.u1.value;
-    sequence_now.u2 <= own_sequence.u2 when owning = '1' else
-                       to_hardware.running.vectors.u2.value;
-    sequence_now.u3 <= own_sequence.u3 when owning = '1' else
-                       to_hardware.running.vectors.u3.value;
-    sequence_now.t1 <= own_sequence.t1 when owning = '1' else
-                       to_hardware.running.times.t1.value;
-    sequence_now.t2 <= own_sequence.t2 when owning = '1' else
-                       to_hardware.running.times.t2.value;
+    alone <= to_std_logic(in_force.family_method.value.value = FAMILY_NONE);
+
+    p_now : process (owning, own_sequence, alone, sample, to_hardware) is
+    begin
+
+      if (owning = '1') then
+        sequence_now <= own_sequence;
+      elsif (alone = '1') then
+        sequence_now.u1 <= sample.u.value.value;
+        sequence_now.u2 <= sample.u.value.value;
+        sequence_now.u3 <= sample.u.value.value;
+        sequence_now.t1 <= WHOLE_PERIOD;
+        sequence_now.t2 <= (others => '0');
+      else
+        sequence_now.u1 <= to_hardware.running.vectors.u1.value;
+        sequence_now.u2 <= to_hardware.running.vectors.u2.value;
+        sequence_now.u3 <= to_hardware.running.vectors.u3.value;
+        sequence_now.t1 <= to_hardware.running.times.t1.value;
+        sequence_now.t2 <= to_hardware.running.times.t2.value;
+      end if;
+
+    end process p_now;
 
     -- what the gates are at is never forgotten
     forget_own <= forget and not deciding and not is_running;

@@ -9,7 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+from directmpc.api.drive_file import load_drive
 from directmpc.host.console import check_output, terminable
+from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS
 from scripts.shared import progress
@@ -18,9 +20,18 @@ from scripts.shared.tools import BUILD
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--controller", choices=("mpdcc", "mptc"), help="mpdcc by default")
+    parser.add_argument(
+        "--drive", help="drive file, or the name of a shipped one: what is built serves it"
+    )
     parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
     parser.add_argument("--folded", action="store_true", help="the paper's explorers")
+    parser.add_argument(
+        "--family", action="store_true", help="mptc: methods of two and three vectors"
+    )
+    parser.add_argument(
+        "--sensorless", action="store_true", help="mptc: the board can estimate the speed"
+    )
     parser.add_argument(
         "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
     )
@@ -42,16 +53,29 @@ def _shown(path: Path) -> str:
 
 
 def _run(given: argparse.Namespace) -> int | None:
+    controller, family = given.controller or "mpdcc", given.family
+    if given.drive:
+        drive = load_drive(given.drive)
+        if given.controller not in (None, drive.controller):
+            raise UsageError(f"{given.drive} is for {drive.controller}")
+        controller = drive.controller
+        family = family or (isinstance(drive, MptcDrive) and drive.control.sequences)
+    if controller != "mptc" and (family or given.sensorless):
+        raise UsageError("--family and --sensorless are for --controller mptc")
+    if given.board and (family or given.sensorless):
+        raise UsageError("no board's bitstream has --family or --sensorless")
     if given.board and given.folded:
         raise UsageError("no board's bitstream has the paper's explorers")
-    if given.board and given.controller not in BOARDS[given.board].controllers:
-        raise UsageError(f"{given.board} has no room for {given.controller}")
+    if given.board and controller not in BOARDS[given.board].controllers:
+        raise UsageError(f"{given.board} has no room for {controller}")
     if given.gates:
         check_output(given.gates)
     began = time.perf_counter()
-    chosen = virtual_board.generics(given.controller, given.explorers, given.folded)
+    chosen = virtual_board.generics(
+        controller, given.explorers, given.folded, family=family, sensorless=given.sensorless
+    )
     if given.board:
-        chosen = BOARDS[given.board].generics(given.controller, given.explorers)
+        chosen = BOARDS[given.board].generics(controller, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
             chosen, given.port, given.gates, free_running=given.free_running

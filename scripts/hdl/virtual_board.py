@@ -49,7 +49,14 @@ CLOCKS_PER_BIT = 4
 """The simulated UART is as fast as its receiver allows, 6.25 Mbaud at 25 MHz, but for `--board`."""
 
 
-def generics(controller: str, explorers: int = 1, folded: bool = False) -> Generics:
+def generics(
+    controller: str,
+    explorers: int = 1,
+    folded: bool = False,
+    *,
+    family: bool = False,
+    sensorless: bool = False,
+) -> Generics:
     """Build options of a simulated board without a PLL, whose UART is faster than a board's.
 
     Parameters
@@ -60,6 +67,9 @@ def generics(controller: str, explorers: int = 1, folded: bool = False) -> Gener
         Explorers, for "mpdcc" alone.
     folded : bool
         Whether the paper variant is built.
+    family, sensorless : bool
+        Whether methods of two and three vectors, and the estimate of the speed, are built; for
+        "mptc" alone.
 
     Returns
     -------
@@ -77,6 +87,10 @@ def generics(controller: str, explorers: int = 1, folded: bool = False) -> Gener
     found["BAUD"] = CLOCK_HZ // CLOCKS_PER_BIT
     if folded:
         found["FOLDED"] = True
+    if family:
+        found["FAMILY"] = True
+    if sensorless:
+        found["SENSORLESS"] = True
     return found
 
 

@@ -103,10 +103,13 @@ def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
     return 0
 
 
-def _load(board: Board, console: Console, drive: Drive | MptcDrive, file: Path) -> None:
+def _load(
+    board: Board, console: Console, drive: Drive | MptcDrive, given: argparse.Namespace
+) -> None:
     """Load it, and say so; what is wrong with its values gets its file's name."""
+    file = given.drive
     try:
-        found = board.values(drive)
+        found = board.values(drive, sensorless=given.sensorless)
     except ValueError as error:  # names the key, but does not know the file
         raise ValueError(f"{file}: {error}") from None
     for problem in found.saturated:
@@ -125,7 +128,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     console : Console
         Where what was written is counted.
     given : Namespace
-        `drive`, path of a drive file.
+        `drive`, path of a drive file; `sensorless`, whether the board estimates the speed.
 
     Returns
     -------
@@ -141,7 +144,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     ValueError
         If the drive file cannot be used; the message names file and key.
     """
-    _load(board, console, load_drive(given.drive), given.drive)
+    _load(board, console, load_drive(given.drive), given)
     return 0
 
 
@@ -156,7 +159,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
         Where the results go.
     given : Namespace
         `drive`; `speed`, of rated speed (MPTC: of 50 Hz); `steps`; `gates`, whether they switch;
-        `out`, path of the decisions or None.
+        `out`, path of the decisions or None; `sensorless`, whether the board estimates the speed.
 
     Returns
     -------
@@ -184,7 +187,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
                 "drives alone are written"
             )
         check_output(given.out, given.drive)
-    _load(board, console, drive, given.drive)
+    _load(board, console, drive, given)
 
     def loop() -> lockstep.LockStep:
         """Do the steps of the drive's controller.
@@ -205,7 +208,9 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
             torque = 0.25 * drive.control.torque_max
             flux = 0.5 * drive.control.psi_max
             rpm = given.speed * 60 * 50 / drive.machine.pole_pairs
-            return lockstep.run_mptc(board, drive, rpm, torque, flux, given.steps, progress)
+            return lockstep.run_mptc(
+                board, drive, rpm, torque, flux, given.steps, progress, sensorless=given.sensorless
+            )
 
     if given.gates:
         lockstep.warm_up(drive, board.variant)
@@ -354,6 +359,9 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
             action="store_true",
             default=name == "run",
             help="gate guard: longest decision limit and watchdog; always so for run",
+        )
+        command.add_argument(
+            "--sensorless", action="store_true", help="MPTC: the board estimates speed and flux"
         )
         if name == "run":
             command.add_argument("--steps", type=int, default=400)

@@ -34,6 +34,7 @@ from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcom
 from directmpc.host.registers import GuardSettings, RegisterValues, packed, registers_of, values
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.states import MpdccDecision, MptcDecision, State, VectorSequence
 
 BAUD = 3_000_000
@@ -128,7 +129,9 @@ class Reply:
         return self.decision.apply
 
 
-def decision_of(controller: str, answer: Decision, clipped: bool) -> MpdccDecision | MptcDecision:
+def decision_of(
+    controller: str, answer: Decision, clipped: bool, sequence: VectorSequence | None = None
+) -> MpdccDecision | MptcDecision:
     """The decision in a reply to STEP.
 
     Parameters
@@ -139,6 +142,8 @@ def decision_of(controller: str, answer: Decision, clipped: bool) -> MpdccDecisi
         The reply; with a decision in it.
     clipped : bool
         Whether a measurement lay outside its word.
+    sequence : VectorSequence, optional
+        What was decided, where it is more than one vector: the reply has no room for it.
 
     Returns
     -------
@@ -147,7 +152,8 @@ def decision_of(controller: str, answer: Decision, clipped: bool) -> MpdccDecisi
     """
     saturated = answer.has(Flag.SATURATED) or clipped
     if controller == "mptc":
-        return MptcDecision(answer.position & 7, saturated, answer.has(Flag.CLAMPED))
+        apply = answer.position & 7 if sequence is None else sequence
+        return MptcDecision(apply, saturated, answer.has(Flag.CLAMPED))
     held, deadlock = answer.has(Flag.HELD), answer.has(Flag.DEADLOCK)
     return MpdccDecision(answer.positions, held, deadlock, answer.length, saturated)
 
@@ -209,6 +215,8 @@ class Board:
         self.drive: Drive | MptcDrive | None = None
         self._encoder: Encoder | None = None
         self._started = False
+        #: What stays in system.control: bits of a drive whose sequences or speed are the board's.
+        self._kept: dict[str, int] = {"own_positions": 0}
 
     def __enter__(self) -> Self:
         self._context.enter_context(terminable())
@@ -384,7 +392,11 @@ class Board:
         return "paper" if self.is_mpdcc() and self.identity.options & 1 else "fast"
 
     def values(
-        self, drive: Drive | MptcDrive, settings: GuardSettings | None = None
+        self,
+        drive: Drive | MptcDrive,
+        settings: GuardSettings | None = None,
+        *,
+        sensorless: bool = False,
     ) -> RegisterValues:
         """Register values of a drive for this board: its clock, its explorers, how it keeps time.
 
@@ -394,6 +406,8 @@ class Board:
             As loaded from a file.
         settings : GuardSettings, optional
             Of the gate guard; with the board's clock, and defaults for the rest, if not given.
+        sensorless : bool
+            Whether the board estimates the speed, and the flux with it; two-level drives alone.
 
         Returns
         -------
@@ -405,8 +419,13 @@ class Board:
         ValueError
             As `registers.values`.
         """
+        capabilities = self.read("system.capabilities")
         found = values(
-            drive, settings or GuardSettings(clock=float(self.identity.clock)), self.variant
+            drive,
+            settings or GuardSettings(clock=float(self.identity.clock)),
+            self.variant,
+            built=[name for name in ("family", "sensorless") if capabilities[name]],
+            sensorless=sensorless,
         )
         if not self.real_time:
             found.words |= {"guard.decision_limit": LONGEST_TIME, "guard.watchdog": LONGEST_TIME}
@@ -416,6 +435,8 @@ class Board:
         self,
         drive: Drive | MptcDrive | str | os.PathLike[str] | RegisterValues,
         settings: GuardSettings | None = None,
+        *,
+        sensorless: bool = False,
     ) -> int:
         """Turn the gates off, write a drive's registers, commit them and read them back.
 
@@ -426,6 +447,8 @@ class Board:
             are written as they are, and for which `step` knows no units.
         settings : GuardSettings, optional
             Of the gate guard, as of `values`.
+        sensorless : bool
+            As of `values`; not with values of one's own.
 
         Returns
         -------
@@ -452,7 +475,7 @@ class Board:
         else:
             known = drive if isinstance(drive, Drive | MptcDrive) else load_drive(drive)
             self._check_controller(known.controller)
-            found = self.values(known, settings)
+            found = self.values(known, settings, sensorless=sensorless)
             for sentence in found.saturated:
                 warnings.warn(sentence, stacklevel=2)
             self.drive, self._encoder = known, Encoder(known)
@@ -468,6 +491,10 @@ class Board:
             writes = found.writes()
         except ValueError as error:
             raise RegisterError(str(error)) from None
+        # a sequence has no room in a step: the board goes by its own
+        self._kept = {"own_positions": int(found.words.get("parameters.family_method", 0) > 0)}
+        if found.words.get("parameters.sensorless"):
+            self._kept["use_observer"] = 1
         self.stop()
         for _, address, word in writes:
             self.write_word(address, word)
@@ -482,7 +509,8 @@ class Board:
     def start(self) -> None:
         """Clear the faults and let the gates switch; they follow the decisions from now on.
 
-        The drive's capacitor filters begin anew: nobody knows how long ago the last step was.
+        The drive's capacitor filters, its observer and its own sequence begin anew: nobody knows
+        how long ago the last step was.
 
         Raises
         ------
@@ -493,17 +521,20 @@ class Board:
         """
         self.stop()
         self.write("system.faults", **self.read("system.faults"))
-        if isinstance(self.drive, Drive) and self.drive.control.capacitor_filter:
+        filters = isinstance(self.drive, Drive) and self.drive.control.capacitor_filter
+        if filters or self._kept["own_positions"] or self._kept.get("use_observer"):
             self.forget_estimates()
         self._started = True  # from here on there is something to turn off
-        self.write("system.control", enable=1, own_positions=0)
+        self.write("system.control", enable=1, **self._kept)
         if self.read("system.status")["fault"]:
             faults = self.faults()
             self.stop()
             raise TrippedError(faults, "start")
 
     def forget_estimates(self) -> None:
-        """Let capacitor filters and flux observer begin anew with the next step.
+        """Let capacitor filters and observer begin anew with the next step.
+
+        While the gates are off, the system's own sequence does so too: no voltage is applied.
 
         Raises
         ------
@@ -527,7 +558,7 @@ class Board:
         with undisturbed():
             for attempt in range(1, _STOP_ATTEMPTS + 1):
                 try:
-                    self.write("system.control", enable=0, own_positions=0)
+                    self.write("system.control", enable=0, **self._kept)
                 except RefusedError as refused:  # a step whose reply nobody waited for
                     if refused.outcome is not Outcome.BUSY or attempt == _STOP_ATTEMPTS:
                         raise
@@ -613,7 +644,7 @@ class Board:
         words, clipped, position = self._encoder.words(state)
         answer = self.answer(words, position)
         return Reply(
-            decision_of(self.drive.controller, answer, clipped),
+            decision_of(self.drive.controller, answer, clipped, self.sequence()),
             answer.cycles,
             answer.gates,
             answer.has(Flag.ENABLED),
@@ -652,6 +683,24 @@ class Board:
         if answer.has(Flag.NO_ANSWER):
             raise LinkError(f"{name}: the core gave no decision")
         return answer
+
+    def sequence(self) -> VectorSequence | None:
+        """The sequence decided last.
+
+        Returns
+        -------
+        VectorSequence or None
+            None where the board was loaded with a method of one vector.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        """
+        if not self._kept["own_positions"]:
+            return None
+        vectors, times = self.read("result.vectors"), self.read("result.times")
+        return VectorSequence(*vectors.values(), *(t / TIME_STEPS for t in times.values()))
 
     def exchange(self, words: list[int], position: int) -> Decision:
         """Measurement words in, the reply as it comes out.

@@ -1,4 +1,4 @@
-"""Reference of ``goal_holder``, clock by clock: when the guard gets the goal that a sequence asks for.
+"""Reference of ``goal_holder``, clock by clock: when the guard gets a sequence's goals.
 
 It keeps the clock of the last goal where the RTL has a register of one bit, and goals by leg.
 """

@@ -26,8 +26,10 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
+from directmpc.mptc import sequence_loop
 from directmpc.mptc.drive import MptcDrive
-from directmpc.states import Decision, MpdccDecision, MpdccState, State
+from directmpc.mptc.sensorless import SensorlessController
+from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State
 
 IntArray = NDArray[np.int64]
 
@@ -121,6 +123,8 @@ def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
     if isinstance(drive, Drive):
         profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(1.0), 2)
         mpdcc_loop.drive_controller(drive, model, profile, 2)
+    elif drive.control.sequences:
+        sequence_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
     else:
         mptc_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
 
@@ -139,6 +143,10 @@ class BoardController:
         What the model beside it decides for.
     variant : str
         "fast" or "paper": which model of MPDCC it is.
+    sensorless : bool
+        Whether the board has been loaded to estimate the speed; the model beside it does too.
+    progress : callable, optional
+        Called with the number of decisions made.
 
     Attributes
     ----------
@@ -154,12 +162,24 @@ class BoardController:
     """
 
     def __init__(
-        self, board: Board, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT
+        self,
+        board: Board,
+        drive: Drive | MptcDrive,
+        variant: str = DEFAULT_VARIANT,
+        *,
+        sensorless: bool = False,
+        progress: Callable[[int], None] | None = None,
     ) -> None:
         self.board, self.drive = board, drive
         self.answers: list[Answer] = []
         self.differing = 0
-        self._model = ModelController(drive, variant)
+        self._progress = progress
+        model = ModelController(drive, variant)
+        self._model: Controller = model
+        if sensorless and isinstance(drive, MptcDrive):
+            self._model = SensorlessController(drive, model, engine="model")
+        if sensorless or (isinstance(drive, MptcDrive) and drive.control.sequences):
+            board.forget_estimates()
         self._encoder = Encoder(drive)
         self._filters: capacitor_observer.CapacitorFilter | None = None
         if isinstance(drive, Drive) and drive.control.capacitor_filter:
@@ -193,17 +213,19 @@ class BoardController:
         words, clipped, position = self._encoder.words(state)
         answer = self.board.answer(words, position, f"step {len(self.answers)}")
         self.answers.append(answer)
-        decision = decision_of(self.drive.controller, answer, clipped)
+        decision = decision_of(self.drive.controller, answer, clipped, self.board.sequence())
         self.differing += decision != self._modelled(words, state, clipped)
+        if self._progress is not None:
+            self._progress(len(self.answers))
         return decision
 
     def _modelled(
         self, words: list[int], state: State | Mapping[str, Any], clipped: bool
     ) -> Decision:
         """The model's decision, behind its filters where the drive has them."""
-        if self._filters is None:
-            return self._model.decide(state)
         known = state_of(self.drive, state)
+        if self._filters is None:
+            return self._model.decide(known)
         assert isinstance(known, MpdccState)
         v_n, *v_ph = self._filters.voltages(words, known.applied)
         found = self._model.decide(replace(known, v_n=v_n, v_ph=tuple(v_ph)))
@@ -314,8 +336,10 @@ def run_mptc(
     psi_ref: float,
     steps: int,
     progress: Callable[[int], None] | None = None,
+    *,
+    sensorless: bool = False,
 ) -> LockStep:
-    """MPTC or MPFC at a constant operating point; the decision acts one step later.
+    """A two-level drive at a constant operating point; the decision acts one step later.
 
     Parameters
     ----------
@@ -333,6 +357,8 @@ def run_mptc(
         Control steps.
     progress : callable, optional
         Called with the number of steps made.
+    sensorless : bool
+        Whether the board has been loaded to estimate speed and flux.
 
     Returns
     -------
@@ -351,7 +377,10 @@ def run_mptc(
         If the torque is beyond breakdown at this flux.
     """
     scenario = mptc_loop.constant(drive, rpm, load, psi_ref, steps)
-    controller = BoardController(board, drive)
+    controller = BoardController(board, drive, sensorless=sensorless, progress=progress)
     began = time.perf_counter()
-    mptc_loop.drive_controller(drive, controller, scenario, progress=progress)
+    if drive.control.sequences:
+        sequence_loop.drive_controller(drive, controller, scenario)
+    else:
+        mptc_loop.drive_controller(drive, controller, scenario)
     return controller.summary(time.perf_counter() - began)

@@ -52,14 +52,14 @@ class Encoder:
         clipped : bool
             Whether a value lay outside its word and became the nearest.
         position : int
-            What is applied until now. MPDCC: s(k-1), packed; MPTC: u.
+            What is applied until now. MPDCC: s(k-1), packed; MPTC: u, of a sequence the first.
 
         Raises
         ------
         TypeError
             If it is no state of the drive's kind.
         StateError
-            If a value is impossible, or several vectors are applied in one period.
+            If a value is impossible, or several vectors are applied where the method has one.
         """
         known = state_of(self.drive, state)
         if isinstance(known, MpdccState):
@@ -68,10 +68,16 @@ class Encoder:
                 row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0], row.omega_r[0]
             )
             return [int(word) for word in words], bool(clipped), packed_positions(known.applied)
-        if not isinstance(known.applied, int):
-            raise StateError(f"applied: got {known.applied}; a board takes one vector, 0 to 7")
+        assert isinstance(self.drive, MptcDrive)
+        several = self.drive.control.sequences
+        if not several and not isinstance(known.applied, int):
+            raise StateError(
+                f"applied: got {known.applied}; {self.drive.control.method} applies one vector, "
+                "0 to 7"
+            )
+        first = known.applied if isinstance(known.applied, int) else known.applied[0]
         words, clipped = mptc_bit_true.encode_row(
             *self._formats, known.current, known.flux, known.omega_r, self.drive.inverter.vdc,
             known.torque_ref, known.psi_ref,
         )  # fmt: skip
-        return [int(word) for word in words], bool(clipped), known.applied
+        return [int(word) for word in words], bool(clipped), int(first)

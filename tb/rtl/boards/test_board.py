@@ -28,7 +28,7 @@ from directmpc.api.drive_file import load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import lockstep
 from directmpc.host import protocol as p
-from directmpc.host.board import Board
+from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
@@ -180,6 +180,44 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
     assert run.faults == 0
     assert run.running[1:].all()
     assert set(run.cycles) == {39}
+
+
+#: Method, whether the speed is estimated, clocks of a decision behind an estimate of the speed.
+SEVERAL = [("MPFC3", False, 132), ("MPTC2", False, 92), ("SVM", True, 132), ("MPTC", True, 61)]
+
+
+@pytest.mark.parametrize(("method", "sensorless", "clocks"), SEVERAL)
+def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
+    tmp_path: Path, method: str, sensorless: bool, clocks: int
+) -> None:
+    drive = load_drive(MPTC).with_control(method=method)
+    chosen = generics("mptc", family=True, sensorless=True)
+    with VirtualBoard(chosen, tmp_path / "board", tmp_path / "gates.csv") as running:
+        stream = SerialStream(str(running.port), 3_000_000)
+        board = Board(Link(stream))
+        board.load(drive, sensorless=sensorless)
+        lockstep.warm_up(drive)
+        with lockstep.gates_enabled(board):
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 120, sensorless=sensorless)
+        invalid = board.read("result.sequencer")["invalid"]
+        stream.close()
+    assert run.differing == 0
+    assert (run.faults, invalid) == (0, 0)
+    assert run.running[1:].all()
+    assert set(run.cycles) == {clocks}
+    # several vectors a period: more changes of the gates than a vector a period makes
+    if method != "MPTC":
+        assert len((tmp_path / "gates.csv").read_text(encoding="ascii").splitlines()) > 400
+
+
+def test_a_board_without_a_method_refuses_it(tmp_path: Path) -> None:
+    drive = load_drive(MPTC).with_control(method="GTV")
+    with VirtualBoard(generics("mptc"), tmp_path / "board") as running:
+        board = Board(str(running.port))
+        with pytest.raises(RegisterError, match=r"parameters\.family_method.* lack family"):
+            board.load(drive)
+        with pytest.raises(RegisterError, match=r"parameters\.sensorless.* lack sensorless"):
+            board.load(load_drive(MPTC), sensorless=True)
 
 
 def test_times_and_rates_follow_the_clock(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 
 class Legs:
-    """Three legs that take what the holder gives; one of them at least would say that it is lost."""
+    """Three legs that take what the holder gives, and count what they lose."""
 
     def __init__(self, dead: int, rest: int) -> None:
         self.dead, self.rest, self.now, self.lost = dead, rest, 0, 0
