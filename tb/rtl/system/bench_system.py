@@ -27,10 +27,12 @@ from tb.rtl.system.bus import OKAY, SLVERR, Bus
 
 CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
 #: Registers that only hardware writes, and the one that only software does.
-WRITABLE = ("guard.", "parameters.", "measurements.")
+WRITABLE = ("guard.", "parameters.", "measurements.", "running.")
+#: Registers with flags that a one clears.
+FLAGS = ("system.flags", "system.faults", "result.sequencer")
 #: Switch states a, b, c of the two-level vectors.
 SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
-NOT_THE_CORE_S = ("o_", "f_", "c_gain")
+NOT_THE_CORE_S = ("o_", "f_", "c_gain", "family_method", "rate", "sensorless")
 
 
 class System:
@@ -126,6 +128,9 @@ async def every_register(system: System) -> None:
         mask = sum(((1 << width) - 1) << low for low, width, _ in fields.values())
         got, response = await bus.read_word(address)
         board.check("read response", response, SLVERR if name == "system.command" else OKAY, name)
+        block, _, word_name = name.partition(".")
+        if block == "running" or (block == "parameters" and system.words[word_name].optional):
+            mask = 0  # not built: takes writes, keeps 0
         if name.startswith(WRITABLE):
             held[address], masks[address] = got, mask
             at_rest = {
@@ -134,7 +139,7 @@ async def every_register(system: System) -> None:
                 "guard.minimum_off": registers.GUARD_MINIMUM_TIME,
             }
             board.check("reset value", got, at_rest.get(name, 0), name)
-        elif name not in ("system.control", "system.command", "system.flags", "system.faults"):
+        elif name not in ("system.control", "system.command", *FLAGS):
             response = await bus.write_word(address, rng.getrandbits(32))
             board.check("read-only refuses", response, SLVERR, name)
     for round_ in range(2):
