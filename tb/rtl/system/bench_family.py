@@ -196,7 +196,7 @@ def words_of(drive: MptcDrive, period: int, sensorless: bool, jitter: bool) -> d
     settings = GuardSettings(clock=period / drive.control.ts)
     built = ("family", "sensorless") if sensorless else ("family",)
     found = register_values(drive, settings, built=built, sensorless=sensorless).words
-    chosen = SETTINGS | {"minimum_on": 60} if jitter else SETTINGS
+    chosen = SETTINGS | {"minimum_on": 450} if jitter else SETTINGS
     return found | {f"guard.{name}": value for name, value in chosen.items()}
 
 
@@ -263,8 +263,8 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
     await rig.load(words)
     settings = {name: words[f"guard.{name}"] for name in SETTINGS}
     reference = Reference(words["parameters.rate"], settings)
-    reference.rest(400)
-    for _ in range(120):
+    reference.rest(1000)
+    for _ in range(600):
         await FallingEdge(rig.dut.clk)
     rig.reference, rig.where = reference, f"{method}, {period} clocks"
     rig.dut.enable.value = 1
