@@ -28,7 +28,10 @@ entity mptc_choices is
     clk      : in    std_logic;                         -- rising edge
     clock    : in    natural range 0 to HEXAGON_CLOCKS; -- clocks since e was taken; 0: none is counted
     method   : in    family_t;                          -- a flux method, stable
-    row      : in    vector_t;                          -- row of TURNS: leading vector, or the zero vector, stable
+    row      : in    vector_t;                          -- row of TURNS, stable a clock after the first choice's first
+    idle     : in    std_logic;                         -- '1': row is a zero vector, stable
+    leader   : in    vector_t;                          -- leading vector, stable
+    ended    : in    vector_t;                          -- vector that is applied last, stable
     missing  : in    mptc_missing_t;                    -- e, stable
     sum      : in    sum_t;                             -- square of a distance
     residues : out   mptc_residues_t;                   -- operands of the squares
@@ -57,21 +60,20 @@ architecture rtl of mptc_choices is
 
   subtype distance_t is unsigned(DISTANCE_WIDTH - 1 downto 0);
 
-  type found_t is record
-    turn : turn_t;
-    part : time_t;
-    kind : kind_t;
-  end record found_t;
-
-  type founds_t is array (1 to SLOTS_BEHIND) of found_t;
+  type founds_t is array (1 to SLOTS_BEHIND) of mptc_choice_t;
 
   signal active   : std_logic;
   signal later    : std_logic;                                   -- second clock of a choice
   signal slot     : natural range 0 to CHOICES + SLOTS_BEHIND - 1;
   signal next_number : std_logic_vector(2 downto 0);             -- of the choice behind this one
   signal turn     : turn_t;                                      -- turns to the vector of this choice, or the next
+  signal following : kind_t;                                     -- kind of the next choice
   signal kind     : kind_t;
   signal form     : form_t;
+  signal beyond_g : std_logic;                                   -- that sum of e is more than the period
+  signal beyond_total : std_logic;
+  signal beyond_next  : std_logic;
+  signal beyond_apart : std_logic;
   signal full     : std_logic;                                   -- MPFC3: both times fill more than the period
   signal way      : way_t;
   signal held     : kind_t;                                      -- of the choice in way
@@ -159,17 +161,18 @@ begin
 
   next_number <= std_logic_vector(to_unsigned(slot + 1, 4)(2 downto 0));
 
-  p_kind : process (method, row, slot, turn, missing, full) is
+  -- looked up a clock ahead as well
+  p_kind : process (method, idle, slot, turn, missing, full) is
 
     variable beside_v : std_logic; -- sign of the time of the leading vector
     variable beside_l : std_logic; -- sign of the other's
 
   begin
 
-    kind <= KIND_EDGE;
+    following <= KIND_EDGE;
 
-    if (slot < 2 or row = "000" or row = "111") then
-      kind <= KIND_SPOKE;
+    if (slot = 0 or idle = '1') then
+      following <= KIND_SPOKE;
     end if;
 
     if (method = FAMILY_MPFC3) then
@@ -182,45 +185,77 @@ begin
       beside_l := sign_of(missing.h) xor turn(2);
 
       if (turn = "000" or turn = "011" or beside_v = '1') then
-        kind <= KIND_SPOKE;
+        following <= KIND_SPOKE;
       elsif (beside_l = '1') then
-        kind <= KIND_ALONE;
+        following <= KIND_ALONE;
       elsif (full = '0') then
-        kind <= KIND_INSIDE;
+        following <= KIND_INSIDE;
       end if;
     end if;
 
   end process p_kind;
 
+  p_following : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (later = '1') then
+        kind <= following;
+      end if;
+
+      -- the first choice
+      if (clock = CHOICE_CLOCK - 1) then
+        kind <= KIND_SPOKE;
+      end if;
+    end if;
+
+  end process p_following;
+
   ---------------------------------------------------------------------------------------------
   -- Times
   ---------------------------------------------------------------------------------------------
 
-  -- the sum that makes the time; in the second clock that which tells whether MPFC3's next period is full
-  p_form : process (missing, later, kind, turn) is
+  -- whether MPFC3's period is full; e is there a clock before the first choice that asks
+  p_beyond : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      beyond_g     <= beyond_one(missing.g);
+      beyond_total <= beyond_one(missing.total);
+      beyond_next  <= beyond_one(missing.by_next);
+      beyond_apart <= beyond_one(missing.apart);
+    end if;
+
+  end process p_beyond;
+
+  p_full : process (turn, beyond_g, beyond_total, beyond_next, beyond_apart) is
+  begin
+
+    case turn is
+
+      when "001" =>
+        full <= beyond_total;
+
+      when "010" =>
+        full <= beyond_next;
+
+      when "100" =>
+        full <= beyond_apart;
+
+      when others =>
+        full <= beyond_g;
+
+    end case;
+
+  end process p_full;
+
+  -- the sum that makes the time
+  p_form : process (missing, kind, turn) is
   begin
 
     form <= missing.lead;
 
-    if (later = '1') then
-
-      case turn is
-
-        when "001" =>
-          form <= resize(missing.total, form_t'length);
-
-        when "010" =>
-          form <= missing.by_next;
-
-        when "100" =>
-          form <= missing.apart;
-
-        when others =>
-          form <= resize(missing.g, form_t'length);
-
-      end case;
-
-    elsif (kind = KIND_EDGE) then
+    if (kind = KIND_EDGE) then
 
       case turn is
 
@@ -267,9 +302,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (later = '1') then
-        full <= beyond_one(form);
-      else
+      if (later = '0') then
         held  <= kind;
         asked <= turn;
         at    <= turn;
@@ -293,7 +326,7 @@ begin
         -- the first choice: no other vector than the leading one, or zero voltage
         if (slot = 0) then
           way            <= (others => '0');
-          way(WHOLE_BIT) <= to_std_logic(row /= "000" and row /= "111");
+          way(WHOLE_BIT) <= not idle;
         end if;
       end if;
     end if;
@@ -405,26 +438,44 @@ begin
   end process p_better;
 
   p_best : process (clk) is
+
+    variable other       : vector_t;
+    variable from_leader : switches_t;
+    variable from_ended  : switches_t;
+
   begin
 
     if rising_edge(clk) then
       if (active = '1' and later = '1') then
-        founds(1).part <= std_logic_vector(part(WHOLE_BIT downto TIME_SHIFT));
-        founds(1).kind <= held;
-        founds(1).turn <= asked;
+        other := turned(leader, asked);
+
+        if (method /= FAMILY_MPFC3) then
+          if (slot = 0) then
+            other := row;
+          elsif (slot = 1 and idle = '0') then
+            other := (others => zero_is_u_7(row));
+          end if;
+        end if;
+
+        founds(1).other  <= other;
+        founds(1).beside <= to_std_logic(asked = "001" or asked = "100");
+        founds(1).part   <= std_logic_vector(part(WHOLE_BIT downto TIME_SHIFT));
+        founds(1).kind   <= held;
 
         for n in 2 to SLOTS_BEHIND loop
           founds(n) <= founds(n - 1);
         end loop;
 
+        -- both stand at most one leg apart: it is fewer where the inverter has the choice's state in that leg
+        from_leader     := switches_of_vector(founds(1).other) xor switches_of_vector(leader);
+        from_ended      := switches_of_vector(founds(1).other) xor switches_of_vector(ended);
+        founds(2).fewer <= to_std_logic((from_leader and not from_ended) /= "000");
       end if;
 
       if (better = '1') then
         least          <= unsigned(sum(DISTANCE_WIDTH - 1 downto 0));
+        nearest        <= founds(SLOTS_BEHIND);
         nearest.number <= std_logic_vector(to_unsigned(slot - SLOTS_BEHIND, 3));
-        nearest.part   <= founds(SLOTS_BEHIND).part;
-        nearest.kind   <= founds(SLOTS_BEHIND).kind;
-        nearest.turn   <= founds(SLOTS_BEHIND).turn;
       end if;
 
       -- before the first comparison: farther than any

@@ -32,10 +32,8 @@ package mptc_constants is
   constant PHASE_WIDTH : natural := 32; -- bits of a control period's phase
   constant RATE_WIDTH : natural := 24; -- bits of what a clock adds to it
   constant POSITION_WIDTH : natural := 14; -- bits of it that are compared
-  constant WAY_GUARD : natural := 1; -- bits below a length's LSB of a pair's flux
-  constant DUTY_SHIFT : natural := 2; -- bits below a torque term's LSB, the same
-  constant ERROR_WIDTH : natural := 26; -- bits of a torque error, the same
-  constant WAY_WIDTH : natural := 20; -- bits of a vector's way
+  constant DUTY_SHIFT : natural := 2; -- its bits below a torque term's LSB
+  constant ERROR_WIDTH : natural := 26; -- bits of a torque error of a pair
   constant GAIN : natural := 107919; -- word: half of the magnitude's gain
   constant ROOT3_2 : natural := 113512; -- word: sqrt(3)/2
 
@@ -138,7 +136,7 @@ package mptc_constants is
   constant SEED_COUNT_ALL : natural := 12; -- kinds of seeds
   constant TERM_COUNT : natural := 4; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 115; -- products
+  constant STEP_COUNT : natural := 139; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
@@ -155,23 +153,24 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
-  constant ADDRESS_COUNT_FAMILY : natural := 212; -- program addresses, FAMILY
+  constant ADDRESS_COUNT_FAMILY : natural := 214; -- program addresses, FAMILY
   constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
-  constant FIRST_PAIR : natural := 26; -- address: MPTC2 and GTV look the first pair up
+  constant FIRST_PAIR : natural := 25; -- address: MPTC2 and GTV look the first pair up
   constant ZERO_PAIRS : natural := 6; -- pairs of MPTC2
   constant EDGE_PAIRS : natural := 12; -- pairs of GTV
   constant SEARCHES : natural := 4; -- searches of a duty at a time
-  constant PAIR_AHEAD : natural := 2; -- clocks from there to the beginning of its search
-  constant PAIR_REGISTERS : natural := 2; -- clocks from its result to its flux
-  constant DUTY_CLOCKS : natural := 14; -- clocks from loading a pair to its result
+  constant PAIR_SPACING : natural := 2; -- clocks between the beginnings of two
+  constant PAIR_AHEAD : natural := 4; -- clocks from looking a pair up to its search
+  constant PAIR_REGISTERS : natural := 6; -- clocks from its result to its flux
+  constant DUTY_CLOCKS : natural := 12; -- clocks of a search
   constant LAST_MPTC1 : natural := 127; -- address: valid
-  constant LAST_MPTC2 : natural := 140; -- address: valid
-  constant LAST_GTV : natural := 156; -- address: valid
+  constant LAST_MPTC2 : natural := 142; -- address: valid
+  constant LAST_GTV : natural := 158; -- address: valid
   constant HEXAGON_FORK : natural := 87; -- address of MPFC that the flux methods of several vectors leave out
-  constant HEXAGON_ADDRESS : natural := 157; -- theirs in its place
+  constant HEXAGON_ADDRESS : natural := 159; -- theirs in its place
   constant FIRST_WAY : natural := 76; -- address: the way of u_1 is in the accumulator, then that along beta
-  constant FIRST_REST : natural := 163; -- address: e is in the accumulators
-  constant LAST_HEXAGON : natural := 211; -- address: valid
+  constant FIRST_REST : natural := 165; -- address: e is in the accumulators
+  constant LAST_HEXAGON : natural := 213; -- address: valid
   constant REST_SHIFT : natural := 10; -- low bits dropped from a way
   constant SIZE_WIDTH : natural := 28; -- bits of the size of a coordinate of e
   constant STEP_WIDTH : natural := 26; -- bits of a way, signed
@@ -191,15 +190,15 @@ package mptc_constants is
   constant CYCLES_MPTC : natural := 39; -- clocks from start to valid
   constant CYCLES_MPFC : natural := 78; -- clocks from start to valid
   constant CYCLES_MPTC1 : natural := 57; -- clocks from start to valid
-  constant CYCLES_MPTC2 : natural := 70; -- clocks from start to valid
-  constant CYCLES_GTV : natural := 86; -- clocks from start to valid
+  constant CYCLES_MPTC2 : natural := 72; -- clocks from start to valid
+  constant CYCLES_GTV : natural := 88; -- clocks from start to valid
   constant CYCLES_HEXAGON : natural := 110; -- clocks from start to valid, the others
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
 
   constant A_COUNT_MPTC   : block_naturals_t := (7, 7, 12);
   constant A_COUNT        : block_naturals_t := (9, 10, 17);
-  constant A_COUNT_FAMILY : block_naturals_t := (11, 10, 17);
+  constant A_COUNT_FAMILY : block_naturals_t := (12, 10, 17);
 
   constant B_COUNT_MPTC   : block_naturals_t := (6, 7, 11);
   constant B_COUNT        : block_naturals_t := (12, 13, 16);
@@ -207,13 +206,13 @@ package mptc_constants is
 
   constant SEED_COUNT_MPTC   : block_naturals_t := (4, 4, 7);
   constant SEED_COUNT        : block_naturals_t := (4, 4, 8);
-  constant SEED_COUNT_FAMILY : block_naturals_t := (4, 4, 8);
+  constant SEED_COUNT_FAMILY : block_naturals_t := (5, 4, 8);
 
   type a_lists_t is array (0 to BLOCK_COUNT - 1, 0 to 16) of natural;
 
   -- what each block's A can be, MPFC's own behind MPTC's, the family's last
   constant A_LISTS : a_lists_t := (
-    (0, 2, 20, 33, 22, 34, 24, 23, 32, 46, 45, 0, 0, 0, 0, 0, 0),
+    (0, 2, 20, 33, 22, 34, 24, 23, 32, 42, 46, 45, 0, 0, 0, 0, 0),
     (1, 3, 21, 20, 23, 22, 25, 30, 32, 35, 0, 0, 0, 0, 0, 0, 0),
     (4, 5, 0, 27, 1, 28, 24, 22, 25, 23, 6, 38, 26, 7, 31, 37, 32)
   );
@@ -231,7 +230,7 @@ package mptc_constants is
 
   -- what each block's SEED can be, MPFC's own behind MPTC's, the family's last
   constant SEED_LISTS : seed_lists_t := (
-    (0, 4, 6, 1, 0, 0, 0, 0),
+    (0, 4, 6, 1, 11, 0, 0, 0),
     (0, 5, 7, 1, 0, 0, 0, 0),
     (0, 2, 3, 8, 9, 1, 10, 11)
   );
@@ -321,40 +320,64 @@ package mptc_constants is
     (103, 2, 11, 10, 6, 0),
     (104, 2, 11, 10, 6, 0),
     (105, 2, 11, 10, 6, 0),
-    (120, 2, 11, 10, 6, 0),
-    (121, 2, 11, 10, 6, 0),
-    (122, 2, 11, 10, 6, 0),
+    (114, 2, 3, 4, 7, 0),
+    (114, 0, 9, 5, 4, 0),
     (123, 2, 11, 10, 6, 0),
-    (134, 2, 11, 10, 6, 0),
+    (116, 2, 3, 4, 7, 0),
+    (116, 0, 9, 5, 4, 0),
+    (125, 2, 11, 10, 6, 0),
+    (118, 2, 3, 4, 7, 0),
+    (118, 0, 9, 5, 4, 0),
+    (127, 2, 11, 10, 6, 0),
+    (120, 2, 3, 4, 7, 0),
+    (120, 0, 9, 5, 4, 0),
+    (129, 2, 11, 10, 6, 0),
+    (126, 2, 3, 4, 7, 0),
+    (126, 0, 9, 5, 4, 0),
     (135, 2, 11, 10, 6, 0),
-    (136, 2, 11, 10, 6, 0),
+    (128, 2, 3, 4, 7, 0),
+    (128, 0, 9, 5, 4, 0),
     (137, 2, 11, 10, 6, 0),
-    (148, 2, 11, 10, 6, 0),
+    (130, 2, 3, 4, 7, 0),
+    (130, 0, 9, 5, 4, 0),
+    (139, 2, 11, 10, 6, 0),
+    (132, 2, 3, 4, 7, 0),
+    (132, 0, 9, 5, 4, 0),
+    (141, 2, 11, 10, 6, 0),
+    (138, 2, 3, 4, 7, 0),
+    (138, 0, 9, 5, 4, 0),
+    (147, 2, 11, 10, 6, 0),
+    (140, 2, 3, 4, 7, 0),
+    (140, 0, 9, 5, 4, 0),
     (149, 2, 11, 10, 6, 0),
-    (150, 2, 11, 10, 6, 0),
+    (142, 2, 3, 4, 7, 0),
+    (142, 0, 9, 5, 4, 0),
     (151, 2, 11, 10, 6, 0),
+    (144, 2, 3, 4, 7, 0),
+    (144, 0, 9, 5, 4, 0),
+    (153, 2, 11, 10, 6, 0),
     (73, 2, 3, 13, 7, 0),
     (74, 2, 5, 13, 7, 0),
-    (158, 0, 4, 9, 3, 0),
-    (159, 0, 5, 10, -1, 0),
-    (160, 0, 8, 11, -1, 0),
-    (158, 1, 4, 9, 3, 0),
-    (159, 1, 5, 10, -1, 0),
-    (160, 1, 8, 11, -1, 0),
-    (193, 0, 9, 12, 3, 0),
-    (194, 0, 10, 13, -1, 0),
-    (195, 0, 9, 12, 3, 0),
-    (196, 0, 10, 13, -1, 0),
-    (197, 0, 9, 12, 3, 0),
-    (198, 0, 10, 13, -1, 0),
-    (199, 0, 9, 12, 3, 0),
-    (200, 0, 10, 13, -1, 0),
-    (201, 0, 9, 12, 3, 0),
-    (202, 0, 10, 13, -1, 0),
-    (203, 0, 9, 12, 3, 0),
-    (204, 0, 10, 13, -1, 0),
-    (205, 0, 9, 12, 3, 0),
-    (206, 0, 10, 13, -1, 0)
+    (160, 0, 4, 9, 3, 0),
+    (161, 0, 5, 10, -1, 0),
+    (162, 0, 8, 11, -1, 0),
+    (160, 1, 4, 9, 3, 0),
+    (161, 1, 5, 10, -1, 0),
+    (162, 1, 8, 11, -1, 0),
+    (195, 0, 10, 12, 3, 0),
+    (196, 0, 11, 13, -1, 0),
+    (197, 0, 10, 12, 3, 0),
+    (198, 0, 11, 13, -1, 0),
+    (199, 0, 10, 12, 3, 0),
+    (200, 0, 11, 13, -1, 0),
+    (201, 0, 10, 12, 3, 0),
+    (202, 0, 11, 13, -1, 0),
+    (203, 0, 10, 12, 3, 0),
+    (204, 0, 11, 13, -1, 0),
+    (205, 0, 10, 12, 3, 0),
+    (206, 0, 11, 13, -1, 0),
+    (207, 0, 10, 12, 3, 0),
+    (208, 0, 11, 13, -1, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first

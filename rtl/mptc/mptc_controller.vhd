@@ -3,7 +3,7 @@
 --
 -- Parts: mptc_sequencer counts the clocks and reads the program; mptc_datapath predicts the state with three
 -- mac_blocks; mptc_vector_stream tries the vectors; mptc_flux_reference forms the reference of MPFC. With FAMILY
--- mptc_mean_share takes the mean of the running sequence, mptc_pair_stream tries the pairs of MPTC1, MPTC2 and GTV, and
+-- mptc_shares takes the mean of the running sequence, mptc_pair_stream tries the pairs of MPTC1, MPTC2 and GTV, and
 -- mptc_hexagon finds the vectors and times of the flux methods.
 --
 -- Formats, latency, overflow: as in mptc_core.
@@ -60,6 +60,7 @@ architecture rtl of mptc_controller is
   signal sum_beta   : sum_t;
   signal far        : std_logic;
   signal leader     : vector_t;
+  signal cheaper    : std_logic;
   signal mean_alpha : word_t;
   signal mean_beta  : word_t;
   signal u_next     : vector_t;
@@ -164,9 +165,11 @@ begin
       method       => method,
       tried        => tried,
       sum          => sum,
+      sum_beta     => sum_alpha,
       difference   => difference,
       term         => term,
       overflow     => too_far,
+      cheaper      => cheaper,
       leader       => leader,
       number       => number
     );
@@ -178,9 +181,11 @@ begin
   g_family : if FAMILY generate
 
     signal applied  : mptc_sequence_t;
-    signal decided  : family_t; -- method of the last decision
+    signal single   : std_logic;       -- '1': the last decision is MPTC's or MPFC's
     signal pair     : mptc_sequence_t;
+    signal flux     : mptc_sequence_t;
     signal several  : mptc_sequence_t;
+    signal found    : mptc_duty_t;
 
   begin
 
@@ -193,18 +198,25 @@ begin
         end if;
 
         if (events.last = '1') then
-          decided <= method;
+          single  <= to_std_logic(method = FAMILY_NONE);
+          several <= pair;
+
+          if (method(2) = '1') then
+            several <= flux;
+          end if;
         end if;
       end if;
 
     end process p_applied;
 
-    i_mean : entity work.mptc_mean_share
+    i_shares : entity work.mptc_shares
       port map (
-        clk     => clk,
-        running => applied,
-        alpha   => mean_alpha,
-        beta    => mean_beta
+        clk        => clk,
+        begin_mean => accept,
+        running    => applied,
+        found      => found,
+        alpha      => mean_alpha,
+        beta       => mean_beta
       );
 
     i_pairs : entity work.mptc_pair_stream
@@ -216,7 +228,8 @@ begin
         method      => method,
         leader      => leader,
         state       => state,
-        sum         => sum,
+        cheaper     => cheaper,
+        found       => found,
         tried       => tried,
         chosen      => pair
       );
@@ -235,22 +248,19 @@ begin
         sum_beta  => sum_beta,
         last      => events.last,
         residues  => residues,
-        chosen    => several,
+        chosen    => flux,
         far       => far
       );
 
-    p_chosen : process (decided, pair, several, number) is
+    p_chosen : process (single, several, number) is
     begin
 
-      if (decided = FAMILY_NONE) then
+      if (single = '1') then
         chosen <= (number, number, number, WHOLE_PERIOD, (others => '0'));
         u_next <= number;
-      elsif (decided(2) = '1') then
+      else
         chosen <= several;
         u_next <= several.u1;
-      else
-        chosen <= pair;
-        u_next <= pair.u1;
       end if;
 
     end process p_chosen;

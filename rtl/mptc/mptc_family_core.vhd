@@ -10,13 +10,14 @@
 -- period.
 --
 -- How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
--- quotient, found bit by bit by four mptc_duty (mptc_pair_stream). Lengths and costs of pairs take
--- the way that single vectors take. The flux methods take MPFC's program to its reference. What is
--- missing to it is divided by the way of a vector once (mptc_coordinates); then all times are sums,
--- and only distances are products (mptc_choices).
+-- quotient, found bit by bit by four mptc_duty (mptc_pair_stream). The pair's mean share then is an
+-- operand as that of the running sequence is (mptc_shares), and its flux a product. Lengths and
+-- costs of pairs take the way that single vectors take. The flux methods take MPFC's program to its
+-- reference. What is missing to it is divided by the way of a vector once (mptc_coordinates); then
+-- all times are sums, and only distances are products (mptc_choices).
 --
 -- Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
--- Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 70 for MPTC2, 86 for GTV,
+-- Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 72 for MPTC2, 88 for GTV,
 -- 110 for MPFC2, MPFC3, MPC2 and SVM, always. One decision at a time; the next start may come with
 -- valid.
 -- Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.

@@ -6,7 +6,7 @@
 -- with the vector nearest to e, or with the second where that takes fewer commutations; SVM takes the two beside e.
 --
 -- Formats: as in mptc_types; times 1/4096 of the period.
--- Latency: chosen is stable one clock after last, HEXAGON_CLOCKS clocks after rest.
+-- Latency: chosen is valid with last, HEXAGON_CLOCKS - 1 clocks after rest.
 -- Overflow: far tells that e was halved; nothing wraps.
 -- Licence: Apache-2.0
 
@@ -34,7 +34,7 @@ entity mptc_hexagon is
     sum_beta  : in    sum_t;           -- accumulator, signed
     last      : in    std_logic;       -- '1': the last choice has been compared
     residues  : out   mptc_residues_t; -- operands of the squares
-    chosen    : out   mptc_sequence_t; -- what to apply next
+    chosen    : out   mptc_sequence_t; -- what to apply next; with last
     far       : out   std_logic        -- '1': e was so long that it was halved
   );
 end entity mptc_hexagon;
@@ -49,7 +49,8 @@ architecture rtl of mptc_hexagon is
   signal ended  : vector_t;                                  -- vector that is applied last
   signal base   : vector_t;                                  -- first active vector of MPFC2 and MPFC3
   signal leader : vector_t;
-  signal row    : vector_t;
+  signal row    : vector_t;                                  -- first vector
+  signal idle   : std_logic;                                 -- '1': it is a zero vector
   signal e      : mptc_missing_t;
   signal share  : std_logic_vector(TIME_WIDTH - 1 downto 0);
   signal best   : mptc_choice_t;
@@ -59,8 +60,6 @@ architecture rtl of mptc_hexagon is
   signal first  : steps_t;                                   -- time of the leading vector, of a spoke that of the other
   signal third  : steps_t;                                   -- MPFC3: time of the third; SVM: of the second
   signal rest_t : steps_t;                                   -- what these leave
-  signal other  : vector_t;                                  -- the choice's vector
-  signal fewer  : std_logic;                                 -- MPC2: it takes fewer commutations than the leading one
 
   -- '1': u_1 to u_6
   function is_active (number : vector_t) return std_logic is
@@ -114,23 +113,6 @@ architecture rtl of mptc_hexagon is
 
   end function last_active_of;
 
-  -- active vector that stands some turns by 60 degrees on from another
-  function turned (number : vector_t; turns : turn_t) return vector_t is
-
-    variable result : unsigned(3 downto 0);
-
-  begin
-
-    result := unsigned('0' & number) + unsigned(turns);
-
-    if (result > 6) then
-      result := result - 6;
-    end if;
-
-    return std_logic_vector(result(2 downto 0));
-
-  end function turned;
-
 begin
 
   ---------------------------------------------------------------------------------------------
@@ -180,8 +162,21 @@ begin
 
   end process p_first;
 
-  row <= ended when method = FAMILY_MPFC2 else
-         leader;
+  -- a clock late: the leading vector is there a clock before the first choice looks at it
+  p_row : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      row  <= leader;
+      idle <= '0';
+
+      if (method = FAMILY_MPFC2) then
+        row  <= ended;
+        idle <= not is_active(ended);
+      end if;
+    end if;
+
+  end process p_row;
 
   i_coordinates : entity work.mptc_coordinates
     port map (
@@ -207,6 +202,9 @@ begin
       clock    => clock,
       method   => method,
       row      => row,
+      idle     => idle,
+      leader   => leader,
+      ended    => ended,
       missing  => e,
       sum      => sum_alpha,
       residues => residues,
@@ -252,7 +250,7 @@ begin
         first <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
         third <= size_h;
 
-        if (best.turn = "001" or best.turn = "100") then
+        if (best.beside = '1') then
           first <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
         end if;
       end if;
@@ -264,77 +262,43 @@ begin
 
   rest_t <= unsigned(WHOLE_PERIOD) - first - third;
 
-  p_other : process (method, best, row, leader) is
-
+  p_chosen : process (method, row, leader, idle, best, first, third, rest_t, beyond) is
   begin
 
-    other <= turned(leader, best.turn);
+    chosen.u1 <= row;
+    chosen.u2 <= best.other;
+    chosen.u3 <= best.other;
+    chosen.t1 <= std_logic_vector(first);
+    chosen.t2 <= std_logic_vector(rest_t);
 
-    if (method /= FAMILY_MPFC3) then
-      if (best.number = "000") then
-        other <= row;
-      elsif (best.number = "001" and is_active(row) = '1') then
-        other <= (others => zero_is_u_7(row));
+    if (method = FAMILY_SVM) then
+      chosen.u2 <= turned(leader, "001");
+      chosen.u3 <= "000";
+
+      if (beyond = '0') then
+        chosen.t2 <= std_logic_vector(third);
       end if;
-    end if;
+    elsif (method = FAMILY_MPFC3) then
+      -- u_7 takes fewer commutations between two vectors of even number
+      chosen.u2 <= (others => zero_is_u_7(row) and zero_is_u_7(best.other));
 
-  end process p_other;
-
-  p_fewer : process (ended, leader, other) is
-
-    variable from_leader : switches_t;
-    variable from_ended  : switches_t;
-
-  begin
-
-    -- both stand at most one leg apart: it is fewer where the inverter has the choice's state in that leg
-    from_leader := switches_of_vector(other) xor switches_of_vector(leader);
-    from_ended  := switches_of_vector(other) xor switches_of_vector(ended);
-    fewer       <= to_std_logic((from_leader and not from_ended) /= "000");
-
-  end process p_fewer;
-
-  p_chosen : process (clk) is
-  begin
-
-    if rising_edge(clk) then
-      if (last = '1') then
-        chosen.u1 <= row;
-        chosen.u2 <= other;
-        chosen.u3 <= other;
-        chosen.t1 <= std_logic_vector(first);
-        chosen.t2 <= std_logic_vector(rest_t);
-
-        if (method = FAMILY_SVM) then
-          chosen.u2 <= turned(leader, "001");
-          chosen.u3 <= "000";
-
-          if (beyond = '0') then
-            chosen.t2 <= std_logic_vector(third);
-          end if;
-        elsif (method = FAMILY_MPFC3) then
-          -- u_7 takes fewer commutations between two vectors of even number
-          chosen.u2 <= (others => zero_is_u_7(row) and zero_is_u_7(other));
-
-          if (best.kind = KIND_SPOKE) then
-            chosen.t1 <= (others => '0');
-          elsif (best.kind = KIND_EDGE) then
-            chosen.t2 <= (others => '0');
-          end if;
-        elsif (method = FAMILY_MPFC2) then
-          -- on a spoke from zero voltage the time is the other vector's
-          if (is_active(row) = '0' and best.number /= "000") then
-            chosen.t1 <= std_logic_vector(rest_t);
-            chosen.t2 <= std_logic_vector(first);
-          end if;
-        elsif (fewer = '1') then
-          chosen.u1 <= other;
-          chosen.u2 <= row;
-          chosen.u3 <= row;
-          chosen.t1 <= std_logic_vector(rest_t);
-          chosen.t2 <= std_logic_vector(first);
-        end if;
+      if (best.kind = KIND_SPOKE) then
+        chosen.t1 <= (others => '0');
+      elsif (best.kind = KIND_EDGE) then
+        chosen.t2 <= (others => '0');
       end if;
+    elsif (method = FAMILY_MPFC2) then
+      -- on a spoke from zero voltage the time is the other vector's
+      if (idle = '1' and best.number /= "000") then
+        chosen.t1 <= std_logic_vector(rest_t);
+        chosen.t2 <= std_logic_vector(first);
+      end if;
+    elsif (best.fewer = '1') then
+      chosen.u1 <= best.other;
+      chosen.u2 <= row;
+      chosen.u3 <= row;
+      chosen.t1 <= std_logic_vector(rest_t);
+      chosen.t2 <= std_logic_vector(first);
     end if;
 
   end process p_chosen;

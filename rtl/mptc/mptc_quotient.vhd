@@ -75,12 +75,16 @@ begin
         left <= shift_right(left, 1);
       elsif (step = '1') then
         left <= shift_left(left, 1);
-        bits <= bits(QUOTIENT_BITS - 2 downto 0) & (fits or over);
 
         if (fits = '1') then
           left <= unsigned(trial(SIZE_WIDTH - 2 downto 0)) & '0';
           over <= over or to_std_logic(trial(TRIAL_WIDTH - 2 downto SIZE_WIDTH - 1) /= 0);
         end if;
+      end if;
+
+      -- apart from the others: halve comes late in a clock
+      if (step = '1') then
+        bits <= bits(QUOTIENT_BITS - 2 downto 0) & (fits or over);
       end if;
     end if;
 

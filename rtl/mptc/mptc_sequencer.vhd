@@ -7,6 +7,7 @@
 --
 -- With FLUX_CONTROL the program is read a clock ahead, and products come from registers.  Reading and choosing among
 -- the longer lists of MPFC in one clock ends at 95 to 105 MHz on ECP5, five seeds; this way it is 107 at least.
+-- With FAMILY events come from registers too.
 --
 -- Formats: places as in the lists of mptc_constants.
 -- Latency: products and events of clock n of the program come n clocks after the edge that accepts start.  valid
@@ -60,7 +61,8 @@ architecture rtl of mptc_sequencer is
   signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
   signal turned  : std_logic; -- the method is MPFC
   signal chosen  : family_t;  -- method of several vectors
-  signal ending  : std_logic;
+  signal ends    : std_logic;       -- '1': the next clock is the last one
+  signal ending  : std_logic;       -- '1': this is the last clock
   signal decoded : mptc_products_t;
 
   -- a place as bits; zero for what is no place
@@ -74,6 +76,20 @@ architecture rtl of mptc_sequencer is
     end if;
 
   end function bits_of;
+
+  -- '1': an event at a place of the program is due with the next clock
+  function due_at (place, here : natural; mpfc_way : std_logic) return std_logic is
+  begin
+
+    if (place = FORK) then
+      return to_std_logic(here = FORK - 1) and not mpfc_way;
+    elsif (place = FORK_ADDRESS) then
+      return to_std_logic(here = FORK - 1) and mpfc_way;
+    else
+      return to_std_logic(here = place - 1);
+    end if;
+
+  end function due_at;
 
 begin
 
@@ -120,11 +136,22 @@ begin
   end generate g_ending;
 
   g_ending_family : if FAMILY generate
-    ending <= to_std_logic((address = LAST_MPTC - 1 and chosen = FAMILY_NONE) or address = LAST_MPFC - 1
-                           or address = LAST_HEXAGON - 1
-                           or (address = LAST_MPTC1 - 1 and chosen = FAMILY_MPTC1)
-                           or (address = LAST_MPTC2 - 1 and chosen = FAMILY_MPTC2)
-                           or (address = LAST_GTV - 1 and chosen = FAMILY_GTV));
+
+    ends <= to_std_logic((address = LAST_MPTC - 2 and chosen = FAMILY_NONE) or address = LAST_MPFC - 2
+                         or address = LAST_HEXAGON - 2
+                         or (address = LAST_MPTC1 - 2 and chosen = FAMILY_MPTC1)
+                         or (address = LAST_MPTC2 - 2 and chosen = FAMILY_MPTC2)
+                         or (address = LAST_GTV - 2 and chosen = FAMILY_GTV));
+
+    p_ending : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        ending <= ends and not rst;
+      end if;
+
+    end process p_ending;
+
   end generate g_ending_family;
 
   busy   <= active;
@@ -244,50 +271,95 @@ begin
   -- Events
   ---------------------------------------------------------------------------------------------
 
-  p_events : process (address, ending, chosen) is
-  begin
+  g_events_at_once : if not FAMILY generate
 
-    events.word_writes  <= (others => '0');
-    events.term_writes  <= (others => '0');
-    events.normalise    <= '0';
-    events.orient       <= '0';
-    events.square       <= '0';
-    events.radicand     <= '0';
-    events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1);
-    events.begin_pairs  <= '0';
-    events.way_alpha    <= '0';
-    events.way_beta     <= '0';
-    events.rest         <= '0';
-    events.last         <= ending;
+    p_events : process (address, ending) is
+    begin
 
-    if (FAMILY) then
-      if (chosen = FAMILY_MPTC1) then
-        events.begin_pairs <= to_std_logic(address = LAST_MPTC - 1);
-      else
-        events.begin_pairs <= to_std_logic(address = FIRST_PAIR - 1 and chosen /= FAMILY_NONE);
+      events.word_writes  <= (others => '0');
+      events.term_writes  <= (others => '0');
+      events.normalise    <= '0';
+      events.orient       <= '0';
+      events.square       <= '0';
+      events.radicand     <= '0';
+      events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1);
+      events.begin_pairs  <= '0';
+      events.way_alpha    <= '0';
+      events.way_beta     <= '0';
+      events.rest         <= '0';
+      events.last         <= ending;
+
+      for i in 0 to WORD_EVENTS - 1 loop
+        events.word_writes(i) <= to_std_logic(address = WORD_WRITES(i, 0));
+      end loop;
+
+      for i in 0 to TERM_EVENTS - 1 loop
+        events.term_writes(i) <= to_std_logic(address = TERM_WRITES(i, 0));
+      end loop;
+
+      if (FLUX_CONTROL) then
+        events.normalise    <= to_std_logic(address >= FIRST_NORMALISE and address < FIRST_NORMALISE + NORMALISE_STEPS);
+        events.orient       <= to_std_logic(address = FIRST_NORMALISE + NORMALISE_STEPS);
+        events.square       <= to_std_logic(address = FIRST_ROOT);
+        events.radicand     <= to_std_logic(address = FIRST_ROOT + 1);
+        events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1 or address = FIRST_STREAM_MPFC - 1);
       end if;
 
-      events.way_alpha <= to_std_logic(address = FIRST_WAY);
-      events.way_beta  <= to_std_logic(address = FIRST_WAY + 1);
-      events.rest      <= to_std_logic(address = FIRST_REST);
-    end if;
+    end process p_events;
 
-    for i in 0 to WORD_EVENTS - 1 loop
-      events.word_writes(i) <= to_std_logic(address = WORD_WRITES(i, 0));
-    end loop;
+  end generate g_events_at_once;
 
-    for i in 0 to TERM_EVENTS - 1 loop
-      events.term_writes(i) <= to_std_logic(address = TERM_WRITES(i, 0));
-    end loop;
+  -- seen a clock ahead; no event stands at PAIR_ADDRESS or HEXAGON_ADDRESS
+  g_events_ahead : if FAMILY generate
 
-    if (FLUX_CONTROL) then
-      events.normalise    <= to_std_logic(address >= FIRST_NORMALISE and address < FIRST_NORMALISE + NORMALISE_STEPS);
-      events.orient       <= to_std_logic(address = FIRST_NORMALISE + NORMALISE_STEPS);
-      events.square       <= to_std_logic(address = FIRST_ROOT);
-      events.radicand     <= to_std_logic(address = FIRST_ROOT + 1);
-      events.begin_stream <= to_std_logic(address = FIRST_LENGTH - 1 or address = FIRST_STREAM_MPFC - 1);
-    end if;
+    p_events : process (clk) is
+    begin
 
-  end process p_events;
+      if rising_edge(clk) then
+        if (chosen = FAMILY_MPTC1) then
+          events.begin_pairs <= due_at(LAST_MPTC - 1, address, turned);
+        else
+          events.begin_pairs <= due_at(FIRST_PAIR - 1, address, turned) and to_std_logic(chosen /= FAMILY_NONE);
+        end if;
+
+        for i in 0 to WORD_EVENTS - 1 loop
+          events.word_writes(i) <= due_at(WORD_WRITES(i, 0), address, turned);
+        end loop;
+
+        for i in 0 to TERM_EVENTS - 1 loop
+          events.term_writes(i) <= due_at(TERM_WRITES(i, 0), address, turned);
+        end loop;
+
+        events.normalise    <= to_std_logic(address >= FIRST_NORMALISE - 1
+                                            and address < FIRST_NORMALISE - 1 + NORMALISE_STEPS);
+        events.orient       <= due_at(FIRST_NORMALISE + NORMALISE_STEPS, address, turned);
+        events.square       <= due_at(FIRST_ROOT, address, turned);
+        events.radicand     <= due_at(FIRST_ROOT + 1, address, turned);
+        events.begin_stream <= due_at(FIRST_LENGTH - 1, address, turned)
+                               or due_at(FIRST_STREAM_MPFC - 1, address, turned);
+        events.way_alpha    <= due_at(FIRST_WAY, address, turned);
+        events.way_beta     <= due_at(FIRST_WAY + 1, address, turned);
+        events.rest         <= due_at(FIRST_REST, address, turned);
+        events.last         <= ends;
+
+        if (rst = '1') then
+          events.word_writes  <= (others => '0');
+          events.term_writes  <= (others => '0');
+          events.normalise    <= '0';
+          events.orient       <= '0';
+          events.square       <= '0';
+          events.radicand     <= '0';
+          events.begin_stream <= '0';
+          events.begin_pairs  <= '0';
+          events.way_alpha    <= '0';
+          events.way_beta     <= '0';
+          events.rest         <= '0';
+          events.last         <= '0';
+        end if;
+      end if;
+
+    end process p_events;
+
+  end generate g_events_ahead;
 
 end architecture rtl;

@@ -89,40 +89,25 @@ package mptc_types is
 
   subtype error_t is signed(ERROR_WIDTH - 1 downto 0); -- quarters of a torque term
 
-  subtype way_t is signed(WAY_WIDTH - 1 downto 0); -- flux that a vector adds in a period
+  -- a duty that has been found, on its way to the mean share
+  type mptc_duty_t is record
+    take      : std_logic;                                 -- '1': the others are new
+    duty      : std_logic_vector(TIME_WIDTH - 1 downto 0); -- unsigned, 1/4096 of the period
+    second    : vector_t;                                  -- second vector, zero as u_0
+    direction : vector_t;                                  -- first less second, active
+  end record mptc_duty_t;
 
-  -- search of a duty
-  type mptc_search_t is record
-    error : error_t; -- torque reference less torque with the second vector; complement where span was negative
-    span  : error_t; -- size of torque with the first less torque with the second, not negative
-    way_x : way_t;   -- flux that the first vector adds to the second's
-    way_y : way_t;
-  end record mptc_search_t;
-
-  subtype double_error_t is signed(ERROR_WIDTH downto 0);
-
-  -- what it found
-  type mptc_found_t is record
-    duty   : std_logic_vector(TIME_WIDTH - 1 downto 0); -- unsigned, 1/4096 of the period
-    within : std_logic;                                 -- '1': the duty is between 0 and 1, not at an end
-    error  : double_error_t;                            -- twice the torque error; within: times 4096
-    way_x  : way_t;                                     -- the duty's part of the way
-    way_y  : way_t;
-  end record mptc_found_t;
+  constant NO_DUTY : mptc_duty_t := ('0', (others => '0'), "000", "000");
 
   -- a pair on its way through magnitude and cost
   type mptc_tried_t is record
-    enable : std_logic;                         -- '1': x and y are the flux of a pair
-    x      : signed(LENGTH_WIDTH - 1 downto 0);
-    y      : signed(LENGTH_WIDTH - 1 downto 0);
-    take   : std_logic;                         -- '1': left is the torque error of a pair
-    left   : term_t;
+    enable  : std_logic; -- '1': the ways of a pair are in the accumulators
+    take    : std_logic; -- '1': left is the torque error of a pair
+    left    : term_t;
+    compare : std_logic; -- '1': the cost of a pair is compared
   end record mptc_tried_t;
 
-  constant NOTHING_TRIED : mptc_tried_t :=
-  (
-    '0', (others => '0'), (others => '0'), '0', (others => '0')
-  );
+  constant NOTHING_TRIED : mptc_tried_t := ('0', '0', (others => '0'), '0');
 
   subtype hexagon_t is signed(HEXAGON_WIDTH - 1 downto 0); -- coordinate along a vector, in ways of a vector
 
@@ -157,7 +142,9 @@ package mptc_types is
   -- choice of a second vector
   type mptc_choice_t is record
     number : std_logic_vector(2 downto 0); -- column of TURNS
-    turn   : turn_t;                       -- turns to its vector
+    other  : vector_t;                     -- its vector
+    beside : std_logic;                    -- '1': it is the leading vector's neighbour, or the next one's
+    fewer  : std_logic;                    -- '1': it takes fewer commutations than the leading one
     part   : time_t;                       -- time of the leading vector, of a spoke that of the choice's vector
     kind   : kind_t;
   end record mptc_choice_t;

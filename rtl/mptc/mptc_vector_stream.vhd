@@ -6,8 +6,8 @@
 -- Zero voltage comes last, as u_0 or u_7, whichever takes fewer commutations from the vector being applied; as u_0 it
 -- wins a tie.
 --
--- With FAMILY the pairs of mptc_pair_stream take the same way through length and torque term, without a comparison
--- here. For MPTC1 zero voltage is not compared, and leader is the vector found.
+-- With FAMILY the pairs of mptc_pair_stream take the same way through length, torque term and comparison. For
+-- MPTC1 zero voltage is not compared, and leader is the vector found.
 --
 -- Formats: as in model/directmpc/mptc/formats.py.
 -- Latency: one vector a clock.  The clocks between length, torque term and comparison of a vector stand in
@@ -40,11 +40,13 @@ entity mptc_vector_stream is
     state        : in    mptc_state_t;                                   -- flux and torque terms, stable
     method       : in    family_t;                                        -- method of two vectors, stable
     tried        : in    mptc_tried_t;                                   -- pair on its way
-    sum          : in    sum_t;                                          -- cost of the vector that is compared, signed
+    sum          : in    sum_t;                                          -- cost of what is compared, a pair's way
+    sum_beta     : in    sum_t;                                          -- way of a pair along beta, signed
     difference   : out   word_t;                                         -- distance of a length, not negative
     term         : out   term_t;                                         -- torque term of a vector, signed
     overflow     : out   std_logic;                                      -- '1': a distance saturated
     leader       : out   vector_t;                                       -- cheapest vector so far
+    cheaper      : out   std_logic;                                      -- '1': what is compared is the cheapest so far
     number       : out   vector_t                                        -- number of the vector to apply next
   );
 end entity mptc_vector_stream;
@@ -53,14 +55,17 @@ architecture rtl of mptc_vector_stream is
 
   constant STREAM_WIDTH : positive := 4; -- bits of the counter, which returns to zero after STREAM_LAST
 
+  constant WAY_SHIFT : natural := FRACTION - LENGTH_GUARD; -- bit of a sum that is the LSB of a length
+
   subtype cost_t is signed(COST_WIDTH - COST_DROPPED - 1 downto 0);
 
   -- 0: no vector; else the vector's number plus 0 at the length, STREAM_TERM at the torque term and
   -- STREAM_COMPARE at the comparison
   signal stream        : unsigned(STREAM_WIDTH - 1 downto 0);
-  signal length_number : vector_t;
+  signal length_number : vector_t;                           -- of the vector whose flux is formed
   signal length_enable : std_logic;
   signal length_valid  : std_logic;
+  signal pair_length   : std_logic;                           -- '1': x_bits and y_bits are those of a pair
   signal x             : signed(LENGTH_WIDTH - 1 downto 0);
   signal y             : signed(LENGTH_WIDTH - 1 downto 0);
   signal x_bits        : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
@@ -78,6 +83,8 @@ architecture rtl of mptc_vector_stream is
   signal best_cost     : cost_t;
   signal best          : vector_t;
   signal better        : std_logic;
+  signal fresh         : std_logic;                           -- '1': nothing has been compared
+  signal pairs         : std_logic;                           -- '1': pairs are compared, and no single vectors
   signal wins_tie      : std_logic;
   signal winner        : vector_t;
 
@@ -125,20 +132,24 @@ begin
   -- Lengths
   ---------------------------------------------------------------------------------------------
 
-  length_number <= std_logic_vector(stream(2 downto 0));
   g_single_length : if not FAMILY generate
+    length_number <= std_logic_vector(stream(2 downto 0));
     length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
   end generate g_single_length;
 
+  -- a clock ahead: the flux is registered
   g_family_length : if FAMILY generate
+    length_number <= std_logic_vector(stream(2 downto 0) + 1);
     length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
-                      and to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1)) or tried.enable;
+                      and to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1)) or pair_length;
   end generate g_family_length;
 
-  p_lengths : process (length_number, state) is
+  p_lengths : process (length_number, state, tried, sum, sum_beta) is
 
-    variable step_x : signed(LENGTH_WIDTH - 1 downto 0);
-    variable step_y : signed(LENGTH_WIDTH - 1 downto 0);
+    variable step_x  : signed(LENGTH_WIDTH - 1 downto 0);
+    variable step_y  : signed(LENGTH_WIDTH - 1 downto 0);
+    variable minus_x : std_logic;
+    variable minus_y : std_logic;
 
   begin
 
@@ -150,10 +161,19 @@ begin
 
     step_x := gated(step_x, has_alpha(length_number));
     step_y := shift_left(resize(gated(state.step_beta, has_beta(length_number)), LENGTH_WIDTH), LENGTH_GUARD - 1);
-    x      <= moved(shift_left(resize(state.stator_alpha, LENGTH_WIDTH), LENGTH_GUARD), step_x,
-                    negative_alpha(length_number));
-    y      <= moved(shift_left(resize(state.stator_beta, LENGTH_WIDTH), LENGTH_GUARD), step_y,
-                    negative_beta(length_number));
+    minus_x := negative_alpha(length_number);
+    minus_y := negative_beta(length_number);
+
+    -- a pair's way
+    if (FAMILY and tried.enable = '1') then
+      step_x  := sum(WAY_SHIFT + LENGTH_WIDTH - 1 downto WAY_SHIFT);
+      step_y  := sum_beta(WAY_SHIFT + LENGTH_WIDTH - 1 downto WAY_SHIFT);
+      minus_x := '0';
+      minus_y := '0';
+    end if;
+
+    x      <= moved(shift_left(resize(state.stator_alpha, LENGTH_WIDTH), LENGTH_GUARD), step_x, minus_x);
+    y      <= moved(shift_left(resize(state.stator_beta, LENGTH_WIDTH), LENGTH_GUARD), step_y, minus_y);
 
   end process p_lengths;
 
@@ -163,10 +183,18 @@ begin
   end generate g_single_bits;
 
   g_family_bits : if FAMILY generate
-    x_bits <= std_logic_vector(x) when tried.enable = '0' else
-              std_logic_vector(tried.x);
-    y_bits <= std_logic_vector(y) when tried.enable = '0' else
-              std_logic_vector(tried.y);
+
+    p_flux : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        pair_length <= tried.enable;
+        x_bits      <= std_logic_vector(x);
+        y_bits      <= std_logic_vector(y);
+      end if;
+
+    end process p_flux;
+
   end generate g_family_bits;
 
   half_length <= as_word('0' & psi_ref);
@@ -231,13 +259,19 @@ begin
   cost_number <= std_logic_vector(stream(2 downto 0));
 
   g_single_better : if not FAMILY generate
+    fresh  <= to_std_logic(stream <= STREAM_COMPARE);
     better <= to_std_logic(cost & '0' < best_cost & wins_tie);
   end generate g_single_better;
 
   g_family_better : if FAMILY generate
+    pairs  <= not method(2) and method(1);
+    fresh  <= to_std_logic((stream <= STREAM_COMPARE and pairs = '0') or (stream /= 0 and pairs = '1'));
     better <= to_std_logic(cost & '0' < best_cost & wins_tie)
-              and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST);
+              and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)
+              and (tried.compare or not pairs);
   end generate g_family_better;
+
+  cheaper <= better;
 
   leader <= best;
 
@@ -257,7 +291,7 @@ begin
       end if;
 
       -- before the first comparison: worse than any cost
-      if (stream <= STREAM_COMPARE) then
+      if (fresh = '1') then
         best_cost                       <= (others => '1');
         best_cost(best_cost'length - 1) <= '0';
       end if;

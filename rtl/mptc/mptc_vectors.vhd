@@ -43,6 +43,9 @@ package mptc_vectors is
   -- '1': u_7 takes fewer commutations from this vector than u_0 does
   function zero_is_u_7 (number : vector_t) return std_logic;
 
+  -- active vector that stands some turns by 60 degrees on from another
+  function turned (number : vector_t; turns : turn_t) return vector_t;
+
   -- switch states a, b, c of a vector
   function switches_of_vector (number : vector_t) return switches_t;
 
@@ -124,6 +127,22 @@ package body mptc_vectors is
     return ZERO_IS_SEVEN(to_integer(unsigned(number)));
 
   end function zero_is_u_7;
+
+  function turned (number : vector_t; turns : turn_t) return vector_t is
+
+    variable result : unsigned(3 downto 0);
+
+  begin
+
+    result := unsigned('0' & number) + unsigned(turns);
+
+    if (result > 6) then
+      result := result - 6;
+    end if;
+
+    return std_logic_vector(result(2 downto 0));
+
+  end function turned;
 
   function switches_of_vector (number : vector_t) return switches_t is
   begin

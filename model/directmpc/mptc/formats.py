@@ -77,7 +77,6 @@ TIME_WIDTH = 12  # bits of a duty, one for each step of its search
 #: Bits of a time: 0 to 4096 steps of a period.
 TIME_PORT_WIDTH = TIME_WIDTH + 1
 WAY_GUARD = 1  # bits below a length's LSB of a pair's flux: half of a step along alpha
-WAY_WIDTH = WORD_WIDTH + 1 + WAY_GUARD  # bits of a vector's way: a step, of either sign
 #: Torque differences of a search count a quarter of a torque term: u_2's share is a quarter.
 DUTY_SHIFT = 2
 

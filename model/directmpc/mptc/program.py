@@ -257,17 +257,19 @@ MPFC_LAST = last_clock(MPFC_FIRST_TERM)
 
 #: Pairs of MPTC2 and of GTV.
 ZERO_PAIRS, EDGE_PAIRS = 6, 12
-#: Searches of a duty at a time, begun a clock apart; clocks from one's beginning to its result: one
-#: to begin, one to compare with the whole period, one for each bit.
+#: Searches of a duty at a time; clocks from one's beginning to its result, one for each bit; clocks
+#: between the beginnings of two.
 SEARCHES = 4
-DUTY_CLOCKS = 2 + TIME_WIDTH
-#: Clocks from looking a pair up to the beginning of its search: a register behind the table, and
-#: one behind the torques. The table needs no term, so MPTC2 and GTV look up a clock earlier.
-PAIR_AHEAD = 2
-FIRST_PAIR = MPTC_FIRST_TERM + 1 - PAIR_AHEAD
+DUTY_CLOCKS = TIME_WIDTH
+PAIR_SPACING = 2
+#: Clocks from looking a pair up to the beginning of its search: a register behind the table, one
+#: behind a vector's torque, one behind the torques' difference, one behind its sign. The first two
+#: need not level, so MPTC2 and GTV look up earlier.
+PAIR_AHEAD = 4
+FIRST_PAIR = MPTC_FIRST_TERM + 2 - PAIR_AHEAD
 #: Clocks from a search's result to the pair's flux in the magnitude: a register behind the choice
-#: among the searches, and one behind the flux.
-PAIR_REGISTERS = 2
+#: among the searches, one behind the share, the product, and one in front of the magnitude.
+PAIR_REGISTERS = 3 + SUM_LATENCY
 
 
 def pair_clock(n: int) -> int:
@@ -283,14 +285,23 @@ def pair_clock(n: int) -> int:
     int
         Clock.
     """
-    begun = FIRST_PAIR + PAIR_AHEAD + n % SEARCHES + DUTY_CLOCKS * (n // SEARCHES)
+    begun = FIRST_PAIR + PAIR_AHEAD
+    begun += PAIR_SPACING * (n % SEARCHES) + DUTY_CLOCKS * (n // SEARCHES)
     return begun + DUTY_CLOCKS + PAIR_REGISTERS
 
 
-#: Costs of MPTC2 and GTV: behind MPTC's program, which they share.
+#: Clocks from a pair's product to its flux in the magnitude.
+WAY_LATENCY = SUM_LATENCY + 1
+#: Fluxes and costs of MPTC2 and GTV: behind MPTC's program, which they share. ``share_x`` is that
+#: of the pair then.
 PAIRS: tuple[Step, ...] = tuple(
-    Step(pair_clock(n) + LENGTH_LATENCY, FLUX, "difference", "c_weight", "cost")
-    for n in range(EDGE_PAIRS)
+    step
+    for clock in map(pair_clock, range(EDGE_PAIRS))
+    for step in (
+        Step(clock - WAY_LATENCY, FLUX, "step_alpha", "share_alpha", "none", taken=True),
+        Step(clock - WAY_LATENCY, ALPHA, "share_beta", "step_beta", "none", taken=True),
+        Step(clock + LENGTH_LATENCY, FLUX, "difference", "c_weight", "cost"),
+    )
 )
 
 #: MPTC1's pair is known when MPTC's vector is; its duty comes out of the first register.
