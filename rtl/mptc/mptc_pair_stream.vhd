@@ -4,7 +4,7 @@
 -- has one pair: the vector that mptc_vector_stream found, with zero. Four mptc_duty search at a time, begun two clocks
 -- apart; after DUTY_CLOCKS each gives its result and takes the next pair. mptc_shares makes the pair's share of it,
 -- two mac_blocks its way. Then it goes on to the magnitude and to the cost as a vector does in mptc_vector_stream,
--- which compares. A tie goes to the earliest pair. Zero voltage beside a vector is u_0 after 1, 3, 5 and u_7 after 2, 4, 6.
+-- which compares. A tie goes to the earliest pair. Beside a vector zero is u_0 after 1, 3, 5 and u_7 after 2, 4, 6.
 --
 -- Every pair is a start and a direction: the second vector, and the active vector that is the first less the second.
 -- Torque of both is formed by one addition, a clock after the other. A duty beyond the period becomes 4095, one below
