@@ -25,6 +25,7 @@ IN_PLACE = {
     "scripts/hdl/recording.py": 1,  # the same
     "scripts/hdl/simulator.py": 3,  # the same: job, log, progress
     "scripts/measure/sweep_points.py": 2,  # a copy of the tree below build/
+    "scripts/studies/scaling.py": 1,  # a log in a folder of its own, which goes again
 }
 """Calls that write to a path themselves: file -> how many."""
 
