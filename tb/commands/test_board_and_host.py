@@ -205,7 +205,7 @@ def test_what_a_step_and_a_load_refuse() -> None:
         with pytest.raises(LinkError, match="is for mpdcc, the board has mptc"):
             board.load("anpc5l_6kv")
         board.load(MPTC)
-        with pytest.raises(ValueError, match="a board takes one vector"):
+        with pytest.raises(ValueError, match=r"applied: .*; MPTC applies one vector, 0 to 7"):
             board.step(MptcState(1, 1, 100.0, 5.0, 0.9, (1, 2, 0, 0.5, 0.2)))
     with board_of(Rehearsal(flags=1 << Flag.NO_ANSWER)) as board:
         board.load(MPTC)

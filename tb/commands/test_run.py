@@ -262,7 +262,7 @@ def test_a_two_level_run_is_replayed_and_its_signals_are_there(
     given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
     assert run.COMMAND.main(given) == 0
     shown = capsys.readouterr().out
-    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "86 clock"):
+    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "88 clock"):
         assert words in shown
     for path in outputs.values():
         assert str(path) in shown

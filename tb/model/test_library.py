@@ -199,6 +199,9 @@ class TwinBoard:
         flags = saturated << Flag.SATURATED | clamped << Flag.CLAMPED
         return Answer(int(u), int(flags), 0, 39, 0, 0)
 
+    def sequence(self) -> None:
+        """As `Board.sequence`: MPTC decides on one vector."""
+
 
 def test_a_board_closes_the_loop_and_is_compared() -> None:
     drive = load_drive("motulator_2kw2")

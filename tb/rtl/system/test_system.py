@@ -85,7 +85,8 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     entity, old, new = FAULTS[name]
-    rtl = altered(tmp_path, entity, old, new)
+    cores = 2 if name == "wrong port" else 1  # the plain core and the core of the family
+    rtl = altered(tmp_path, entity, old, new, cores)
     with pytest.raises(CheckError, match="expected"):
         bench("mptc", 60, rtl, registers=False)
 
