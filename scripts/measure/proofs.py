@@ -6,11 +6,14 @@ converted to Verilog, the netlist that is synthesised and simulated too. A modul
 
 * ``prove_<name>``: a property of the list;
 * ``fact_<name>``: what the properties need to follow from one clock to the next;
+* ``given_<name>``: a fact about something that is watched, for another thing than the one that is
+  watched. Since any may be watched, it is given in the clock before, as the fact itself is;
 * ``assume_<name>``: what is taken for granted in every clock.
 
 A signal inside the entity is reached by a wire with an attribute:
 ``(* inside = "i_dut.state" *) wire [1:0] state;``. With ``when = "GENERIC"`` beside it the wire is
-zero where that generic is false.
+zero where that generic is false. With ``words = "64"`` it is the memory of that name, word 0 in the
+lowest bits.
 
 The proof is an induction over clocks, and holds for any number of them. No first state is assumed.
 Reset: in any state, one clock of ``rst`` leads to a state where every property and every fact
@@ -282,23 +285,31 @@ def named(names: Iterable[str], proofs: Sequence[Proof]) -> list[Proof]:
 # --- from VHDL to questions -----------------------------------------------------------------------
 
 _INSIDE = re.compile(
-    r'\(\* inside = "([^"]+)"(?:, when = "(\w+)")? \*\) wire (?:\[([^\]]+)\] )?(\w+);'
+    r'\(\* inside = "([^"]+)"(?:, when = "(\w+)")?(?:, words = "(\d+)")? \*\) '
+    r"wire (?:\[([^\]]+)\] )?(\w+);"
 )
 _WIRE = re.compile(r"^; yosys-smt2-wire (\S+) 1$", re.M)
 _ANSWER = re.compile(r'^"?@(\d+)"?\n(sat|unsat|unknown)$', re.M)
 
 
-def _connections(text: str, generics: Generics) -> list[str]:
-    """Yosys' commands that lead signals of the entity to the wires that ask for them."""
-    lines = []
-    for inside, when, bits, name in _INSIDE.findall(text):
+def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
+    """Yosys' commands that lead signals of the entity, and words of its memories, to the proof."""
+    signals, memories = [], []
+    found = _INSIDE.findall(text)
+    for inside, when, words, bits, name in found:
+        width = int(bits.split(":")[0]) + 1 if bits else 1
+        if words:
+            size = width // int(words)
+            for i in range(int(words)):
+                part = f"{name}[{(i + 1) * size - 1}:{i * size}]"
+                memories.append(f"connect -nounset -set {part} {inside}[{i}]")
+            continue
         if when and not generics[when]:
-            width = int(bits.split(":")[0]) + 1 if bits else 1
             inside = f"{width}'b{'0' * width}"
-        lines.append(f"connect -nounset -set {name} {inside}")
-    if len(lines) != text.count("(* inside ="):
+        signals.append(f"connect -nounset -set {name} {inside}")
+    if len(found) != text.count("(* inside ="):
         raise ProofError("an attribute 'inside' stands before no plain wire")
-    return lines
+    return signals, memories
 
 
 def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
@@ -309,6 +320,7 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     tools.write(folder / "proof.v", text)
     for header in proof.module.parent.glob("*.vh"):
         shutil.copy(header, folder)
+    signals, memories = _connections(text, generics)
     macros = " ".join(f"-D {name}={int(value)}" for name, value in generics.items())
     script = [
         "read_verilog core.v",
@@ -316,16 +328,20 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
         "hierarchy -check -top proof",
         "proc",
         "flatten",
-        *_connections(text, generics),
+        *signals,
         # nothing leaves the module: without this all of it would be swept away
-        "setattr -set keep 1 w:*prove_* w:*fact_* w:*assume_*",
+        "setattr -set keep 1 w:*prove_* w:*fact_* w:*given_* w:*assume_*",
+        "design -save whole",
+        *(line.rsplit(" ", 1)[0] + " 0" for line in memories),
         "check -assert",
+        "design -load whole",
         # tables become logic; what the netlist leaves open may be anything in any clock
         "opt_expr -keepdc",
         "opt_clean",
         "memory -nomap",
         "opt_mem",
         "memory_map",
+        *memories,
         "setundef -anyseq",
         # no register is removed: one without a first value may have any
         *2 * ("opt_expr -keepdc -full", "opt_merge", "opt_muxtree", "opt_reduce -full"),
@@ -377,7 +393,8 @@ def _questions(machine: str) -> tuple[str, list[tuple[str, str]]]:
         lines += [f"(assert {_holds(name, clock)})" for name in assumed]
     lines.append("(assert (|proof_t| s0 s1))")
     asked: list[tuple[str, str]] = []
-    for part, given in (("reset", ["rst"]), ("step", wanted)):
+    known = _named(machine, "given_")
+    for part, given in (("reset", ["rst"]), ("step", [*wanted, *known])):
         lines.append("(push 1)")
         lines += [f"(assert {_holds(name, 0)})" for name in given]
         lines += [f'(echo "@{len(asked)}")', "(check-sat)"]
