@@ -117,6 +117,8 @@ class Proof:
         File with the module ``proof``.
     assumes
         What is taken for granted, in words; empty for nothing.
+    free
+        Units inside whose outputs may be anything in any clock.
     configurations
         Name -> generics.
     properties
@@ -128,6 +130,7 @@ class Proof:
     files: tuple[Path, ...]
     module: Path
     assumes: str
+    free: tuple[str, ...]
     configurations: Mapping[str, Generics]
     properties: tuple[Property, ...]
 
@@ -232,7 +235,10 @@ def listed(path: Path = LIST) -> list[Proof]:
     for entity, table in given.items():
         where = f"{path.name}: {entity}"
         _known(
-            where, table, ("configurations", "properties"), ("top", "files", "module", "assumes")
+            where,
+            table,
+            ("configurations", "properties"),
+            ("top", "files", "module", "assumes", "free"),
         )
         configurations = table["configurations"]
         first = next(iter(configurations))
@@ -243,6 +249,7 @@ def listed(path: Path = LIST) -> list[Proof]:
                 tuple(ROOT / name for name in table.get("files", ())),
                 path.parent / table.get("module", f"{entity}.v"),
                 table.get("assumes", ""),
+                tuple(table.get("free", ())),
                 configurations,
                 tuple(
                     _property(f"{where}.properties", name, one, first)
@@ -325,9 +332,12 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     script = [
         "read_verilog core.v",
         f"read_verilog -sv {macros} proof.v",
+        # GHDL adds what the generics are to a unit's name
+        *(f"blackbox {unit} {unit}_*" for unit in proof.free),
         "hierarchy -check -top proof",
         "proc",
         "flatten",
+        *(["cutpoint -blackbox"] if proof.free else []),
         *signals,
         # nothing leaves the module: without this all of it would be swept away
         "setattr -set keep 1 w:*prove_* w:*fact_* w:*given_* w:*assume_*",
