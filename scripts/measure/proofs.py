@@ -304,14 +304,14 @@ def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
     signals, memories = [], []
     found = _INSIDE.findall(text)
     for inside, when, words, bits, name in found:
-        width = int(bits.split(":")[0]) + 1 if bits else 1
         if words:
-            size = width // int(words)
+            size = (int(bits.split(":")[0]) + 1) // int(words)
             for i in range(int(words)):
                 part = f"{name}[{(i + 1) * size - 1}:{i * size}]"
                 memories.append(f"connect -nounset -set {part} {inside}[{i}]")
             continue
         if when and not generics[when]:
+            width = int(bits.split(":")[0]) + 1 if bits else 1
             inside = f"{width}'b{'0' * width}"
         signals.append(f"connect -nounset -set {name} {inside}")
     if len(found) != text.count("(* inside ="):
@@ -322,7 +322,8 @@ def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
 def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     """The entity with its proof around it, as SMT-LIB."""
     files = [*sources.compile_order(proof.entity, sources.rtl_files(rtl)), *proof.files]
-    conversion.convert(proof.top, generics, folder / "core.v", files=files, check=False)
+    std = "08" if any(sources.is_wrapper(path, rtl) for path in files) else "93"
+    conversion.convert(proof.top, generics, folder / "core.v", files=files, check=False, std=std)
     text = proof.module.read_text(encoding="utf-8")
     tools.write(folder / "proof.v", text)
     for header in proof.module.parent.glob("*.vh"):

@@ -21,16 +21,6 @@ from directmpc.mpdcc import inverter as anpc
 ROOT = 46
 """Clocks of a search of one explorer but for one for each candidate."""
 
-PREPARATION = 16
-"""Clocks from one node's preparation to the next: what even a node of few leaves costs."""
-
-BEHIND = (3, 1)
-"""Clocks more where such a node follows one whose leaves keep the dispatcher until then; with four
-explorers and more none keeps it longer than a preparation."""
-
-AROUND = 49
-"""Clocks before the first node's leaves and behind the last one's, with one explorer."""
-
 ONE_LEVEL = (112, 82, 73, 70)
 """Most clocks of the fast variant with one level, by explorers; more than four take the last."""
 
@@ -143,13 +133,76 @@ def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
     return most, where
 
 
-def bound(explorers: int, budget: int) -> int:
-    """Clocks that no search with a budget exceeds, whichever candidates live.
+@njit
+def _latest(nodes, budget, in_step, spare, behind):
+    """Latest end over all choices of nodes in their order, from the first one's begin on.
 
-    A few clocks above the worst: each node costs what the dispatcher takes to hand out its leaves,
-    or its preparation, and the dearest choice of nodes within the budget is found over all s(k-1).
-    Searched for by hill climbing, not proven: no choice was found to exceed it (test_sese_core).
-    Without a budget it is `worst`. Delay compensation adds its clocks, see ``mpdcc_core``.
+    What a node costs depends on those before it by two clocks alone, told from its begin on: from
+    when the dispatcher takes its leaves, and from when it says so. For both, and the kind of the
+    node, the latest begin is kept, by the leaves spent.
+    """
+    most = 512
+    kinds = np.zeros((most, 4), dtype=np.int64)  # free, shortly, a * b, c
+    known = 1
+    kinds[0] = (0, 0, 0, 1)  # before the first node
+    places = np.zeros((128, 128, 4, 2), dtype=np.int16)  # of a kind; a * b is 9, 12 or 16, c 3 or 4
+    spent = budget if budget > 0 else 0
+    latest = np.full((spent + 1, most), -1, dtype=np.int64)
+    latest[0, 0] = 0
+    for a, b, c in nodes:
+        leaves = a * b * c if budget > 0 else 0
+        before = known
+        earlier = latest[0].copy()  # without a budget nothing is spent, and a node is taken once
+        for total in range(spent, leaves - 1, -1):
+            for kind in range(before - 1, -1, -1):
+                begun = earlier[kind] if total == leaves else latest[total - leaves, kind]
+                if begun < 0:
+                    continue
+                after, free, shortly = 0, 24, 16
+                if kind > 0:
+                    each = -(-kinds[kind, 3] // in_step)
+                    load = max(24, kinds[kind, 0])
+                    after = max(16, min(kinds[kind, 1], load + 1))
+                    free = max(24, load + kinds[kind, 2] * each - after)
+                    shortly = max(16, load + 1 + max(0, kinds[kind, 2] - spare) * each - after)
+                place = places[free, shortly, a * b // 5, c - 3]
+                if place == 0:
+                    if known == most:
+                        raise OverflowError("more kinds of begins than there is room for")
+                    place = known
+                    places[free, shortly, a * b // 5, c - 3] = place
+                    kinds[place] = (free, shortly, a * b, c)
+                    known += 1
+                latest[total, place] = max(latest[total, place], begun + after)
+    end = 0
+    for total in range(spent + 1):
+        for kind in range(1, known):
+            if latest[total, kind] >= 0:
+                each = -(-kinds[kind, 3] // in_step)
+                last = max(24, kinds[kind, 0]) + kinds[kind, 2] * each + behind[kinds[kind, 3]]
+                end = max(end, latest[total, kind] + last)
+    return end
+
+
+def _results(explorers: int, c: int) -> int:
+    """Clocks from the last node's end to ``valid``, for its next positions of phase c."""
+    in_step = min(explorers, 4)
+    each = -(-c // in_step)
+    # a leaf is 19 clocks on the way; results are taken one a clock
+    taken = 1
+    for clock in sorted(
+        20 - (each - 1 - (c - 1 - explorer) // in_step) for explorer in range(min(in_step, c))
+    ):
+        taken = max(taken + 1, clock)
+    return taken + 3
+
+
+def bound(explorers: int, budget: int) -> int:
+    """Most clocks of a search, whichever candidates live.
+
+    The most over every choice of nodes for every s(k-1), in the order of the queue: all of them are
+    gone through. `search` counts one choice clock for clock. Delay compensation adds its clocks,
+    see `decision`.
 
     Parameters
     ----------
@@ -163,23 +216,17 @@ def bound(explorers: int, budget: int) -> int:
     int
         Clocks from ``start`` to ``valid``.
     """
-    if budget == 0:
-        return worst(explorers)[0]
     in_step = min(explorers, 4)
-    least = PREPARATION + BEHIND[in_step == 4]
+    spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)
+    behind = np.array([_results(explorers, c) for c in range(5)], dtype=np.int64)
     alike = {
-        (len(anpc.candidates(s)), tuple(sorted(nodes_below(s))))
+        (len(anpc.candidates(s)), tuple(nodes_below(s)))
         for s in itertools.product(range(anpc.POSITIONS), repeat=3)
     }
-    most = 0
-    for root, nodes in alike:
-        dearest = np.zeros(budget + 1, dtype=np.int64)  # clocks by leaves spent
-        for a, b, c in nodes:
-            leaves, clocks = a * b * c, max(a * b * -(-c // in_step), least)
-            if leaves <= budget:
-                dearest[leaves:] = np.maximum(dearest[leaves:], dearest[:-leaves] + clocks)
-        most = max(most, ROOT + root + int(dearest[-1]))
-    return min(most + AROUND + in_step - 1, worst(explorers)[0])
+    return max(
+        ROOT + root + 2 + int(_latest(np.array(nodes), budget, in_step, spare, behind))
+        for root, nodes in alike
+    )
 
 
 def decision(
