@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+
 from directmpc.mpdcc import cycles
 from directmpc.mpdcc import inverter as anpc
 
