@@ -39,7 +39,7 @@ BOARD ?=
 CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
-.PHONY: help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
+.PHONY: field-bench field-score help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
   cluster sources generate virtual-board bitstream netlist layers robustness site release clean
 
 help: ## this list
@@ -141,6 +141,12 @@ fidelity: $(READY) ## decisions and closed loops beside the ideal controller, an
 
 robustness: $(READY) ## closed loops with noise, on shipped and random drives; goes on where it was stopped
 	@'$(PY)' -m scripts robustness --jobs '$(JOBS)' $(ARGS)
+
+field-bench: $(READY) ## states, ideal decisions and costs of all candidates, to measure any implementation on
+	@'$(PY)' -m scripts field-bench $(ARGS)
+
+field-score: $(READY) ## score decisions on a set of the bench; ARGS='--set NAME --decisions FILE'
+	@'$(PY)' -m scripts field-score $(ARGS)
 
 cluster: $(CLUSTER_READY) ## install Dask, for studies on several machines (docs/cluster.md)
 	@echo 'cluster: Dask is installed; docs/cluster.md says how to start a scheduler and workers'

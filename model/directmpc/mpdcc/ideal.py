@@ -547,6 +547,104 @@ def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 
 @njit
+def candidates(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Every candidate of a state with what the controller makes of it (Paper A, eqs. 10 to 16).
+
+    Nothing is skipped, so that any other choice can be judged by what it costs.
+
+    Parameters
+    ----------
+    parameters : IdealParameters
+        From `ideal_parameters`.
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Machine and inverter state at k, per unit, as in `decide`.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference at k, per unit.
+    omega_s, omega_r : float
+        Stator and rotor angular speed, per unit.
+    s_prev : ndarray of int64, shape (3,)
+        Positions s(k-1), 0..7.
+
+    Returns
+    -------
+    held : int
+        1 if s(k-1) is kept.
+    positions : ndarray of int64, shape (n, 3)
+        Candidates in the order of enumeration.
+    lengths : ndarray of int64, shape (n,)
+        L* (L1 for SESE), steps; 0 where the first step leaves the bounds.
+    costs : ndarray of float64, shape (n, 3)
+        J of the candidate alone, J of its cheapest continuation (SESE), J_dl of the deadlock rule;
+        infinite where there is none.
+    """
+    p = parameters
+    n = p.horizon
+    held = _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev)
+    a11, a12, a21, a22, natural, forced, forced_flux, reference = prepare(
+        p, x_m, iref, omega_s, omega_r, 2 * n
+    )
+    natural2 = np.empty(n + 1, np.complex128)
+    current = complex(x_m[0], x_m[1])
+    flux = complex(x_m[2], x_m[3])
+    i_a, i_b, i_c = phases(current)
+    quarter = 0.25 * vdc
+    v_n, v_a, v_b, v_c = x_inv[0], x_inv[1], x_inv[2], x_inv[3]
+    several = p.next_count[s_prev[0]] * p.next_count[s_prev[1]] * p.next_count[s_prev[2]]
+    positions = np.empty((several, 3), np.int64)
+    lengths = np.zeros(several, np.int64)
+    costs = np.full((several, 3), np.inf)
+    at = 0
+    for k_a in range(p.next_count[s_prev[0]]):
+        s_a = p.next_table[s_prev[0], k_a]
+        for k_b in range(p.next_count[s_prev[1]]):
+            s_b = p.next_table[s_prev[1], k_b]
+            for k_c in range(p.next_count[s_prev[2]]):
+                s_c = p.next_table[s_prev[2], k_c]
+                positions[at, 0], positions[at, 1], positions[at, 2] = s_a, s_b, s_c
+                f1 = float(
+                    p.weight[1 if i_a < 0.0 else 0, s_prev[0], s_a]
+                    + p.weight[1 if i_b < 0.0 else 0, s_prev[1], s_b]
+                    + p.weight[1 if i_c < 0.0 else 0, s_prev[2], s_c]
+                )
+                voltage, r_n, r_a, r_b, r_c = inputs(
+                    p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c
+                )
+                length = _extend(
+                    p.bounds, p.inwards, n, natural, forced, reference, 0, voltage,
+                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                )  # fmt: skip
+                lengths[at] = length
+                if length == 0:
+                    costs[at, 2] = _excess(
+                        p.bounds,
+                        p.weighted_deadlock,
+                        reference[1] - (natural[1] + forced[1] * voltage),
+                        v_n + r_n,
+                        v_a - quarter + r_a,
+                        v_b - quarter + r_b,
+                        v_c - quarter + r_c,
+                    )
+                else:
+                    v_n1 = v_n + length * r_n
+                    costs[at, 0] = f1 / length + p.lambda_n * (v_n1 * v_n1)
+                    if p.two_switchings:
+                        costs[at, 1] = costs[at, 0]
+                        if length < n:
+                            costs[at, 1] = _best_leaf(
+                                p, a11, a12, a21, a22, reference, forced, natural2, length, f1,
+                                natural[length] + forced[length] * voltage,
+                                _flux_at(a11, a12, a21, a22, current, flux, length)
+                                + forced_flux[length] * voltage,
+                                vdc, v_n1, v_a + length * r_a, v_b + length * r_b,
+                                v_c + length * r_c, s_a, s_b, s_c, np.inf,
+                            )  # fmt: skip
+                at += 1
+    return int(held), positions, lengths, costs
+
+
+@njit
 def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
     for k in range(len(vdc)):
         out[k, :] = decide(

@@ -1,0 +1,56 @@
+"""`make field-bench`: states, ideal decisions and what every candidate costs."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from directmpc.host.console import terminable
+from scripts.hdl import replay
+from scripts.shared import progress, tables, tools
+from scripts.shared.command import Command
+from scripts.studies import field_bench as study
+
+OUT = tools.BUILD / "field-bench"
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=OUT, help="folder to make or to make anew")
+    parser.add_argument("--steps", type=int, default=study.STEPS, help="rows of each set")
+    parser.add_argument(
+        "--publish", action="store_true",
+        help=f"score our bit-true models on it, and write {study.PAGE.name}",
+    )  # fmt: skip
+
+
+def _own(bench: Path, sets: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
+    """Scores of our models."""
+    found = []
+    with progress.busy("our models on the sets"), tempfile.TemporaryDirectory() as folder:
+        for name, entry in sets.items():
+            variants = ("fast", "paper") if entry["method"] == "SE" else ("fast",)
+            for variant in variants:
+                out = Path(folder) / "decisions.csv"
+                drive, states = bench / name / "drive.toml", bench / name / "trace.csv"
+                replay.replay(
+                    replay.Request(drive, states, out, "model", replay.DEFAULT_EXPLORERS, variant)
+                )
+                whose = f"directmpc, {variant}" if entry["controller"] == "mpdcc" else "directmpc"
+                found.append((name, whose, study.score(bench, name, out)))
+    return found
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    with terminable():
+        manifest = study.build(given.out, given.steps)
+        print(f"{given.out}: {len(manifest['sets'])} sets of {given.steps} rows")
+        if given.publish:
+            text = study.page_tables(_own(given.out, manifest["sets"]))
+            tables.rewrite(study.PAGE, {study.MARKS: text})
+            print(text)
+    return 0
+
+
+COMMAND = Command("field-bench", __doc__.splitlines()[0], _arguments, _run)
