@@ -74,6 +74,8 @@ architecture rtl of mptc_coordinates is
   signal at         : vector_t;
   signal there      : std_logic; -- '1': turned far enough
   signal halved     : std_logic;
+  signal none       : std_logic;      -- '1': e is zero
+  signal turned_h   : hexagon_t;      -- h after the next turn
 
   -- size of a sum, one's complement where it is negative
   function size_of (value : sum_t) return size_t is
@@ -177,7 +179,9 @@ begin
   -- Coordinates
   ---------------------------------------------------------------------------------------------
 
-  p_there : process (method, at, base, e) is
+  turned_h <= -e.g;
+
+  p_there : process (method, at, base, e, turned_h, none) is
   begin
 
     there <= to_std_logic(at = base);
@@ -185,7 +189,7 @@ begin
     if (method = FAMILY_MPC2) then
       there <= not sign_of(e.apart) and not sign_of(e.by_next);
     elsif (method = FAMILY_SVM) then
-      there <= not sign_of(e.g) and not sign_of(e.h) and to_std_logic(e.g /= 0 or e.h = 0);
+      there <= not sign_of(e.h) and (sign_of(turned_h) or none);
     end if;
 
   end process p_there;
@@ -208,6 +212,7 @@ begin
       end if;
 
       if (clock = TURN_CLOCK - 1) then
+        none      <= to_std_logic(unsigned(quotient_x) = 0 and unsigned(quotient_y) = 0);
         size      := signed(resize(unsigned(quotient_y), HEXAGON_WIDTH + 1));
         x         := moved((HEXAGON_WIDTH downto 0 => '0'),
                            signed(resize(unsigned(quotient_x & '0'), HEXAGON_WIDTH + 1)), negative_x);
@@ -221,7 +226,7 @@ begin
         e.apart   <= moved(x, size, not negative_y);
       elsif (clock >= TURN_CLOCK and clock < CHOICE_CLOCK and there = '0') then
         e.g       <= e.total;
-        e.h       <= -e.g;
+        e.h       <= turned_h;
         e.total   <= e.h;
         e.lead    <= e.by_next;
         e.by_next <= -e.apart;

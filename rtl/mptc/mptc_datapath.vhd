@@ -8,7 +8,8 @@
 --
 -- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
 -- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.
--- Overflow: a word that does not fit saturates and sets overflow, which is cleared while idle.  Nothing wraps.
+-- Overflow: a word that does not fit saturates and sets overflow, as does v_dc = 0; it is cleared while idle.
+-- Nothing wraps.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -288,7 +289,8 @@ begin
         flagged <= '0';
       end if;
 
-      if (too_far = '1') then
+      -- without voltage no vector differs from another
+      if (too_far = '1' or (idle = '0' and unsigned(sample.v_dc) = 0)) then
         flagged <= '1';
       end if;
 

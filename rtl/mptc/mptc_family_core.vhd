@@ -75,7 +75,7 @@ entity mptc_family_core is
     busy      : out   std_logic;                     -- '1': a decision is under way
     u_next    : out   std_logic_vector(2 downto 0);  -- number of the vector to apply next, 0 to 7
     switches  : out   std_logic_vector(2 downto 0);  -- its switch states a, b, c; '1': positive rail
-    saturated : out   std_logic;                     -- '1': a value did not fit its word
+    saturated : out   std_logic;                     -- '1': a value did not fit its word, or v_dc is zero
     clamped   : out   std_logic;                     -- '1': MPFC cannot reach torque_ref
     next_u1   : out   std_logic_vector(2 downto 0);  -- first vector to apply next, 0 to 7
     next_u2   : out   std_logic_vector(2 downto 0);  -- second vector to apply next, 0 to 7

@@ -45,21 +45,27 @@ architecture rtl of mptc_hexagon is
 
   subtype steps_t is unsigned(TIME_WIDTH downto 0);
 
-  signal clock  : natural range 0 to HEXAGON_CLOCKS;
-  signal ended  : vector_t;                                  -- vector that is applied last
-  signal base   : vector_t;                                  -- first active vector of MPFC2 and MPFC3
-  signal leader : vector_t;
-  signal row    : vector_t;                                  -- first vector
-  signal idle   : std_logic;                                 -- '1': it is a zero vector
-  signal e      : mptc_missing_t;
-  signal share  : std_logic_vector(TIME_WIDTH - 1 downto 0);
-  signal best   : mptc_choice_t;
-  signal size_h : steps_t;                                   -- h, its complement where it is negative
-  signal beyond : std_logic;                                 -- g and h fill more than the period
-  signal flat   : std_logic;                                 -- h is zero
-  signal first  : steps_t;                                   -- time of the leading vector, of a spoke that of the other
-  signal third  : steps_t;                                   -- MPFC3: time of the third; SVM: of the second
-  signal rest_t : steps_t;                                   -- what these leave
+  signal clock    : natural range 0 to HEXAGON_CLOCKS;
+  signal ended    : vector_t;                                  -- vector that is applied last
+  signal base     : vector_t;                                  -- first active vector of MPFC2 and MPFC3
+  signal leader   : vector_t;
+  signal row      : vector_t;                                  -- first vector
+  signal idle     : std_logic;                                 -- '1': it is a zero vector
+  signal e        : mptc_missing_t;
+  signal share    : std_logic_vector(TIME_WIDTH - 1 downto 0);
+  signal best     : mptc_choice_t;
+  signal size_h   : steps_t;                                   -- h, its complement where it is negative
+  signal beyond   : std_logic;                                 -- g and h fill more than the period
+  signal flat     : std_logic;                                 -- h is zero
+  signal is_svm   : std_logic;                                 -- '1': the method is SVM
+  signal is_mpfc3 : std_logic;
+  signal is_mpfc2 : std_logic;
+  signal leading  : steps_t;                                   -- SVM: time of the leading vector
+  signal other    : steps_t;                                   -- MPFC3: time of the third; SVM: of the second
+  signal left     : steps_t;                                   -- what that leaves of the period
+  signal first    : steps_t;                                   -- time of the leading vector, of a spoke the other's
+  signal within   : steps_t;                                   -- what is left to it and to the last
+  signal rest_t   : steps_t;                                   -- what it leaves of that
 
   -- '1': u_1 to u_6
   function is_active (number : vector_t) return std_logic is
@@ -223,46 +229,54 @@ begin
       size_h <= unsigned(e.h(HEXAGON_FRACTION downto PART_SHIFT) xor (TIME_WIDTH downto 0 => sign_of(e.h)));
       beyond <= beyond_one(e.total);
       flat   <= to_std_logic(e.h = 0);
+
+      is_svm   <= to_std_logic(method = FAMILY_SVM);
+      is_mpfc3 <= to_std_logic(method = FAMILY_MPFC3);
+      is_mpfc2 <= to_std_logic(method = FAMILY_MPFC2);
+
+      leading <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
+      other   <= size_h;
+      left    <= unsigned(WHOLE_PERIOD) - size_h;
+
+      if (is_svm = '1' and beyond = '1') then
+        leading <= '0' & unsigned(share);
+        other   <= (others => '0');
+        left    <= unsigned(WHOLE_PERIOD);
+
+        if (flat = '1') then
+          leading <= unsigned(WHOLE_PERIOD);
+        end if;
+      end if;
     end if;
 
   end process p_ahead;
 
-  p_times : process (method, best, e, share, size_h, beyond, flat) is
+  -- after the last choice: one of these, and one subtraction
+  p_times : process (is_svm, is_mpfc3, is_mpfc2, best, e, leading, left) is
   begin
 
-    first <= unsigned(best.part);
-    third <= (others => '0');
+    first  <= unsigned(best.part);
+    within <= unsigned(WHOLE_PERIOD);
 
-    if (method = FAMILY_SVM) then
-      first <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
-      third <= size_h;
+    if (is_svm = '1') then
+      first  <= leading;
+      within <= left;
+    elsif (is_mpfc3 = '1' and best.kind = KIND_INSIDE) then
+      first  <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
+      within <= left;
 
-      if (beyond = '1') then
-        first <= '0' & unsigned(share);
-        third <= (others => '0');
-
-        if (flat = '1') then
-          first <= unsigned(WHOLE_PERIOD);
-        end if;
+      if (best.beside = '1') then
+        first <= leading;
       end if;
-    elsif (method = FAMILY_MPFC3) then
-      if (best.kind = KIND_INSIDE) then
-        first <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
-        third <= size_h;
-
-        if (best.beside = '1') then
-          first <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
-        end if;
-      end if;
-    elsif (method = FAMILY_MPFC2 and best.number = "000") then
+    elsif (is_mpfc2 = '1' and best.number = "000") then
       first <= (others => '0');
     end if;
 
   end process p_times;
 
-  rest_t <= unsigned(WHOLE_PERIOD) - first - third;
+  rest_t <= within - first;
 
-  p_chosen : process (method, row, leader, idle, best, first, third, rest_t, beyond) is
+  p_chosen : process (is_svm, is_mpfc3, is_mpfc2, row, leader, idle, best, first, other, rest_t, beyond) is
   begin
 
     chosen.u1 <= row;
@@ -271,14 +285,14 @@ begin
     chosen.t1 <= std_logic_vector(first);
     chosen.t2 <= std_logic_vector(rest_t);
 
-    if (method = FAMILY_SVM) then
+    if (is_svm = '1') then
       chosen.u2 <= turned(leader, "001");
       chosen.u3 <= "000";
 
       if (beyond = '0') then
-        chosen.t2 <= std_logic_vector(third);
+        chosen.t2 <= std_logic_vector(other);
       end if;
-    elsif (method = FAMILY_MPFC3) then
+    elsif (is_mpfc3 = '1') then
       -- u_7 takes fewer commutations between two vectors of even number
       chosen.u2 <= (others => zero_is_u_7(row) and zero_is_u_7(best.other));
 
@@ -287,7 +301,7 @@ begin
       elsif (best.kind = KIND_EDGE) then
         chosen.t2 <= (others => '0');
       end if;
-    elsif (method = FAMILY_MPFC2) then
+    elsif (is_mpfc2 = '1') then
       -- on a spoke from zero voltage the time is the other vector's
       if (idle = '1' and best.number /= "000") then
         chosen.t1 <= std_logic_vector(rest_t);

@@ -346,7 +346,8 @@ begin
       flux_due <= on_way(PAIR_REGISTERS - 2) and to_std_logic(method /= FAMILY_MPTC1);
       on_way   <= on_way(on_way'high - 1 downto 2) & (ended and known_late(TERM_WIDTH + 2));
 
-      if (rst = '1') then
+      -- a pair on its way does not go on into the next decision
+      if (rst = '1' or last = '1') then
         ended    <= '0';
         flux_due <= '0';
         on_way   <= (others => '0');

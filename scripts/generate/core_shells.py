@@ -411,7 +411,7 @@ _MPTC_DECISION = (
             Port("busy", "", "'1': a decision is under way"),
             Port("u_next", "2", "number of the vector to apply next, 0 to 7"),
             Port("switches", "2", "its switch states a, b, c; '1': positive rail"),
-            Port("saturated", "", "'1': a value did not fit its word"),
+            Port("saturated", "", "'1': a value did not fit its word, or v_dc is zero"),
             Port("clamped", "", "'1': MPFC cannot reach torque_ref"),
         ),
         output=True,

@@ -39,6 +39,14 @@ class PairRows:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def shuffled(self, seed: int) -> PairRows:
+        """The same rows in random order."""
+        order = np.random.default_rng(seed).permutation(len(self))
+        rows = core.Rows(
+            self.rows.registers[order], self.rows.measurements[order], self.rows.u[order]
+        )
+        return PairRows(rows, self.pairs[order], self.applied[order])
+
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""
         of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])
@@ -115,6 +123,23 @@ def near(seed: int, n: int) -> PairRows:
     applied = any_sequences(rng, len(codes))
     rows = core.Rows(np.array(registers), np.array(seen), applied[:, 0])
     return PairRows(rows, codes, applied)
+
+
+def hardly_any_voltage(seed: int, n: int) -> PairRows:
+    """As `near`, with a dc-link voltage of 0, 1 and 2 LSB."""
+    rows = near(seed, n)
+    voltages = np.random.default_rng(seed).integers(0, 3, len(rows))
+    rows.rows.measurements[:, core.V_DC] = voltages
+    return rows
+
+
+def nothing_missing(seed: int, n: int) -> PairRows:
+    """Nothing measured, applied or asked for, at nominal voltage: the flux is the reference."""
+    rows = near(seed, n)
+    rows.rows.measurements[:] = 0
+    rows.rows.measurements[:, core.V_DC] = 2**15
+    rows.applied[:, :3] = 0
+    return rows
 
 
 def together(*parts: PairRows) -> PairRows:

@@ -20,6 +20,8 @@ from directmpc.mptc.trace import IntArray
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
 SHIPPED = ("induction_2kw2", "motulator_2kw2")
 METHODS = ("MPTC", "MPFC")
+#: Column of the dc-link voltage in a row of measurements.
+V_DC = f.MEASUREMENTS.index("v_dc")
 SWITCHES = STATES @ np.array([4, 2, 1])
 #: Measurement and reference ports of ``mptc_drive`` with their widths.
 DRIVE_INPUTS = tuple(

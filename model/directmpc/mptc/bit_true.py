@@ -328,7 +328,7 @@ class Outlook(NamedTuple):
     reference : int
         psi_ref times half of the magnitude's gain.
     saturated : int
-        1 where a word did not hold its value.
+        1 where a word did not hold its value, or without dc-link voltage.
     """
 
     w_a: int
@@ -373,7 +373,7 @@ def outlook(c, m, share_a, share_b):
     base_b, s5 = to_word((p_b << _FRACTION) + w_b * c.drop + p_b * c.drop_flux)
     return Outlook(
         w_a, w_b, p_a, p_b, base_a, base_b, q, d, s, (m[6] << _SHIFT) * c.torque, m[7] << _SHIFT,
-        s0 | s1 | s2 | s3 | s4 | s5,
+        s0 | s1 | s2 | s3 | s4 | s5 | (1 if m[5] == 0 else 0),
     )  # fmt: skip
 
 

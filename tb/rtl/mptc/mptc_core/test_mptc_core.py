@@ -155,6 +155,7 @@ FAULTS = {
         "if (accept = '1') then\n        sample <=",
         "if (start = '1') then\n        sample <=",
     ),
+    "powerless": ("mptc_datapath", "unsigned(sample.v_dc) = 0", "unsigned(sample.v_dc) = 7"),
     "wiring": ("mptc_core", "inputs.is_beta    <= is_beta;", "inputs.is_beta    <= is_alpha;"),
 }
 
@@ -168,6 +169,8 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         # nothing asked for, nothing there: every vector costs the same without voltage
         nothing = np.zeros_like(rows.measurements)
         rows = core.Rows(rows.registers, nothing, rows.u)
+    if name == "powerless":
+        rows.measurements[:, core.V_DC] = 0
     assert wrong(rows, ghdl(rows, rtl=rtl)) > 0
 
 

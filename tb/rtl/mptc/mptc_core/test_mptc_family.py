@@ -4,8 +4,9 @@ Sweep: MPTC, MPFC and the seven methods of several vectors, chosen anew for ever
 drives that ship.
 Stimulus: states out of closed loops; states whose references a period reaches; measurements and
 registers of any content, with corners, zero flux and zero torque; running sequences of any content,
-with times of zero and of a whole period; all inputs random on every clock but the start's, `start`
-repeated while busy.
+with times of zero and of a whole period; hardly any dc-link voltage, and none; flux at its
+reference; all inputs random on every clock but the start's, `start`
+repeated while busy; decisions without a clock between them, of every method after every other.
 Checks: vectors, times, switch states, flags bit for bit. The twins against float64 in
 test_mptc_sequences.
 Timing: 57, 72 and 88 clocks for MPTC1, MPTC2 and GTV, 110 for MPFC2, MPFC3, MPC2 and SVM, 39 and
@@ -26,6 +27,7 @@ import pytest
 from directmpc.mptc import cycles
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.clocks import clocks_of
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
 from scripts.hdl.sources import RTL
 from tb.helpers import mptc_pairs
@@ -55,9 +57,14 @@ def wrong(rows: PairRows, got: np.ndarray) -> int:
 
 
 def test_rtl_decides_as_the_twins() -> None:
-    rows = mptc_pairs.together(mptc_pairs.mixed(seed=1, n=50), mptc_pairs.near(seed=2, n=40))
+    rows = mptc_pairs.together(
+        mptc_pairs.mixed(seed=1, n=50),
+        mptc_pairs.near(seed=2, n=40),
+        mptc_pairs.hardly_any_voltage(seed=3, n=6),
+        mptc_pairs.nothing_missing(seed=4, n=3),
+    )
     got = ghdl(rows)
-    assert len(got) == 780
+    assert len(got) == 843
     assert wrong(rows, got) == 0
     assert got[:, 2].sum() >= 20
     assert got[:, 3].sum() >= 20
@@ -129,9 +136,10 @@ FAULTS = {
     "halving": ("mptc_coordinates", "clock < HALVINGS)", "clock < HALVINGS - 1)"),
     "far": ("mptc_controller", "or (far and method(2))", "and method(2)"),
     "sign of e": ("mptc_coordinates", "negative_y <= not sum_beta", "negative_y <= sum_beta"),
-    "turn": ("mptc_coordinates", "e.h       <= -e.g;", "e.h       <= e.g;"),
+    "turn": ("mptc_coordinates", "e.h       <= turned_h;", "e.h       <= e.g;"),
     "turn of a sum": ("mptc_coordinates", "e.by_next <= -e.apart;", "e.by_next <= e.apart;"),
-    "sector of SVM": ("mptc_coordinates", "and not sign_of(e.h) and", "and"),
+    "sector of SVM": ("mptc_coordinates", "not sign_of(e.h) and (sign_of", "(sign_of"),
+    "nothing missing": ("mptc_coordinates", "(sign_of(turned_h) or none)", "sign_of(turned_h)"),
     "share of SVM": ("mptc_coordinates", "CHOICE_CLOCK + TIME_WIDTH));", "CHOICE_CLOCK + 11));"),
     "nearest of MPC2": (
         "mptc_coordinates",
@@ -168,6 +176,8 @@ FAULTS = {
     "third": ("mptc_hexagon", "downto 0 => sign_of(e.h))", "downto 0 => '0')"),
     "way": ("mptc_sequencer", "due_at(FIRST_WAY + 1,", "due_at(FIRST_WAY,"),
     "fork": ("mptc_sequencer", "address = HEXAGON_FORK - 1", "address = HEXAGON_FORK"),
+    "left of the period": ("mptc_hexagon", "WHOLE_PERIOD) - size_h;", "WHOLE_PERIOD);"),
+    "powerless": ("mptc_datapath", "unsigned(sample.v_dc) = 0", "unsigned(sample.v_dc) = 7"),
 }
 
 
@@ -176,6 +186,10 @@ def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> Non
     where, old, new = FAULTS[name]
     rtl = altered(tmp_path, where, old, new)
     rows = mptc_pairs.together(mptc_pairs.mixed(seed=5, n=16), mptc_pairs.near(seed=6, n=30))
+    if name == "nothing missing":
+        rows = mptc_pairs.nothing_missing(seed=7, n=10)
+    if name == "powerless":
+        rows = mptc_pairs.hardly_any_voltage(seed=7, n=10)
     assert wrong(rows, ghdl(rows, rtl)) > 0
 
 
@@ -192,3 +206,29 @@ def resets(rtl: Path = RTL) -> Outcome:
 
 def test_a_reset_leaves_no_search_behind() -> None:
     assert resets().checks["decision"] == 657
+
+
+def full_speed(rtl: Path = RTL) -> Outcome:
+    return run(
+        "mptc_family_core",
+        "tb.rtl.mptc.mptc_core.bench_mptc_family_full_speed",
+        units=["mptc_family_core"],
+        arguments={"mixed": 40, "near": 70, "powerless": 15},
+        rtl=rtl,
+        timeout=400,
+    )
+
+
+def test_no_decision_goes_on_into_the_next() -> None:
+    assert full_speed().checks["decision"] == 995
+
+
+def test_a_pair_that_goes_on_into_the_next_decision_is_found(tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path,
+        "mptc_pair_stream",
+        "if (rst = '1' or last = '1') then\n        ended    <= '0';",
+        "if (rst = '1') then\n        ended    <= '0';",
+    )
+    with pytest.raises(CheckError, match="decision"):
+        full_speed(rtl)
