@@ -18,7 +18,7 @@ from directmpc.host.console import check_output, terminable
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl.mpdcc_simulation import EXPLORERS
@@ -123,8 +123,10 @@ class _Result(NamedTuple):
 
 def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
     """Run a drive with a multilevel converter and write its files."""
+    variant = given.variant or DEFAULT_VARIANT
+    drive, note = served(drive, variant)
     run = rtl_loop.simulate(
-        drive, given.speed, given.steps, given.explorers or 2, given.variant or DEFAULT_VARIANT,
+        drive, given.speed, given.steps, given.explorers or 2, variant,
         given.errors or NO_ERRORS, new.get("waves"),
     )  # fmt: skip
     rtl_loop.draw(run, new["out"])
@@ -139,7 +141,8 @@ def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
         f"{given.speed * drive.base.frequency:g} Hz and rated current; RTL simulated in "
         f"{run.seconds:.0f} s"
     )
-    report = (said, rtl_loop.outcome(run), rtl_loop.latency(run))
+    noted = (f"{given.drive.name}: {note}",) if note else ()
+    report = (*noted, said, rtl_loop.outcome(run), rtl_loop.latency(run))
     return _Result(report, len(run.result), run.differing)
 
 

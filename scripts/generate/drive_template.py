@@ -1,8 +1,8 @@
 """The text of a new drive file: every key, each with its meaning, its range and its default.
 
 Keys, ranges and defaults are read from the tables that check a drive file, so that a template has
-every key that a drive file may have. The values are those of a shipped drive, but for the settings
-that the studies recommend.
+every key that a drive file may have. The values are those of a shipped drive, which has the
+settings that the studies recommend.
 """
 
 from __future__ import annotations
@@ -18,16 +18,11 @@ from directmpc.mptc.drive import MptcDrive
 EXAMPLES = {"mpdcc": "anpc5l_6kv", "mptc": "motulator_2kw2"}
 """Drive that ships, by controller: its values stand in the template, with five digits at most."""
 
-RECOMMENDED: dict[str, dict[str, Any]] = {
-    "mpdcc": {
-        "control.budget": 400,
-        "control.deadlock_rule": "weighted",
-        "control.outside_rule": "inwards",
-        "control.capacitor_filter": 4,
-    },
-    "mptc": {},
+RECOMMENDED: dict[str, tuple[str, ...]] = {
+    "mpdcc": ("budget", "deadlock_rule", "outside_rule", "capacitor_filter"),
+    "mptc": (),
 }
-"""Settings of the template that are not the shipped drive's, by controller."""
+"""Keys of `control` that the studies recommend and the shipped drives have, by controller."""
 
 HEADS = {
     "mpdcc": "Drive file of MPDCC: five-level ANPC inverter, induction machine, per unit.",
@@ -143,7 +138,7 @@ def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> li
         "",
         *_comment(MEANINGS[controller][dotted]),
         *_comment(f"Allowed: {words}. {rule}"),
-        f"{name} = {_value(RECOMMENDED[controller].get(dotted, value))}",
+        f"{name} = {_value(value)}",
     ]
 
 
@@ -175,7 +170,7 @@ def template(controller: str) -> str:
         "docs/drive-file.md says how to get them."
     )
     if RECOMMENDED[controller]:
-        settings = ", ".join(key.partition(".")[2] for key in RECOMMENDED[controller])
+        settings = ", ".join(RECOMMENDED[controller])
         lines += _comment(f"What the studies recommend is set: {settings}.")
     tables = {name: getattr(example, name) for name in keys_of(model)}
     for name in (name for name, value in tables.items() if not keys_of(type(value))):

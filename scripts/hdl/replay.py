@@ -22,7 +22,7 @@ from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import mptc_replay
@@ -107,6 +107,9 @@ def _decide_mpdcc(
 
 def _replay_mpdcc(drive: Drive, request: Request) -> None:
     """Read an MPDCC trace, decide, and write the decisions."""
+    drive, note = served(drive, request.variant)
+    if note:
+        print(f"{request.drive}: {note}", file=sys.stderr)
     rows = trace.read_trace(request.trace, drive)
     with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
         decisions = _decide_mpdcc(

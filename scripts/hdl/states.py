@@ -28,7 +28,9 @@ IntArray = NDArray[np.int64]
 
 @cache
 def shipped(name: str) -> Drive:
-    """A drive file that ships.
+    """A drive file that ships, with the papers' rules.
+
+    Studies and benches begin from these and set what they are about themselves.
 
     Parameters
     ----------
@@ -38,14 +40,14 @@ def shipped(name: str) -> Drive:
     Returns
     -------
     Drive
-        The drive.
+        The drive, but for `Drive.with_papers_rules`.
 
     Raises
     ------
     DriveFileError
         If there is no such file, or it is not right.
     """
-    return load_mpdcc_drive(DRIVES / f"{name}.toml")
+    return load_mpdcc_drive(DRIVES / f"{name}.toml").with_papers_rules()
 
 
 def random_drive(rng: np.random.Generator) -> Drive:

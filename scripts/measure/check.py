@@ -45,7 +45,7 @@ from directmpc.drive_tables import (
 )  # fmt: skip
 from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import replay
 from scripts.measure import budgets, synth
@@ -383,6 +383,7 @@ def core_of(request: Request) -> tuple[str, Generics]:
         return ("mptc_family_core" if drive.control.sequences else "mptc_core"), {}
     assert isinstance(drive, Drive)
     try:
+        drive, _ = served(drive, request.variant)
         values = VARIANTS[request.variant].registers(drive).array()
     except ValueError as error:  # names the key, but does not know the file
         raise InputError(f"{request.drive}: {error}") from error

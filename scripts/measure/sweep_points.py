@@ -351,13 +351,13 @@ def _accuracy(point: Point) -> dict[str, Any]:
     """Share of decisions that differ from the ideal controller's, on the same states."""
     import numpy as np
 
-    from directmpc.api.drive_file import load_mpdcc_drive
     from directmpc.mpdcc import closed_loop, ideal
     from directmpc.mpdcc import formats as f
     from directmpc.mpdcc.closed_loop import OperatingPoint
     from directmpc.mpdcc.variants import VARIANTS
+    from scripts.hdl import states
 
-    drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVE}.toml")
+    drive = states.shipped(DRIVE)
     horizon = min(drive.control.horizon, 2**f.LENGTH_WIDTH - 1)
     shortened = drive.with_control(horizon=horizon)
     chosen = VARIANTS[point.variant]

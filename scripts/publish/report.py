@@ -25,7 +25,8 @@ from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS, served
+from scripts.hdl import states
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, proofs, synth
@@ -188,7 +189,7 @@ def _cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
     ReportError
         If a decision differs from the model, or takes longer than the published bound.
     """
-    base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+    base = states.shipped(DRIVES[0])
     wide = _wide_drive(base)
     corpus = []
     for drive, rows in (
@@ -238,7 +239,7 @@ def _fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
     """Every row of fidelity.csv: ten speeds, then seven bounds, for both drives."""
     points: list[tuple[Drive, str, float, str, str]] = []
     for name in DRIVES:
-        drive = load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
+        drive = states.shipped(name)
         for omega_s in (*(-s for s in reversed(SPEEDS)), *SPEEDS):
             points.append((drive, variant, omega_s, name, "speed"))
         for bound in BOUNDS:
@@ -652,7 +653,8 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
         )
         _draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
-        drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        drive, _ = served(shown, variant)
         run = simulate(drive, 1.0, None, SHOWN, variant)
         if run.differing:
             raise ReportError(f"{run.differing} decisions of the RTL differ from its model")

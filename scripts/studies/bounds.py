@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
+from scripts.hdl import states
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
@@ -82,7 +82,7 @@ def drive_of(bound: float, rule: str) -> Drive:
     Drive
         The 6 kV drive, otherwise as its file has it.
     """
-    base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVE}.toml")
+    base = states.shipped(DRIVE)
     return base.with_control(bound_current=bound, deadlock_rule=rule)
 
 

@@ -31,6 +31,7 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
+from scripts.hdl import states
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
@@ -707,7 +708,7 @@ def _intervals(base: Drive, starts: int, steps: int, pool: Pool) -> str:
 
 def _elsewhere(base: Drive, starts: int, steps: int, pool: Pool) -> str:
     """Both rules at loads, speeds and on a drive that the rule was not chosen with, as Markdown."""
-    other = load_mpdcc_drive(ROOT / "drives" / "anpc5l_3kv3.toml")
+    other = states.shipped("anpc5l_3kv3")
     places = (
         ("6 kV, -0.3 pu", base, OperatingPoint(-0.3)),
         ("6 kV, 0.3 pu, braking", base, OperatingPoint(0.3, current=1.0, generating=True)),
@@ -794,7 +795,7 @@ def study(
     DriveFileError
         If the drive file is not right.
     """
-    base = load_mpdcc_drive(drive)
+    base = load_mpdcc_drive(drive).with_papers_rules()
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     out.mkdir(parents=True, exist_ok=True)
 

@@ -22,7 +22,7 @@ from directmpc.api.drive_file import load_drive, shipped_drives
 from directmpc.api.simulation import simulate
 from directmpc.csv_table import Column, floats, integers, read_table, write_table
 from directmpc.mpdcc import ideal, trace
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import PAPERS_RULES, Drive
 from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc import ideal_sequences
 from directmpc.mptc import trace as mptc_trace
@@ -64,6 +64,9 @@ class Setting:
     speed: float
 
 
+FURTHER = ("budget", "capacitor_filter")
+"""Keys beside `PAPERS_RULES` that no set has."""
+
 SE, SESE = 'switching_horizon = "SE"', 'switching_horizon = "SESE"'
 METHODS = ("MPTC", "MPFC", "MPTC1", "MPTC2", "GTV", "MPFC2", "MPFC3", "MPC2", "SVM")
 
@@ -92,8 +95,9 @@ class BenchError(InputError):
 
 
 def _drive_text(setting: Setting) -> str:
-    """The drive file of a set."""
-    text = shipped_drives()[setting.drive]
+    """The drive file of a set: a shipped one, without the keys that depart from Paper A."""
+    lines = shipped_drives()[setting.drive].splitlines(keepends=True)
+    text = "".join(line for line in lines if line.split(" ", 1)[0] not in (*PAPERS_RULES, *FURTHER))
     if setting.replaced is not None:
         old, new = setting.replaced
         if text.count(old) != 1:

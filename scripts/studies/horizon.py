@@ -431,7 +431,7 @@ def study(
     DriveFileError
         If the drive file is not right.
     """
-    base = load_mpdcc_drive(drive)
+    base = load_mpdcc_drive(drive).with_papers_rules()
     settings = [
         Setting(horizon, bound, speed, start)
         for horizon in ("SE", "SESE")

@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
@@ -43,6 +42,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from scripts.hdl import states
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 
@@ -308,7 +308,7 @@ def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
         A drive, and the states of one loop.
     """
     for name in DRIVES:
-        drive = load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
+        drive = states.shipped(name)
         register = registers(drive, "paper").array()
         for speed in SPEEDS:
             point = OperatingPoint(speed)

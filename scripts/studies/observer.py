@@ -267,7 +267,7 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     MarkerError
         If the page lacks the markers of the table.
     """
-    drive = load_mpdcc_drive(drive_file)
+    drive = load_mpdcc_drive(drive_file).with_papers_rules()
     rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, ROOT / "reports" / "observer.png")

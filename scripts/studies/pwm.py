@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
+from scripts.hdl import states
 from scripts.shared import progress, rows, tables
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
@@ -189,7 +189,7 @@ def select(found: Rows, **wanted: object) -> list[Mapping[str, float]]:
 
 
 def _load(name: str) -> Drive:
-    return load_mpdcc_drive(ROOT / "drives" / f"{name}.toml")
+    return states.shipped(name)
 
 
 def _ideal_capacitors(drive: Drive) -> Drive:

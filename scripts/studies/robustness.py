@@ -24,7 +24,6 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import closed_loop, leakage, metrics
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -32,6 +31,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
+from scripts.hdl import states
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
@@ -155,7 +155,7 @@ def drive_of(setting: Setting) -> Drive:
         the 6 kV drive's, where a drive file may have them.
     """
     kind, _, number = setting.drive.partition(" ")
-    base = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0] if number else kind}.toml")
+    base = states.shipped(DRIVES[0] if number else kind)
     if number:
         base = _random(base, np.random.default_rng(int(number)))
     return base.with_control(

@@ -35,6 +35,7 @@ from scripts.commands import virtual_board as virtual_board_command
 from scripts.hdl.virtual_board import VirtualBoard, generics
 from scripts.shared.tools import ROOT, ToolError
 from tb.commands.test_host import Line
+from tb.helpers.drives import plain_text
 
 MPTC = "induction_2kw2"
 STATE = MptcState(current=1 + 0j, flux=0.9 + 0.1j, omega_r=100.0, torque_ref=5.0, psi_ref=0.9)
@@ -235,7 +236,7 @@ def test_registers_say_that_a_search_can_outlast_the_guard(
 ) -> None:
     horizon, *budget = settings.split()
     path = tmp_path / "drive.toml"
-    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = plain_text("anpc5l_6kv")
     text = text.replace("switching_horizon", "# switching_horizon")
     lines = [f'switching_horizon = "{horizon}"', *(f"budget = {number}" for number in budget)]
     text = text.replace("[control]", "\n".join(["[control]", *lines]))

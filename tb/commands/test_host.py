@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.api.drive_file import load_drive, load_mpdcc_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import board as board_module
 from directmpc.host import protocol as p
@@ -36,7 +36,9 @@ from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc.trace import read_decisions
 from scripts.generate import link_package as vhdl_package
 from scripts.generate import protocol_examples as examples
+from scripts.hdl import states
 from scripts.shared.tools import ROOT
+from tb.helpers.drives import plain_file, plain_text
 
 
 def model(
@@ -205,7 +207,7 @@ OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter")
                                      {"outside_rule": "inwards"},
                                      {"capacitor_filter": 4}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
-    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = states.shipped("anpc5l_6kv")
     plain = values(drive, GuardSettings(clock=25e6), "fast")
     asked = drive.with_control(**control)
     found = values(asked, GuardSettings(clock=25e6), "fast")
@@ -300,7 +302,7 @@ def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
 def test_a_board_with_the_papers_explorers_is_not_given_what_they_cannot_do(
     host, tmp_path: Path, setting: str, key: str, order: str
 ) -> None:
-    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = plain_text("anpc5l_6kv")
     text = text.replace("switching_horizon", "# switching_horizon")
     drive = tmp_path / "drive.toml"
     drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
@@ -367,7 +369,7 @@ def test_run_writes_the_decisions(host, tmp_path: Path) -> None:
     # the model of a board answers every step alike: the decisions differ from the bit-true model's
     board = model(controller=Controller.MPDCC)
     status, _, _ = host(
-        board, "run", ROOT / "drives" / "anpc5l_6kv.toml", "--steps", 3, "--out", out
+        board, "run", plain_file("anpc5l_6kv"), "--steps", 3, "--out", out
     )
     assert status == 1
     assert len(read_decisions(out)) == 3

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from scripts.commands import coefficients
+from scripts.hdl import states
 from scripts.publish import paper_b, report
 from scripts.shared.tools import ROOT
 from scripts.studies import horizon as horizon_study
@@ -93,7 +93,7 @@ def test_the_observers_page_shows_what_was_measured() -> None:
     page = (ROOT / "docs" / "observer.md").read_text(encoding="utf-8")
     assert f"<!-- table: begin -->\n{observer_study._markdown(rows)}\n<!-- table: end -->" in page
     # one of its points anew; another libm turns roundings, and closed loops part after some steps
-    drive = load_mpdcc_drive(ROOT / "drives" / f"{report.DRIVES[0]}.toml")
+    drive = states.shipped(report.DRIVES[0])
     (row,) = [
         row
         for row in rows

@@ -18,16 +18,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from directmpc.api.drive_file import load_mpdcc_drive, load_mptc_drive
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from directmpc.mptc import closed_loop as mptc_closed_loop
 from scripts.commands import replay, run
-from scripts.hdl import mptc_simulation
+from scripts.hdl import mptc_simulation, states
 from scripts.shared.tools import ROOT
 from scripts.studies import mptc_loop, rtl_loop
 from tb.helpers import fst
+from tb.helpers.drives import plain_text
 
 TWO_LEVEL = ROOT / "drives" / "induction_2kw2.toml"
 
@@ -68,7 +69,7 @@ def test_a_recorded_run_is_replayed_and_its_signals_are_there(
 ) -> None:
     outputs = outputs_in(tmp_path)
     drive = tmp_path / "drive.toml"
-    text = (ROOT / "drives" / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    text = plain_text("anpc5l_6kv")
     text = text.replace("switching_horizon", "# switching_horizon")
     setting = 'delay_compensation = true\nswitching_horizon = "SESE"\nbudget = 100\n'
     setting += "capacitor_filter = 4"
@@ -130,7 +131,7 @@ def test_one_file_is_not_two_outputs(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.fixture
 def modelled() -> rtl_loop.Run:
     """A run as `rtl_loop.simulate` returns it, the bit-true model in place of the RTL."""
-    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = states.shipped("anpc5l_6kv")
     variant = VARIANTS["paper"]
     profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(-0.6), 30)
     result = closed_loop.simulate(
@@ -151,7 +152,7 @@ def test_the_rtl_makes_the_same_loop(modelled: rtl_loop.Run) -> None:
 
 
 def test_what_the_paper_variant_cannot_do_is_an_error() -> None:
-    drive = load_mpdcc_drive(ROOT / "drives" / "anpc5l_6kv.toml")
+    drive = states.shipped("anpc5l_6kv")
     for setting in ({"switching_horizon": "SESE"}, {"delay_compensation": True}):
         (key,) = setting
         with pytest.raises(ValueError, match=rf"control\.{key}: got .*variant paper serves"):

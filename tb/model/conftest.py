@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc.drive import Drive
+from scripts.hdl import states
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,12 +19,12 @@ def drives_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
-def drive(drives_folder: Path) -> Drive:
-    """The 6 kV drive as it ships."""
-    return load_mpdcc_drive(drives_folder / "anpc5l_6kv.toml")
+def drive() -> Drive:
+    """The 6 kV drive with the papers' rules."""
+    return states.shipped("anpc5l_6kv")
 
 
 @pytest.fixture(scope="session")
-def verified_drive(drives_folder: Path) -> Drive:
-    """The 3.3 kV drive as it ships."""
-    return load_mpdcc_drive(drives_folder / "anpc5l_3kv3.toml")
+def verified_drive() -> Drive:
+    """The 3.3 kV drive with the papers' rules."""
+    return states.shipped("anpc5l_3kv3")

@@ -14,6 +14,7 @@ from directmpc.drive_tables import DriveError, DriveFileError
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mptc.drive import MptcDrive
+from tb.helpers.drives import plain_text
 
 DELAY = "delay_compensation"
 RULE = "control.deadlock_rule"
@@ -41,7 +42,7 @@ speed_max = 400.0
 
 
 def text_of(folder: Path) -> str:
-    return (folder / "anpc5l_6kv.toml").read_text(encoding="utf-8")
+    return plain_text((folder / "anpc5l_6kv.toml").stem)
 
 
 def test_the_drives_that_ship(drive: Drive, verified_drive: Drive) -> None:

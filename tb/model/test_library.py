@@ -181,7 +181,7 @@ def test_own_controllers_close_the_loop() -> None:
         simulate(mpdcc, steps=50).decisions.s.tolist()
     )
     assert len(wary.seen) == 50
-    for made in (IdealController(mpdcc), ModelController(mpdcc, "paper")):
+    for made in (IdealController(mpdcc), ModelController(mpdcc.with_papers_rules(), "paper")):
         assert isinstance(made, Controller)
 
 

@@ -305,7 +305,12 @@ def test_the_core_that_is_synthesised_has_what_the_drive_asks_for(tmp_path: Path
     assert known == {"EXPLORERS", "FOLDED", *options}, "a generic that no drive file asks for"
     assert check.core_of(Request(DRIVE, TRACE)) == ("mptc_core", {})
     own.write_text(shipped.replace("[control]\n", f"[control]\n{options['INWARDS']}\n"))
-    with pytest.raises(ValueError, match=r"own\.toml: control\.outside_rule"):
+    # Paper A's explorer has Paper A's rules, whatever the file asks for, and SE alone
+    assert check.core_of(Request(own, TRACE, variant="paper"))[1] == {
+        "EXPLORERS": 2, "FOLDED": True,
+    }  # fmt: skip
+    own.write_text(shipped.replace("[control]\n", f"[control]\n{options['SECOND_LEVEL']}\n"))
+    with pytest.raises(ValueError, match=r"own\.toml: control\.switching_horizon"):
         check.core_of(Request(own, TRACE, variant="paper"))
 
 

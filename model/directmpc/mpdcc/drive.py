@@ -6,7 +6,7 @@ Keys and units: docs/specification.md, section 4.1.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,10 @@ class Control(Section):
     capacitor_filter: integer(0, 7) = 0
 
 
+PAPERS_RULES: dict[str, Any] = {"deadlock_rule": "largest", "outside_rule": "dead"}
+"""Rules of `control` as Paper A has them: eq. 15, and length 0 for what is outside its bound."""
+
+
 class Drive(AnyDrive):
     """An MPDCC drive as its file describes it, per unit."""
 
@@ -121,3 +125,13 @@ class Drive(AnyDrive):
         """
         c = self.control
         return np.array([c.bound_current] * 3 + [c.bound_vn] + [c.bound_vph] * 3)
+
+    def with_papers_rules(self) -> Drive:
+        """Make the same drive with Paper A's rules.
+
+        Returns
+        -------
+        Drive
+            A new drive with `PAPERS_RULES`, no capacitor filter and no budget.
+        """
+        return self.with_control(**PAPERS_RULES, capacitor_filter=0, budget=0)

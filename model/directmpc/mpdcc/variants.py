@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from directmpc.mpdcc.bit_true import fast, paper
 from directmpc.mpdcc.coefficients import Registers, registers
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import PAPERS_RULES, Drive
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
 #: Columns of a decision as a core gives it.
@@ -54,6 +54,30 @@ VARIANTS = {
     ),
 }
 DEFAULT_VARIANT = "fast"
+
+
+def served(drive: Drive, variant: str) -> tuple[Drive, str]:
+    """Make of a drive what a variant serves: Paper A's explorer has Paper A's rules alone.
+
+    Parameters
+    ----------
+    drive : Drive
+        As its file has it.
+    variant : str
+        Key of `VARIANTS`.
+
+    Returns
+    -------
+    drive : Drive
+        With `PAPERS_RULES` for the variant "paper", otherwise as it was.
+    note : str
+        One sentence that names the keys which are not applied; empty where all are.
+    """
+    other = [key for key, rule in PAPERS_RULES.items() if getattr(drive.control, key) != rule]
+    if variant != "paper" or not other:
+        return drive, ""
+    rules = " and ".join(f'control.{key} = "{PAPERS_RULES[key]}"' for key in other)
+    return drive.with_control(**PAPERS_RULES), f"the variant paper decides with {rules}"
 
 
 def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:

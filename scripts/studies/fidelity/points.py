@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc.drive import Drive
-from scripts.hdl import mpdcc_simulation, sources
+from scripts.hdl import mpdcc_simulation, sources, states
 from scripts.shared import cache
 from scripts.shared.tools import ROOT
 
@@ -56,7 +55,7 @@ class Point:
         DriveFileError
             If the drive file is not right.
         """
-        drive = load_mpdcc_drive(ROOT / "drives" / f"{self.drive}.toml")
+        drive = states.shipped(self.drive)
         return drive.with_control(bound_current=self.bound)
 
     def row(self) -> Row:

@@ -22,10 +22,11 @@ from directmpc.mpdcc.variants import VARIANTS
 from scripts.commands import replay
 from scripts.hdl.virtual_board import Script
 from scripts.shared.tools import ROOT
+from tb.helpers.drives import plain_file
 
 #: Of the board's core, Hz.
 CLOCK = 25e6
-MPDCC = ROOT / "drives" / "anpc5l_6kv.toml"
+MPDCC = plain_file("anpc5l_6kv")
 
 
 MPTC = ROOT / "drives" / "induction_2kw2.toml"

@@ -30,6 +30,7 @@ from directmpc.mpdcc.coefficients import registers as mpdcc_registers
 from scripts.generate import register_files
 from scripts.hdl.clocks import worst_cycles
 from scripts.shared.tools import ROOT
+from tb.helpers.drives import plain_text
 from tb.helpers.faults import file_of
 
 DRIVES = sorted((ROOT / "drives").glob("*.toml"))
@@ -320,7 +321,7 @@ def test_what_one_explorer_cannot_keep_is_said(
 
 def written(folder: Path, name: str, settings: dict[str, object]) -> Path:
     """A drive file like a shipped one, with other settings."""
-    text = (ROOT / "drives" / f"{name}.toml").read_text(encoding="utf-8")
+    text = plain_text(name)
     for key, value in settings.items():
         text = re.sub(rf"^{key} = .*\n", "", text, flags=re.M)
         text = text.replace("[control]", f"[control]\n{key} = {json.dumps(value)}")

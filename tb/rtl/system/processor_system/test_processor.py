@@ -21,6 +21,7 @@ import pytest
 from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from scripts.hdl.ghdl import CheckError
+from tb.helpers.drives import plain_file
 from tb.helpers.simulation import Outcome, run
 from tb.rtl.system.processor_system.driver import (
     BUS,
@@ -39,7 +40,7 @@ from tb.rtl.system.processor_system.driver import (
 
 ROOT = Path(__file__).resolve().parents[4]
 EXAMPLE = ROOT / "examples" / "processor"
-DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
+DRIVE = plain_file("anpc5l_6kv")
 COMMIT_PENDING, BUSY_BIT, ENABLE, START, COMMIT = 2, 1, 1, 2, 1
 
 
