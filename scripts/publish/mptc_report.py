@@ -322,13 +322,14 @@ def _draw_weights(runs: dict[str, Run], path: Path) -> None:
         t = 1e3 * run.ts * np.arange(round(0.04 / run.ts))
         for row, y in enumerate((run.torque, run.flux, run.trace.i_s[:, 0])):
             axes[row][column].plot(t, y[last], color=_COLOUR, linewidth=0.6)
-        axes[0][column].set_title("MPFC" if key == "MPFC" else f"k_psi = {key}", fontsize=9)
+        title = "MPFC" if key == "MPFC" else f"MPTC, k_psi = {key} N m/Wb"
+        axes[0][column].set_title(title, fontsize=8)
         axes[2][column].set_xlabel("time (ms)")
     for row, label in enumerate(("torque (N m)", "stator flux (Wb)", "phase current (A)")):
         axes[row][0].set_ylabel(label)
-    axes[0][0].set_ylim(-12.0, 12.0)
-    axes[1][0].set_ylim(0.72, 1.05)
-    figure.suptitle("1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, 20 kHz, 1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10
+    )
     _save(figure, path)
 
 
@@ -356,6 +357,7 @@ def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], p
     axes[1][1].set_ylabel("stator flux (Wb)")
     for ax in axes.ravel():
         ax.set_xlabel("time (ms)")
+    figure.suptitle("2.2 kW drive, 20 kHz, bit-true model", fontsize=10)
     _save(figure, path)
 
 
@@ -375,7 +377,9 @@ def _draw_tour(runs: dict[str, Run], path: Path) -> None:
     for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
     figure.suptitle(
-        "RTL simulation, plant by motulator: magnetising, start, load step, reversal", fontsize=10
+        "2.2 kW drive, 20 kHz, RTL simulation, plant by motulator: magnetising, start, load step, "
+        "reversal",
+        fontsize=10,
     )
     _save(figure, path)
 

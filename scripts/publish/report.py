@@ -57,7 +57,8 @@ PLACED = {"fast": (1, 2), "paper": (1, 2)}
 PLACED_SECOND_LEVEL = (1, 4)
 SHOWN = 2  # explorers of the comparison with Paper A
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
-DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
+DRIVE_NAMES = {"anpc5l_6kv": "6 kV drive", "anpc5l_3kv3": "3.3 kV drive"}
+DRIVES = tuple(DRIVE_NAMES)
 #: Commands of their own that write files of their own, with what is said while they run.
 STUDIES: dict[str, Callable[[], Any]] = {
     "switching horizons SE and SESE in closed loop": horizon_study.study,
@@ -281,7 +282,7 @@ def _fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return result
 
 
-def _draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw_fidelity(rows: Sequence[dict[str, Any]], variant: str, path: Path) -> None:
     """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
     plt = pyplot()
     figure, axes = plt.subplots(
@@ -303,9 +304,12 @@ def _draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
             ax.set_ylim(bottom=0)
             if column == 0:
                 ax.set_ylabel(label)
-        axes[0][column].set_title(f"{name}.toml", fontsize=9)
+        axes[0][column].set_title(DRIVE_NAMES[name], fontsize=9)
         axes[1][column].set_xlabel("current bound, half width (pu)")
     axes[1][0].legend(loc="upper left", frameon=False)
+    figure.suptitle(
+        f"{variant} variant beside the ideal controller, rated speed and current, SE", fontsize=10
+    )
     save_png(figure, path)
     plt.close(figure)
 
@@ -650,7 +654,7 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
         files[f"fidelity{suffix}.csv"] = tables.csv_text(
             rows, ["part: none, models only", *head[1:]]
         )
-        _draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
+        _draw_fidelity(rows, variant, temporary / f"fidelity{suffix}.png")
         say("closed loop on the RTL for the picture")
         drive = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
         run = simulate(drive, 1.0, None, SHOWN, variant)
