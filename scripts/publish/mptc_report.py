@@ -665,9 +665,78 @@ def build(
     ReportError, SimulationError
         If a figure cannot be had, or is not as promised.
     """
-    drive = load_mptc_drive(DRIVE)
+    figures, used = hardware(jobs, seeds, say)
+    return merged(figures, loops(say, pictures)), used
+
+
+def hardware(
+    jobs: int, seeds: int, say: Callable[[str], None]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Resources and clock frequencies.
+
+    Parameters
+    ----------
+    jobs, seeds : int
+        Of synthesis and placement.
+    say : callable
+        Told what is under way.
+
+    Returns
+    -------
+    figures, tools : dict
+        Their part of ``mptc`` of metrics.json; what made them.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had.
+    """
     say("MPTC: resources and clock frequency")
     figures, used = _hardware(jobs, seeds)
+    return _rounded(figures), used
+
+
+def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """Both parts of ``mptc`` in metrics.json.
+
+    Parameters
+    ----------
+    one, other : dict
+        Figures; objects that both have are joined.
+
+    Returns
+    -------
+    dict
+        A new object.
+    """
+    found = dict(one)
+    for key, value in other.items():
+        found[key] = found[key] | value if isinstance(found.get(key), dict) else value
+    return found
+
+
+def loops(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
+    """All that is not hardware: runs, decisions, replays, the joined RTL.
+
+    Parameters
+    ----------
+    say : callable
+        Told what is under way.
+    pictures : Path
+        Folder for the plots.
+
+    Returns
+    -------
+    dict
+        Their part of ``mptc`` of metrics.json.
+
+    Raises
+    ------
+    ReportError, SimulationError
+        If a figure cannot be had, or is not as promised.
+    """
+    drive = load_mptc_drive(DRIVE)
+    figures: dict[str, Any] = {}
     say("MPTC: runs of Paper B's figures")
     weights, low = study.weight_runs(drive), study.low_speed_runs(drive)
     steps = {
@@ -715,7 +784,7 @@ def build(
     _draw_weights(weights, pictures / "mptc_weights.png")
     _draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
     _draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
-    return _rounded(figures), used
+    return _rounded(figures)
 
 
 def _rounded(value: Any) -> Any:

@@ -572,29 +572,69 @@ def study(
         "intervals (Student's t); switchings per device, 24 logical devices.\n",
     )
     tools.write(out / "sese.md", "\n".join(lines) + "\n")
+    mean, half = interval(everything)
+    numbers = {
+        "fsw_reduction_pct": round(mean, 2),
+        "fsw_reduction_error_pct": round(half, 2),
+        "decision_mismatch_pct": round(differ, 3),
+        "decision_mismatch_worst_point_pct": round(worst_point, 3),
+        "steps": len(deep) * steps,
+        "steps_rtl": count,
+    }
+    tools.write(out / "sese.json", json.dumps(numbers, indent=1) + "\n")
     if out == REPORTS:
-        tables.rewrite(PAGE, {(BEGIN, END): "\n".join(lines)})
+        write_page()
     print("\n".join(lines))
 
     path = out / "metrics.json"
     if path.exists():
-        numbers = json.loads(path.read_text(encoding="utf-8"))
-        mean, half = interval(everything)
+        document = json.loads(path.read_text(encoding="utf-8"))
         # clock frequencies stand there already
-        numbers.setdefault("mpdcc", {}).setdefault("sese", {}).update(
-            {
-                "cycles_worst": sese_cycles.worst(4)[0],
-                "budget": 0,
-                "fsw_reduction_pct": round(mean, 2),
-                "fsw_reduction_error_pct": round(half, 2),
-                "decision_mismatch_pct": round(differ, 3),
-                "decision_mismatch_worst_point_pct": round(worst_point, 3),
-                "steps": len(deep) * steps,
-                "steps_rtl": count,
-                "xc3s": _resources(),
-            }
-        )
-        tools.write(path, json.dumps(numbers, indent=1) + "\n")
+        document.setdefault("mpdcc", {}).setdefault("sese", {}).update(figures(out))
+        tools.write(path, json.dumps(document, indent=1) + "\n")
+
+
+def figures(reports: Path = REPORTS) -> dict[str, Any]:
+    """Figures of SESE for metrics.json: those of the study, cycles and resources.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder with the study's sese.json.
+
+    Returns
+    -------
+    dict
+        Without clock frequencies.
+
+    Raises
+    ------
+    OSError
+        If the study has not been run.
+    """
+    found = json.loads((reports / "sese.json").read_text(encoding="utf-8"))
+    return {"cycles_worst": sese_cycles.worst(4)[0], "budget": 0, **found, "xc3s": _resources()}
+
+
+def write_page(reports: Path = REPORTS, page: Path = PAGE) -> None:
+    """Bring the tables of the page up to date with reports/sese.md.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder with sese.md.
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers.
+    OSError
+        If the study has not been run.
+    """
+    text = (reports / "sese.md").read_text(encoding="utf-8").removesuffix("\n")
+    tables.rewrite(page, {(BEGIN, END): text})
 
 
 def _resources() -> dict[str, dict[str, int]]:

@@ -278,5 +278,26 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, drive_title(drive.base.voltage), ROOT / "reports" / "observer.png")
-    page = ROOT / "docs" / "observer.md"
+    write_page()
+
+
+def write_page(page: Path = ROOT / "docs" / "observer.md") -> None:
+    """Bring the table of the page up to date with reports/observer.csv.
+
+    Parameters
+    ----------
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If it lacks the markers of the table.
+    OSError
+        If the study has not been run.
+    """
+    rows: list[dict[str, object]] = [
+        {name: value if name == "mismatch" else float(value) for name, value in row.items()}
+        for row in tables.read_csv(ROOT / "reports" / "observer.csv")
+    ]
     tables.rewrite(page, {("<!-- table: begin -->", "<!-- table: end -->"): _markdown(rows)})
