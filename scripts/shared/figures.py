@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,22 @@ COLOURS = ("#1b6ca8", "#d1495b", "#3a7d44")
 
 
 STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
+
+
+def drive_title(base_voltage: float) -> str:
+    """A drive as titles name it.
+
+    Parameters
+    ----------
+    base_voltage : float
+        Of the per-unit system, V: the peak of the rated phase voltage.
+
+    Returns
+    -------
+    str
+        "6 kV drive": the rms voltage between phases.
+    """
+    return f"{math.sqrt(1.5) * base_voltage / 1e3:.3g} kV drive"
 
 
 def pyplot() -> Any:

@@ -418,8 +418,44 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
+def draw_capacitors(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw the largest capacitor voltages over the bound of the currents, by deadlock rule.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As of `point`.
+    path : Path
+        The PNG.
+    """
+    plt = pyplot()
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.4), sharex=True, layout="constrained")
+    limits = drive_of(BOUNDS[0], "largest").bounds[3:5]
+    colours = dict(zip(NAMES, COLOURS, strict=True))
+    for controller, rule in SETTINGS:
+        own = _of(rows, controller, rule)
+        for axis, name in zip(axes, ("vn", "vph"), strict=True):
+            axis.plot(
+                [row["bound_pu"] for row in own], [row[f"{name}_largest_pu"] for row in own],
+                color=colours[controller], linestyle="-" if rule == "weighted" else "--",
+                marker="o", markersize=3, linewidth=1, label=f"{NAMES[controller]}, rule {rule}",
+            )  # fmt: skip
+    for axis, limit, what in zip(axes, limits, ("v_n", "v_ph less v_dc/4"), strict=True):
+        axis.axhspan(0.0, limit, color="0.93", linewidth=0)
+        axis.set_ylim(bottom=0)
+        axis.set_ylabel(f"largest {what} (pu)")
+        axis.set_xlabel("bound of the stator currents (pu)")
+    axes[0].legend(frameon=False, fontsize=7, loc="lower left")
+    figure.suptitle(
+        "6 kV drive, rated speed and current, SE; shaded: inside the bound of the voltage",
+        fontsize=10,
+    )
+    save_png(figure, path)
+    plt.close(figure)
+
+
 def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
-    """Write tables and picture.
+    """Write tables and pictures.
 
     Parameters
     ----------
@@ -428,13 +464,32 @@ def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
     page : Path
         The page; its markers stay.
     picture : Path
-        The PNG.
+        The PNG; that of the capacitors' voltages has "_capacitors" behind its name.
     """
     draw(rows, picture)
+    draw_capacitors(rows, picture.with_stem(f"{picture.stem}_capacitors"))
     made = {"distortion": distortion_table, "largest": largest_table, "capacitors": capacitor_table}
     tables.rewrite(
         page, {(BEGIN.format(n), END.format(n)): table(rows) for n, table in made.items()}
     )
+
+
+def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Store a study.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As of `point`.
+    path : Path
+        The file.
+    """
+    head = (
+        f"drive: {DRIVE}, omega_s 1.0 pu, rated current, SE; {STARTS} starts of {STEPS} steps",
+        f"ghdl: {tools.version('ghdl')}",
+        "command: python -m scripts bounds",
+    )
+    tools.write(path, tables.csv_text(rows, head, COLUMNS, digits=4))
 
 
 def regenerate(jobs: int, tables_only: bool, scheduler: str | None = None) -> None:
@@ -455,11 +510,5 @@ def regenerate(jobs: int, tables_only: bool, scheduler: str | None = None) -> No
         If the RTL decided otherwise than its model; nothing is written.
     """
     if not tables_only:
-        head = (
-            f"drive: {DRIVE}, omega_s 1.0 pu, rated current, SE; {STARTS} starts of {STEPS} steps",
-            f"ghdl: {tools.version('ghdl')}",
-            "command: python -m scripts bounds",
-        )
-        text = tables.csv_text(study(jobs, scheduler), head, COLUMNS, digits=4)
-        tools.write(REPORT, text)
+        write(study(jobs, scheduler), REPORT)
     publish(read(REPORT), PAGE, PICTURE)

@@ -14,6 +14,7 @@ decides anew on every step of one start of each point where the two stand side b
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,7 +34,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.hdl import states
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
 from scripts.studies import deadlock_rules as rules
@@ -527,9 +528,12 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
         t = np.arange(len(result)) * drive.control.ts * 1e3
         excess = np.abs(_errors(result)) - drive.bounds
         groups = (excess[:, :3].max(axis=1), excess[:, 3], excess[:, 4:].max(axis=1))
-        for line, text, shade in zip(groups, ("i", "v_n", "v_ph"), COLOURS, strict=True):
-            axis.plot(t, np.maximum(line, 0), color=shade, linewidth=0.8, label=text)
-        axis.set_title(f"SE, 0.2 pu, bound 0.1: {name}", fontsize=9)
+        # thin lines before thick ones, so that none hides another
+        for line, text, shade, width in zip(
+            groups, ("phase currents", "v_n", "v_ph"), COLOURS, (2.6, 1.6, 0.7), strict=True
+        ):
+            axis.plot(t, np.maximum(line, 0), color=shade, linewidth=width, label=text)
+        axis.set_title(f"SE, 0.2 pu, rule {BUILT_IN[name]}", fontsize=9)
         axis.set_xlabel("time (ms)")
         axis.set_ylabel("beyond the bound (pu)")
     top = max(axis.get_ylim()[1] for axis in axes[0, :2])
@@ -543,6 +547,7 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
         (axes[1, 2], "excess_vn", "v_n beyond its bound (pu)"),
     )
     for axis, key, text in panels:
+        shifts = itertools.count(-0.009, 0.006)  # side by side, so that no bar hides another
         for name, colour in zip((LARGEST, RECOMMENDED), COLOURS, strict=False):
             for horizon, style in zip(HORIZONS, ("--", "-"), strict=True):
                 points = [
@@ -557,13 +562,19 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
                 ]
                 array = np.nan_to_num(np.array(points))
                 axis.errorbar(
-                    SPEEDS, array[:, 0], yerr=array[:, 1], color=colour, linestyle=style,
-                    marker="o", markersize=3, linewidth=1, label=f"{horizon}, {name}",
+                    np.array(SPEEDS) + next(shifts), array[:, 0], yerr=array[:, 1],
+                    color=colour, linestyle=style, marker="o", markersize=3, linewidth=1,
+                    label=f"{horizon}, rule {BUILT_IN[name]}",
                 )  # fmt: skip
         axis.set_ylim(bottom=0)
-        axis.set_xlabel("speed (pu), bound 0.1 pu")
+        axis.set_xlabel("speed (pu)")
         axis.set_ylabel(text)
-    axes[0, 2].legend(frameon=False, fontsize=7)
+    axes[0, 2].legend(frameon=False, fontsize=8)
+    figure.suptitle(
+        f"{drive_title(base.base.voltage)}, bound of the currents 0.1 pu, "
+        "bit-true model of the fast variant",
+        fontsize=10,
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     save_png(figure, path)
     plt.close(figure)

@@ -32,7 +32,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import discretise
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
 from scripts.studies.fidelity import decisions
@@ -336,7 +336,7 @@ def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> str:
     return tables.markdown(head, shown)
 
 
-def _draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def _draw(rows: Sequence[dict[str, Any]], name: str, path: Path) -> None:
     """Switching frequency against distortion, one panel for each speed."""
     plt = pyplot()
 
@@ -364,16 +364,22 @@ def _draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
                 array[:, 0], array[:, 2], xerr=array[:, 1], yerr=array[:, 3], color=colour,
                 label=horizon, marker="o", markersize=3, linewidth=1,
             )  # fmt: skip
-        axis.set_title(f"{speed:g} pu")
+        axis.set_title(f"speed {speed:g} pu", fontsize=9)
         axis.set_xlabel("current THD (%)")
     np.atleast_1d(axes)[0].set_ylabel("switchings per device (Hz)")
     np.atleast_1d(axes)[0].legend(frameon=False)
+    bounds = sorted({r["bound"] for r in rows})
+    figure.suptitle(
+        f"{name}, rated current, bit-true model; a dot for each bound from {bounds[0]:g} to "
+        f"{bounds[-1]:g} pu, 95 % intervals",
+        fontsize=10,
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     save_png(figure, path)
     plt.close(figure)
 
 
-def _draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -> None:
+def _draw_budget(found: Sequence[tuple[int, float, float, float]], name: str, path: Path) -> None:
     """Draw f_sw and THD against the clocks that a budget allows, for several explorers."""
     plt = pyplot()
 
@@ -382,7 +388,8 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -
         clocks = [sese_cycles.bound(explorers, budget) for budget, *_ in found]
         above.errorbar(
             clocks, [f for _, _, f, _ in found], yerr=[h for *_, h in found], color=colour,
-            marker="o", markersize=3, linewidth=1, label=f"n = {explorers}",
+            marker="o", markersize=3, linewidth=1,
+            label=f"{explorers} explorer{'s' * (explorers > 1)}",
         )  # fmt: skip
         below.plot(clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3)
     for axis in (above, below):
@@ -394,7 +401,10 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], path: Path) -
     ticks = (200, 400, 800, 1600, 3200)
     below.set_xticks(ticks, [f"{tick:,}" for tick in ticks])
     below.set_xticks([], minor=True)
+    above.set_ylim(bottom=0)
+    below.set_ylim(bottom=0)
     above.legend(frameon=False)
+    figure.suptitle(f"SESE with a budget: {name}, rated speed, bound 0.1 pu", fontsize=10)
     save_png(figure, path)
     plt.close(figure)
 
@@ -458,7 +468,8 @@ def study(
     found_of = dict(zip(others, answers, strict=True))
     out.mkdir(parents=True, exist_ok=True)
     tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
-    _draw(rows, out / "sese.png")
+    name = drive_title(base.base.voltage)
+    _draw(rows, name, out / "sese.png")
 
     gains = {
         speed: interval([reduction(rows, speed, start) for start in range(starts)])
@@ -554,36 +565,76 @@ def study(
         "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
         f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
     ]
-    _draw_budget(budgets, out / "sese_budget.png")
+    _draw_budget(budgets, name, out / "sese_budget.png")
     lines.insert(
         0,
         f"{starts} starts of {steps:,} steps each, bit-true model, 95 % confidence "
         "intervals (Student's t); switchings per device, 24 logical devices.\n",
     )
     tools.write(out / "sese.md", "\n".join(lines) + "\n")
+    mean, half = interval(everything)
+    numbers = {
+        "fsw_reduction_pct": round(mean, 2),
+        "fsw_reduction_error_pct": round(half, 2),
+        "decision_mismatch_pct": round(differ, 3),
+        "decision_mismatch_worst_point_pct": round(worst_point, 3),
+        "steps": len(deep) * steps,
+        "steps_rtl": count,
+    }
+    tools.write(out / "sese.json", json.dumps(numbers, indent=1) + "\n")
     if out == REPORTS:
-        tables.rewrite(PAGE, {(BEGIN, END): "\n".join(lines)})
+        write_page()
     print("\n".join(lines))
 
     path = out / "metrics.json"
     if path.exists():
-        numbers = json.loads(path.read_text(encoding="utf-8"))
-        mean, half = interval(everything)
+        document = json.loads(path.read_text(encoding="utf-8"))
         # clock frequencies stand there already
-        numbers.setdefault("mpdcc", {}).setdefault("sese", {}).update(
-            {
-                "cycles_worst": sese_cycles.worst(4)[0],
-                "budget": 0,
-                "fsw_reduction_pct": round(mean, 2),
-                "fsw_reduction_error_pct": round(half, 2),
-                "decision_mismatch_pct": round(differ, 3),
-                "decision_mismatch_worst_point_pct": round(worst_point, 3),
-                "steps": len(deep) * steps,
-                "steps_rtl": count,
-                "xc3s": _resources(),
-            }
-        )
-        tools.write(path, json.dumps(numbers, indent=1) + "\n")
+        document.setdefault("mpdcc", {}).setdefault("sese", {}).update(figures(out))
+        tools.write(path, json.dumps(document, indent=1) + "\n")
+
+
+def figures(reports: Path = REPORTS) -> dict[str, Any]:
+    """Figures of SESE for metrics.json: those of the study, cycles and resources.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder with the study's sese.json.
+
+    Returns
+    -------
+    dict
+        Without clock frequencies.
+
+    Raises
+    ------
+    OSError
+        If the study has not been run.
+    """
+    found = json.loads((reports / "sese.json").read_text(encoding="utf-8"))
+    return {"cycles_worst": sese_cycles.worst(4)[0], "budget": 0, **found, "xc3s": _resources()}
+
+
+def write_page(reports: Path = REPORTS, page: Path = PAGE) -> None:
+    """Bring the tables of the page up to date with reports/sese.md.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder with sese.md.
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers.
+    OSError
+        If the study has not been run.
+    """
+    text = (reports / "sese.md").read_text(encoding="utf-8").removesuffix("\n")
+    tables.rewrite(page, {(BEGIN, END): text})
 
 
 def _resources() -> dict[str, dict[str, int]]:

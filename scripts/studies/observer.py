@@ -25,7 +25,7 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import plant_data, plant_step
 from scripts.shared import progress, tables, tools
-from scripts.shared.figures import pyplot, save_png
+from scripts.shared.figures import drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
 
 SPEEDS = (0.05, 0.1, 0.2, 0.5, 1.0)
@@ -222,7 +222,7 @@ def _markdown(rows: list[dict[str, object]]) -> str:
     return tables.markdown(["plant differs in", *(f"{w:g}" for w in SPEEDS)], table, "lr")
 
 
-def _plot(rows: list[dict[str, object]], path: Path) -> None:
+def _plot(rows: list[dict[str, object]], name_of: str, path: Path) -> None:
     plt = pyplot()
     figure, axes = plt.subplots(3, 3, figsize=(11, 8), sharex=True, layout="constrained")
     for axis, name in zip(axes.flat, MISMATCHES, strict=True):
@@ -240,14 +240,21 @@ def _plot(rows: list[dict[str, object]], path: Path) -> None:
                 color=COLOURS[crossover],
                 label=f"{crossover:g} pu",
             )
-        axis.set_title(f"plant: {name}" if name != "none" else "plant as assumed", fontsize=10)
+        what = f"plant: {name}" if name != "none" else "plant as the observer assumes it"
+        axis.set_title(what, fontsize=9)
+        axis.legend(
+            title="crossover of the observer", fontsize=7, title_fontsize=7, loc="upper right"
+        )
         axis.grid(visible=True, which="both", alpha=0.3)
-        axis.set_ylim(0.05, 100.0)
+        axis.set_ylim(0.05, 1000.0)
     for axis in axes[-1]:
         axis.set_xlabel("stator frequency (pu)")
     for axis in axes[:, 0]:
         axis.set_ylabel("flux error (%)")
-    axes[0, 0].legend(title="crossover", fontsize=8)
+    figure.suptitle(
+        f"Rotor-flux observer, {name_of}, closed loop: error of the estimate in % of the flux",
+        fontsize=10,
+    )
     save_png(figure, path)
     plt.close(figure)
 
@@ -270,6 +277,27 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     drive = load_mpdcc_drive(drive_file).with_papers_rules()
     rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
-    _plot(rows, ROOT / "reports" / "observer.png")
-    page = ROOT / "docs" / "observer.md"
+    _plot(rows, drive_title(drive.base.voltage), ROOT / "reports" / "observer.png")
+    write_page()
+
+
+def write_page(page: Path = ROOT / "docs" / "observer.md") -> None:
+    """Bring the table of the page up to date with reports/observer.csv.
+
+    Parameters
+    ----------
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If it lacks the markers of the table.
+    OSError
+        If the study has not been run.
+    """
+    rows: list[dict[str, object]] = [
+        {name: value if name == "mismatch" else float(value) for name, value in row.items()}
+        for row in tables.read_csv(ROOT / "reports" / "observer.csv")
+    ]
     tables.rewrite(page, {("<!-- table: begin -->", "<!-- table: end -->"): _markdown(rows)})

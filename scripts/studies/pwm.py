@@ -26,7 +26,7 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from scripts.hdl import states
 from scripts.shared import progress, rows, tables
-from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import pwm_loop
 
@@ -505,11 +505,9 @@ def draw(found: Rows, path: Path) -> None:
                 *points.T, style, color=COLOURS[2], markersize=3, linewidth=1,
                 label=f"PWM, {kind} capacitors",
             )  # fmt: skip
-        axis.set_title(f"{name}, {speed:g} pu")
-        axis.set_xlim(100, 500)
-        axis.set_ylim(1, 15)
+        axis.set_title(f"{drive_title(_load(name).base.voltage)}, {speed:g} pu", fontsize=9)
         axis.set_yscale("log")
-        ticks = (1, 2, 3, 5, 7, 10, 15)
+        ticks = (0.5, 1, 2, 3, 5, 7, 10, 15)
         axis.set_yticks(ticks, [str(tick) for tick in ticks])
         axis.minorticks_off()
     for axis in axes[-1]:
@@ -517,8 +515,12 @@ def draw(found: Rows, path: Path) -> None:
     for axis in axes[:, 0]:
         axis.set_ylabel("current THD (%)")
     axes[0, 0].legend(frameon=False)
+    # one scale for all, as wide as the longest curve
+    axes.flat[0].set_xlim(100, 50 * math.ceil(max(axis.dataLim.x1 for axis in axes.flat) / 50))
+    axes.flat[0].set_ylim(0.9 * min(axis.dataLim.y0 for axis in axes.flat), 15)
     figure.suptitle(
-        "MPDCC with the shipped capacitor bounds beside phase-disposition PWM, five-level ANPC",
+        "MPDCC with the shipped capacitor bounds beside phase-disposition PWM, five-level ANPC, "
+        "rated current",
         fontsize=10,
     )
     save_png(figure, path)

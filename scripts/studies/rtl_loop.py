@@ -36,7 +36,7 @@ from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
-from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
 
 PERIODS = 2
 """Fundamental periods run unless the number of steps is given."""
@@ -425,7 +425,7 @@ def draw(run: Run, path: Path) -> None:
     axes[3].set_xlim(0, t[-1])
     base, speed = drive.base, float(result.profile.omega_s[0])
     figure.suptitle(
-        f"{math.sqrt(1.5) * base.voltage / 1e3:.3g} kV drive at {speed * base.frequency:.3g} Hz; "
+        f"{drive_title(base.voltage)} at {speed * base.frequency:.3g} Hz; "
         f"mpdcc_core, {run.variant} variant, {run.explorers} explorer"
         f"{'s' if run.explorers > 1 else ''}, in RTL simulation with the exact plant",
         fontsize=10,

@@ -15,9 +15,8 @@ import pytest
 
 from scripts.commands import coefficients
 from scripts.hdl import states
-from scripts.publish import paper_b, report
+from scripts.publish import report
 from scripts.shared.tools import ROOT
-from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
 
 
@@ -77,11 +76,6 @@ def test_the_rest_of_the_pages_stays(tmp_path: Path, document: dict) -> None:
         assert "old" not in text
     report.write_tables(document, *paths)
     assert [path.read_text() for path in paths] == first
-
-
-def test_the_report_has_the_studies() -> None:
-    made = {horizon_study.study, observer_study.study, paper_b.regenerate}
-    assert made <= set(report.STUDIES.values())
 
 
 def test_the_observers_page_shows_what_was_measured() -> None:

@@ -16,6 +16,24 @@ from scripts.studies.fidelity.pooling import NORMAL_95
 
 BLUE, RED, GREEN, GREY = "#1b6ca8", "#d1495b", "#3a7d44", "0.55"
 LIMIT = 0.25  # percent of decisions
+LINEAR = 2.0
+"""Percent up to which the axis of differences is linear; beyond it is logarithmic."""
+
+DRIVE_NAMES = {"anpc5l_6kv": "6 kV", "anpc5l_3kv3": "3.3 kV"}
+"""Machines as the pictures name them."""
+
+SHORT = {
+    "parabola per candidate": "(1) parabola per candidate",
+    "this and one curvature for all": "(1) + (2) one curvature for all",
+    "these and polynomials in the speed": "(1) + (2) + (3) polynomials in the speed",
+    "these and first exit by threshold": "(1) to (3) + (4) first exit by threshold",
+    "first exit by threshold": "(4) exact",
+    "polynomials in the speed": "(3) exact",
+    "these and one curvature for all": "(2) and (3) exact",
+    "these and parabolas: exact trajectory": "(1) to (4) exact",
+}
+"""Approximations as the picture of the budget names them."""
+
 BEGIN = "<!-- {}: begin (written by make fidelity) -->"
 END = "<!-- {}: end -->"
 
@@ -40,24 +58,25 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
     figure, axes = plt.subplots(
         1, 2, figsize=(9.0, 5.6), layout="constrained", width_ratios=(1.0, 1.0)
     )
-    names = list(alone)
     rounding = set(budget.ROUNDINGS.values())
-    axes[0].barh(names, list(alone.values()), color=[BLUE if n in rounding else RED for n in names])
-    axes[0].set_title("alone, all else exact", fontsize=9)
-    left = list(without)
-    axes[1].barh(left, list(without.values()), color=[BLUE if n in rounding else RED for n in left])
-    axes[1].axvline(whole["as built"], color="0.2", linewidth=0.8)
-    axes[1].annotate(
-        "as built", (whole["as built"], -0.9), fontsize=8, ha="center", annotation_clip=False
-    )
-    axes[1].set_title("left out, all else as built", fontsize=9)
+    for ax, values in zip(axes, (alone, without), strict=True):
+        ax.barh(
+            [SHORT.get(name, name) for name in values], list(values.values()),
+            color=[BLUE if name in rounding else RED for name in values],
+        )  # fmt: skip
+    axes[0].set_title("as built, all else exact", fontsize=9)
+    built = whole["as built"]
+    axes[1].axvline(built, color="0.2", linewidth=0.8)
+    axes[1].set_title(f"exact, all else as built (line: all as built, {built:.3f} %)", fontsize=9)
     for ax in axes:
         ax.invert_yaxis()
         ax.set_xlabel("decisions that differ from ideal (%)")
         ax.tick_params(axis="y", labelsize=7.5, length=0)
         ax.set_xlim(left=0)
     figure.suptitle(
-        "Error budget of the fast variant (red: approximations, blue: roundings)", fontsize=10
+        "Fast variant, both five-level drives, sixty operating points; red: approximations, blue: "
+        "roundings",
+        fontsize=10,
     )
     save_png(figure, path)
     plt.close(figure)
@@ -111,31 +130,47 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
         PNG file.
     """
     plt = pyplot()
-    figure, axes = plt.subplots(2, 1, figsize=(9.0, 5.2), sharex=True, layout="constrained")
-    for variant, colour, shift in (("paper", RED, 0.15), ("fast", BLUE, -0.15)):
-        chosen = [r for r in rows if r["controller"] == variant]
-        x = np.arange(len(chosen)) + shift
-        for ax, figure_name in zip(axes, ("fsw", "thd"), strict=True):
-            ax.errorbar(
-                x, [r[f"{figure_name}_diff_pct"] for r in chosen],
-                [NORMAL_95 * r[f"{figure_name}_diff_error_pct"] for r in chosen],
-                fmt="o", markersize=2.5, linewidth=0.8, color=colour, label=f"{variant} variant",
-            )  # fmt: skip
-    for ax, label in zip(axes, ("switching frequency", "current THD"), strict=True):
-        ax.axhline(0.0, color="0.3", linewidth=0.7)
-        ax.set_ylabel(f"{label},\ndifference from ideal (%)")
-        ax.set_ylim(-15, 15)  # at 0.1 pu intervals are several times that
-    axes[0].legend(frameon=False, ncols=2, fontsize=8)
-    first = [r for r in rows if r["controller"] == "fast"]
-    axes[1].set_xticks(
-        range(len(first)), [f"{r['omega_s_pu']:g}" for r in first], rotation=90, fontsize=6
+    groups = list(dict.fromkeys((r["drive"], r["bound_current_pu"]) for r in rows))
+    figure, axes = plt.subplots(
+        2, len(groups), figsize=(11.0, 5.4), sharex=True, sharey="row", layout="constrained"
     )
-    axes[1].set_xlabel(
-        "stator frequency (pu); blocks of ten: machine 6 kV, then 3.3 kV, bounds 0.06, 0.10, 0.16"
+    for column, (drive, bound) in enumerate(groups):
+        for variant, colour, shift in (("paper", RED, 0.025), ("fast", BLUE, -0.025)):
+            chosen = [
+                r
+                for r in rows
+                if (r["controller"], r["drive"], r["bound_current_pu"]) == (variant, drive, bound)
+            ]
+            for ax, quantity in zip(axes[:, column], ("fsw", "thd"), strict=True):
+                ax.errorbar(
+                    [r["omega_s_pu"] + shift for r in chosen],
+                    [r[f"{quantity}_diff_pct"] for r in chosen],
+                    [NORMAL_95 * r[f"{quantity}_diff_error_pct"] for r in chosen],
+                    fmt="o", markersize=2.5, linewidth=0.9, color=colour,
+                    label=f"{variant} variant",
+                )  # fmt: skip
+        axes[0][column].set_title(f"{DRIVE_NAMES[drive]}, bound {bound:g} pu", fontsize=9)
+        axes[1][column].set_xticks((-1.0, 0.0, 1.0))
+        axes[1][column].set_xticks((-0.55, 0.55), minor=True)
+    for line, label in zip(axes, ("switching frequency", "current THD"), strict=True):
+        line[0].set_ylabel(f"{label},\ndifference from ideal (%)")
+        for ax in line:
+            ax.axhline(0.0, color="0.3", linewidth=0.7)
+            ax.grid(axis="y", color="0.92", linewidth=0.6)
+        # nothing is clipped: at 0.1 pu intervals are many times those at higher speeds
+        line[0].set_yscale("symlog", linthresh=LINEAR, linscale=1.5)
+        ticks = [s * v for v in (1, 2, 5, 10, 20, 50) for s in (-1, 1)]
+        low, high = line[0].get_ylim()
+        shown = [0, *(t for t in ticks if low <= t <= high)]
+        line[0].set_yticks(shown, [f"{t:g}" for t in shown])
+        line[0].minorticks_off()
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=2, frameon=False, fontsize=8)
+    figure.supxlabel("stator frequency (pu)", fontsize=9)
+    figure.suptitle(
+        "Closed loops at rated current, 95 % intervals; linear within 2 %, logarithmic beyond",
+        fontsize=10,
     )
-    for ax in axes:
-        for edge in range(10, len(first), 10):
-            ax.axvline(edge - 0.5, color="0.9", linewidth=0.6, zorder=0)
     save_png(figure, path)
     plt.close(figure)
 
