@@ -170,6 +170,8 @@ def read_vcd(text: str, scope: Sequence[str], clocks: int) -> Recorded:
             name = words[3].partition("[")[0]
             names.setdefault(words[2], []).append(name)
             bits[name] = int(words[1])
+    if not names:
+        return Recorded({}, {})
     now: dict[str, str] = dict.fromkeys(names, "x")
     values: Values = {name: [] for found in names.values() for name in found}
     fs = 1_000_000
