@@ -19,6 +19,8 @@ from scripts.shared.tools import ToolError
 
 BENCH = "recorded"
 PERIOD_NS = 10
+CLOCKS = ("clk", "clock")
+"""Names of the clock's port."""
 
 Values = dict[str, list[int | None]]
 """Port -> value in each clock, unsigned; None where a bit is undefined."""
@@ -88,7 +90,7 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
     Raises
     ------
     RecordingError
-        If an input is no port, or a port is of another type.
+        If an input is no port, a port is of another type, or none is a clock.
     """
     context, generic, port = _clauses(text, entity)
     kinds: dict[str, str] = {}
@@ -103,11 +105,14 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
         signals.append(f"  signal {row[1]} : {row[3]}{given};")
     steps = []
     for number, inputs in enumerate(clocks):
-        steps.append("    wait until rising_edge(clk);")
+        steps.append("    wait until rising_edge(@);")
         for name, value in inputs.items():
             if name not in kinds:
                 raise RecordingError(f"{entity}, clock {number}: no port {name}")
             steps.append(f"    {name} <= {_literal(value, name, kinds[name])};")
+    clock = next((name for name in CLOCKS if name in kinds), None)
+    if clock is None:
+        raise RecordingError(f"{entity}: no clock")
     names = [row for row in re.findall(r"(\w+)\s*:(?!=)", generic) if row]
     passed = ", ".join(f"{name} => {name}" for name in names)
     context = context if "numeric_std" in context else f"{context}  use ieee.numeric_std.all;\n"
@@ -120,12 +125,12 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
             f"architecture bench of {BENCH} is",
             *signals,
             "begin",
-            f"  clk <= not clk after {PERIOD_NS // 2} ns;",
+            f"  {clock} <= not {clock} after {PERIOD_NS // 2} ns;",
             f"  i_unit : entity work.{entity}",
             f"    generic map ({passed})" if names else "",
             f"    port map ({', '.join(f'{name} => {name}' for name in kinds)});",
             "  process is begin",
-            *steps,
+            *(step.replace("@", clock) for step in steps),
             "    wait;",
             "  end process;",
             "end architecture;",
@@ -134,15 +139,15 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
     )
 
 
-def read_vcd(text: str, scope: str, clocks: int) -> Recorded:
+def read_vcd(text: str, scope: Sequence[str], clocks: int) -> Recorded:
     """Values of the signals of one scope in each clock.
 
     Parameters
     ----------
     text : str
         File of value changes (VCD) that GHDL wrote, in femtoseconds.
-    scope : str
-        The outermost scope that is read; what is inside of others is not.
+    scope : Sequence[str]
+        Names from the outermost scope to the one that is read; what is inside of others is not.
     clocks : int
         How many; the first begins with the first rising edge, half a period after the start.
 
@@ -161,10 +166,12 @@ def read_vcd(text: str, scope: str, clocks: int) -> Recorded:
             around.append(words[1])
         elif found[1] == "upscope":
             around.pop()
-        elif around == [scope]:
+        elif around == list(scope):
             name = words[3].partition("[")[0]
             names.setdefault(words[2], []).append(name)
             bits[name] = int(words[1])
+    if not names:
+        return Recorded({}, {})
     now: dict[str, str] = dict.fromkeys(names, "x")
     values: Values = {name: [] for found in names.values() for name in found}
     fs = 1_000_000
@@ -197,6 +204,7 @@ def record(
     clocks: Sequence[Mapping[str, int]],
     generics: Mapping[str, int | bool] | None = None,
     rtl: Path = sources.RTL,
+    within: Sequence[str] = (),
 ) -> Recorded:
     """Run an entity and record its ports.
 
@@ -210,16 +218,20 @@ def record(
         Those that are not the default.
     rtl : Path
         Folder of the design.
+    within : Sequence[str]
+        Labels of instances and generate statements that lead to the instance whose signals are
+        recorded; without any, the ports of the entity are.
 
     Returns
     -------
     Recorded
-        Its ports.
+        Its bits and vectors.
 
     Raises
     ------
     RecordingError
-        If an input is no port, or a port is neither a bit nor a vector.
+        If an input is no port, a port is neither a bit nor a vector, or there is no instance of
+        these labels.
     ToolError
         If there is no GHDL, or it fails.
     """
@@ -236,4 +248,8 @@ def record(
         tools.run([*ghdl, "-a", standard, *map(str, files), "bench.vhd"], cwd=folder)
         command = [*ghdl, "--elab-run", standard, BENCH, *chosen, stop]
         tools.run([*command, "--vcd=waves.vcd", "--ieee-asserts=disable"], cwd=folder)
-        return read_vcd((folder / "waves.vcd").read_text("latin-1"), BENCH, len(clocks))
+        text = (folder / "waves.vcd").read_text("latin-1")
+    found = read_vcd(text, [BENCH, *(["i_unit", *within] if within else [])], len(clocks))
+    if not found.bits:
+        raise RecordingError(f"{entity}: no instance {'.'.join(within)}")
+    return found

@@ -6,6 +6,7 @@ A header is the comment at the top of a VHDL file. Paragraphs that begin with a 
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from dataclasses import dataclass
@@ -17,8 +18,8 @@ from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.measure.budgets import Budgets
 from scripts.publish import diagrams, scenes
-from scripts.shared import tools
-from scripts.shared.tools import ROOT, ToolError
+from scripts.shared import cache, tools
+from scripts.shared.tools import BUILD, ROOT, ToolError
 
 __all__ = ["PUBLIC", "Port", "generics", "header", "page", "ports"]
 
@@ -279,9 +280,7 @@ def _diagrams(entity: str) -> list[str]:
 
 
 def _waveform(entity: str) -> list[str]:
-    """The section with the waveform, if the entity has one; its file stands beside the page."""
-    if entity not in scenes.SCENES:
-        return []
+    """The section with the waveform; its file stands beside the page."""
     name = f"{entity}-waves.svg"
     return [
         "", "## Waveform", "",
@@ -293,8 +292,15 @@ def _waveform(entity: str) -> list[str]:
     ]  # fmt: skip
 
 
+@functools.cache
+def _key() -> str:
+    """What pictures of waveforms depend on."""
+    rtl = sources.rtl_files()
+    return cache.key(["scripts.publish.scenes"], *rtl, tools.version("ghdl"))
+
+
 def waveform(entity: str) -> dict[str, str]:
-    """Picture of an entity's waveform, from a run of GHDL.
+    """Picture of an entity's waveform, from a run of GHDL; kept until a source changes.
 
     Parameters
     ----------
@@ -304,18 +310,21 @@ def waveform(entity: str) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        File name -> SVG; empty for an entity without one.
+        File name -> SVG.
 
     Raises
     ------
     ToolError
         If a declaration has no comment, there is no GHDL, or it fails.
     """
-    if entity not in scenes.SCENES:
-        return {}
-    text = sources.entities()[entity].read_text(encoding="utf-8")
-    comments = {port.name: port.comment for port in ports(text, entity)}
-    return {f"{entity}-waves.svg": scenes.picture(entity, comments)}
+
+    def _drawn() -> dict[str, str]:
+        text = sources.entities()[entity].read_text(encoding="utf-8")
+        comments = {port.name: port.comment for port in ports(text, entity)}
+        return {f"{entity}-waves.svg": scenes.picture(entity, comments)}
+
+    found: dict[str, str] = cache.kept(BUILD / "waveforms" / f"{entity}-{_key()}.json", _drawn)
+    return found
 
 
 def pictures(entity: str) -> dict[str, str]:

@@ -262,6 +262,8 @@ SAID: dict[str, list[Said]] = {
         ("decides within {} clocks with two explorers", lambda: (worst_clocks(2, "fast"),)),
         ("always {} and {} clocks",
          lambda: (clocks_of("mptc_core", "mptc"), clocks_of("mptc_core", "mpfc"))),
+        ("three vectors a period, at most {} clocks",
+         lambda: (max(budgets.load().cycles["mptc_family_core"].values()),)),
     ],
     "docs/accuracy.md": [
         ("{} states were used", lambda: (f"{int(csv_rows('error_budget')[0]['steps']):,}",)),

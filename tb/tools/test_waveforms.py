@@ -20,10 +20,11 @@ import pytest
 
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.gate_guard import GateGuard, Inputs
+from directmpc.mpdcc import capacitor_observer, observer
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
-from directmpc.mptc import bit_true
+from directmpc.mptc import bit_true, bit_true_sequences, drive_twin, speed_observer
 from directmpc.mptc import vector_sequencer as twin
 from directmpc.mptc.coefficients import registers as mptc_registers
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
@@ -35,6 +36,7 @@ from scripts.publish import entity_pages, scenes, site, waveforms
 from scripts.publish.waveforms import Row
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
+from scripts.studies.sensorless import sensorless_drive
 from tb.helpers.faults import altered
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -42,8 +44,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @cache
 def recorded(entity: str) -> recording.Recorded:
-    scene = scenes.SCENES[entity]()
-    return recording.record(entity, scene.clocks, scene.generics)
+    return scenes.record(entity)[1]
 
 
 def signed(value: int | None, bits: int) -> int:
@@ -163,6 +164,174 @@ def test_mpdcc_core() -> None:
     assert kinds == [1, 0]
 
 
+def seen(found: recording.Recorded, clock: int, names: tuple[str, ...], *plain: str) -> np.ndarray:
+    """Signals of a clock, signed but for those named."""
+    return np.array(
+        [
+            found.values[name][clock]
+            if name in plain
+            else signed(found.values[name][clock], found.bits[name])
+            for name in names
+        ],
+        dtype=np.int64,
+    )
+
+
+VOLTAGES = ("v_ph_a", "v_ph_b", "v_ph_c", "v_dc")
+SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
+
+
+def test_rotor_flux_observer() -> None:
+    found = recorded("rotor_flux_observer")
+    drive, latency = states.shipped(states.SHIPPED[0]), clocks_of("rotor_flux_observer", "latency")
+    names = ("is_alpha", "is_beta", "v_n", *VOLTAGES, "omega_r")
+    state = np.zeros(observer.STATE_WORDS, dtype=np.int64)
+    coefficient = observer.array(observer.coefficients(drive)[0])
+    begun = starts(found.values)
+    assert len(begun) == 3
+    for start in begun:
+        s = np.array([found.values[f"s_{x}"][start] for x in "abc"], dtype=np.int64)
+        wanted = observer.step_words(coefficient, state, seen(found, start, names, *VOLTAGES), s)
+        end = start + latency
+        assert found.values["valid"][start + 1 : end + 1] == [0] * (latency - 1) + [1]
+        got = seen(found, end, ("psir_alpha", "psir_beta", "saturated"), "saturated")
+        assert got.tolist() == [int(v) for v in wanted]
+
+
+def test_capacitor_observer() -> None:
+    found = recorded("capacitor_observer")
+    drive = states.shipped(states.SHIPPED[0]).with_control(capacitor_filter=4)
+    state = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
+    coefficient = capacitor_observer.array(capacitor_observer.coefficients(drive))
+    names = ("is_alpha", "is_beta", "v_n", *VOLTAGES[:3])
+    outputs = ("filtered_n", "filtered_a", "filtered_b", "filtered_c", "saturated")
+    for start in starts(found.values):
+        s = np.array([found.values[f"s_{x}"][start] for x in "abc"], dtype=np.int64)
+        m = seen(found, start, names, *VOLTAGES)
+        wanted = capacitor_observer.step_words(coefficient, state, m, s, 0)
+        end = start + clocks_of("capacitor_observer", "latency")
+        assert found.values["valid"][end] == 1
+        assert seen(found, end, outputs, *outputs[1:]).tolist() == [int(v) for v in wanted]
+
+
+def test_mptc_speed_observer() -> None:
+    found = recorded("mptc_speed_observer")
+    drive = sensorless_drive(load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml"))
+    coefficient = speed_observer.array(speed_observer.coefficients(drive))
+    state = np.zeros(5, dtype=np.int64)
+    for start in starts(found.values):
+        m = seen(found, start, ("is_alpha", "is_beta", "v_dc"), "v_dc")
+        applied = np.array([found.values[name][start] for name in SEQUENCE], dtype=np.int64)
+        shares = bit_true_sequences.shares(applied)
+        speed, *rest = map(int, speed_observer.step_words(coefficient, state, m, *shares))
+        early = start + clocks_of("mptc_speed_observer", "speed")
+        assert found.values["speed_valid"][start : early + 1] == [0] * (early - start) + [1]
+        assert signed(found.values["omega_r"][early], 16) == speed
+        end = start + clocks_of("mptc_speed_observer", "latency")
+        assert found.values["valid"][end] == 1
+        got = seen(found, end, ("psis_alpha", "psis_beta", "saturated"), "saturated")
+        assert got.tolist() == rest
+
+
+def test_mptc_drive() -> None:
+    found = recorded("mptc_drive")
+    drive = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml")
+    words = drive_twin.parameters(drive, limit=8.0, flux=0.9)
+    state = drive_twin.initial()
+    names = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
+    for start in starts(found.values):
+        m = seen(found, start, names, "v_dc", "psi_ref")
+        wanted = drive_twin.step_words(words, state, m)
+        end = start + clocks_of("mptc_drive", "mptc")
+        assert found.values["valid"][end] == 1
+        outputs = ("u_next", "saturated", "clamped", "exciting")
+        assert tuple(found.values[name][end] for name in outputs) == tuple(wanted)
+        assert seen(found, end, ("psis_alpha", "psis_beta")).tolist() == state[4:6].tolist()
+
+
+def test_mptc_family_core() -> None:
+    found = recorded("mptc_family_core")
+    drive = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml").with_control(method="MPTC1")
+    register = mptc_registers(drive).array()
+    for start, name in zip(starts(found.values), ("mptc1", "mpc2"), strict=True):
+        m = seen(found, start, tuple(MPTC_MEASUREMENTS), "v_dc", "psi_ref")
+        applied = np.array([found.values[name][start] for name in SEQUENCE], dtype=np.int64)
+        method = found.values["family_method"][start] - 1
+        chosen, saturated, _ = bit_true_sequences.decide_words(register, method, 0, m, applied)
+        end = start + clocks_of("mptc_family_core", name)
+        assert found.values["valid"][start + 1 : end + 1] == [0] * (end - start - 1) + [1]
+        assert [found.values[f"next_{name}"][end] for name in SEQUENCE] == [int(v) for v in chosen]
+        assert found.values["saturated"][end] == saturated
+
+
+def test_scheduler_and_explorer_are_those_of_the_core() -> None:
+    core, scheduler = recorded("mpdcc_core").values, recorded("mpdcc_scheduler").values
+    for name in ("start", "busy", "valid"):
+        assert scheduler[name] == core[name]
+    explorer = recorded("mpdcc_explorer").values
+    begin = scenes.SCENES["mpdcc_explorer"]().first
+    asked = explorer["candidate_valid"].index(1, begin)
+    probe = clocks_of("mpdcc_explorer", "probe", "fast")
+    assert explorer["probe_done"].index(1, begin) == asked + probe
+    assert explorer["candidate_valid"] == [(word or 0) & 1 for word in scheduler["candidate_valid"]]
+    # the scheduler decides when all explorers rest
+    end = scheduler["valid"].index(1, begin)
+    assert scheduler["explorer_busy"][end] == 0
+    assert 1 in explorer["busy"][begin:end]
+
+
+@pytest.mark.parametrize(
+    ("entity", "outputs"),
+    [("mpdcc_system", ("s_a", "s_b", "s_c")), ("mptc_system", ("u_next", "saturated"))],
+)
+def test_systems(entity: str, outputs: tuple[str, ...]) -> None:
+    found, scene = recorded(entity), scenes.SCENES[entity]()
+    for start in starts(found.values):
+        end = found.values["valid"].index(1, start)
+        # the core begins with the clock behind the start
+        assert found.values["cycles"][end + 1] == end - start - 1
+        got = [found.values[name][end] for name in outputs]
+        if entity == "mpdcc_system":
+            register = mpdcc_registers(states.shipped(states.SHIPPED[0]), "fast").array()
+            m = seen(found, start, tuple(MPDCC_MEASUREMENTS), *VOLTAGES)
+            before = [found.values[f"s_prev_{x}"][start] for x in "abc"]
+            wanted = fast.decide_words(register, m, np.array(before))[:3]
+            if start == starts(found.values)[0]:  # later ones go on from where the gates are
+                assert got == [int(v) for v in wanted]
+        else:
+            drive = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml")
+            m = seen(found, start, tuple(MPTC_MEASUREMENTS), "v_dc", "psi_ref")
+            u, saturated, _ = bit_true.decide_words(
+                mptc_registers(drive).array(), m, found.values["u"][start]
+            )
+            if start == starts(found.values)[0]:
+                assert got == [u, saturated]
+    assert found.values["gates"][scene.first] == 0
+    assert found.values["gates"][-1] != 0
+    assert found.values["faults"][-1] == 0
+
+
+def test_host_link() -> None:
+    found, scene = recorded("host_link").values, scenes.SCENES["host_link"]()
+    asked = found["awvalid"].index(1)
+    assert asked > scene.first
+    assert (found["awaddr"][asked], found["wdata"][asked]) == (0x00C, 1)
+    assert 1 not in found["awvalid"][: scene.first]
+    answered = found["bvalid"].index(1)
+    assert 0 not in found["uart_tx"][:answered]
+    assert 0 in found["uart_tx"][answered:], "the reply begins with a delimiter, low for nine bits"
+
+
+def test_board_top() -> None:
+    found, scene = recorded("board_top").values, scenes.SCENES["board_top"]()
+    ended = scene.first + 12 * scenes.BIT
+    assert 0 not in found["uart_tx"][:ended]
+    replies = found["uart_tx"].index(0, ended)
+    levels = found["uart_tx"][replies : replies + 10 * scenes.BIT : scenes.BIT]
+    assert levels == [0] * 9 + [1], "a delimiter, the byte 0"
+    assert set(found["gates"][scene.first :]) == {0}
+
+
 def test_a_fault_of_the_vhdl_is_recorded(tmp_path: Path) -> None:
     scene = scenes.SCENES["binary_search"]()
     fault = "most and not unsigned(r.step)", "most"
@@ -176,6 +345,8 @@ def test_what_cannot_be_recorded_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
         recording.record("binary_search", [{}, {"z": 1}])
     with pytest.raises(RecordingError, match="mpdcc_explorer: no flat port: limits"):
         recording.record("mpdcc_explorer", [{}])
+    with pytest.raises(RecordingError, match=r"binary_search: no instance i_none"):
+        recording.record("binary_search", [{}], within=("i_none",))
     monkeypatch.setenv("GHDL", "none-of-this-name")
     with pytest.raises(tools.ToolError, match="there is no command 'none-of-this-name'"):
         recording.record("binary_search", [{}])
@@ -213,10 +384,12 @@ b0001 $
 
 
 def test_value_changes_are_read_by_clock() -> None:
-    found = recording.read_vcd(VCD, "recorded", 4)
+    found = recording.read_vcd(VCD, ["recorded"], 4)
     assert found.values["word"] == [3, 10, 10, 1]
     assert found.bits == {"clk": 1, "word": 4}
-    assert recording.read_vcd(VCD.replace("b0011", "b0x11"), "recorded", 1).values["word"] == [None]
+    assert recording.read_vcd(VCD.replace("b0011", "b0x11"), ["recorded"], 1).values["word"] == [
+        None
+    ]
 
 
 # --- what is drawn --------------------------------------------------------------------------------
@@ -258,11 +431,11 @@ def test_clocks_without_a_change_are_left_out() -> None:
 @pytest.mark.parametrize("entity", ["binary_search", "mac_block", "vector_sequencer", "gate_guard"])
 def test_every_value_that_is_drawn_was_recorded(entity: str) -> None:
     (picture,) = entity_pages.waveform(entity).values()
-    assert entity_pages.waveform(entity) == {f"{entity}-waves.svg": picture}, "another run"
     found, scene = recorded(entity), scenes.SCENES[entity]()
     drawn: dict[str, list[str]] = {name: [] for name in scene.shown}
     text = sources.entities()[entity].read_text(encoding="utf-8")
     comments = {port.name: port.comment for port in entity_pages.ports(text, entity)}
+    assert scenes.picture(entity, comments) == picture, "another run"
     for group in ElementTree.fromstring(picture).iter(f"{SVG}g"):
         title = re.fullmatch(
             r"(\w+) = (\S+), clocks (\d+) to (\d+)", group.findtext(f"{SVG}title", "")
@@ -279,10 +452,16 @@ def test_every_value_that_is_drawn_was_recorded(entity: str) -> None:
         assert said == [waveforms.shown(one, value) for value in found.values[name]], name
 
 
-def test_the_page_shows_the_waveform() -> None:
+def test_every_public_entity_has_a_waveform() -> None:
     held = budgets.load()
-    for entity in ("mac_block", "host_link"):
+    assert set(scenes.SCENES) == set(entity_pages.PUBLIC)
+    for entity in entity_pages.PUBLIC:
         page = entity_pages.page(entity, held, site.ENTITIES / f"{entity}.md")
-        assert (f"]({entity}-waves.svg)" in page) == (entity in scenes.SCENES)
-    assert entity_pages.waveform("host_link") == {}
-    assert set(scenes.SCENES) <= set(entity_pages.PUBLIC)
+        assert f"]({entity}-waves.svg)" in page
+
+
+def test_clocks_before_the_scene_are_left_out() -> None:
+    (picture,) = entity_pages.waveform("host_link").values()
+    scene, found = scenes.SCENES["host_link"](), recorded("host_link")
+    last = max(int(clock) for clock in re.findall(r"clocks \d+ to (\d+)", picture))
+    assert last == len(found.values["clk"]) - scene.first - 1

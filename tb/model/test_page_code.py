@@ -1,0 +1,132 @@
+"""Code that stands in pages runs: Python of the library, settings, the host of the first page.
+
+Stimulus: blocks of Python and TOML as the pages have them; a stand-in for a board, for the loop
+of README.
+Checks: every block runs as it stands, in the order of the page and in a folder of its own; settings
+are valid in a shipped drive; a block with a fault fails; no block is left out but those that other
+tests run or that are no program.
+Does not prove: what a block computes.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from directmpc import load_drive
+from directmpc.host.board import Board
+from scripts.shared.tools import ROOT
+
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
+PYTHON = ("docs/library.md", "docs/robustness.md")
+SETTINGS = ("docs/deadlocks.md", "docs/pwm.md", "docs/robustness.md", "docs/sese.md")
+#: Blocks of other tests and kinds: page and language, and what runs or checks it.
+OTHER = {
+    ("README.md", "python"): "below",
+    ("docs/check.md", "yaml"): "a workflow of another repository",
+    ("docs/drive-file.md", "python"): "tb/tools/test_documents.py",
+    ("docs/hil.md", "python"): "tb/model/test_examples.py",
+    ("docs/processor.md", "c"): "tb/rtl/system/processor_system",
+    ("docs/using-the-core.md", "vhdl"): "tb/tools/test_documents.py",
+}  # fmt: skip
+
+
+def blocks(name: str, language: str) -> list[str]:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    return [code for kind, code in BLOCK.findall(text) if kind == language]
+
+
+@pytest.mark.parametrize("name", PYTHON)
+def test_python_of_a_page_runs(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for code in blocks(name, "python"):
+        exec(compile(code, name, "exec"), names)
+    assert names["result"] is not None
+    if name == "docs/library.md":
+        assert (tmp_path / "trace.csv").is_file()
+        assert float(capsys.readouterr().out.split()[0]) > 0.0
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_settings_of_a_page_are_valid(name: str) -> None:
+    (code,) = blocks(name, "toml")
+    given = tomllib.loads(code)["control"]
+    assert given
+    drive = load_drive("anpc5l_6kv").with_control(**given)
+    for key, value in given.items():
+        assert getattr(drive.control, key) == value
+
+
+class _Reply:
+    apply = (3, 3, 3)
+
+
+class _Board:
+    """As much of a board as README's loop calls."""
+
+    called: list[str]
+
+    def __init__(self, port: str) -> None:
+        self.called = [port]
+
+    def __enter__(self) -> _Board:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.called.append("off")
+
+    def load(self, drive: str) -> None:
+        self.called.append(drive)
+
+    def start(self) -> None:
+        self.called.append("start")
+
+    def step(self, state: object) -> _Reply:
+        assert state == "measured"
+        return _Reply()
+
+
+def test_the_first_pages_host_runs() -> None:
+    for name in ("load", "start", "step", "__enter__", "__exit__"):
+        assert hasattr(Board, name)
+    (code,) = blocks("README.md", "python")
+    applied: list[tuple[int, ...]] = []
+
+    def apply(positions: tuple[int, ...]) -> None:
+        applied.append(positions)
+        if len(applied) == 3:
+            raise KeyboardInterrupt
+
+    names = {"Board": _Board, "measured": lambda: "measured", "apply": apply}
+    with pytest.raises(KeyboardInterrupt):
+        exec(code, names)
+    assert applied == [(3, 3, 3)] * 3
+    assert names["board"].called == ["build/virtual-board", "anpc5l_6kv", "start", "off"]
+
+
+def test_a_block_with_a_fault_fails() -> None:
+    code = blocks("docs/library.md", "python")[0].replace("load_drive(", "load_drives(", 1)
+    with pytest.raises(NameError, match="load_drives"):
+        exec(code, {})
+    with pytest.raises(Exception, match="deadlock_rule"):
+        load_drive("anpc5l_6kv").with_control(deadlock_rule="heaviest")
+
+
+def test_no_block_is_left_out() -> None:
+    pages = ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
+    found = {
+        (page, language)
+        for page in pages
+        for language, _ in BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
+    }
+    run = {(page, "python") for page in PYTHON} | {(page, "toml") for page in SETTINGS}
+    assert found == run | set(OTHER)
+    for test in OTHER.values():
+        assert not test.startswith("tb/") or (ROOT / test).exists(), test
