@@ -11,13 +11,13 @@
 --
 -- How: one mac_block.  A step is a program of 12 products (model/directmpc/mpdcc/leakage_program.py), which a
 -- mac_sequencer reads.  The scaled coefficients move into a chain of words, one a clock.
--- Formats: ports as those of mpdcc_core; all products have 16 fractional bits, l_emf 32 in all.  Steps and errors are
--- words of the current.  theta has 10 bits below its LSB, which makes mu 3.81 per square of the current in pu.
+-- Formats: ports as those of mpdcc_core; sums of products are cut by 16 bits, l_emf has 32 fractional bits.  Steps and
+-- errors are words of the current.  theta has 10 bits below its LSB: mu is 3.81 per square of the current in pu.
 -- Twin: model/directmpc/mpdcc/leakage.py.
 -- Latency: valid 29 clocks after start, busy for 28 clocks.  scaled is complete when busy falls, 16 clocks after
 -- scale.  The next start or scale may come when busy has fallen.
--- Overflow: words saturate and set saturated, scaled coefficients saturate and set clipped.  A step that would take theta
--- out of its limits leaves it as it is, and is no overflow.  Nothing wraps.
+-- Overflow: words saturate and set saturated, scaled coefficients saturate and set clipped.  A step that would take
+-- theta out of its limits leaves it as it is, and is no overflow.  Nothing wraps.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -364,7 +364,8 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (due(DUE_ANGLE_ALPHA) = '1' or due(DUE_PHI_ALPHA) = '1' or due(DUE_ANGLE_BETA) = '1' or due(DUE_PHI_BETA) = '1') then
+      if (due(DUE_ANGLE_ALPHA) = '1' or due(DUE_PHI_ALPHA) = '1' or due(DUE_ANGLE_BETA) = '1'
+          or due(DUE_PHI_BETA) = '1') then
         phi <= result;
       end if;
 
