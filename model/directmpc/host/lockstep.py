@@ -157,6 +157,8 @@ class BoardController:
         What the board replied so far.
     differing : int
         Decisions so far that differ from the bit-true model's on the same state.
+    leakage : LeakageEstimate or None
+        The model's estimate of the leakage where the drive has one.
 
     Raises
     ------
@@ -188,9 +190,9 @@ class BoardController:
         if isinstance(drive, Drive) and drive.control.capacitor_filter:
             self._filters = capacitor_observer.CapacitorFilter(drive)
             board.forget_estimates()
-        self._leakage: LeakageEstimate | None = None
+        self.leakage: LeakageEstimate | None = None
         if isinstance(drive, Drive) and drive.control.leakage_estimate:
-            self._leakage, self._scaled = LeakageEstimate(drive), model
+            self.leakage, self._scaled = LeakageEstimate(drive), model
             self._before: tuple[int, ...] = (0, 0, 0)
             board.forget_estimates()
 
@@ -232,7 +234,7 @@ class BoardController:
     ) -> Decision:
         """The model's decision, behind its filters where the drive has them."""
         known = state_of(self.drive, state)
-        if self._filters is None and self._leakage is None:
+        if self._filters is None and self.leakage is None:
             return self._model.decide(known)
         assert isinstance(known, MpdccState)
         assert isinstance(self.drive, Drive)
@@ -242,11 +244,11 @@ class BoardController:
             known = replace(known, v_n=v_n, v_ph=tuple(v_ph))
             for place, value in zip(_VOLTAGES, (v_n, *v_ph), strict=True):
                 used[place] = round(value * MEASUREMENTS[list(MEASUREMENTS)[place]].scale)
-        if self._leakage is not None:
-            self._scaled.scale(self._leakage)
+        if self.leakage is not None:
+            self._scaled.scale(self.leakage)
             # with delay compensation the positions given until now take effect
             delayed = self.drive.control.delay_compensation
-            self._leakage.step(used, self._before if delayed else known.applied)
+            self.leakage.step(used, self._before if delayed else known.applied)
             self._before = tuple(known.applied)
         found = self._model.decide(known)
         assert isinstance(found, MpdccDecision)
