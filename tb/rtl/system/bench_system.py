@@ -455,7 +455,6 @@ async def estimated(system: System) -> None:
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     c = leakage.array(leakage.coefficients(drive)[0])
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
-    before = np.zeros(3, dtype=np.int64)  # what the decision before was given
 
     async def commit(words: dict[str, int], share: tuple[str, ...] = ()) -> None:
         await system.write_parameters({n: words[n] for n in share or words})
@@ -475,6 +474,10 @@ async def estimated(system: System) -> None:
         )
         # what was estimated before is forgotten
         await commit(parameters | {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0})
+        if chosen is ESTIMATED[0]:  # the decision before is one that is known
+            m = near(system, rng)
+            await system.decide(m)
+            before = np.array([m[f"s_prev_{x}"] for x in "abc"])
         await commit(parameters, ("l_mode", "f_q_midpoint", "f_q_phase"))
         await bus.write("system.command", reset_observer=1)
         await bus.write("system.flags", observer_saturated=1)
