@@ -12,7 +12,7 @@ psi_r and omega_r are those of k, v is the voltage of the positions applied betw
 `rotor_flux_observer` forms it. alpha takes its step first, beta follows with the new theta.
 
 phi has no share of the resistances. It is along i and psi_r, while the step of the current is
-perpendicular to them but for its ripple: theta would differ by less than 0.01. All terms of phi
+perpendicular to them but for its ripple, so that they change theta little. All terms of phi
 have 1/D as their factor, and those of the resistances nearly so. So theta times the coefficients of
 the current's slopes makes the controller's prediction that of the machine, see ``scaled``.
 
