@@ -64,6 +64,9 @@ extern "C" {
 #define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bm 0x4000
 #define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bp 14
 #define SYSTEM_REGISTERS__CAPABILITIES__CAPACITOR_FILTER_bw 1
+#define SYSTEM_REGISTERS__CAPABILITIES__LEAKAGE_ESTIMATE_bm 0x8000
+#define SYSTEM_REGISTERS__CAPABILITIES__LEAKAGE_ESTIMATE_bp 15
+#define SYSTEM_REGISTERS__CAPABILITIES__LEAKAGE_ESTIMATE_bw 1
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bm 0xfff0000
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bp 16
 #define SYSTEM_REGISTERS__CAPABILITIES__LEAST_DEAD_TIME_bw 12
@@ -334,10 +337,17 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPDCC_DECISION__ROTOR_FLUX__BETA_bw 16
 #define MPDCC_DECISION__ROTOR_FLUX__BETA_reset 0x0
 
+// reg - mpdcc_decision::leakage
+#define MPDCC_DECISION__LEAKAGE__THETA_bm 0x1ffff
+#define MPDCC_DECISION__LEAKAGE__THETA_bp 0
+#define MPDCC_DECISION__LEAKAGE__THETA_bw 17
+#define MPDCC_DECISION__LEAKAGE__THETA_reset 0x10000
+
 // regfile - mpdcc_decision
 typedef struct __attribute__ ((__packed__)) {
     uint32_t decision;
     uint32_t rotor_flux;
+    uint32_t leakage;
 } mpdcc_decision_t;
 
 // reg - mpdcc_parameters::c_error_alpha
@@ -700,6 +710,30 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_bw 3
 #define MPDCC_PARAMETERS__F_Q_PHASE__VALUE_reset 0x0
 
+// reg - mpdcc_parameters::l_voltage_alpha
+#define MPDCC_PARAMETERS__L_VOLTAGE_ALPHA__VALUE_bm 0x3ffff
+#define MPDCC_PARAMETERS__L_VOLTAGE_ALPHA__VALUE_bp 0
+#define MPDCC_PARAMETERS__L_VOLTAGE_ALPHA__VALUE_bw 18
+#define MPDCC_PARAMETERS__L_VOLTAGE_ALPHA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::l_voltage_beta
+#define MPDCC_PARAMETERS__L_VOLTAGE_BETA__VALUE_bm 0x3ffff
+#define MPDCC_PARAMETERS__L_VOLTAGE_BETA__VALUE_bp 0
+#define MPDCC_PARAMETERS__L_VOLTAGE_BETA__VALUE_bw 18
+#define MPDCC_PARAMETERS__L_VOLTAGE_BETA__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::l_emf
+#define MPDCC_PARAMETERS__L_EMF__VALUE_bm 0x3ffff
+#define MPDCC_PARAMETERS__L_EMF__VALUE_bp 0
+#define MPDCC_PARAMETERS__L_EMF__VALUE_bw 18
+#define MPDCC_PARAMETERS__L_EMF__VALUE_reset 0x0
+
+// reg - mpdcc_parameters::l_mode
+#define MPDCC_PARAMETERS__L_MODE__VALUE_bm 0x3
+#define MPDCC_PARAMETERS__L_MODE__VALUE_bp 0
+#define MPDCC_PARAMETERS__L_MODE__VALUE_bw 2
+#define MPDCC_PARAMETERS__L_MODE__VALUE_reset 0x0
+
 // regfile - mpdcc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_error_alpha;
@@ -762,6 +796,10 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t f_phase_beta;
     uint32_t f_q_midpoint;
     uint32_t f_q_phase;
+    uint32_t l_voltage_alpha;
+    uint32_t l_voltage_beta;
+    uint32_t l_emf;
+    uint32_t l_mode;
 } mpdcc_parameters_t;
 
 // reg - mpdcc_measurements::is_alpha
@@ -887,9 +925,8 @@ typedef struct __attribute__ ((__packed__)) {
     guard_registers_t guard;
     uint8_t RESERVED_60_7f[0x20];
     mpdcc_decision_t result;
-    uint8_t RESERVED_88_ff[0x78];
+    uint8_t RESERVED_8c_ff[0x74];
     mpdcc_parameters_t parameters;
-    uint8_t RESERVED_1f0_1ff[0x10];
     mpdcc_measurements_t measurements;
 } directmpc_mpdcc_t;
 

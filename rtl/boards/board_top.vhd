@@ -30,6 +30,7 @@ entity board_top is
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
     INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
     CAPACITOR_FILTER  : boolean               := true;       -- MPDCC: true: filters of v_n and v_ph
+    LEAKAGE_ESTIMATE  : boolean               := true;       -- MPDCC: true: estimate of the leakage; fast explorers
     FAMILY            : boolean               := false;      -- MPTC: true: methods of two and three vectors
     SENSORLESS        : boolean               := false;      -- MPTC: true: the speed can be estimated
     CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
@@ -331,6 +332,7 @@ begin
         WEIGHTED_DEADLOCK => WEIGHTED_DEADLOCK,
         INWARDS           => INWARDS,
         CAPACITOR_FILTER  => CAPACITOR_FILTER,
+        LEAKAGE_ESTIMATE  => LEAKAGE_ESTIMATE,
         LEAST_DEAD_TIME   => DEAD_CLOCKS
       )
       port map (

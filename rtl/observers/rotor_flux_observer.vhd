@@ -65,7 +65,10 @@ entity rotor_flux_observer is
     busy             : out   std_logic;                     -- '1': a step is under way
     psir_alpha       : out   std_logic_vector(15 downto 0); -- rotor flux, signed, 1/9000 pu
     psir_beta        : out   std_logic_vector(15 downto 0); -- signed, 1/9000 pu
-    saturated        : out   std_logic                      -- '1': a value did not fit its word
+    saturated        : out   std_logic;                     -- '1': a value did not fit its word
+    -- from k-1 to k, stable from 5 clocks after start until 4 clocks after the next one
+    v_alpha          : out   std_logic_vector(17 downto 0); -- 2 v_a - v_b - v_c, signed, 1/16003.125 pu
+    v_beta           : out   std_logic_vector(17 downto 0)  -- v_b - v_c, signed, 1/16003.125 pu
   );
 end entity rotor_flux_observer;
 
@@ -441,6 +444,8 @@ begin
 
   psir_alpha <= std_logic_vector(estimate(0));
   psir_beta  <= std_logic_vector(estimate(1));
+  v_alpha    <= voltage(0);
+  v_beta     <= voltage(1);
 
   p_overflow : process (clk) is
   begin

@@ -1,14 +1,19 @@
--- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, core, gate guard.
+-- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, estimate of the leakage,
+-- core, gate guard.
 --
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
 -- command.start), and are kept in the registers. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters
 -- take their step first, and observer and core get filtered voltages. With control.use_observer the observer takes
--- its step next and its flux replaces psir. The core decides; the guard turns the decision into gates. Parameters
+-- its step next and its flux replaces psir. The core decides; the guard turns the decision into gates. With l_mode
+-- the leakage's estimate takes its step beside the core, on what the core gets and the observer's voltages. Between
+-- two decisions it scales the slopes' coefficients for the next one. Parameters
 -- and the guard's settings are shadows that take effect together between two decisions. What is common to all
 -- systems is in system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start, 11 clocks later with the filters, 15 more with the observer.
+-- Latency: the core starts one clock after start, 11 clocks later with the filters, 15 more with the observer. With
+-- LEAKAGE_ESTIMATE a commit is pending for 18 clocks more, in which the core does not start; nor does it, with l_mode,
+-- within 46 clocks after its last start or 18 after its last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -30,6 +35,7 @@ entity mpdcc_system is
     WEIGHTED_DEADLOCK : boolean                  := true;  -- true: the weighted deadlock rule, fast explorer alone
     INWARDS           : boolean                  := true;  -- true: the rule inwards, fast explorer alone
     CAPACITOR_FILTER  : boolean                  := true;  -- true: filters of v_n and v_ph can be chosen
+    LEAKAGE_ESTIMATE  : boolean                  := true;  -- true: the leakage can be estimated, fast explorer alone
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10     -- clocks; shorter dead times are raised to it
   );
   port (
@@ -95,6 +101,9 @@ end entity mpdcc_system;
 
 architecture rtl of mpdcc_system is
 
+  constant ESTIMATES   : boolean := LEAKAGE_ESTIMATE and not FOLDED;
+  constant SLOPE_COUNT : natural := 13; -- coefficients of the current's slopes
+
   signal from_hardware  : directmpc_mpdcc_in_t;
   signal to_hardware    : directmpc_mpdcc_out_t;
   signal sample         : mpdcc_measurements_out_t; -- measurements of this decision
@@ -140,6 +149,18 @@ architecture rtl of mpdcc_system is
   signal observer_full  : std_logic;
   signal observer_flag  : std_logic; -- observer_full of a step that has ended
   signal estimate_flag  : std_logic; -- of either
+  signal given          : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- coefficients of the current's slopes
+  signal slopes         : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- as the core gets them
+  signal v_alpha        : std_logic_vector(17 downto 0); -- observer's voltages
+  signal v_beta         : std_logic_vector(17 downto 0);
+  signal estimating     : std_logic; -- the leakage's estimate takes a step beside the core
+  signal settled        : std_logic; -- the slopes are those of parameters and estimate
+  signal leakage_flag   : std_logic; -- a step that has ended, or a coefficient in use, did not fit
+  signal theta          : std_logic_vector(16 downto 0);
+  signal theta_stands   : std_logic;
+  signal preparing      : std_logic; -- slopes are scaled because of a commit
+  signal prepared       : std_logic; -- all that the core needs but for the slopes is there
+  signal waiting        : std_logic; -- it has been there
   signal flux_alpha     : std_logic_vector(15 downto 0);
   signal flux_beta      : std_logic_vector(15 downto 0);
   signal core_start     : std_logic;
@@ -235,6 +256,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      preparing          => preparing,
       decided            => core_valid,
       saturated          => core_saturated,
       deadlock           => core_deadlock,
@@ -367,9 +389,9 @@ begin
                  go;
 
   observer_rst   <= rst or (forget and not deciding);
-  observer_flag  <= observer_valid and observer_full;
-  estimate_flag  <= observer_flag or filter_flag;
-  observer_start <= ready and observing;
+  observer_flag  <= observer_valid and observer_full and observing;
+  estimate_flag  <= observer_flag or filter_flag or leakage_flag;
+  observer_start <= ready and (observing or estimating);
 
   i_observer : entity work.rotor_flux_observer
     port map (
@@ -402,15 +424,147 @@ begin
       busy             => observer_busy,
       psir_alpha       => observer_alpha,
       psir_beta        => observer_beta,
-      saturated        => observer_full
+      saturated        => observer_full,
+      v_alpha          => v_alpha,
+      v_beta           => v_beta
     );
 
   flux_alpha <= observer_alpha when observing = '1' else
                 sample.psir_alpha.value.value;
   flux_beta  <= observer_beta when observing = '1' else
                 sample.psir_beta.value.value;
-  core_start <= observer_valid when observing = '1' else
+  prepared   <= observer_valid when observing = '1' else
                 ready;
+  core_start <= (prepared or waiting) and settled;
+
+  p_waiting : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (core_start = '1') then
+        waiting <= '0';
+      elsif (prepared = '1') then
+        waiting <= '1';
+      end if;
+
+      if (rst = '1') then
+        waiting <= '0';
+      end if;
+    end if;
+
+  end process p_waiting;
+
+  given(15 downto 0)  <= in_force.c_stator_alpha.value.value;
+  given(31 downto 16)  <= in_force.c_stator_beta.value.value;
+  given(47 downto 32)  <= in_force.c_rotor_alpha.value.value;
+  given(63 downto 48)  <= in_force.c_rotor_beta.value.value;
+  given(79 downto 64)  <= in_force.c_emf_alpha.value.value;
+  given(95 downto 80)  <= in_force.c_emf_beta.value.value;
+  given(111 downto 96) <= in_force.c_forced_voltage.value.value;
+  given(127 downto 112) <= in_force.c_forced_neutral.value.value;
+  given(143 downto 128) <= in_force.c_curvature_emf_alpha.value.value;
+  given(159 downto 144) <= in_force.c_curvature_emf_beta.value.value;
+  given(175 downto 160) <= in_force.c_curvature_flux_alpha.value.value;
+  given(191 downto 176) <= in_force.c_curvature_flux_beta.value.value;
+  given(207 downto 192) <= in_force.c_error_forced.value.value;
+
+  g_leakage : if ESTIMATES generate
+
+    signal estimate_rst : std_logic;
+    signal step_start   : std_logic;
+    signal step_valid   : std_logic;
+    signal scale        : std_logic;
+    signal active       : std_logic; -- a step or a scaling is under way
+    signal loaded       : std_logic; -- parameters have been taken over a clock ago
+    signal stale        : std_logic; -- the slopes are to be scaled anew
+    signal deciding_now : std_logic; -- the core uses them
+    signal full         : std_logic;
+    signal clipped      : std_logic;
+
+  begin
+
+    estimating   <= in_force.l_mode.value.value(0);
+    estimate_rst <= rst or (forget and estimating and not deciding) or (loaded and not estimating);
+    step_start   <= core_start and estimating;
+    scale        <= stale and not deciding_now and not active and not estimate_rst;
+    settled      <= not stale and not active;
+    leakage_flag <= (step_valid and full) or (core_start and clipped);
+    theta_stands <= not active;
+
+    p_stale : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        loaded <= load;
+
+        if (load = '1') then
+          preparing <= '1';
+        elsif (settled = '1') then
+          preparing <= '0';
+        end if;
+
+        if (load = '1' or estimate_rst = '1' or (core_valid = '1' and estimating = '1')) then
+          stale <= '1';
+        elsif (scale = '1') then
+          stale <= '0';
+        end if;
+
+        if (core_start = '1') then
+          deciding_now <= '1';
+        elsif (core_valid = '1') then
+          deciding_now <= '0';
+        end if;
+
+        if (rst = '1') then
+          loaded       <= '0';
+          preparing    <= '0';
+          stale        <= '1';
+          deciding_now <= '0';
+        end if;
+      end if;
+
+    end process p_stale;
+
+    i_leakage : entity work.leakage_observer
+      generic map (
+        SLOPES => SLOPE_COUNT
+      )
+      port map (
+        clk             => clk,
+        rst             => estimate_rst,
+        start           => step_start,
+        scale           => scale,
+        is_alpha        => sample.is_alpha.value.value,
+        is_beta         => sample.is_beta.value.value,
+        psir_alpha      => flux_alpha,
+        psir_beta       => flux_beta,
+        omega_r         => sample.omega_r.value.value,
+        v_alpha         => v_alpha,
+        v_beta          => v_beta,
+        frozen          => in_force.l_mode.value.value(1),
+        l_voltage_alpha => in_force.l_voltage_alpha.value.value,
+        l_voltage_beta  => in_force.l_voltage_beta.value.value,
+        l_emf           => in_force.l_emf.value.value,
+        given           => given,
+        valid           => step_valid,
+        busy            => active,
+        theta           => theta,
+        saturated       => full,
+        scaled          => slopes,
+        clipped         => clipped
+      );
+
+  end generate g_leakage;
+
+  g_no_leakage : if not ESTIMATES generate
+    estimating   <= '0';
+    settled      <= '1';
+    preparing    <= '0';
+    leakage_flag <= '0';
+    theta        <= (16 => '1', others => '0');
+    theta_stands <= '1';
+    slopes       <= given;
+  end generate g_no_leakage;
 
   i_core : entity work.mpdcc_core
     generic map (
@@ -444,18 +598,18 @@ begin
       c_error_beta                => in_force.c_error_beta.value.value,
       c_error_neutral             => in_force.c_error_neutral.value.value,
       c_error_phase               => in_force.c_error_phase.value.value,
-      c_stator_alpha              => in_force.c_stator_alpha.value.value,
-      c_stator_beta               => in_force.c_stator_beta.value.value,
-      c_rotor_alpha               => in_force.c_rotor_alpha.value.value,
-      c_rotor_beta                => in_force.c_rotor_beta.value.value,
+      c_stator_alpha              => slopes(15 downto 0),
+      c_stator_beta               => slopes(31 downto 16),
+      c_rotor_alpha               => slopes(47 downto 32),
+      c_rotor_beta                => slopes(63 downto 48),
       c_reference_alpha           => in_force.c_reference_alpha.value.value,
       c_reference_beta            => in_force.c_reference_beta.value.value,
-      c_emf_alpha                 => in_force.c_emf_alpha.value.value,
-      c_emf_beta                  => in_force.c_emf_beta.value.value,
+      c_emf_alpha                 => slopes(79 downto 64),
+      c_emf_beta                  => slopes(95 downto 80),
       c_correction_alpha          => in_force.c_correction_alpha.value.value,
       c_correction_beta           => in_force.c_correction_beta.value.value,
-      c_forced_voltage            => in_force.c_forced_voltage.value.value,
-      c_forced_neutral            => in_force.c_forced_neutral.value.value,
+      c_forced_voltage            => slopes(111 downto 96),
+      c_forced_neutral            => slopes(127 downto 112),
       c_phase_alpha               => in_force.c_phase_alpha.value.value,
       c_phase_beta                => in_force.c_phase_beta.value.value,
       c_midpoint_alpha            => in_force.c_midpoint_alpha.value.value,
@@ -463,10 +617,10 @@ begin
       c_weight                    => in_force.c_weight.value.value,
       c_weight_alpha              => in_force.c_weight_alpha.value.value,
       c_weight_beta               => in_force.c_weight_beta.value.value,
-      c_curvature_emf_alpha       => in_force.c_curvature_emf_alpha.value.value,
-      c_curvature_emf_beta        => in_force.c_curvature_emf_beta.value.value,
-      c_curvature_flux_alpha      => in_force.c_curvature_flux_alpha.value.value,
-      c_curvature_flux_beta       => in_force.c_curvature_flux_beta.value.value,
+      c_curvature_emf_alpha       => slopes(143 downto 128),
+      c_curvature_emf_beta        => slopes(159 downto 144),
+      c_curvature_flux_alpha      => slopes(175 downto 160),
+      c_curvature_flux_beta       => slopes(191 downto 176),
       c_curvature_reference_alpha => in_force.c_curvature_reference_alpha.value.value,
       c_curvature_reference_beta  => in_force.c_curvature_reference_beta.value.value,
       bound_current               => in_force.bound_current.value.value,
@@ -482,7 +636,7 @@ begin
       c_change_phase              => in_force.c_change_phase.value.value,
       c_change_midpoint           => in_force.c_change_midpoint.value.value,
       c_change_weight             => in_force.c_change_weight.value.value,
-      c_error_forced              => in_force.c_error_forced.value.value,
+      c_error_forced              => slopes(207 downto 192),
       valid                       => core_valid,
       busy                        => open,
       s_a                         => core_a,
@@ -531,6 +685,7 @@ begin
   capabilities.weighted_deadlock.next_q <= to_std_logic(WEIGHTED_DEADLOCK and not FOLDED);
   capabilities.inwards.next_q         <= to_std_logic(INWARDS and not FOLDED);
   capabilities.capacitor_filter.next_q <= to_std_logic(CAPACITOR_FILTER);
+  capabilities.leakage_estimate.next_q <= to_std_logic(ESTIMATES);
   capabilities.flux_control.next_q    <= '0';
   capabilities.family.next_q <= '0';
   capabilities.sensorless.next_q <= '0';
@@ -547,6 +702,7 @@ begin
   from_hardware.result.decision.length <= (next_q => core_length, we => core_valid);
   from_hardware.result.rotor_flux.alpha <= (next_q => flux_alpha, we => core_valid);
   from_hardware.result.rotor_flux.beta <= (next_q => flux_beta, we => core_valid);
+  from_hardware.result.leakage.theta <= (next_q => theta, we => theta_stands);
 
   valid     <= core_valid;
   s_a       <= core_a;

@@ -223,6 +223,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      preparing          => '0',
       decided            => core_valid,
       saturated          => core_saturated,
       deadlock           => '0',
@@ -655,6 +656,7 @@ begin
   capabilities.weighted_deadlock.next_q <= '0';
   capabilities.inwards.next_q         <= '0';
   capabilities.capacitor_filter.next_q <= '0';
+  capabilities.leakage_estimate.next_q <= '0';
   capabilities.flux_control.next_q    <= to_std_logic(FLUX_CONTROL or FAMILY);
   capabilities.observer.next_q        <= to_std_logic(SENSORLESS or not FAMILY);
   capabilities.family.next_q          <= built_family;

@@ -63,6 +63,7 @@ entity system_shell is
     owning             : out   std_logic;                     -- '1': it goes on from the system's own last decision
     forget             : out   std_logic;                     -- '1': the observer is to begin anew, once not deciding
     load               : out   std_logic;                     -- '1' for one clock: shadows take effect
+    preparing          : in    std_logic;                     -- '1': parameters taken over are not yet in force
     decided            : in    std_logic;                     -- '1' for one clock: the core has decided
     saturated          : in    std_logic;                     -- '1' with decided: a value did not fit its word
     deadlock           : in    std_logic;                     -- '1' with decided: no candidate stays inside
@@ -289,7 +290,7 @@ begin
   shown.capabilities <= capabilities;
 
   shown.status.busy.next_q           <= busy;
-  shown.status.commit_pending.next_q <= pending;
+  shown.status.commit_pending.next_q <= pending or preparing;
   shown.status.running.next_q        <= is_running;
   shown.status.commutating.next_q    <= not is_resting;
   shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';

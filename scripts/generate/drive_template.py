@@ -79,6 +79,8 @@ MEANINGS = {
         "docs/robustness.md.",
         "control.capacitor_filter": "Filters of the measured capacitor voltages: a measurement "
         "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
+        "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
+        "estimate scales the prediction of the currents: docs/robustness.md.",
     },
     "mptc": {
         "controller": "Which controller.",

@@ -22,8 +22,8 @@ from scripts.shared.tools import ROOT
 PUBLIC = (
     "mpdcc_core", "mpdcc_scheduler", "mpdcc_explorer", "mptc_core", "mptc_family_core",
     "mptc_drive", "binary_search", "mac_block", "rotor_flux_observer", "capacitor_observer",
-    "mptc_speed_observer", "vector_sequencer", "gate_guard", "host_link", "mpdcc_system",
-    "mptc_system", "board_top",
+    "leakage_observer", "mptc_speed_observer", "vector_sequencer", "gate_guard", "host_link",
+    "mpdcc_system", "mptc_system", "board_top",
 )  # fmt: skip
 RTL = ROOT / "rtl"
 #: Nothing drives the ports of an entity alone, so its simulation has nothing to show.

@@ -23,7 +23,7 @@ from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 import directmpc
 from directmpc.host.registers import GUARD_DEAD_TIME, GUARD_MINIMUM_TIME
-from directmpc.mpdcc import capacitor_observer, formats
+from directmpc.mpdcc import capacitor_observer, formats, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc import program as common_terms
 from directmpc.mptc import coefficients as mptc_coefficients
@@ -220,6 +220,13 @@ def parameters(controller: str) -> list[Word]:
             for names, bits, signed in filters
             for name, text in names.items()
         ]
+        words += [
+            Word(f"l_{name}", leakage.COEFFICIENT_WIDTH, True, f"Leakage: {text}")
+            for name, text in leakage.COEFFICIENTS.items()
+        ]
+        words.append(
+            Word("l_mode", 2, False, "0: theta is 1, 1: it is estimated, 3: it stays as it is")
+        )
         return words
     width = mptc_formats.WORD_WIDTH
     names = [*mptc_coefficients.COEFFICIENTS, *mptc_observer.COEFFICIENTS[-2:]]

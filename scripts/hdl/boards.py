@@ -273,7 +273,7 @@ BOARDS = {
             divide=2,
             baud=115_200,
             controllers=("mpdcc", "mptc"),
-            left_out=("SECOND_LEVEL", "CAPACITOR_FILTER"),
+            left_out=("SECOND_LEVEL", "CAPACITOR_FILTER", "LEAKAGE_ESTIMATE"),
             pins={
                 "clock": "T9",
                 "uart_tx": "R13",

@@ -17,6 +17,7 @@ from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.errors import measure, sensors, split, switched_step
 from directmpc.mpdcc.formats import MEASUREMENTS
+from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_simulation import Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
@@ -125,6 +126,16 @@ class Bench:
         self.dut.rst.value = 0
         await Timer(2 * CLOCK_NS, "ns")
 
+    def use(self, registers: np.ndarray) -> None:
+        """Take other parameters for the next decision.
+
+        Parameters
+        ----------
+        registers : np.ndarray
+            ``Registers.array()``, shape (p,).
+        """
+        self.dut.parameters.value = pack_parameters(registers)
+
     async def decide(self, measurement: np.ndarray, s_prev: np.ndarray) -> tuple[int, ...]:
         """One decision.
 
@@ -188,6 +199,8 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     dead_time = loop.errors.dead_time * plant.data.ts / loop.drive.control.ts
     dead, rest = split(plant.data, dead_time)
     filters = CapacitorFilter(loop.drive)
+    estimate = LeakageEstimate(loop.drive) if loop.drive.control.leakage_estimate else None
+    given = np.atleast_2d(job.registers)[0]
     for k in range(steps):
         before = applied
         if loop.delay:
@@ -198,6 +211,9 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         measurement, clipped = common.encode_row(
             seen[:4], seen[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k], loop.omega_r[k],
         )  # fmt: skip
+        if estimate is not None:
+            bench.use(estimate.scaled(given)[0])
+            estimate.step(measurement, before)
         out[k] = await bench.decide(measurement, applied)
         out[k, FIELDS.index("saturated")] |= clipped
         decided = out[k, 0:3].copy()

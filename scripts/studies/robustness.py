@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 from directmpc.drive_tables import DriveError
-from directmpc.mpdcc import closed_loop, leakage, metrics
+from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.coefficients import ROOM, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from scripts.hdl import states
@@ -218,7 +218,7 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
     estimate = setting.knows in (THETA, OBSERVER)
     result = closed_loop.simulate(
         drive, bit_true_fast.decide,
-        registers(drive, "fast", leakage.ROOM if estimate else 1.0).array(),
+        registers(drive, "fast", ROOM if estimate else 1.0).array(),
         OperatingPoint(setting.speed), steps,
         settle=round(LEARNING / drive.control.ts) if setting.knows else SETTLE, seed=setting.start,
         plant_drive=real, delay=True, compensate=False, errors=errors,

@@ -199,13 +199,14 @@ def test_refusals_say_why() -> None:
 
 
 #: Capabilities of a board that takes every drive.
-OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter")
+OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter", "leakage_estimate")
 
 
 @pytest.mark.parametrize("control", [{"switching_horizon": "SESE"}, {"delay_compensation": True},
                                      {"deadlock_rule": "weighted"},
                                      {"outside_rule": "inwards"},
-                                     {"capacitor_filter": 4}])  # fmt: skip
+                                     {"capacitor_filter": 4},
+                                     {"leakage_estimate": True}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     drive = states.shipped("anpc5l_6kv")
     plain = values(drive, GuardSettings(clock=25e6), "fast")

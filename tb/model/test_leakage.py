@@ -21,7 +21,7 @@ from directmpc.mpdcc import closed_loop, ideal, leakage
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, registers
+from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, ROOM, registers
 from directmpc.mpdcc.drive import Drive
 from scripts.hdl import states
 
@@ -44,7 +44,7 @@ def run(
     """A closed loop with the estimate."""
     drive, real = drive_and_machine(name, factor)
     return closed_loop.simulate(
-        drive, fast.decide, registers(drive, "fast", leakage.ROOM).array(), OperatingPoint(1.0),
+        drive, fast.decide, registers(drive, "fast", ROOM).array(), OperatingPoint(1.0),
         steps, settle=settle, delay=True, compensate=False, errors=NOISE, plant_drive=real,
         leakage_estimate=True,
     )  # fmt: skip
@@ -108,14 +108,14 @@ def test_a_frozen_theta_stays_and_one_at_its_limits_too() -> None:
 @pytest.mark.parametrize("name", ["anpc5l_6kv", "anpc5l_3kv3"])
 def test_scaled_coefficients_are_the_machines(name: str) -> None:
     drive, real = drive_and_machine(name, 0.8)
-    given = registers(drive, "fast", leakage.ROOM).array()
+    given = registers(drive, "fast", ROOM).array()
     values = given.copy()
     assert leakage.scaled(1 << leakage.FRACTION, given, values) == 0
     assert np.array_equal(values, given)
     ratio = (drive.machine.d / drive.machine.xr) / (real.machine.d / real.machine.xr)
     assert leakage.scaled(round(ratio * 2**16), given, values) == 0
-    unit = registers(drive, "fast", leakage.ROOM).unit
-    other = registers(real, "fast", leakage.ROOM)
+    unit = registers(drive, "fast", ROOM).unit
+    other = registers(real, "fast", ROOM)
     for key, place in INDEX.items():
         if key not in CURRENT_SLOPES:
             assert values[place] == given[place], key

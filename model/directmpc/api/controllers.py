@@ -9,6 +9,7 @@ import numpy as np
 
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
@@ -168,6 +169,7 @@ class ModelController:
         check_engine("model", variant)
         self.drive = drive
         self._decide, self._parameters = _compiled(drive, "model", variant)
+        self._given = self._parameters
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Decide on one step.
@@ -191,6 +193,22 @@ class ModelController:
         """
         known = state_of(self.drive, state)
         return _decision(self.drive, self._decide, self._parameters, known)
+
+    def scale(self, estimate: LeakageEstimate) -> bool:
+        """Scale the slopes of the current for the decisions to come; MPDCC alone.
+
+        Parameters
+        ----------
+        estimate : LeakageEstimate
+            Whose theta it is by.
+
+        Returns
+        -------
+        bool
+            Whether a coefficient did not hold its value.
+        """
+        self._parameters, saturated = estimate.scaled(self._given)
+        return saturated
 
 
 def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any, Any]:

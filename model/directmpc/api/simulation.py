@@ -211,7 +211,8 @@ def simulate(
 
     An MPDCC decision acts at once, or one step later where the drive sets `delay_compensation`; an
     MPTC decision acts one step later. The capacitor filters of a drive (`capacitor_filter`) stand
-    in front of any controller.
+    in front of any controller. The estimate of the leakage (`leakage_estimate`) is in "model"
+    alone.
 
     Parameters
     ----------
@@ -288,7 +289,9 @@ def simulate(
         if number is not None and not _is_finite(number):
             raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
     engine = controller if isinstance(controller, str) else type(controller).__name__
-    if isinstance(controller, str) and (sensorless or settle + steps < COMPILED_FROM):
+    estimate = isinstance(drive, Drive) and drive.control.leakage_estimate
+    short = settle + steps < COMPILED_FROM and not estimate
+    if isinstance(controller, str) and (sensorless or short):
         controller = make_controller(drive, controller, variant)
     run = functools.partial(_run_mptc, sensorless=sensorless)
     if isinstance(drive, Drive):

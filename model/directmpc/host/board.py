@@ -59,6 +59,7 @@ _NEEDED = {
     "parameters.outside_inwards": "inwards",
     "parameters.f_q_midpoint": "capacitor_filter",
     "parameters.f_q_phase": "capacitor_filter",
+    "parameters.l_mode": "leakage_estimate",
     "parameters.method_mpfc": "flux_control",
     "parameters.family_method": "family",
     "parameters.sensorless": "sensorless",
@@ -509,8 +510,8 @@ class Board:
     def start(self) -> None:
         """Clear the faults and let the gates switch; they follow the decisions from now on.
 
-        The drive's capacitor filters, its observer and its own sequence begin anew: nobody knows
-        how long ago the last step was.
+        The drive's capacitor filters, its observer, its estimate of the leakage and its own
+        sequence begin anew: nobody knows how long ago the last step was.
 
         Raises
         ------
@@ -521,8 +522,9 @@ class Board:
         """
         self.stop()
         self.write("system.faults", **self.read("system.faults"))
-        filters = isinstance(self.drive, Drive) and self.drive.control.capacitor_filter
-        if filters or self._kept["own_positions"] or self._kept.get("use_observer"):
+        control = self.drive.control if isinstance(self.drive, Drive) else None
+        remembers = control and (control.capacitor_filter or control.leakage_estimate)
+        if remembers or self._kept["own_positions"] or self._kept.get("use_observer"):
             self.forget_estimates()
         self._started = True  # from here on there is something to turn off
         self.write("system.control", enable=1, **self._kept)
@@ -532,7 +534,7 @@ class Board:
             raise TrippedError(faults, "start")
 
     def forget_estimates(self) -> None:
-        """Let capacitor filters and observer begin anew with the next step.
+        """Let capacitor filters, observer and estimate begin anew with the next step.
 
         While the gates are off, the system's own sequence does so too: no voltage is applied.
 

@@ -23,6 +23,8 @@ from directmpc.host.protocol import Flag
 from directmpc.mpdcc import capacitor_observer
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.formats import MEASUREMENTS
+from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
@@ -32,6 +34,7 @@ from directmpc.mptc.sensorless import SensorlessController
 from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State
 
 IntArray = NDArray[np.int64]
+_VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")]
 
 
 @dataclass(frozen=True)
@@ -132,8 +135,8 @@ def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
 class BoardController:
     """A board as a controller (`directmpc.Controller`), every decision compared with the model's.
 
-    A decision is one request and one reply. Where the drive has capacitor filters, those of the
-    board begin anew, and the model has its own.
+    A decision is one request and one reply. Where the drive has capacitor filters or an estimate of
+    the leakage, those of the board begin anew, and the model has its own.
 
     Parameters
     ----------
@@ -154,6 +157,8 @@ class BoardController:
         What the board replied so far.
     differing : int
         Decisions so far that differ from the bit-true model's on the same state.
+    leakage : LeakageEstimate or None
+        The model's estimate of the leakage where the drive has one.
 
     Raises
     ------
@@ -184,6 +189,11 @@ class BoardController:
         self._filters: capacitor_observer.CapacitorFilter | None = None
         if isinstance(drive, Drive) and drive.control.capacitor_filter:
             self._filters = capacitor_observer.CapacitorFilter(drive)
+            board.forget_estimates()
+        self.leakage: LeakageEstimate | None = None
+        if isinstance(drive, Drive) and drive.control.leakage_estimate:
+            self.leakage, self._scaled = LeakageEstimate(drive), model
+            self._before: tuple[int, ...] = (0, 0, 0)
             board.forget_estimates()
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
@@ -224,11 +234,23 @@ class BoardController:
     ) -> Decision:
         """The model's decision, behind its filters where the drive has them."""
         known = state_of(self.drive, state)
-        if self._filters is None:
+        if self._filters is None and self.leakage is None:
             return self._model.decide(known)
         assert isinstance(known, MpdccState)
-        v_n, *v_ph = self._filters.voltages(words, known.applied)
-        found = self._model.decide(replace(known, v_n=v_n, v_ph=tuple(v_ph)))
+        assert isinstance(self.drive, Drive)
+        used = list(words)
+        if self._filters is not None:
+            v_n, *v_ph = self._filters.voltages(words, known.applied)
+            known = replace(known, v_n=v_n, v_ph=tuple(v_ph))
+            for place, value in zip(_VOLTAGES, (v_n, *v_ph), strict=True):
+                used[place] = round(value * MEASUREMENTS[list(MEASUREMENTS)[place]].scale)
+        if self.leakage is not None:
+            self._scaled.scale(self.leakage)
+            # with delay compensation the positions given until now take effect
+            delayed = self.drive.control.delay_compensation
+            self.leakage.step(used, self._before if delayed else known.applied)
+            self._before = tuple(known.applied)
+        found = self._model.decide(known)
         assert isinstance(found, MpdccDecision)
         return replace(found, saturated=found.saturated or clipped)
 

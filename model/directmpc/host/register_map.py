@@ -33,6 +33,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "weighted_deadlock": (12, 1, False),
                 "inwards": (13, 1, False),
                 "capacitor_filter": (14, 1, False),
+                "leakage_estimate": (15, 1, False),
                 "least_dead_time": (16, 12, False),
                 "family": (28, 1, False),
                 "sensorless": (29, 1, False),
@@ -182,6 +183,12 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             {
                 "alpha": (0, 16, False),
                 "beta": (16, 16, False),
+            },
+        ),
+        "result.leakage": (
+            0x088,
+            {
+                "theta": (0, 17, False),
             },
         ),
         "parameters.c_error_alpha": (
@@ -544,6 +551,30 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 3, False),
             },
         ),
+        "parameters.l_voltage_alpha": (
+            0x1F0,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.l_voltage_beta": (
+            0x1F4,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.l_emf": (
+            0x1F8,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.l_mode": (
+            0x1FC,
+            {
+                "value": (0, 2, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {
@@ -669,6 +700,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "weighted_deadlock": (12, 1, False),
                 "inwards": (13, 1, False),
                 "capacitor_filter": (14, 1, False),
+                "leakage_estimate": (15, 1, False),
                 "least_dead_time": (16, 12, False),
                 "family": (28, 1, False),
                 "sensorless": (29, 1, False),

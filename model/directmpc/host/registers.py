@@ -329,7 +329,8 @@ def values(
     Returns
     -------
     RegisterValues
-        Gate guard and parameters of the core, its observer and its capacitor filters.
+        Gate guard and parameters of the core, its observer, its capacitor filters and its estimate
+        of the leakage.
 
     Raises
     ------
@@ -342,7 +343,7 @@ def values(
     guard = guard_words(drive, settings or GuardSettings(), saturated)
     words = {f"guard.{name}": guard[name] for name in guard}
     if isinstance(drive, Drive):
-        from directmpc.mpdcc import capacitor_observer
+        from directmpc.mpdcc import capacitor_observer, leakage
         from directmpc.mpdcc import observer as rotor_flux_observer
 
         parameters = dict(coefficients.registers(drive, variant).ports())
@@ -351,7 +352,13 @@ def values(
         parameters |= {
             f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()
         }
+        estimate, misfits = leakage.coefficients(drive)
+        parameters |= {f"l_{name}": value for name, value in estimate.items()}
+        parameters["l_mode"] = int(drive.control.leakage_estimate)
         saturated += problems
+        # without the estimate its coefficients have no effect
+        if drive.control.leakage_estimate:
+            saturated += misfits
         controller = "mpdcc"
     else:
         chosen = mptc_coefficients.registers(drive)

@@ -347,11 +347,12 @@ def _loop(
             )
         shown[k] = x
         if estimators.use_leakage:
+            # the decision works with the estimate of the step before
+            adapt(estimators.leakage_state[0] >> leakage.GUARD, estimators.given, parameters)
             word, _ = leakage.step_row(
                 estimators.leakage, estimators.leakage_state, x, vdc[k], omega_r[k], positions[k], 0
             )
             estimators.theta[k] = word
-            adapt(word, estimators.given, parameters)
         reference[0], reference[1] = iref[k].real, iref[k].imag
         if delay and compensate:
             ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
@@ -520,7 +521,7 @@ def simulate(
     compensate: bool = True,
     errors: DriveErrors = NO_ERRORS,
     flux_observer: bool = False,
-    leakage_estimate: bool = False,
+    leakage_estimate: bool | None = None,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
 
@@ -557,9 +558,10 @@ def simulate(
     flux_observer : bool
         Whether the controller sees the rotor flux of the bit-true observer, which begins at the
         plant's, in place of the plant's.
-    leakage_estimate : bool
+    leakage_estimate : bool, optional
         Whether the bit-true estimate of the leakage scales the controller's coefficients. Only for
-        a bit-true controller, whose `parameters` are ``Registers.array()``.
+        a bit-true controller, whose `parameters` are ``Registers.array()``; the drive says it for
+        such a one if it is not given.
 
     Returns
     -------
@@ -573,6 +575,9 @@ def simulate(
         another controller.
     """
     total = settle + steps
+    if leakage_estimate is None:
+        wanted = drive.control.leakage_estimate
+        leakage_estimate = wanted and isinstance(parameters, np.ndarray)
     if leakage_estimate and not isinstance(parameters, np.ndarray):
         raise ValueError("leakage_estimate: only a bit-true controller has coefficients to scale")
     if steps < 1 or settle < 0:

@@ -52,6 +52,9 @@ CURRENT_SLOPES: tuple[str, ...] = (
     "curvature_flux_alpha", "curvature_flux_beta", "error_forced",
 )  # fmt: skip
 
+ROOM = 2.0
+"""What that estimate may make of such a coefficient; the trajectory unit of a drive leaves it."""
+
 
 @dataclass(frozen=True)
 class Registers:
@@ -326,7 +329,8 @@ def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
     variant : str
         "paper" or "fast": which explorers the core has.
     room : float
-        Factor by which ``CURRENT_SLOPES`` may grow at run time.
+        Factor by which ``CURRENT_SLOPES`` may grow at run time; ``ROOM`` at least where the drive
+        has an estimate of the leakage.
 
     Returns
     -------
@@ -391,6 +395,7 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
         ("delay_compensation", control.delay_compensation, "true", "false"),
         ("deadlock_rule", control.deadlock_rule != "largest", '"weighted"', '"largest"'),
         ("outside_rule", control.outside_rule != "dead", '"inwards"', '"dead"'),
+        ("leakage_estimate", control.leakage_estimate, "true", "false"),
     ):
         if asked:
             raise ValueError(
@@ -422,6 +427,8 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
         the message names the drive file's key.
     """
     refuse_unserved(drive, variant)
+    if drive.control.leakage_estimate:
+        room = max(room, ROOM)
     exact = unrounded(drive, variant, room)
     coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
     bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)

@@ -60,6 +60,8 @@ class Control(Section):
     gives it the length 0, "inwards" follows it while it comes back.
     `capacitor_filter` is q: filters in front of the controller predict v_n and v_ph by the charge
     that the positions move and correct them by 2^-q of what is measured besides; 0: no filter.
+    `leakage_estimate` lets an estimate of the machine's leakage scale the prediction of the
+    currents, in the cores and their model.
     """
 
     ts: Annotated[
@@ -76,6 +78,7 @@ class Control(Section):
     deadlock_rule: Literal["largest", "weighted"] = "largest"
     outside_rule: Literal["dead", "inwards"] = "dead"
     capacitor_filter: integer(0, 7) = 0
+    leakage_estimate: Annotated[bool, Field(strict=True, description="true or false")] = False
 
 
 PAPERS_RULES: dict[str, Any] = {"deadlock_rule": "largest", "outside_rule": "dead"}

@@ -4,79 +4,63 @@ The leakage of the machine decides how fast its current moves. theta is the rati
 the current makes to the one that the controller's machine predicts. A step of the estimate takes
 theta from k-1 to k (per unit, stationary coordinates, h the control period, D = xs xr - xm^2):
 
-    phi    = h (-i/tau_s + xm/D (1/tau_r - j omega_r) psi_r + xr/D v)     predicted step
-    e      = i(k) - i(k-1) - theta phi                                    its error
-    theta += mu Re(conj(phi) e)                                           least mean squares
+    phi    = h (xr/D v - j omega_r xm/D psi_r)              predicted step
+    e      = i(k) - i(k-1) - theta phi                      its error
+    theta += mu Re(conj(phi) e)                             least mean squares
 
-i and psi_r are means of k-1 and k, v is the voltage of the positions applied between, as
-`rotor_flux_observer` forms it. All three terms of phi have 1/D as their factor, or nearly so: the
-resistances' share of 1/tau_s and 1/tau_r is small beside the voltages. So theta times the
-coefficients of the current's slopes makes the controller's prediction that of the machine, see
-``scaled``.
+psi_r and omega_r are those of k, v is the voltage of the positions applied between, as
+`rotor_flux_observer` forms it. alpha takes its step first, beta follows with the new theta.
 
-theta stays within 0.5 and 2, its mu is fixed. A controller that freezes theta at 1 has the
-coefficients that it was given, to the bit.
+phi has no share of the resistances. It is along i and psi_r, while the step of the current is
+perpendicular to them but for its ripple, so that they change theta little. All terms of phi
+have 1/D as their factor, and those of the resistances nearly so. So theta times the coefficients of
+the current's slopes makes the controller's prediction that of the machine, see ``scaled``.
+
+A decision at k works with theta of k-1: the estimate takes its step while the core decides.
+theta stays within 0.5 and 2: a step that would take it out is left out. Its mu is fixed. A
+controller that freezes theta at 1 has the coefficients that it was given, to the bit.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import InductionMachine
-from directmpc.mpdcc.observer import (
-    ANGLE_SHIFT,
-    COARSE,
-    CURRENT_SCALE,
-    FINE,
-    FLUX_SCALE,
-    MIDDLE,
-    SPEED_SCALE,
-    VOLTAGE_SCALE,
-    WHOLE,
-    WORD_WIDTH,
-)
+from directmpc.mpdcc.observer import VOLTAGE_SCALE, voltages
 from directmpc.mpdcc.trace import IntArray
 
-#: Coefficients of the estimate in port order and what they are; signed, 18 bits.
+#: Coefficients of ``leakage_observer`` in port order and what they are; signed, 18 bits.
 COEFFICIENTS: dict[str, str] = {
-    "speed": "speed times h, 19 fractional bits",
-    "voltage_alpha": "xr/D: 2*v_a - v_b - v_c in the step of the current, 16 fractional bits",
-    "voltage_beta": "xr/D: v_b - v_c in the step of the current, 16 fractional bits",
-    "drop": "-1/tau_s: current in its own step, 22 fractional bits",
-    "decay": "xm/(D tau_r): rotor flux in the step of the current, 25 fractional bits",
-    "emf": "xm/D: turned rotor flux in the step of the current, 16 fractional bits",
+    "voltage_alpha": "h*xr/(3*D): 2*v_a - v_b - v_c in the step of the current, 16 fractional bits",
+    "voltage_beta": "h*xr/(sqrt(3)*D): v_b - v_c in the step of the current, 16 fractional bits",
+    "emf": "h*xm/D: speed times rotor flux in the step of the current, 32 fractional bits",
 }
 
-FRACTION = 16  # fractional bits of theta as a word
-GUARD = 12  # bits of theta's state below that
-STATE_WIDTH = WORD_WIDTH + GUARD
+COEFFICIENT_WIDTH = 18
+WORD_WIDTH = 16  # bits of a step, of its error and of the speed's product
+FRACTION = 16  # fractional bits of theta as a word, and of every product
+THETA_WIDTH = FRACTION + 1
+GUARD = 10  # bits of theta's state below that
+STATE_WIDTH = THETA_WIDTH + GUARD
 ONE = 1 << (FRACTION + GUARD)  # theta = 1 as a state
-LEAST, MOST = ONE // 2, 2 * ONE - (1 << GUARD)  # what theta is limited to
+LEAST, MOST = ONE // 2, 2 * ONE - 1  # what theta is limited to
 
-ROOM = 2.0
-"""What theta may make of a coefficient; the trajectory unit of a drive has to leave it."""
+MU = f.CURRENT.scale**2 / 2.0 ** (FRACTION + GUARD)
+"""Gain, per square of the current in pu: what the formats make of it, 3.81."""
 
-EMF_SHIFT = 15  # of the product of flux and angle, whose word has 4 bits more than the flux's
-GAIN_SHIFT = 2  # of the products of error and step, on the way to theta's state
-
-MU = CURRENT_SCALE**2 / 2.0 ** (FRACTION + GUARD + GAIN_SHIFT)
-"""Gain, per square of the current in pu: what the shift makes of it, 3.81."""
-
-_HIGH = 2 ** (WORD_WIDTH - 1) - 1
+_HIGH = 2 ** (COEFFICIENT_WIDTH - 1) - 1
 _PLACES = np.array([INDEX[name] for name in CURRENT_SLOPES], dtype=np.int64)
-_HALF_DC = np.asarray(anpc.HALF_DC, dtype=np.int64)
-_NEUTRAL = np.asarray(anpc.NEUTRAL, dtype=np.int64)
-_CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
-_COEFFICIENT_WIDTH = f.COEFFICIENT_WIDTH
+_SLOPE_WIDTH = f.COEFFICIENT_WIDTH
 
 
 def coefficients(drive: Drive) -> tuple[dict[str, int], list[str]]:
@@ -95,16 +79,12 @@ def coefficients(drive: Drive) -> tuple[dict[str, int], list[str]]:
         One sentence per word that did not fit and was saturated.
     """
     m, h = drive.machine, drive.ts_pu
-    voltage = h * m.xr / m.d * CURRENT_SCALE / VOLTAGE_SCALE * 2.0**WHOLE
-    flux = h * m.xm / m.d * CURRENT_SCALE / FLUX_SCALE
+    voltage = h * m.xr / m.d * f.CURRENT.scale / VOLTAGE_SCALE * 2.0**FRACTION
+    flux = h * m.xm / m.d * f.CURRENT.scale / f.FLUX.scale * 2.0**FRACTION
     real = {
-        "speed": h * 2.0 ** (COARSE + ANGLE_SHIFT) / SPEED_SCALE,
         "voltage_alpha": voltage / 3.0,
         "voltage_beta": voltage / math.sqrt(3.0),
-        "drop": -h / m.tau_s * 2.0**MIDDLE,
-        "decay": flux / m.tau_r * 2.0**FINE,
-        # the turned flux has the angle of a step, which has h already
-        "emf": flux / h * 2.0 ** (EMF_SHIFT - COARSE) * 2.0**WHOLE,
+        "emf": flux * 2.0**FRACTION / f.SPEED.scale,
     }
     words, problems = {}, []
     for name in COEFFICIENTS:
@@ -125,15 +105,14 @@ def array(words: dict[str, int]) -> IntArray:
 
     Returns
     -------
-    ndarray of int64, shape (6,)
+    ndarray of int64, shape (3,)
         Signed 18-bit words in the order of ``COEFFICIENTS``.
     """
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
-#: State of the twin: theta, last current alpha, beta, last flux alpha, beta, and 1 once there is a
-#: last current.
-STATE_WORDS = 6
+#: State of the twin: theta, last current alpha, beta, and 1 once there is a last current.
+STATE_WORDS = 4
 
 
 def first() -> IntArray:
@@ -141,7 +120,7 @@ def first() -> IntArray:
 
     Returns
     -------
-    ndarray of int64, shape (6,)
+    ndarray of int64, shape (4,)
         theta is 1, see ``STATE_WORDS``.
     """
     state = np.zeros(STATE_WORDS, dtype=np.int64)
@@ -150,14 +129,56 @@ def first() -> IntArray:
 
 
 @njit
-def step_words(coefficient, state, m, s, frozen):
-    """One step of the estimate.
+def step_voltages(coefficient, state, m, v, frozen):
+    """One step of ``leakage_observer``.
 
     Parameters
     ----------
-    coefficient : ndarray of int64, shape (6,)
+    coefficient : ndarray of int64, shape (3,)
         Of ``array``.
-    state : ndarray of int64, shape (6,)
+    state : ndarray of int64, shape (4,)
+        See ``STATE_WORDS``; replaced by the next.
+    m : ndarray of int64, shape (5,)
+        is_alpha, is_beta, psir_alpha, psir_beta, omega_r as the ports take them.
+    v : tuple of int, length 2
+        2 v_a - v_b - v_c and v_b - v_c from k-1 to k, LSB of ``formats.LINK_VOLTAGE``, 18 bits.
+    frozen : int
+        1: theta stays.
+
+    Returns
+    -------
+    theta : int
+        At k, unsigned, 16 fractional bits.
+    saturated : int
+        1 where a word did not hold its value. theta at its limits is none.
+    """
+    angle, over = rounded(m[4] * coefficient[2], FRACTION, WORD_WIDTH)
+    for x in range(2):
+        # -j omega psi: the other axis, negative for beta
+        cross = m[3] if x == 0 else -m[2]
+        phi, o0 = rounded(cross * angle + v[x] * coefficient[x], FRACTION, WORD_WIDTH)
+        theta = state[0] >> GUARD
+        # negative, so that nothing has to be turned around
+        error, o1 = rounded(phi * theta + ((state[1 + x] - m[x]) << FRACTION), FRACTION, WORD_WIDTH)
+        over |= o0 | o1
+        if state[3] and not frozen:
+            moved = state[0] - phi * error
+            if LEAST <= moved <= MOST:
+                state[0] = moved
+    over *= state[3]
+    state[1], state[2], state[3] = m[0], m[1], 1
+    return state[0] >> GUARD, over
+
+
+@njit
+def step_words(coefficient, state, m, s, frozen):
+    """One step of ``leakage_observer`` behind the voltages of ``rotor_flux_observer``.
+
+    Parameters
+    ----------
+    coefficient : ndarray of int64, shape (3,)
+        Of ``array``.
+    state : ndarray of int64, shape (4,)
         See ``STATE_WORDS``; replaced by the next.
     m : ndarray of int64, shape (10,)
         is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc, omega_r, psir_alpha, psir_beta as the
@@ -172,38 +193,13 @@ def step_words(coefficient, state, m, s, frozen):
     theta : int
         At k, unsigned, 16 fractional bits.
     saturated : int
-        1 where a word did not hold its value. theta at its limits is no overflow.
+        1 where a word did not hold its value. theta at its limits is none.
     """
-    speed, drop, decay, emf = coefficient[0], coefficient[3], coefficient[4], coefficient[5]
-    q, over = rounded(m[7] * 4 * speed, ANGLE_SHIFT, WORD_WIDTH)
-    v = np.empty(3, dtype=np.int64)
-    for x in range(3):
-        v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
-    v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
-    v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
-    over |= o0 | o1
-    volts = (v_a * coefficient[1], v_b * coefficient[2])
-    total = np.int64(0)
-    for x in range(2):
-        mean, flux = (m[x] + state[1 + x]) * 2, (m[8 + x] + state[3 + x]) * 2
-        # -j omega psi: the other axis, negative for beta
-        cross = (m[9] + state[4]) * 2 if x == 0 else ~((m[8] + state[3]) * 2)
-        turned, o0 = rounded(cross * q, EMF_SHIFT, WORD_WIDTH)
-        step = (volts[x] + turned * emf) << (FINE - WHOLE)
-        step += (mean * drop << (FINE - MIDDLE)) + flux * decay
-        phi, o1 = rounded(step, FINE, WORD_WIDTH)
-        moved = ((m[x] - state[1 + x]) * 4) << FRACTION
-        error, o2 = rounded(moved + ~phi * (state[0] >> GUARD), FRACTION, WORD_WIDTH)
-        total += error * phi
-        over |= o0 | o1 | o2
-    if state[5] and not frozen:
-        theta, _ = rounded((state[0] << GAIN_SHIFT) + total, GAIN_SHIFT, 63)
-        state[0] = min(max(theta, LEAST), MOST)
-    over *= state[5]
-    for x in range(2):
-        state[1 + x], state[3 + x] = m[x], m[8 + x]
-    state[5] = 1
-    return state[0] >> GUARD, over
+    v_a, v_b, bent = voltages(m, s)
+    used = np.array([m[0], m[1], m[8], m[9], m[7]])
+    begun = state[3]
+    theta, over = step_voltages(coefficient, state, used, (v_a, v_b), frozen)
+    return theta, over | (bent & begun)
 
 
 @njit
@@ -226,7 +222,7 @@ def scaled(theta, given, values):
     """
     over = 0
     for place in _PLACES:
-        values[place], o = rounded(given[place] * theta, FRACTION, _COEFFICIENT_WIDTH)
+        values[place], o = rounded(given[place] * theta, FRACTION, _SLOPE_WIDTH)
         over |= o
     return over
 
@@ -236,6 +232,13 @@ _FORMATS = [
     f.FLUX, f.FLUX,
 ]  # fmt: skip
 _SCALES, _LOWS, _HIGHS = limits(_FORMATS)
+_WORDS = [
+    list(f.MEASUREMENTS).index(name)
+    for name in (
+        "is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r",
+        "psir_alpha", "psir_beta",
+    )
+]  # fmt: skip
 
 
 @njit
@@ -270,12 +273,74 @@ def step_row(coefficient, state, x, vdc, omega_r, s, frozen):
     return step_words(coefficient, state, m, s, frozen)
 
 
+class LeakageEstimate:
+    """The estimate of a drive with its state, step by step.
+
+    Parameters
+    ----------
+    drive : Drive
+        Machine and control period.
+
+    Attributes
+    ----------
+    coefficient : ndarray of int64, shape (3,)
+        Of ``array``.
+    state : ndarray of int64, shape (4,)
+        As of ``step_words``.
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        self.coefficient = array(coefficients(drive)[0])
+        self.state = first()
+
+    @property
+    def theta(self) -> int:
+        """theta of the last step, unsigned, 16 fractional bits.
+
+        Returns
+        -------
+        int
+            From 2^15 to 2^17 - 1; 2^16 before the first step.
+        """
+        return int(self.state[0]) >> GUARD
+
+    def scaled(self, given: NDArray[np.int64]) -> tuple[NDArray[np.int64], bool]:
+        """Parameters of a core for the next decision.
+
+        Parameters
+        ----------
+        given : ndarray of int64, shape (p,)
+            ``Registers.array()``.
+
+        Returns
+        -------
+        values : ndarray of int64, shape (p,)
+            With ``CURRENT_SLOPES`` times theta.
+        saturated : bool
+            Whether a coefficient did not hold its value.
+        """
+        values = given.copy()
+        return values, bool(scaled(self.theta, given, values))
+
+    def step(self, words: Sequence[int], s: Sequence[int]) -> None:
+        """Go on with what a decision was made on.
+
+        Parameters
+        ----------
+        words : sequence of int, length 13
+            In the order of ``formats.MEASUREMENTS``, voltages of the capacitor filters included.
+        s : sequence of int, length 3
+            Positions applied until then.
+        """
+        m = np.array([words[n] for n in _WORDS], dtype=np.int64)
+        step_words(self.coefficient, self.state, m, np.array(s, dtype=np.int64), 0)
+
+
 class IdealState(NamedTuple):
-    """theta, and current and rotor flux at k, per unit."""
+    """theta, and current at k, per unit."""
 
     theta: float
     current: complex
-    flux: complex
 
 
 def step_ideal(
@@ -313,11 +378,12 @@ def step_ideal(
         At k.
     """
     if state is None:
-        return IdealState(1.0, current, flux)
-    m = machine
-    mean, psi = 0.5 * (state.current + current), 0.5 * (state.flux + flux)
-    emf = m.xm / m.d * (1.0 / m.tau_r - 1j * omega_r) * psi
-    phi = h * (-mean / m.tau_s + emf + m.xr / m.d * voltage)
-    error = current - state.current - state.theta * phi
-    theta = state.theta + mu * (phi.conjugate() * error).real
-    return IdealState(min(max(theta, 0.5), 2.0), current, flux)
+        return IdealState(1.0, current)
+    m, theta = machine, state.theta
+    phi = h * (m.xr / m.d * voltage - 1j * omega_r * m.xm / m.d * flux)
+    moved = current - state.current
+    for step, wanted in ((phi.real, moved.real), (phi.imag, moved.imag)):
+        moved_theta = theta + mu * step * (wanted - theta * step)
+        if 0.5 <= moved_theta < 2.0:
+            theta = moved_theta
+    return IdealState(theta, current)

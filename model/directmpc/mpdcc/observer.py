@@ -167,6 +167,32 @@ _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 
 @njit
+def voltages(m, s):
+    """Voltages along alpha and beta as ``rotor_flux_observer`` forms them.
+
+    Parameters
+    ----------
+    m : ndarray of int64, shape (8,) or longer
+        As of ``step_words``.
+    s : ndarray of int64, shape (3,)
+        Positions applied until now.
+
+    Returns
+    -------
+    v_alpha, v_beta : int
+        2 v_a - v_b - v_c and v_b - v_c, LSB of ``formats.LINK_VOLTAGE``, 18 bits.
+    saturated : int
+        1 where one did not fit.
+    """
+    v = np.empty(3, dtype=np.int64)
+    for x in range(3):
+        v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
+    v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
+    v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
+    return v_a, v_b, o0 | o1
+
+
+@njit
 def step_words(coefficient, state, m, s):
     """One step of ``rotor_flux_observer``.
 
@@ -192,12 +218,8 @@ def step_words(coefficient, state, m, s):
     guard = GUARD
     q, o = rounded(m[7] * 4 * c.speed, ANGLE_SHIFT, WORD_WIDTH)
     over = state[6] | o
-    v = np.empty(3, dtype=np.int64)
-    for x in range(3):
-        v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
-    v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
-    v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
-    over |= o0 | o1
+    v_a, v_b, o = voltages(m, s)
+    over |= o
     volts = (v_a * c.voltage_alpha, v_b * c.voltage_beta)
     flux = np.empty(2, dtype=np.int64)
     ahead = np.empty(2, dtype=np.int64)

@@ -120,6 +120,7 @@ architecture rtl of directmpc_mpdcc_registers is
     type \directmpc_mpdcc.result_strb_t\ is record
         decision : std_logic;
         rotor_flux : std_logic;
+        leakage : std_logic;
     end record;
 
     type \directmpc_mpdcc.parameters_strb_t\ is record
@@ -183,6 +184,10 @@ architecture rtl of directmpc_mpdcc_registers is
         f_phase_beta : std_logic;
         f_q_midpoint : std_logic;
         f_q_phase : std_logic;
+        l_voltage_alpha : std_logic;
+        l_voltage_beta : std_logic;
+        l_emf : std_logic;
+        l_mode : std_logic;
     end record;
 
     type \directmpc_mpdcc.measurements_strb_t\ is record
@@ -523,9 +528,19 @@ architecture rtl of directmpc_mpdcc_registers is
         beta : \directmpc_mpdcc.result.rotor_flux.beta_combo_t\;
     end record;
 
+    type \directmpc_mpdcc.result.leakage.theta_combo_t\ is record
+        next_q : std_logic_vector(16 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.result.leakage_combo_t\ is record
+        theta : \directmpc_mpdcc.result.leakage.theta_combo_t\;
+    end record;
+
     type \directmpc_mpdcc.result_combo_t\ is record
         decision : \directmpc_mpdcc.result.decision_combo_t\;
         rotor_flux : \directmpc_mpdcc.result.rotor_flux_combo_t\;
+        leakage : \directmpc_mpdcc.result.leakage_combo_t\;
     end record;
 
     type \directmpc_mpdcc.parameters.c_error_alpha.value_combo_t\ is record
@@ -1068,6 +1083,42 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.f_q_phase.value_combo_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.l_voltage_alpha.value_combo_t\ is record
+        next_q : std_logic_vector(17 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_alpha_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.l_voltage_alpha.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_beta.value_combo_t\ is record
+        next_q : std_logic_vector(17 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_beta_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.l_voltage_beta.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_emf.value_combo_t\ is record
+        next_q : std_logic_vector(17 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_emf_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.l_emf.value_combo_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_mode.value_combo_t\ is record
+        next_q : std_logic_vector(1 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_mode_combo_t\ is record
+        value : \directmpc_mpdcc.parameters.l_mode.value_combo_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_combo_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_combo_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_combo_t\;
@@ -1129,6 +1180,10 @@ architecture rtl of directmpc_mpdcc_registers is
         f_phase_beta : \directmpc_mpdcc.parameters.f_phase_beta_combo_t\;
         f_q_midpoint : \directmpc_mpdcc.parameters.f_q_midpoint_combo_t\;
         f_q_phase : \directmpc_mpdcc.parameters.f_q_phase_combo_t\;
+        l_voltage_alpha : \directmpc_mpdcc.parameters.l_voltage_alpha_combo_t\;
+        l_voltage_beta : \directmpc_mpdcc.parameters.l_voltage_beta_combo_t\;
+        l_emf : \directmpc_mpdcc.parameters.l_emf_combo_t\;
+        l_mode : \directmpc_mpdcc.parameters.l_mode_combo_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_combo_t\ is record
@@ -1564,9 +1619,18 @@ architecture rtl of directmpc_mpdcc_registers is
         beta : \directmpc_mpdcc.result.rotor_flux.beta_storage_t\;
     end record;
 
+    type \directmpc_mpdcc.result.leakage.theta_storage_t\ is record
+        value : std_logic_vector(16 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.result.leakage_storage_t\ is record
+        theta : \directmpc_mpdcc.result.leakage.theta_storage_t\;
+    end record;
+
     type \directmpc_mpdcc.result_storage_t\ is record
         decision : \directmpc_mpdcc.result.decision_storage_t\;
         rotor_flux : \directmpc_mpdcc.result.rotor_flux_storage_t\;
+        leakage : \directmpc_mpdcc.result.leakage_storage_t\;
     end record;
 
     type \directmpc_mpdcc.parameters.c_error_alpha.value_storage_t\ is record
@@ -2049,6 +2113,38 @@ architecture rtl of directmpc_mpdcc_registers is
         value : \directmpc_mpdcc.parameters.f_q_phase.value_storage_t\;
     end record;
 
+    type \directmpc_mpdcc.parameters.l_voltage_alpha.value_storage_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_alpha_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.l_voltage_alpha.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_beta.value_storage_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_voltage_beta_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.l_voltage_beta.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_emf.value_storage_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_emf_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.l_emf.value_storage_t\;
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_mode.value_storage_t\ is record
+        value : std_logic_vector(1 downto 0);
+    end record;
+
+    type \directmpc_mpdcc.parameters.l_mode_storage_t\ is record
+        value : \directmpc_mpdcc.parameters.l_mode.value_storage_t\;
+    end record;
+
     type \directmpc_mpdcc.parameters_storage_t\ is record
         c_error_alpha : \directmpc_mpdcc.parameters.c_error_alpha_storage_t\;
         c_error_beta : \directmpc_mpdcc.parameters.c_error_beta_storage_t\;
@@ -2110,6 +2206,10 @@ architecture rtl of directmpc_mpdcc_registers is
         f_phase_beta : \directmpc_mpdcc.parameters.f_phase_beta_storage_t\;
         f_q_midpoint : \directmpc_mpdcc.parameters.f_q_midpoint_storage_t\;
         f_q_phase : \directmpc_mpdcc.parameters.f_q_phase_storage_t\;
+        l_voltage_alpha : \directmpc_mpdcc.parameters.l_voltage_alpha_storage_t\;
+        l_voltage_beta : \directmpc_mpdcc.parameters.l_voltage_beta_storage_t\;
+        l_emf : \directmpc_mpdcc.parameters.l_emf_storage_t\;
+        l_mode : \directmpc_mpdcc.parameters.l_mode_storage_t\;
     end record;
 
     type \directmpc_mpdcc.measurements.is_alpha.value_storage_t\ is record
@@ -2599,6 +2699,9 @@ begin
         decoded_reg_strb.result.rotor_flux <= cpuif_req_masked and (cpuif_addr = 16#84#) and not cpuif_req_is_wr;
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#84#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#84#) and not cpuif_req_is_wr);
+        decoded_reg_strb.result.leakage <= cpuif_req_masked and (cpuif_addr = 16#88#) and not cpuif_req_is_wr;
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#88#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#88#) and not cpuif_req_is_wr);
         decoded_reg_strb.parameters.c_error_alpha <= cpuif_req_masked and (cpuif_addr = 16#100#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#100#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#100#));
@@ -2779,6 +2882,18 @@ begin
         decoded_reg_strb.parameters.f_q_phase <= cpuif_req_masked and (cpuif_addr = 16#1EC#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1EC#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1EC#));
+        decoded_reg_strb.parameters.l_voltage_alpha <= cpuif_req_masked and (cpuif_addr = 16#1F0#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1F0#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1F0#));
+        decoded_reg_strb.parameters.l_voltage_beta <= cpuif_req_masked and (cpuif_addr = 16#1F4#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1F4#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1F4#));
+        decoded_reg_strb.parameters.l_emf <= cpuif_req_masked and (cpuif_addr = 16#1F8#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1F8#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1F8#));
+        decoded_reg_strb.parameters.l_mode <= cpuif_req_masked and (cpuif_addr = 16#1FC#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#1FC#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#1FC#));
         decoded_reg_strb.measurements.is_alpha <= cpuif_req_masked and (cpuif_addr = 16#200#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#200#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#200#));
@@ -4042,6 +4157,34 @@ begin
             else
                 if field_combo.result.rotor_flux.beta.load_next then
                     field_storage.result.rotor_flux.beta.value <= field_combo.result.rotor_flux.beta.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+
+    -- Field: directmpc_mpdcc.result.leakage.theta
+    process(all)
+        variable next_c: std_logic_vector(16 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.result.leakage.theta.value;
+        load_next_c := '0';
+        if hwif_in.result.leakage.theta.we then -- HW Write - we
+            next_c := hwif_in.result.leakage.theta.next_q;
+            load_next_c := '1';
+        end if;
+        field_combo.result.leakage.theta.next_q <= next_c;
+        field_combo.result.leakage.theta.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.result.leakage.theta.value <= 17x"10000";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.result.leakage.theta.value <= 17x"10000";
+            else
+                if field_combo.result.leakage.theta.load_next then
+                    field_storage.result.leakage.theta.value <= field_combo.result.leakage.theta.next_q;
                 end if;
             end if;
         end if;
@@ -5787,6 +5930,122 @@ begin
     end process;
     hwif_out.parameters.f_q_phase.value.value <= field_storage.parameters.f_q_phase.value.value;
 
+    -- Field: directmpc_mpdcc.parameters.l_voltage_alpha.value
+    process(all)
+        variable next_c: std_logic_vector(17 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.l_voltage_alpha.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.l_voltage_alpha and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.l_voltage_alpha.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.l_voltage_alpha.value.next_q <= next_c;
+        field_combo.parameters.l_voltage_alpha.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.l_voltage_alpha.value.value <= 18x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.l_voltage_alpha.value.value <= 18x"0";
+            else
+                if field_combo.parameters.l_voltage_alpha.value.load_next then
+                    field_storage.parameters.l_voltage_alpha.value.value <= field_combo.parameters.l_voltage_alpha.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.l_voltage_alpha.value.value <= field_storage.parameters.l_voltage_alpha.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.l_voltage_beta.value
+    process(all)
+        variable next_c: std_logic_vector(17 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.l_voltage_beta.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.l_voltage_beta and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.l_voltage_beta.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.l_voltage_beta.value.next_q <= next_c;
+        field_combo.parameters.l_voltage_beta.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.l_voltage_beta.value.value <= 18x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.l_voltage_beta.value.value <= 18x"0";
+            else
+                if field_combo.parameters.l_voltage_beta.value.load_next then
+                    field_storage.parameters.l_voltage_beta.value.value <= field_combo.parameters.l_voltage_beta.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.l_voltage_beta.value.value <= field_storage.parameters.l_voltage_beta.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.l_emf.value
+    process(all)
+        variable next_c: std_logic_vector(17 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.l_emf.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.l_emf and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.l_emf.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.l_emf.value.next_q <= next_c;
+        field_combo.parameters.l_emf.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.l_emf.value.value <= 18x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.l_emf.value.value <= 18x"0";
+            else
+                if field_combo.parameters.l_emf.value.load_next then
+                    field_storage.parameters.l_emf.value.value <= field_combo.parameters.l_emf.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.l_emf.value.value <= field_storage.parameters.l_emf.value.value;
+
+    -- Field: directmpc_mpdcc.parameters.l_mode.value
+    process(all)
+        variable next_c: std_logic_vector(1 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.l_mode.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.l_mode and decoded_req_is_wr then -- SW write
+            next_c := (field_storage.parameters.l_mode.value.value and not decoded_wr_biten(1 downto 0)) or (decoded_wr_data(1 downto 0) and decoded_wr_biten(1 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.l_mode.value.next_q <= next_c;
+        field_combo.parameters.l_mode.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.l_mode.value.value <= 2x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.l_mode.value.value <= 2x"0";
+            else
+                if field_combo.parameters.l_mode.value.load_next then
+                    field_storage.parameters.l_mode.value.value <= field_combo.parameters.l_mode.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.l_mode.value.value <= field_storage.parameters.l_mode.value.value;
+
     -- Field: directmpc_mpdcc.measurements.is_alpha.value
     process(all)
         variable next_c: std_logic_vector(15 downto 0);
@@ -6334,6 +6593,7 @@ begin
             readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
             readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
             readback_data_var(ad_hi(16#8#))(14) := hwif_in.system.capabilities.capacitor_filter.next_q;
+            readback_data_var(ad_hi(16#8#))(15) := hwif_in.system.capabilities.leakage_estimate.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
             readback_data_var(ad_hi(16#8#))(28) := hwif_in.system.capabilities.family.next_q;
             readback_data_var(ad_hi(16#8#))(29) := hwif_in.system.capabilities.sensorless.next_q;
@@ -6420,6 +6680,9 @@ begin
         if ad_low(rd_mux_addr) = ad_low(16#84#) then
             readback_data_var(ad_hi(16#84#))(15 downto 0) := field_storage.result.rotor_flux.alpha.value;
             readback_data_var(ad_hi(16#84#))(31 downto 16) := field_storage.result.rotor_flux.beta.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#88#) then
+            readback_data_var(ad_hi(16#88#))(16 downto 0) := field_storage.result.leakage.theta.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#100#) then
             readback_data_var(ad_hi(16#100#))(15 downto 0) := field_storage.parameters.c_error_alpha.value.value;
@@ -6600,6 +6863,18 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#1EC#) then
             readback_data_var(ad_hi(16#1EC#))(2 downto 0) := field_storage.parameters.f_q_phase.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1F0#) then
+            readback_data_var(ad_hi(16#1F0#))(17 downto 0) := field_storage.parameters.l_voltage_alpha.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1F4#) then
+            readback_data_var(ad_hi(16#1F4#))(17 downto 0) := field_storage.parameters.l_voltage_beta.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1F8#) then
+            readback_data_var(ad_hi(16#1F8#))(17 downto 0) := field_storage.parameters.l_emf.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#1FC#) then
+            readback_data_var(ad_hi(16#1FC#))(1 downto 0) := field_storage.parameters.l_mode.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;

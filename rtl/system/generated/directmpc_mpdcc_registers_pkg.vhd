@@ -79,9 +79,19 @@ package directmpc_mpdcc_registers_pkg is
         beta : \mpdcc_decision.rotor_flux.beta_in_t\;
     end record;
 
+    type \mpdcc_decision.leakage.theta_in_t\ is record
+        next_q : std_logic_vector(16 downto 0);
+        we : std_logic;
+    end record;
+
+    type \mpdcc_decision.leakage_in_t\ is record
+        theta : \mpdcc_decision.leakage.theta_in_t\;
+    end record;
+
     type mpdcc_decision_in_t is record
         decision : \mpdcc_decision.decision_in_t\;
         rotor_flux : \mpdcc_decision.rotor_flux_in_t\;
+        leakage : \mpdcc_decision.leakage_in_t\;
     end record;
 
     type \mpdcc_measurements.is_alpha.value_in_t\ is record
@@ -733,6 +743,38 @@ package directmpc_mpdcc_registers_pkg is
         value : \mpdcc_parameters.f_q_phase.value_out_t\;
     end record;
 
+    type \mpdcc_parameters.l_voltage_alpha.value_out_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \mpdcc_parameters.l_voltage_alpha_out_t\ is record
+        value : \mpdcc_parameters.l_voltage_alpha.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.l_voltage_beta.value_out_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \mpdcc_parameters.l_voltage_beta_out_t\ is record
+        value : \mpdcc_parameters.l_voltage_beta.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.l_emf.value_out_t\ is record
+        value : std_logic_vector(17 downto 0);
+    end record;
+
+    type \mpdcc_parameters.l_emf_out_t\ is record
+        value : \mpdcc_parameters.l_emf.value_out_t\;
+    end record;
+
+    type \mpdcc_parameters.l_mode.value_out_t\ is record
+        value : std_logic_vector(1 downto 0);
+    end record;
+
+    type \mpdcc_parameters.l_mode_out_t\ is record
+        value : \mpdcc_parameters.l_mode.value_out_t\;
+    end record;
+
     type mpdcc_parameters_out_t is record
         c_error_alpha : \mpdcc_parameters.c_error_alpha_out_t\;
         c_error_beta : \mpdcc_parameters.c_error_beta_out_t\;
@@ -794,6 +836,10 @@ package directmpc_mpdcc_registers_pkg is
         f_phase_beta : \mpdcc_parameters.f_phase_beta_out_t\;
         f_q_midpoint : \mpdcc_parameters.f_q_midpoint_out_t\;
         f_q_phase : \mpdcc_parameters.f_q_phase_out_t\;
+        l_voltage_alpha : \mpdcc_parameters.l_voltage_alpha_out_t\;
+        l_voltage_beta : \mpdcc_parameters.l_voltage_beta_out_t\;
+        l_emf : \mpdcc_parameters.l_emf_out_t\;
+        l_mode : \mpdcc_parameters.l_mode_out_t\;
     end record;
 
     type \mpdcc_measurements.is_alpha.value_out_t\ is record

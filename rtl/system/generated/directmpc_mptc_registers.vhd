@@ -4360,6 +4360,7 @@ begin
             readback_data_var(ad_hi(16#8#))(12) := hwif_in.system.capabilities.weighted_deadlock.next_q;
             readback_data_var(ad_hi(16#8#))(13) := hwif_in.system.capabilities.inwards.next_q;
             readback_data_var(ad_hi(16#8#))(14) := hwif_in.system.capabilities.capacitor_filter.next_q;
+            readback_data_var(ad_hi(16#8#))(15) := hwif_in.system.capabilities.leakage_estimate.next_q;
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
             readback_data_var(ad_hi(16#8#))(28) := hwif_in.system.capabilities.family.next_q;
             readback_data_var(ad_hi(16#8#))(29) := hwif_in.system.capabilities.sensorless.next_q;

@@ -47,6 +47,10 @@ package directmpc_system_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.capabilities.leakage_estimate_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities.least_dead_time_in_t\ is record
         next_q : std_logic_vector(11 downto 0);
     end record;
@@ -69,6 +73,7 @@ package directmpc_system_registers_pkg is
         weighted_deadlock : \system_registers.capabilities.weighted_deadlock_in_t\;
         inwards : \system_registers.capabilities.inwards_in_t\;
         capacitor_filter : \system_registers.capabilities.capacitor_filter_in_t\;
+        leakage_estimate : \system_registers.capabilities.leakage_estimate_in_t\;
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
         family : \system_registers.capabilities.family_in_t\;
         sensorless : \system_registers.capabilities.sensorless_in_t\;

@@ -3,7 +3,8 @@
 Sweep: both controllers as build options of the same top; UART and SPI; both positions of the
 switch; MPTC at 100 MHz too.
 Stimulus: closed loops of 200 and 2,000 control steps of the 6 kV drive, of 300 of it with two
-switchings and a budget, of 120 with capacitor filters and noise, and of 300 of a two-level drive,
+switchings and a budget, of 120 with capacitor filters and noise, of 300 with
+the estimate of the leakage, and of 300 of a two-level drive,
 over the pseudo-terminal of the virtual board; 100,000 corrupted, random, replayed, oversized and
 cut off frames over SPI, 200 over UART, with the gates let through; good requests in between.
 Checks: decisions against the bit-true model, and against the files that replay writes from the
@@ -141,6 +142,38 @@ def test_the_boards_capacitor_filters_are_the_models(tmp_path: Path) -> None:
         board.write("system.command", reset_observer=1)
         blind = lockstep.BoardController(board, drive.with_control(capacitor_filter=0))
         closed_loop.drive_controller(drive, blind, profile, 120, errors=noise, filtered=False)
+        assert blind.differing > 0
+
+
+def test_the_boards_estimate_of_the_leakage_is_the_models(tmp_path: Path) -> None:
+    drive = load_drive(MPDCC).with_control(
+        leakage_estimate=True, capacitor_filter=4, delay_compensation=True, outside_rule="inwards"
+    )
+    leaks = {name: 0.5 * getattr(drive.machine, name) for name in ("xls", "xlr")}
+    profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), 300)
+
+    def run(controller: lockstep.BoardController) -> None:
+        closed_loop.drive_controller(
+            drive, controller, profile, 300, plant_drive=drive.changed(machine=leaks),
+            filtered=False,
+        )  # fmt: skip
+
+    with (
+        VirtualBoard(generics("mpdcc"), tmp_path / "board") as running,
+        Board(running.port) as board,
+    ):
+        board.load(drive)
+        controller = lockstep.BoardController(board, drive)
+        run(controller)
+        assert controller.differing == 0
+        assert controller.leakage is not None
+        assert board.read("result.leakage")["theta"] == controller.leakage.theta
+        assert controller.leakage.theta > 1.02 * 2**16
+        # a model whose theta rests decides otherwise
+        blind = lockstep.BoardController(board, drive)
+        assert blind.leakage is not None
+        blind.leakage.coefficient[:] = 0
+        run(blind)
         assert blind.differing > 0
 
 

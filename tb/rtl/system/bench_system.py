@@ -13,9 +13,10 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, anpc_gates, two_level_gates
 from directmpc.host.register_map import MAPS
-from directmpc.mpdcc import capacitor_observer
+from directmpc.mpdcc import capacitor_observer, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import observer as mptc_observer
 from scripts.generate import register_files
@@ -32,7 +33,7 @@ WRITABLE = ("guard.", "parameters.", "measurements.", "running.")
 FLAGS = ("system.flags", "system.faults", "result.sequencer")
 #: Switch states a, b, c of the two-level vectors.
 SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
-NOT_THE_CORE_S = ("o_", "f_", "c_gain", "family_method", "rate", "sensorless")
+NOT_THE_CORE_S = ("o_", "f_", "l_", "c_gain", "family_method", "rate", "sensorless")
 
 
 class System:
@@ -56,7 +57,7 @@ class System:
         if self.controller == "mpdcc":
             found["horizon"] = max(1, found["horizon"])
             # the filters remember, a set of parameters does not: see `filtered`
-            found |= dict.fromkeys(("f_q_midpoint", "f_q_phase"), 0)
+            found |= dict.fromkeys(("f_q_midpoint", "f_q_phase", "l_mode"), 0)
         return found
 
     def any_measurements(self) -> dict[str, int]:
@@ -163,7 +164,13 @@ async def every_register(system: System) -> None:
     board.check("identification", code, 0x444D5043)
     kind = await bus.read("system.capabilities", "controller")
     board.check("controller", kind, 1 if system.controller == "mpdcc" else 2)
-    for option in ("second_level", "weighted_deadlock", "inwards", "capacitor_filter"):
+    for option in (
+        "second_level",
+        "weighted_deadlock",
+        "inwards",
+        "capacitor_filter",
+        "leakage_estimate",
+    ):
         built_in = await bus.read("system.capabilities", option)
         board.check(option, built_in, int(system.controller == "mpdcc"))
     bus.throttle(0.0)
@@ -429,6 +436,109 @@ async def filtered(system: System) -> None:
     await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
 
 
+#: Options beside the estimate of the leakage, and whether the next start comes at once.
+ESTIMATED = (
+    {"fast": 1},
+    {"use_observer": 1, "q": 3},
+    {"compensate": 1, "own_positions": 1, "fast": 1},
+    {"compensate": 1, "use_observer": 1, "q": 5, "own_positions": 1},
+)
+ESTIMATES = 28  # decisions of each; then theta is frozen, and forgotten
+
+
+async def estimated(system: System) -> None:
+    """Decisions with slopes that the estimate of the leakage scales; it is frozen and forgotten."""
+    bus, board, rng = system.bus, system.board, system.rng
+    drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
+    settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
+    base = registers.values(drive, settings).words
+    o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
+    c = leakage.array(leakage.coefficients(drive)[0])
+    names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+
+    async def commit(words: dict[str, int], share: tuple[str, ...] = ()) -> None:
+        await system.write_parameters({n: words[n] for n in share or words})
+        await bus.write("system.command", commit=1)
+        while await bus.read("system.status", "commit_pending"):
+            pass
+
+    for chosen in ESTIMATED:
+        q, watched = chosen.get("q", 0), chosen.get("use_observer", 0)
+        compensate, own = chosen.get("compensate", 0), chosen.get("own_positions", 0)
+        f = capacitor_observer.coefficients(drive, q, q)
+        parameters = {n: base[f"parameters.{n}"] for n in system.words}
+        parameters |= {f"f_{name}": value for name, value in f.items()}
+        parameters |= {"compensate": compensate}
+        await bus.write(
+            "system.control", registers_as_source=0, own_positions=own, use_observer=watched
+        )
+        # what was estimated before is forgotten
+        await commit(parameters | {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0})
+        if chosen is ESTIMATED[0]:  # the decision before is one that is known
+            m = near(system, rng)
+            await system.decide(m)
+            before = np.array([m[f"s_prev_{x}"] for x in "abc"])
+        await commit(parameters, ("l_mode", "f_q_midpoint", "f_q_phase"))
+        await bus.write("system.command", reset_observer=1)
+        await bus.write("system.flags", observer_saturated=1)
+        state, flux = leakage.first(), np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+        voltages = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
+        frozen, full = 0, 0
+        current, last = np.zeros(2), system.decided()[:3]
+        for n in range(ESTIMATES + 8):
+            if n == ESTIMATES:
+                frozen = 1
+                await commit({"l_mode": 3})
+            if n == ESTIMATES + 4:
+                await bus.write("system.command", reset_observer=1)
+                state, flux[:], voltages[:] = leakage.first(), 0, 0
+            m = near(system, rng)
+            s = np.array(last if own else [m[f"s_prev_{x}"] for x in "abc"])
+            applied = before if compensate else s
+            # a machine whose current moves more than the controller's
+            known = np.array([*(m[x] for x in names), m["v_dc"]])
+            volts = rotor_flux_observer.voltages(known, applied)[:2]
+            current = 0.9 * current + 1.5 * np.array(volts) * c[:2] / 2**16
+            m |= {"is_alpha": round(current[0]), "is_beta": round(current[1]), "omega_r": 8_000}
+            used = dict(m) | dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), s, strict=True))
+            if q:
+                *found, over = capacitor_observer.step_words(
+                    capacitor_observer.array(f), voltages, np.array([m[x] for x in names]), s,
+                    compensate,
+                )  # fmt: skip
+                used |= dict(zip(names[2:], found, strict=True))
+                full |= over
+            words = np.array([used[x] for x in (*names, "v_dc", "omega_r")])
+            # its voltages serve the estimate, its flux counts where it is asked for
+            *estimate, over = rotor_flux_observer.step_words(o, flux, words, applied)
+            if watched:
+                used |= dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
+                full |= over
+            theta = int(state[0]) >> leakage.GUARD
+            row = np.array([parameters.get(x, parameters.get(f"c_{x}", 0)) for x in INDEX])
+            values = row.copy()
+            full |= leakage.scaled(theta, row, values)
+            scaled = {f"c_{x}": int(values[INDEX[x]]) for x in CURRENT_SLOPES}
+            inputs = {name: int(used[name]) for name in system.inputs}
+            wanted = system.model(parameters | scaled, inputs)
+            measured = np.array([*words, used["psir_alpha"], used["psir_beta"]])
+            full |= leakage.step_words(c, state, measured, applied, frozen)[1]
+            await system.decide(m)
+            label = f"{chosen}, decision {n}"
+            board.check("estimated", system.decided(), wanted, label)
+            last, before = system.decided()[:3], s
+            if not chosen.get("fast") or n % 4 == 0:
+                for _ in range(60):
+                    await FallingEdge(system.dut.clk)
+                shown = await bus.read("result.leakage", "theta")
+                board.check("theta", shown, int(state[0]) >> leakage.GUARD, label)
+            board.cover("scaled", int(theta != 1 << leakage.FRACTION))
+            board.cover("other decision", int(wanted != system.model(parameters, inputs)))
+        board.check("told", await bus.read("system.flags", "observer_saturated"), full, chosen)
+    await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
+    await commit({"l_mode": 0})
+
+
 def near(system: System, rng: random.Random) -> dict[str, int]:
     """Measurements of a drive whose capacitors are near their references, with noise."""
     m = dict.fromkeys(system.inputs, 0) | {"v_dc": 32_000}
@@ -641,12 +751,17 @@ async def system(dut) -> None:
     given = arguments()
     under_test = System(dut, given)
     await under_test.begin()
+    if given["only"] == "estimated":
+        await estimated(under_test)
+        under_test.board.finish({"estimated": 1})
+        return
     if given["registers"]:
         await every_register(under_test)
     await atomic_commits(under_test, given["rounds"])
     await decisions_and_flags(under_test, given["decisions"])
     if given["controller"] == "mpdcc":
         await filtered(under_test)
+        await estimated(under_test)
     await faults(under_test)
     await unmeasured(under_test)
     dut.enable.value = 1
@@ -669,5 +784,9 @@ async def system(dut) -> None:
     if given["controller"] == "mpdcc":
         assert under_test.board.checks["filtered"] == 14 * len(FILTERED)
         assert under_test.board.checks["later"] > 1
+        assert under_test.board.checks["estimated"] == (ESTIMATES + 8) * len(ESTIMATED)
+        assert under_test.board.checks["theta"] > ESTIMATES * len(ESTIMATED) // 2
+        assert under_test.board.covered["scaled"] > ESTIMATES * len(ESTIMATED) // 2
+        assert under_test.board.covered["other decision"] > 4
         assert under_test.board.covered["moved"] > 20
         assert under_test.board.covered["full"] > 1

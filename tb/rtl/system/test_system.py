@@ -30,7 +30,9 @@ from tb.helpers.simulation import Outcome, run
 LONGEST_ACCESS = 12
 
 
-def bench(controller: str, rounds: int, rtl: Path = RTL, *, registers: bool = True) -> Outcome:
+def bench(
+    controller: str, rounds: int, rtl: Path = RTL, *, registers: bool = True, only: str = ""
+) -> Outcome:
     return run(
         f"{controller}_system",
         "tb.rtl.system.bench_system",
@@ -42,6 +44,7 @@ def bench(controller: str, rounds: int, rtl: Path = RTL, *, registers: bool = Tr
             "decisions": 12,
             "registers": int(registers),
             "controller": controller,
+            "only": only,
         },
         rtl=rtl,
         timeout=900,
@@ -101,6 +104,21 @@ BEFORE_THE_CORE = {
     "flux of another interval": ("watched_a <= earlier_a", "watched_a <= until_a", "observed flux"),
     "untold": ("observer_flag or filter_flag", "observer_flag", "told"),
 }  # fmt: skip
+#: What is wrong in the estimate of the leakage.
+ESTIMATE = {
+    "hasty slopes": ("(prepared or waiting) and settled;", "prepared;"),
+    "old theta": ("(forget and estimating and not deciding)", "'0'"),
+    "slopes as before": (" or (core_valid = '1' and estimating = '1')", ""),
+    "never frozen": ("=> in_force.l_mode.value.value(1)", "=> '0'"),
+    "no voltages": ("ready and (observing or estimating)", "ready and observing"),
+}
+
+
+@pytest.mark.parametrize("name", ESTIMATE)
+def test_a_fault_of_the_estimate_is_found(name: str, tmp_path: Path) -> None:
+    rtl = altered(tmp_path, "mpdcc_system", *ESTIMATE[name])
+    with pytest.raises(CheckError, match=r"(estimated|theta): .* expected"):
+        bench("mpdcc", 0, rtl, only="estimated")
 
 
 @pytest.mark.parametrize("name", BEFORE_THE_CORE)

@@ -16,6 +16,7 @@ import pytest
 
 from directmpc.mac_program import Product, Program, Word, plain
 from directmpc.mpdcc import capacitor_program as capacitors
+from directmpc.mpdcc import leakage_program as leakage
 from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
 from directmpc.mptc import speed_observer_program as speed
@@ -74,12 +75,14 @@ def test_the_programs_take_the_clocks_that_are_promised() -> None:
     for entity, program in (
         ("rotor_flux_observer", rotor_flux.PROGRAM),
         ("capacitor_observer", capacitors.PROGRAM),
+        ("leakage_observer", leakage.PROGRAM),
         ("mptc_observer", stator_flux.PROGRAM),
         ("mptc_speed_observer", speed.PROGRAM),
     ):
         assert program.latency == clocks_of(entity, "latency")
     assert rotor_flux.PROGRAM.last + 1 == clocks_of("rotor_flux_observer", "busy")
     assert capacitors.PROGRAM.last + 1 == clocks_of("capacitor_observer", "busy")
+    assert leakage.PROGRAM.last + 1 == clocks_of("leakage_observer", "busy")
 
 
 def _program(*products: Product, **changes: object) -> Program:

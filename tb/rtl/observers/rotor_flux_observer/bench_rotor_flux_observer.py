@@ -16,6 +16,8 @@ PORTS = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "om
 SIGNED = {"is_alpha", "is_beta", "v_n", "omega_r"}
 LATENCY = clocks_of("rotor_flux_observer", "latency")
 BUSY = clocks_of("rotor_flux_observer", "busy")
+#: Clocks after start in which the voltages stand at their ports.
+VOLTAGES = 6
 
 
 def inputs(rng: random.Random, n: int) -> np.ndarray:
@@ -75,6 +77,10 @@ class Bench:
                     number(dut.saturated),
                 )
                 board.check("estimate", got, tuple(int(v) for v in wanted), f"step {n}")
+            if count >= VOLTAGES:
+                got = signed(number(dut.v_alpha), 18), signed(number(dut.v_beta), 18)
+                wanted_v = tuple(int(v) for v in observer.voltages(m, s)[:2])
+                board.check("voltages", got, wanted_v, f"step {n}, {count}")
             await self.clock.edge()
         dut.start.value = 0
         await self.clock.settle()

@@ -63,6 +63,14 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         bench(90, rtl)
 
 
+def test_a_voltage_at_the_wrong_port_is_found(tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path, "rotor_flux_observer", "v_beta     <= voltage(1)", "v_beta     <= voltage(0)"
+    )
+    with pytest.raises(CheckError, match="voltages"):
+        bench(10, rtl)
+
+
 #: Overflows that are not told, or told for longer.
 SILENT = {
     "late": ("overflow <= '1';", "null;"),
