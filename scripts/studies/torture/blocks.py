@@ -346,9 +346,7 @@ def twin_of_mptc(drive: MptcDrive, measurements: IntArray, u: IntArray) -> IntAr
     return out
 
 
-def run_mpdcc(
-    number: int, seed: int, rows: int = ROWS, twin: MpdccTwin = twin_of_mpdcc
-) -> Outcome:
+def run_mpdcc(number: int, seed: int, rows: int = ROWS, twin: MpdccTwin = twin_of_mpdcc) -> Outcome:
     """Decide a block of MPDCC in both ways.
 
     Parameters

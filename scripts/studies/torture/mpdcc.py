@@ -240,7 +240,9 @@ def _slopes(node: _Node, s: IntArray) -> IntArray:
     )
 
 
-def _exit(error: IntArray, slope: IntArray, bend: IntArray, bound: int) -> tuple[IntArray, BoolArray]:
+def _exit(
+    error: IntArray, slope: IntArray, bend: IntArray, bound: int
+) -> tuple[IntArray, BoolArray]:
     """Steps until a parabola leaves its band, by the rule of docs/accuracy.md; and far sides.
 
     A bit of the length at a time. Outside its bound an error may go on while it comes nearer.
@@ -354,15 +356,11 @@ def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Deci
     far = np.zeros(dead.shape, dtype=bool)
     # only what lives is followed: in most states that is little
     alive = np.nonzero(~dead.any(axis=-1) & there & ~held[:, None])
-    found, leaves = _exit(
-        error[alive][:, :3], slope[alive][:, :3], node.curvature[alive[0]], limit
-    )
+    found, leaves = _exit(error[alive][:, :3], slope[alive][:, :3], node.curvature[alive[0]], limit)
     lengths[(*alive, slice(0, 3))] = np.maximum(found, 1) if inwards else found
     far[alive] = leaves
     # voltages
-    lengths[..., 3:], back = _line(
-        error[..., 3:], slope[..., 3:], bound[3:], horizon, inwards
-    )
+    lengths[..., 3:], back = _line(error[..., 3:], slope[..., 3:], bound[3:], horizon, inwards)
     shortest = lengths.min(axis=-1)
     length = np.where(there, np.minimum(shortest, horizon), 0)
 

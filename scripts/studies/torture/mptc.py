@@ -1,12 +1,12 @@
 """The decisions of MPTC and MPFC once more: the machine in SI and float64, many states at a time.
 
-Written from docs/specification.md, sections 1.4, 3 and 9.2, in flux linkages instead of current and
-flux, without anything of ``directmpc.mptc`` but the widths of its words. Heun's method and the Euler
-step behind it give the same in any linear coordinates.
+Written from docs/specification.md, sections 1.4, 3 and 9.2, in flux linkages instead of current
+and flux, without anything of ``directmpc.mptc`` but the widths of its words. Heun's method and the
+Euler step behind it give the same in any linear coordinates.
 
-It knows no rounding. So it does not ask whether the bit-true twin takes the same vector, but whether
-the vector that it takes costs more than the best one by more than rounding explains. What words
-of 17 fractional bits can be off is counted in `allowance`; what saturates is far beyond it.
+It knows no rounding. So it does not ask whether the bit-true twin takes the same vector, but
+whether the vector that it takes costs more than the best one by more than rounding explains. What
+words of 17 fractional bits can be off is counted in `allowance`; what saturates is far beyond.
 """
 
 from __future__ import annotations

@@ -80,12 +80,23 @@ class Sums:
             Lists in order.
         """
         return {
-            "done": sorted(self.done),
+            "done": _runs(self.done),
             "kinds": self.kinds,
             "counts": dict(sorted(self.counts.items())),
             "worst": self.worst,
             "listed": sorted(self.listed),
         }
+
+
+def _runs(numbers: set[int]) -> list[list[int]]:
+    """Numbers as the first and last of each stretch."""
+    found: list[list[int]] = []
+    for number in sorted(numbers):
+        if found and found[-1][1] == number - 1:
+            found[-1][1] = number
+        else:
+            found.append([number, number])
+    return found
 
 
 def _read(path: Path, seed: int) -> dict[str, Sums]:
@@ -99,7 +110,7 @@ def _read(path: Path, seed: int) -> dict[str, Sums]:
         )
     return {
         name: Sums(
-            set(kept[name]["done"]),
+            {n for first, last in kept[name]["done"] for n in range(first, last + 1)},
             kept[name]["kinds"],
             Counter(kept[name]["counts"]),
             kept[name]["worst"],
@@ -164,6 +175,8 @@ def run(
         for name in CONTROLLERS
         if number not in sums[name].done
     ]
+    if not calls:
+        return sums
     try:
         with Pool(jobs, scheduler) as pool:
             for n, (which, found) in enumerate(pool.each("blocks of decisions", _one, calls)):
