@@ -424,14 +424,16 @@ class Identity:
 
         Raises
         ------
-        ValueError
-            If there is no such controller.
-        struct.error
-            If there are not 16 bytes.
+        ProtocolError
+            If there are not 16 bytes, or there is no such controller.
         """
+        if len(payload) != struct.calcsize(cls.FORMAT):
+            raise ProtocolError(f"an identity of {len(payload)} bytes; it has 16")
         version, controller, explorers, options, last, clock, limit = struct.unpack(
             cls.FORMAT, payload
         )
+        if controller not in list(Controller):
+            raise ProtocolError(f"an identity with the controller {controller}; there is none")
         return cls(version, Controller(controller), explorers, options, last, clock, limit)
 
     def pack(self) -> bytes:
@@ -498,9 +500,11 @@ class Decision:
 
         Raises
         ------
-        struct.error
+        ProtocolError
             If there are not 12 bytes.
         """
+        if len(payload) != struct.calcsize(cls.FORMAT):
+            raise ProtocolError(f"a decision of {len(payload)} bytes; it has 12")
         return cls(*struct.unpack(cls.FORMAT, payload))
 
     def pack(self) -> bytes:

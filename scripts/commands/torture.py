@@ -1,0 +1,54 @@
+"""`make torture`: millions of decisions of the bit-true twins against slow second writings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from scripts.shared import workers
+from scripts.shared.command import Command, UsageError
+from scripts.studies.torture import run
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--decisions", type=int, default=run.DECISIONS, help="of both controllers")
+    parser.add_argument("--seed", type=int, default=1, help="of the states")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
+    parser.add_argument("--out", type=Path, default=run.RESULTS, help="file of the results")
+    parser.add_argument("--page", action="store_true", help="write docs/torture.md")
+    workers.add_arguments(parser)
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for name in ("decisions", "jobs"):
+        if getattr(given, name) < 1:
+            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
+    sums = run.run(
+        given.decisions,
+        given.seed,
+        given.jobs,
+        given.out,
+        anew=given.anew,
+        scheduler=given.scheduler,
+    )
+    for name, one in sums.items():
+        print(f"{name}: {one.counts['decisions']} decisions, {one.counts['differing']} differ")
+    found = run.problems(sums)
+    for problem in found[:20]:
+        print(f"torture: {problem}", file=sys.stderr)
+    if given.page:
+        run.publish(given.out)
+    return 1 if found else 0
+
+
+COMMAND = Command(
+    "torture",
+    __doc__.splitlines()[0],
+    _arguments,
+    _run,
+    failed=1,
+    interrupted="run it again to go on",
+    outputs=(),
+)
