@@ -12,7 +12,8 @@ these notice nothing, against what stands above it. What comes of a mutant:
 
 The benches run in a copy of the project, so that nothing of the project changes. Results are kept
 in a JSON file for each unit, written after every mutant. A run that was stopped goes on there. A
-change of the unit's VHDL or of its benches makes its results void, and no other's.
+change of the unit's VHDL makes its results void, and no other's; a change of benches those that
+depend on them. The test that killed a mutant once is asked first when it is run again.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ SEED = 1
 #: A bench may take this many times the processor time as without a change, and the seconds besides.
 PATIENCE, GRACE = 6, 5
 #: Longest time on the clock a bench is waited for.
-LONGEST = 900
+LONGEST = 4 * 3600
 _KEYS = ("tests", "above", "top", "configurations")
 #: What the copy of the project is without.
 _ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
@@ -281,8 +282,14 @@ def arguments(path: Path = ARGUED) -> list[Argument]:
 # --- what is kept ---------------------------------------------------------------------------------
 
 
-def key_of(unit: Unit, root: Path = ROOT) -> str:
-    """Sixteen digits that change with a unit's VHDL and benches; comments do not count.
+def _folder(test: str) -> str:
+    """Folder of a test, by pytest's name for it."""
+    place = Path(test.partition("::")[0])
+    return (place.parent if place.suffix else place).as_posix()
+
+
+def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
+    """Sixteen digits for each thing that results depend on; comments of the VHDL do not count.
 
     Parameters
     ----------
@@ -293,23 +300,62 @@ def key_of(unit: Unit, root: Path = ROOT) -> str:
 
     Returns
     -------
-    str
-        Hexadecimal.
+    dict[str, str]
+        Hexadecimal, for the unit's file, each folder of its tests, and ``tests``: which of them.
 
     Raises
     ------
     OSError
         If a file cannot be read.
     """
-    parts: list[str | bytes] = [code((root / unit.file).read_text(encoding="utf-8")), str(SEED)]
-    for test in (*unit.tests, *unit.above):
-        place = root / test.partition("::")[0]
-        folder = place if place.is_dir() else place.parent
-        parts.append(test)
-        for path in sorted(folder.iterdir()):
+    source = code((root / unit.file).read_text(encoding="utf-8"))
+    found = {
+        unit.file.as_posix(): tools.digest(source, str(SEED)),
+        "tests": tools.digest(*unit.tests, "above", *unit.above),
+    }
+    for folder in sorted({_folder(test) for test in (*unit.tests, *unit.above)}):
+        parts: list[str | bytes] = []
+        for path in sorted((root / folder).iterdir()):
             if path.is_file():
                 parts += [path.name, path.read_bytes()]
-    return tools.digest(*parts)[:16]
+        found[folder] = tools.digest(*parts)
+    return {name: digits[:16] for name, digits in found.items()}
+
+
+def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Results that still hold.
+
+    What was killed holds as long as the VHDL and the folder of the test that killed it are the
+    same; what survived, as long as all tests are.
+
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    found : Mapping[str, Any]
+        As of `kept`.
+    keys : Mapping[str, str]
+        As of `keys_of`, now.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Those of the rows.
+    """
+    before = found.get("keys", {})
+
+    def _same(*names: str) -> bool:
+        return all(name in keys and before.get(name) == keys[name] for name in names)
+
+    def _holds(row: Mapping[str, Any]) -> bool:
+        if row["outcome"] == "survived":
+            return before == dict(keys)
+        needed = [unit.file.as_posix()]
+        if row["outcome"] in ("killed", "timeout"):
+            needed.append(_folder(row.get("by", "")))
+        return _same(*needed)
+
+    return [row for row in found.get("mutants", []) if _holds(row)]
 
 
 def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
@@ -325,7 +371,7 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        ``key``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
+        ``keys``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
         ``before``, ``after``, ``place``, ``outcome`` and ``by``, the test that failed; empty if
         there are none.
 
@@ -344,19 +390,24 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
 
 
 def _written(
-    unit: Unit, key: str, rows: Iterable[Mapping[str, Any]], folder: Path, *, whole: bool
+    unit: Unit,
+    keys: Mapping[str, str],
+    rows: Iterable[Mapping[str, Any]],
+    folder: Path,
+    *,
+    whole: bool,
 ) -> None:
     """Write the results of a unit, a mutant a line; `whole` where none is left to run."""
     ordered = sorted(rows, key=lambda row: (row["line"], row["before"], row["after"], row["place"]))
     lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in ordered)
-    known = {"unit": unit.name, "file": unit.file.as_posix(), "key": key, "whole": whole}
+    known = {"unit": unit.name, "file": unit.file.as_posix(), "keys": keys, "whole": whole}
     head = ",\n ".join(f'"{name}": {json.dumps(value)}' for name, value in known.items())
     tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
 
 
 def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:
     """Write results as `kept` has them."""
-    _written(unit, found["key"], found["mutants"], folder, whole=found["whole"])
+    _written(unit, found["keys"], found["mutants"], folder, whole=found["whole"])
 
 
 # --- benches --------------------------------------------------------------------------------------
@@ -401,7 +452,12 @@ class Workshop:
         )
 
     def run(
-        self, tests: Sequence[str], limit: float = LONGEST, work: float = LONGEST
+        self,
+        tests: Sequence[str],
+        limit: float = LONGEST,
+        work: float = LONGEST,
+        one: float = LONGEST,
+        first: Sequence[str] = (),
     ) -> dict[str, Any]:
         """Run tests of the copy.
 
@@ -413,6 +469,10 @@ class Workshop:
             Seconds on the clock until they are ended.
         work : float
             Seconds of the processor until they are.
+        one : float
+            Seconds of the processor until a single test is.
+        first : Sequence[str]
+            Tests that go before all others, in this order.
 
         Returns
         -------
@@ -427,7 +487,13 @@ class Workshop:
         stdin: IO[str] = self._process.stdin
         stdout: IO[str] = self._process.stdout
         try:
-            asked = {"tests": list(tests), "limit": limit, "work": work}
+            asked = {
+                "tests": list(tests),
+                "limit": limit,
+                "work": work,
+                "one": one,
+                "first": list(first),
+            }
             stdin.write(json.dumps(asked) + "\n")
             stdin.flush()
             line = stdout.readline()
@@ -500,23 +566,47 @@ class _Compiler:
 # --- judging --------------------------------------------------------------------------------------
 
 
-class _Judge:
-    """Decides what becomes of the mutants of one unit."""
+@dataclass(frozen=True)
+class _Unchanged:
+    """What benches take where nothing is changed.
 
-    def __init__(self, unit: Unit, place: Workshop, folder: Path) -> None:
+    Attributes
+    ----------
+    work, one
+        Processor time that all of them, and a single test, may take with a change.
+    each
+        Processor time of each test without.
+    """
+
+    work: float
+    one: float
+    each: Mapping[str, float]
+
+
+class _Judge:
+    """Decides what becomes of the mutants of one unit.
+
+    `known` has earlier results, void or not: the tests that killed most for their time go first.
+    """
+
+    def __init__(
+        self, unit: Unit, place: Workshop, folder: Path, known: Iterable[Mapping[str, Any]] = ()
+    ) -> None:
         self.unit, self.place, self.folder = unit, place, folder
         self.file = place.root / unit.file
         self.source = self.file.read_text(encoding="utf-8")
-        self.limits: dict[tuple[str, ...], float] = {}
+        self.unchanged: dict[tuple[str, ...], _Unchanged] = {}
+        self.killer = {_name(row): row["by"] for row in known if row.get("by")}
+        self.kills = Counter(self.killer.values())
         (folder / "library").mkdir()
         rtl = place.root / "rtl"
         self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
         self.gold = folder / "gold"
         shutil.copytree(rtl, self.gold)
 
-    def _begin(self, tests: tuple[str, ...]) -> float:
-        """Processor time that tests may take, after they have passed without a change."""
-        if tests not in self.limits:
+    def _begin(self, tests: tuple[str, ...]) -> _Unchanged:
+        """What tests take that have passed without a change."""
+        if tests not in self.unchanged:
             tools.write(self.file, self.source)
             found = self.place.run(tests)
             if found["end"] != "passed" or not found["passed"]:
@@ -525,8 +615,20 @@ class _Judge:
                     f"{self.unit.name}: its benches do not pass without a change: "
                     f"{found['test'] or ' '.join(tests)}: {found['end']}, {said}"
                 )
-            self.limits[tests] = GRACE + PATIENCE * found["work"]
-        return self.limits[tests]
+            each = found["each"]
+            # what tests share is made by the first of them, whichever that is
+            longest = max(each.values(), default=found["work"])
+            self.unchanged[tests] = _Unchanged(
+                GRACE + PATIENCE * found["work"], GRACE + PATIENCE * longest, each
+            )
+        return self.unchanged[tests]
+
+    def _order(self, mutant: Mutant, each: Mapping[str, float]) -> list[str]:
+        """Tests that kill most in the least time first; before all, the one that killed it once."""
+        found = [test for test in each if self.kills[test]]
+        found.sort(key=lambda test: each[test] / self.kills[test])
+        last = self.killer.get(mutant.name)
+        return sorted(found, key=lambda test: test != last)
 
     def judge(self, mutant: Mutant) -> tuple[str, str]:
         """Outcome, and the test that failed."""
@@ -536,16 +638,19 @@ class _Judge:
             if not self.compiler.compiles():
                 return "uncompiled", ""
             for tests in filter(None, (self.unit.tests, self.unit.above)):
-                work = self._begin(tests)
+                normal = self._begin(tests)
                 tools.write(self.file, changed)
-                found = self.place.run(tests, work=work)
+                found = self.place.run(
+                    tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
+                )
                 if found["end"] == "broken":
                     raise MutationError(f"{found['test'] or ' '.join(tests)}: {found['said']}")
-                if found["end"] == "timeout":
-                    return "timeout", found["test"] or tests[0]
-                if found["end"] != "passed":
-                    end = "killed" if found["end"] == "failed" else "uncompiled"
-                    return end, found["test"]
+                if found["end"] not in ("passed", "uncompiled"):
+                    by = found["test"] or tests[0]
+                    self.kills[by] += 1
+                    return ("timeout" if found["end"] == "timeout" else "killed"), by
+                if found["end"] == "uncompiled":
+                    return "uncompiled", found["test"]
             return ("equivalent" if self._equal() else "survived"), ""
         finally:
             tools.write(self.file, self.source)
@@ -630,11 +735,9 @@ def mutate(
         If a tool is missing or fails.
     """
     source = (root / unit.file).read_text(encoding="utf-8")
-    key = key_of(unit, root)
-    before = {} if anew else kept(unit.name, results)
-    rows: dict[tuple[str, str, int], dict[str, Any]] = {}
-    if before.get("key") == key:
-        rows = {_name(row): row for row in before["mutants"]}
+    keys = keys_of(unit, root)
+    before = kept(unit.name, results)
+    rows = {} if anew else {_name(row): row for row in valid(unit, before, keys)}
     everything = mutants(source)
     by_name = {one.name: one for one in everything}
     # comments do not count for the key, but they move lines
@@ -649,16 +752,16 @@ def mutate(
                 whole = False
                 break
             if one.name not in rows:
-                judge = judge or _Judge(unit, place, Path(name))
+                judge = judge or _Judge(unit, place, Path(name), before.get("mutants", ()))
                 rows[one.name] = _row(one, *judge.judge(one))
-                _written(unit, key, rows.values(), results, whole=False)
+                _written(unit, keys, rows.values(), results, whole=False)
             if rows[one.name]["outcome"] != "uncompiled":
                 counted += 1
                 left -= 1
                 advance()
     for _ in range(left):
         advance()
-    _written(unit, key, rows.values(), results, whole=whole)
+    _written(unit, keys, rows.values(), results, whole=whole)
     return kept(unit.name, results)
 
 
@@ -971,7 +1074,8 @@ def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) 
     return [
         unit.name
         for unit in units
-        if (found := kept(unit.name, results)) and found["key"] != key_of(unit, root)
+        if (found := kept(unit.name, results))
+        and len(valid(unit, found, keys_of(unit, root))) < len(found["mutants"])
     ]
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -313,6 +314,8 @@ def test_it_counts():
 def test_a_fault_is_seen(tmp_path):
     altered(tmp_path, "counter", "no such text", "")
 '''
+#: The test that kills.
+COUNTS = "tb/rtl/common/counter/test_counter.py::test_it_counts"
 
 
 def project(folder: Path, hold: float = 0.5) -> Path:
@@ -407,6 +410,37 @@ def test_a_bench_that_does_not_end_is_ended(
     assert found["work"] >= 0.5 or limits[0] == 1
 
 
+def test_tests_go_in_order_and_each_has_a_limit(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    path = root / "tb" / "rtl" / "common" / "counter" / "test_counter.py"
+    path.write_text(
+        "def test_one():\n    pass\n\n\ndef test_two():\n    pass\n\n\n"
+        "def test_busy():\n    while True:\n        pass\n"
+    )
+    name = str(path.relative_to(root))
+    first = [f"{name}::test_{test}" for test in ("two", "busy")]
+    with mutation.workshop(root) as place:
+        found = place.run([name], one=0.5, first=first)
+        assert place.run([f"{name}::test_one"], first=first)["end"] == "passed"
+    assert (found["end"], found["test"]) == ("timeout", first[1])
+    assert list(found["each"]) == first
+    assert found["each"][first[0]] < 0.5 <= found["each"][first[1]]
+
+
+def test_a_test_that_kills_quickly_goes_first(tmp_path: Path) -> None:
+    killers = {"a": ("slow", 5), "b": ("slow", 5), "c": ("quick", 1)}
+    known = [
+        {"before": name, "after": "", "place": 1, "by": by} for name, (by, _) in killers.items()
+    ]
+    judge = mutation._Judge.__new__(mutation._Judge)
+    judge.killer = {(row["before"], "", 1): row["by"] for row in known}
+    judge.kills = Counter(judge.killer.values())
+    each = {"never": 0.1, **dict(killers.values())}
+    of = {name: Mutant("operator", 0, 0, "", 1, name, "", 1) for name in "abcd"}
+    assert judge._order(of["d"], each) == ["quick", "slow"]
+    assert judge._order(of["a"], each) == ["slow", "quick"]
+
+
 def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
     rtl = tmp_path / "counter.vhd"
     rtl.write_text(COUNTER)
@@ -444,7 +478,8 @@ class StandIn:
             raise KeyboardInterrupt
         StandIn.judged += 1
         place = mutant.start % 5
-        return ("uncompiled", "killed", "killed", "survived", "timeout")[place], ""
+        outcome = ("uncompiled", "killed", "killed", "survived", "timeout")[place]
+        return outcome, COUNTS if outcome in ("killed", "timeout") else ""
 
 
 @pytest.fixture
@@ -505,6 +540,44 @@ def test_a_changed_source_or_bench_makes_results_void(
     assert judged() == first
 
 
+def test_results_hold_as_long_as_what_they_depend_on(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    above = root / "tb" / "above"
+    above.mkdir()
+    (above / "test_above.py").write_text("\n")
+    (root / "tb" / "mutation.toml").write_text('[counter]\nabove = ["tb/above/test_above.py"]\n')
+    unit = unit_of(root)
+    found = {
+        "keys": mutation.keys_of(unit, root),
+        "mutants": [
+            kept_row("uncompiled", "1"),
+            kept_row("equivalent", "2"),
+            kept_row("killed", "3") | {"by": COUNTS},
+            kept_row("timeout", "4") | {"by": "tb/above/test_above.py::test_it[1]"},
+            kept_row("survived", "5"),
+            kept_row("killed", "6") | {"by": "tb/elsewhere/test_it.py::test_it"},
+        ],
+    }
+
+    def held(unit: Unit = unit) -> str:
+        rows = mutation.valid(unit, found, mutation.keys_of(unit, root))
+        return "".join(str(row["after"]) for row in rows)
+
+    assert held() == "12345"
+    (above / "test_above.py").write_text("# more\n")
+    assert held() == "123"
+    (above / "test_above.py").write_text("\n")
+    bench = root / "tb" / "rtl" / "common" / "counter" / "bench_counter.py"
+    text = bench.read_text()
+    bench.write_text(text + "# more\n")
+    assert held() == "124"
+    bench.write_text(text)
+    alone = Unit(unit.name, unit.file, unit.tests, (), unit.top, unit.configurations)
+    assert held(alone) == "123"
+    (root / unit.file).write_text(COUNTER.replace("n + 1", "1 + n"))
+    assert held() == ""
+
+
 def test_results_that_are_none_are_told(tmp_path: Path) -> None:
     (tmp_path / "ram.json").write_text("{")
     with pytest.raises(mutation.MutationError, match=r"ram\.json: .*; remove it to begin anew"):
@@ -553,7 +626,7 @@ def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[s
     page.write_text("\n".join(mutation.MARKS) + "\n")
     results.mkdir()
     row = json.dumps(kept_row("killed", "a & b"))
-    tools.write(results / "ram.json", f'{{"key": "old", "mutants": [{row}]}}')
+    tools.write(results / "ram.json", f'{{"keys": {{}}, "mutants": [{row}]}}')
     assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
     assert "| `ram`, so far | 1 | 1 |" in page.read_text()
     assert "mutate: changed since they were run: ram" in capsys.readouterr().err
