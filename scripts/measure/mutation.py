@@ -44,6 +44,7 @@ LIST = ROOT / "tb" / "mutation.toml"
 ARGUED = ROOT / "tb" / "mutation_equivalent.toml"
 RESULTS = ROOT / "reports" / "mutation"
 PAGE = ROOT / "docs" / "mutation.md"
+METRICS = ROOT / "reports" / "metrics.json"
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
 SAMPLE = 50
 SEED = 1
@@ -651,11 +652,14 @@ class _Judge:
                     return ("timeout" if found["end"] == "timeout" else "killed"), by
                 if found["end"] == "uncompiled":
                     return "uncompiled", found["test"]
+                # the quick questions come before the benches of what stands above
+                if tests is self.unit.tests and self.unit.above and self._equal(outputs=False):
+                    return "equivalent", ""
             return ("equivalent" if self._equal() else "survived"), ""
         finally:
             tools.write(self.file, self.source)
 
-    def _equal(self) -> bool:
+    def _equal(self, *, outputs: bool = True) -> bool:
         """Whether the changed unit is shown to be the same in every configuration."""
         if not self.unit.top:
             return False
@@ -666,7 +670,9 @@ class _Judge:
         for generics in self.unit.configurations:
             with tempfile.TemporaryDirectory(dir=self.folder) as name:
                 try:
-                    same = equivalence.equal(self.unit.top, generics, *designs, Path(name))
+                    same = equivalence.equal(
+                        self.unit.top, generics, *designs, Path(name), outputs=outputs
+                    )
                 except ToolError:  # it has no netlist of its own
                     return False
             if not same:
@@ -1005,26 +1011,24 @@ def markdown(
         Scores, "so far" where mutants are left to run, survivors, and mutants that are argued to
         do the same.
     """
-    scores = {
-        unit.name: score(unit.name, results[unit.name], argued)
-        for unit in units
-        if unit.name in results
-    }
+    found = scores(
+        {unit.name: results[unit.name] for unit in units if unit.name in results}, argued
+    )
     rows: list[Sequence[object]] = []
     total = [0] * 6
     for unit in units:
         label = f"`{unit.name}`"
-        if unit.name not in scores:
+        if unit.name not in found:
             rows.append((label, "not run", *[""] * 6))
             continue
-        one = scores[unit.name]
+        one = found[unit.name]
         figures = _figures(one)
         total = [a + b for a, b in zip(total, figures, strict=True)]
         if not results[unit.name].get("whole"):
             label += ", so far"
         rows.append((label, *figures, share(one.killed, one.mutants - one.equivalent)))
     whole = share(total[1], total[0] - total[3] - total[4])
-    rows.append((f"all {len(scores)} that were run", *total, whole))
+    rows.append((f"all {len(found)} that were run", *total, whole))
     head = (
         "unit", "mutants", "killed", "of these by time-out", "equivalent, proven",
         "equivalent, argued", "survived", "score",
@@ -1033,7 +1037,7 @@ def markdown(
     files = {unit.name: unit.file.name for unit in units}
     left = [
         (f"`{files[name]}:{row['line']}`", _cell(row["before"]), _cell(row["after"]))
-        for name, one in scores.items()
+        for name, one in found.items()
         for row in one.survivors
     ]
     lines.append(tables.markdown(("place", "line", "becomes"), left, "l") if left else "None.")
@@ -1045,7 +1049,7 @@ def markdown(
             _cell(row["after"]),
             whys[name, _name(row)],
         )
-        for name, one in scores.items()
+        for name, one in found.items()
         for row in one.argued
     ]
     head = ("place", "line", "becomes", "why nothing changes")
@@ -1079,15 +1083,110 @@ def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) 
     ]
 
 
-def publish(page: Path = PAGE, results: Path = RESULTS) -> None:
-    """Write the tables into their page.
+def stored(units: Sequence[Unit], results: Path = RESULTS) -> dict[str, dict[str, Any]]:
+    """Results of all units that have some.
+
+    Parameters
+    ----------
+    units : Sequence[Unit]
+        The list.
+    results : Path
+        Folder of the results.
+
+    Returns
+    -------
+    dict[str, dict[str, Any]]
+        Unit -> as of `kept`, in the order of the list.
+    """
+    return {unit.name: data for unit in units if (data := kept(unit.name, results))}
+
+
+def scores(
+    results: Mapping[str, Mapping[str, Any]], argued: Sequence[Argument]
+) -> dict[str, Score]:
+    """Scores of units that were run.
+
+    Parameters
+    ----------
+    results : Mapping[str, Mapping[str, Any]]
+        Unit -> as of `kept`.
+    argued : Sequence[Argument]
+        Of all units.
+
+    Returns
+    -------
+    dict[str, Score]
+        By the unit's name.
+    """
+    return {name: score(name, found, argued) for name, found in results.items()}
+
+
+def figures(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
+    """What metrics.json says of the scores.
+
+    Parameters
+    ----------
+    found : Mapping[str, Score]
+        As of `scores`.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Unit -> ``mutants`` that compile, ``equivalent`` ones of them, proven or argued, and
+        ``killed_pct`` of the others; this one is missing where there are no others.
+    """
+    told: dict[str, dict[str, float]] = {}
+    for name, one in found.items():
+        told[name] = {"mutants": one.mutants, "equivalent": one.equivalent}
+        if counted := one.mutants - one.equivalent:
+            told[name]["killed_pct"] = round(100 * one.killed / counted, 1)
+    return told
+
+
+def badge(found: Mapping[str, Score], units: int) -> str:
+    """A picture for the first page of the project.
+
+    Parameters
+    ----------
+    found : Mapping[str, Score]
+        As of `scores`.
+    units : int
+        Units of the list, run or not.
+
+    Returns
+    -------
+    str
+        SVG with the score of all units that were run, and how many these are.
+    """
+    counted = sum(one.mutants - one.equivalent for one in found.values())
+    killed = share(sum(one.killed for one in found.values()), counted)
+    left, right = "mutation score", f"{killed}, {len(found)} of {units} units"
+    # the letters take what they need: about 6.4 units each
+    first, second = (round(6.4 * len(text)) + 12 for text in (left, right))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{first + second}" height="20" role="img" '
+        f'aria-label="{left}: {right}">\n'
+        f'<rect width="{first}" height="20" fill="#444"/>\n'
+        f'<rect x="{first}" width="{second}" height="20" fill="#0b6e4f"/>\n'
+        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" '
+        'text-anchor="middle">\n'
+        f'<text x="{first / 2}" y="14">{left}</text>\n'
+        f'<text x="{first + second / 2}" y="14">{right}</text>\n'
+        "</g>\n</svg>\n"
+    )
+
+
+def publish(page: Path = PAGE, results: Path = RESULTS, metrics: Path = METRICS) -> None:
+    """Write the tables into their page, the badge beside it and the figures into metrics.json.
 
     Parameters
     ----------
     page : Path
-        The page; its markers stay.
+        The page; its markers stay. The badge has its name with the ending ``.svg``.
     results : Path
         Folder of the results.
+    metrics : Path
+        File of the figures; what else it holds stays.
 
     Raises
     ------
@@ -1095,5 +1194,9 @@ def publish(page: Path = PAGE, results: Path = RESULTS) -> None:
         If the page has no place for them.
     """
     units = listed()
-    found = {unit.name: data for unit in units if (data := kept(unit.name, results))}
-    tables.rewrite(page, {MARKS: markdown(units, found, arguments())})
+    found, argued = stored(units, results), arguments()
+    told = scores(found, argued)
+    tables.rewrite(page, {MARKS: markdown(units, found, argued)})
+    tools.write(page.with_suffix(".svg"), badge(told, len(units)))
+    known = json.loads(metrics.read_text(encoding="utf-8")) if metrics.exists() else {}
+    tools.write(metrics, json.dumps(known | {"mutation": figures(told)}, indent=1) + "\n")

@@ -28,7 +28,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.measure import budgets, proofs, synth
+from scripts.measure import budgets, mutation, proofs, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report, paper_b
 from scripts.publish.reporting import ReportError, run_script
@@ -627,6 +627,8 @@ def _build(jobs: int, seeds: int, others: Collection[int], say: Callable[[str], 
     say("formal proofs")
     proven = proofs.listed()
     document["proof"] = proofs.figures(proofs.document(proven, proofs.prove_all(proven, jobs)))
+    scores = mutation.scores(mutation.stored(mutation.listed()), mutation.arguments())
+    document["mutation"] = mutation.figures(scores)
     timed: list[dict[str, Any]] = []
     for variant, design in DESIGNS.items():
         say(f"resources of every number of explorers ({variant})")

@@ -445,14 +445,15 @@ def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
     rtl = tmp_path / "counter.vhd"
     rtl.write_text(COUNTER)
 
-    def equal(old: str, new: str) -> bool:
+    def equal(old: str, new: str, *, outputs: bool = True) -> bool:
         assert old in COUNTER
         other = tmp_path / "other" / "counter.vhd"
         other.parent.mkdir(exist_ok=True)
         other.write_text(COUNTER.replace(old, new))
-        return equivalence.equal("counter", {}, [rtl], [other], tmp_path)
+        return equivalence.equal("counter", {}, [rtl], [other], tmp_path, outputs=outputs)
 
-    assert equal("n + 1", "1 + n")
+    assert equal("n + 1", "1 + n", outputs=False)
+    assert not equal("n + 1", "n + 2", outputs=False)
     assert equal("n <= n + 1", "n <= n - 3")
     assert equal("(go = '1' and hold = '0')", "((go and not hold) = '1')")
     assert not equal("n + 1", "n + 2")
@@ -609,6 +610,9 @@ def test_scores_are_counted() -> None:
     assert "| `ram.vhd:3` | `a \\| b` | `5` |\n" in page
     assert "| `ram.vhd:3` | `a \\| b` | `6` | because |" in page
     assert mutation.share(0, 0) == "-"
+    figures = mutation.figures(mutation.scores({"ram": found, "a": {"mutants": []}}, argued))
+    assert figures["ram"] == {"mutants": 6, "equivalent": 2, "killed_pct": 75.0}
+    assert figures["a"] == {"mutants": 0, "equivalent": 0}
     page = mutation.markdown(units, {"ram": found | {"whole": False}}, argued)
     assert "| `ram`, so far | 6 | 3 | 1 | 1 | 1 | 1 | 75 % |" in page
 
@@ -616,20 +620,32 @@ def test_scores_are_counted() -> None:
 def test_the_page_has_what_is_kept() -> None:
     page = tables.inside(mutation.PAGE.read_text(encoding="utf-8"), *mutation.MARKS)
     units = mutation.listed()
-    found = {unit.name: data for unit in units if (data := mutation.kept(unit.name))}
+    found = mutation.stored(units)
     assert page.strip() == mutation.markdown(units, found, mutation.arguments())
     assert {path.stem for path in mutation.RESULTS.glob("*.json")} == set(found)
+    told = mutation.scores(found, mutation.arguments())
+    assert mutation.PAGE.with_suffix(".svg").read_text() == mutation.badge(told, len(units))
+    metrics = json.loads(mutation.METRICS.read_text(encoding="utf-8"))
+    assert metrics["mutation"] == mutation.figures(told)
 
 
 def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page, results = tmp_path / "page.md", tmp_path / "results"
+    metrics = tmp_path / "metrics.json"
+    metrics.write_text('{"commit": "x"}')
+    where = ["--page", str(page), "--out", str(results), "--metrics", str(metrics)]
     page.write_text("\n".join(mutation.MARKS) + "\n")
     results.mkdir()
     row = json.dumps(kept_row("killed", "a & b"))
     tools.write(results / "ram.json", f'{{"keys": {{}}, "mutants": [{row}]}}')
-    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    assert main(["mutate", "--publish", *where]) == 0
+    figures = {"mutants": 1, "equivalent": 0, "killed_pct": 100.0}
+    assert json.loads(metrics.read_text()) == {"commit": "x", "mutation": {"ram": figures}}
+    assert f">100 %, 1 of {len(mutation.listed())} units<" in page.with_suffix(".svg").read_text()
     assert "| `ram`, so far | 1 | 1 |" in page.read_text()
     assert "mutate: changed since they were run: ram" in capsys.readouterr().err
     shutil.rmtree(results)
-    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    assert main(["mutate", "--publish", *where]) == 0
+    assert json.loads(metrics.read_text())["mutation"] == {}
+    assert ">-, 0 of " in page.with_suffix(".svg").read_text()
     assert "| `ram` | not run |" in page.read_text()
