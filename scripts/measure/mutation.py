@@ -440,10 +440,12 @@ class Workshop:
             # a test that calls make is not to install anything
             (self.root / ".venv").symlink_to((root / ".venv").resolve())
         path = os.pathsep.join([str(self.root / "model"), str(self.root)])
+        # the copy keeps compiled Python, wherever it may not lie: each bench starts Python anew
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "scripts.measure.bench_server"],
             cwd=self.root,
-            env=os.environ | {"PYTHONPATH": path, "TMPDIR": str(self._scratch)},
+            env=kept | {"PYTHONPATH": path, "TMPDIR": str(self._scratch)},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
