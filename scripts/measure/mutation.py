@@ -633,33 +633,49 @@ class _Judge:
         last = self.killer.get(mutant.name)
         return sorted(found, key=lambda test: test != last)
 
-    def judge(self, mutant: Mutant) -> tuple[str, str]:
-        """Outcome, and the test that failed."""
-        changed = mutant.applied(self.source)
-        try:
-            tools.write(self.file, changed)
+    def judge(self, mutant: Mutant) -> tuple[str, str] | None:
+        """Outcome by the unit's own benches, and the test that failed; None if all pass."""
+        with self._changed(mutant) as changed:
             if not self.compiler.compiles():
                 return "uncompiled", ""
-            for tests in filter(None, (self.unit.tests, self.unit.above)):
-                normal = self._begin(tests)
-                tools.write(self.file, changed)
-                found = self.place.run(
-                    tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
-                )
-                if found["end"] == "broken":
-                    raise MutationError(f"{found['test'] or ' '.join(tests)}: {found['said']}")
-                if found["end"] not in ("passed", "uncompiled"):
-                    by = found["test"] or tests[0]
-                    self.kills[by] += 1
-                    return ("timeout" if found["end"] == "timeout" else "killed"), by
-                if found["end"] == "uncompiled":
-                    return "uncompiled", found["test"]
+            return self._run(self.unit.tests, mutant, changed)
+
+    def judge_on(self, mutant: Mutant) -> tuple[str, str]:
+        """Outcome of a mutant that its own benches do not notice."""
+        with self._changed(mutant) as changed:
+            if self.unit.above:
                 # the quick questions come before the benches of what stands above
-                if tests is self.unit.tests and self.unit.above and self._equal(outputs=False):
+                if self._equal(outputs=False):
                     return "equivalent", ""
+                if found := self._run(self.unit.above, mutant, changed):
+                    return found
             return ("equivalent" if self._equal() else "survived"), ""
+
+    @contextmanager
+    def _changed(self, mutant: Mutant) -> Iterator[str]:
+        """The file is the mutant's within the block."""
+        changed = mutant.applied(self.source)
+        tools.write(self.file, changed)
+        try:
+            yield changed
         finally:
             tools.write(self.file, self.source)
+
+    def _run(self, tests: tuple[str, ...], mutant: Mutant, changed: str) -> tuple[str, str] | None:
+        """Outcome by some tests, None if all pass."""
+        normal = self._begin(tests)
+        tools.write(self.file, changed)
+        found = self.place.run(
+            tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
+        )
+        end, by = found["end"], found["test"] or tests[0]
+        if end == "broken":
+            raise MutationError(f"{by}: {found['said']}")
+        if end == "passed":
+            return None
+        if end != "uncompiled":
+            self.kills[by] += 1
+        return ("killed" if end == "failed" else end), by
 
     def _equal(self, *, outputs: bool = True) -> bool:
         """Whether the changed unit is shown to be the same in every configuration."""
@@ -751,8 +767,14 @@ def mutate(
     # comments do not count for the key, but they move lines
     rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
     counted, left, whole = 0, sample, True
+    open_: list[Mutant] = []
     with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:
         judge: _Judge | None = None
+
+        def _note(one: Mutant, found: tuple[str, str]) -> None:
+            rows[one.name] = _row(one, *found)
+            _written(unit, keys, rows.values(), results, whole=False)
+
         for one in shuffled(everything, SEED):
             if counted >= sample:
                 break
@@ -761,12 +783,27 @@ def mutate(
                 break
             if one.name not in rows:
                 judge = judge or _Judge(unit, place, Path(name), before.get("mutants", ()))
-                rows[one.name] = _row(one, *judge.judge(one))
-                _written(unit, keys, rows.values(), results, whole=False)
-            if rows[one.name]["outcome"] != "uncompiled":
+                if found := judge.judge(one):
+                    _note(one, found)
+                else:
+                    open_.append(one)
+            if one.name not in rows:
+                counted += 1
+            elif rows[one.name]["outcome"] != "uncompiled":
                 counted += 1
                 left -= 1
                 advance()
+        # what takes longest comes last
+        for one in open_:
+            if judge is None or stopped():
+                whole = False
+                break
+            found = judge.judge_on(one)
+            # then it does not count, and the next run has one more
+            whole = whole and found[0] != "uncompiled"
+            _note(one, found)
+            left -= 1
+            advance()
     for _ in range(left):
         advance()
     _written(unit, keys, rows.values(), results, whole=whole)

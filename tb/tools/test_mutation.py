@@ -473,7 +473,7 @@ class StandIn:
     def __init__(self, *_: object) -> None:
         pass
 
-    def judge(self, mutant: Mutant) -> tuple[str, str]:
+    def judge(self, mutant: Mutant) -> tuple[str, str] | None:
         """A part is killed, one in five does not compile."""
         if StandIn.judged == StandIn.stop:
             raise KeyboardInterrupt
@@ -519,6 +519,31 @@ def test_a_run_goes_on_where_it_stopped(judged: Callable[..., int], tmp_path: Pa
     assert judged() == 0
     assert judged(sample=9) >= 1
     assert judged(anew=True) == len(whole)
+
+
+def test_what_its_own_benches_do_not_notice_comes_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, asked = project(tmp_path), []
+
+    class Two(StandIn):
+        def judge(self, mutant: Mutant) -> tuple[str, str] | None:
+            asked.append(("own", mutant.name))
+            return ("killed", COUNTS) if len(asked) % 2 else None
+
+        def judge_on(self, mutant: Mutant) -> tuple[str, str]:
+            asked.append(("above", mutant.name))
+            return ("uncompiled" if len(asked) == 9 else "equivalent"), ""
+
+    monkeypatch.setattr(mutation, "_Judge", Two)
+    found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
+    assert [kind for kind, _ in asked] == ["own"] * 6 + ["above"] * 3
+    assert [name for _, name in asked[6:]] == [name for _, name in asked[1:6:2]]
+    ends = [row["outcome"] for row in found["mutants"]]
+    assert sorted(ends) == ["equivalent"] * 2 + ["killed"] * 3 + ["uncompiled"]
+    assert found["whole"] is False, "one of six does not count"
+    found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
+    assert (len(asked), found["whole"]) == (11, True)
 
 
 def test_a_changed_source_or_bench_makes_results_void(
