@@ -17,11 +17,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sample", type=int, default=mutation.SAMPLE, help="mutants of each")
     parser.add_argument("--jobs", type=int, default=2, help="entities at a time")
     parser.add_argument("--anew", action="store_true", help="run what has results already, too")
-    parser.add_argument("--publish", action="store_true", help="only write the page, run nothing")
+    parser.add_argument("--publish", action="store_true", help="only publish, run nothing")
     parser.add_argument(
         "--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each"
     )
-    parser.add_argument("--page", type=Path, default=mutation.PAGE, help="page of the tables")
+    parser.add_argument(
+        "--page",
+        type=Path,
+        default=mutation.PAGE,
+        help="page of the tables, with the badge beside",
+    )
+    parser.add_argument("--metrics", type=Path, default=mutation.METRICS, help="file of figures")
     workers.add_arguments(parser)
 
 
@@ -51,7 +57,7 @@ def _run(given: argparse.Namespace) -> int | None:
             )
             for row in found.survivors:
                 print(f"  {unit.file}:{row['line']}: {row['before']}  ->  {row['after']}")
-    mutation.publish(given.page, given.out)
+    mutation.publish(given.page, given.out, given.metrics)
     if old := mutation.outdated(units, given.out):
         print(f"mutate: changed since they were run: {', '.join(old)}", file=sys.stderr)
     if more := mutation.unlisted(units):

@@ -8,6 +8,7 @@ is listed.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -47,15 +48,22 @@ class SourceFile:
     refers: set[str] = field(default_factory=set)
 
 
-def _scan_text(text: str, path: Path) -> SourceFile:
-    """Find the design units and the references of one file's text."""
+@functools.lru_cache(maxsize=1024)
+def _scan_text(text: str) -> tuple[frozenset[str], ...]:
+    """Entities, packages, completed units and references of a text, found once for all benches."""
     # Strings go too: a name inside an assertion's message is not a reference.
     code = _STRING.sub('""', _COMMENT.sub("", text)).lower()
     entities = set(_ENTITY.findall(code))
     packages = set(_PACKAGE.findall(code))
     completes = set(_BODY.findall(code)) | set(_ARCHITECTURE.findall(code))
     refers = set(_WORK.findall(code)) | set(_INSTANCE.findall(code)) | completes
-    return SourceFile(path, entities | packages, entities, completes, refers)
+    return tuple(map(frozenset, (entities, packages, completes, refers)))
+
+
+def _scanned(path: Path) -> SourceFile:
+    """The design units and the references of one file."""
+    entities, packages, completes, refers = _scan_text(path.read_text(encoding="utf-8"))
+    return SourceFile(path, set(entities | packages), set(entities), set(completes), set(refers))
 
 
 def scan(files: Iterable[Path]) -> list[SourceFile]:
@@ -76,7 +84,7 @@ def scan(files: Iterable[Path]) -> list[SourceFile]:
     OSError
         If a file cannot be read.
     """
-    return [_scan_text(path.read_text(encoding="utf-8"), path) for path in sorted(files)]
+    return [_scanned(path) for path in sorted(files)]
 
 
 def rtl_files(rtl: Path = RTL) -> list[Path]:

@@ -12,7 +12,8 @@ these notice nothing, against what stands above it. What comes of a mutant:
 
 The benches run in a copy of the project, so that nothing of the project changes. Results are kept
 in a JSON file for each unit, written after every mutant. A run that was stopped goes on there. A
-change of the unit's VHDL or of its benches makes its results void, and no other's.
+change of the unit's VHDL makes its results void, and no other's; a change of benches those that
+depend on them. The test that killed a mutant once is asked first when it is run again.
 """
 
 from __future__ import annotations
@@ -43,13 +44,14 @@ LIST = ROOT / "tb" / "mutation.toml"
 ARGUED = ROOT / "tb" / "mutation_equivalent.toml"
 RESULTS = ROOT / "reports" / "mutation"
 PAGE = ROOT / "docs" / "mutation.md"
+METRICS = ROOT / "reports" / "metrics.json"
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
 SAMPLE = 50
 SEED = 1
 #: A bench may take this many times the processor time as without a change, and the seconds besides.
 PATIENCE, GRACE = 6, 5
 #: Longest time on the clock a bench is waited for.
-LONGEST = 900
+LONGEST = 4 * 3600
 _KEYS = ("tests", "above", "top", "configurations")
 #: What the copy of the project is without.
 _ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
@@ -281,8 +283,14 @@ def arguments(path: Path = ARGUED) -> list[Argument]:
 # --- what is kept ---------------------------------------------------------------------------------
 
 
-def key_of(unit: Unit, root: Path = ROOT) -> str:
-    """Sixteen digits that change with a unit's VHDL and benches; comments do not count.
+def _folder(test: str) -> str:
+    """Folder of a test, by pytest's name for it."""
+    place = Path(test.partition("::")[0])
+    return (place.parent if place.suffix else place).as_posix()
+
+
+def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
+    """Sixteen digits for each thing that results depend on; comments of the VHDL do not count.
 
     Parameters
     ----------
@@ -293,23 +301,62 @@ def key_of(unit: Unit, root: Path = ROOT) -> str:
 
     Returns
     -------
-    str
-        Hexadecimal.
+    dict[str, str]
+        Hexadecimal, for the unit's file, each folder of its tests, and ``tests``: which of them.
 
     Raises
     ------
     OSError
         If a file cannot be read.
     """
-    parts: list[str | bytes] = [code((root / unit.file).read_text(encoding="utf-8")), str(SEED)]
-    for test in (*unit.tests, *unit.above):
-        place = root / test.partition("::")[0]
-        folder = place if place.is_dir() else place.parent
-        parts.append(test)
-        for path in sorted(folder.iterdir()):
+    source = code((root / unit.file).read_text(encoding="utf-8"))
+    found = {
+        unit.file.as_posix(): tools.digest(source, str(SEED)),
+        "tests": tools.digest(*unit.tests, "above", *unit.above),
+    }
+    for folder in sorted({_folder(test) for test in (*unit.tests, *unit.above)}):
+        parts: list[str | bytes] = []
+        for path in sorted((root / folder).iterdir()):
             if path.is_file():
                 parts += [path.name, path.read_bytes()]
-    return tools.digest(*parts)[:16]
+        found[folder] = tools.digest(*parts)
+    return {name: digits[:16] for name, digits in found.items()}
+
+
+def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Results that still hold.
+
+    What was killed holds as long as the VHDL and the folder of the test that killed it are the
+    same; what survived, as long as all tests are.
+
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    found : Mapping[str, Any]
+        As of `kept`.
+    keys : Mapping[str, str]
+        As of `keys_of`, now.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Those of the rows.
+    """
+    before = found.get("keys", {})
+
+    def _same(*names: str) -> bool:
+        return all(name in keys and before.get(name) == keys[name] for name in names)
+
+    def _holds(row: Mapping[str, Any]) -> bool:
+        if row["outcome"] == "survived":
+            return before == dict(keys)
+        needed = [unit.file.as_posix()]
+        if row["outcome"] in ("killed", "timeout"):
+            needed.append(_folder(row.get("by", "")))
+        return _same(*needed)
+
+    return [row for row in found.get("mutants", []) if _holds(row)]
 
 
 def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
@@ -325,7 +372,7 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        ``key``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
+        ``keys``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
         ``before``, ``after``, ``place``, ``outcome`` and ``by``, the test that failed; empty if
         there are none.
 
@@ -344,19 +391,24 @@ def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
 
 
 def _written(
-    unit: Unit, key: str, rows: Iterable[Mapping[str, Any]], folder: Path, *, whole: bool
+    unit: Unit,
+    keys: Mapping[str, str],
+    rows: Iterable[Mapping[str, Any]],
+    folder: Path,
+    *,
+    whole: bool,
 ) -> None:
     """Write the results of a unit, a mutant a line; `whole` where none is left to run."""
     ordered = sorted(rows, key=lambda row: (row["line"], row["before"], row["after"], row["place"]))
     lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in ordered)
-    known = {"unit": unit.name, "file": unit.file.as_posix(), "key": key, "whole": whole}
+    known = {"unit": unit.name, "file": unit.file.as_posix(), "keys": keys, "whole": whole}
     head = ",\n ".join(f'"{name}": {json.dumps(value)}' for name, value in known.items())
     tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
 
 
 def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:
     """Write results as `kept` has them."""
-    _written(unit, found["key"], found["mutants"], folder, whole=found["whole"])
+    _written(unit, found["keys"], found["mutants"], folder, whole=found["whole"])
 
 
 # --- benches --------------------------------------------------------------------------------------
@@ -388,10 +440,12 @@ class Workshop:
             # a test that calls make is not to install anything
             (self.root / ".venv").symlink_to((root / ".venv").resolve())
         path = os.pathsep.join([str(self.root / "model"), str(self.root)])
+        # the copy keeps compiled Python, wherever it may not lie: each bench starts Python anew
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "scripts.measure.bench_server"],
             cwd=self.root,
-            env=os.environ | {"PYTHONPATH": path, "TMPDIR": str(self._scratch)},
+            env=kept | {"PYTHONPATH": path, "TMPDIR": str(self._scratch)},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -401,7 +455,12 @@ class Workshop:
         )
 
     def run(
-        self, tests: Sequence[str], limit: float = LONGEST, work: float = LONGEST
+        self,
+        tests: Sequence[str],
+        limit: float = LONGEST,
+        work: float = LONGEST,
+        one: float = LONGEST,
+        first: Sequence[str] = (),
     ) -> dict[str, Any]:
         """Run tests of the copy.
 
@@ -413,6 +472,10 @@ class Workshop:
             Seconds on the clock until they are ended.
         work : float
             Seconds of the processor until they are.
+        one : float
+            Seconds of the processor until a single test is.
+        first : Sequence[str]
+            Tests that go before all others, in this order.
 
         Returns
         -------
@@ -427,7 +490,13 @@ class Workshop:
         stdin: IO[str] = self._process.stdin
         stdout: IO[str] = self._process.stdout
         try:
-            asked = {"tests": list(tests), "limit": limit, "work": work}
+            asked = {
+                "tests": list(tests),
+                "limit": limit,
+                "work": work,
+                "one": one,
+                "first": list(first),
+            }
             stdin.write(json.dumps(asked) + "\n")
             stdin.flush()
             line = stdout.readline()
@@ -500,23 +569,47 @@ class _Compiler:
 # --- judging --------------------------------------------------------------------------------------
 
 
-class _Judge:
-    """Decides what becomes of the mutants of one unit."""
+@dataclass(frozen=True)
+class _Unchanged:
+    """What benches take where nothing is changed.
 
-    def __init__(self, unit: Unit, place: Workshop, folder: Path) -> None:
+    Attributes
+    ----------
+    work, one
+        Processor time that all of them, and a single test, may take with a change.
+    each
+        Processor time of each test without.
+    """
+
+    work: float
+    one: float
+    each: Mapping[str, float]
+
+
+class _Judge:
+    """Decides what becomes of the mutants of one unit.
+
+    `known` has earlier results, void or not: the tests that killed most for their time go first.
+    """
+
+    def __init__(
+        self, unit: Unit, place: Workshop, folder: Path, known: Iterable[Mapping[str, Any]] = ()
+    ) -> None:
         self.unit, self.place, self.folder = unit, place, folder
         self.file = place.root / unit.file
         self.source = self.file.read_text(encoding="utf-8")
-        self.limits: dict[tuple[str, ...], float] = {}
+        self.unchanged: dict[tuple[str, ...], _Unchanged] = {}
+        self.killer = {_name(row): row["by"] for row in known if row.get("by")}
+        self.kills = Counter(self.killer.values())
         (folder / "library").mkdir()
         rtl = place.root / "rtl"
         self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
         self.gold = folder / "gold"
         shutil.copytree(rtl, self.gold)
 
-    def _begin(self, tests: tuple[str, ...]) -> float:
-        """Processor time that tests may take, after they have passed without a change."""
-        if tests not in self.limits:
+    def _begin(self, tests: tuple[str, ...]) -> _Unchanged:
+        """What tests take that have passed without a change."""
+        if tests not in self.unchanged:
             tools.write(self.file, self.source)
             found = self.place.run(tests)
             if found["end"] != "passed" or not found["passed"]:
@@ -525,32 +618,66 @@ class _Judge:
                     f"{self.unit.name}: its benches do not pass without a change: "
                     f"{found['test'] or ' '.join(tests)}: {found['end']}, {said}"
                 )
-            self.limits[tests] = GRACE + PATIENCE * found["work"]
-        return self.limits[tests]
+            each = found["each"]
+            # what tests share is made by the first of them, whichever that is
+            longest = max(each.values(), default=found["work"])
+            self.unchanged[tests] = _Unchanged(
+                GRACE + PATIENCE * found["work"], GRACE + PATIENCE * longest, each
+            )
+        return self.unchanged[tests]
 
-    def judge(self, mutant: Mutant) -> tuple[str, str]:
-        """Outcome, and the test that failed."""
-        changed = mutant.applied(self.source)
-        try:
-            tools.write(self.file, changed)
+    def _order(self, mutant: Mutant, each: Mapping[str, float]) -> list[str]:
+        """Tests that kill most in the least time first; before all, the one that killed it once."""
+        found = [test for test in each if self.kills[test]]
+        found.sort(key=lambda test: each[test] / self.kills[test])
+        last = self.killer.get(mutant.name)
+        return sorted(found, key=lambda test: test != last)
+
+    def judge(self, mutant: Mutant) -> tuple[str, str] | None:
+        """Outcome by the unit's own benches, and the test that failed; None if all pass."""
+        with self._changed(mutant) as changed:
             if not self.compiler.compiles():
                 return "uncompiled", ""
-            for tests in filter(None, (self.unit.tests, self.unit.above)):
-                work = self._begin(tests)
-                tools.write(self.file, changed)
-                found = self.place.run(tests, work=work)
-                if found["end"] == "broken":
-                    raise MutationError(f"{found['test'] or ' '.join(tests)}: {found['said']}")
-                if found["end"] == "timeout":
-                    return "timeout", found["test"] or tests[0]
-                if found["end"] != "passed":
-                    end = "killed" if found["end"] == "failed" else "uncompiled"
-                    return end, found["test"]
+            return self._run(self.unit.tests, mutant, changed)
+
+    def judge_on(self, mutant: Mutant) -> tuple[str, str]:
+        """Outcome of a mutant that its own benches do not notice."""
+        with self._changed(mutant) as changed:
+            if self.unit.above:
+                # the quick questions come before the benches of what stands above
+                if self._equal(outputs=False):
+                    return "equivalent", ""
+                if found := self._run(self.unit.above, mutant, changed):
+                    return found
             return ("equivalent" if self._equal() else "survived"), ""
+
+    @contextmanager
+    def _changed(self, mutant: Mutant) -> Iterator[str]:
+        """The file is the mutant's within the block."""
+        changed = mutant.applied(self.source)
+        tools.write(self.file, changed)
+        try:
+            yield changed
         finally:
             tools.write(self.file, self.source)
 
-    def _equal(self) -> bool:
+    def _run(self, tests: tuple[str, ...], mutant: Mutant, changed: str) -> tuple[str, str] | None:
+        """Outcome by some tests, None if all pass."""
+        normal = self._begin(tests)
+        tools.write(self.file, changed)
+        found = self.place.run(
+            tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
+        )
+        end, by = found["end"], found["test"] or tests[0]
+        if end == "broken":
+            raise MutationError(f"{by}: {found['said']}")
+        if end == "passed":
+            return None
+        if end != "uncompiled":
+            self.kills[by] += 1
+        return ("killed" if end == "failed" else end), by
+
+    def _equal(self, *, outputs: bool = True) -> bool:
         """Whether the changed unit is shown to be the same in every configuration."""
         if not self.unit.top:
             return False
@@ -561,7 +688,9 @@ class _Judge:
         for generics in self.unit.configurations:
             with tempfile.TemporaryDirectory(dir=self.folder) as name:
                 try:
-                    same = equivalence.equal(self.unit.top, generics, *designs, Path(name))
+                    same = equivalence.equal(
+                        self.unit.top, generics, *designs, Path(name), outputs=outputs
+                    )
                 except ToolError:  # it has no netlist of its own
                     return False
             if not same:
@@ -630,18 +759,22 @@ def mutate(
         If a tool is missing or fails.
     """
     source = (root / unit.file).read_text(encoding="utf-8")
-    key = key_of(unit, root)
-    before = {} if anew else kept(unit.name, results)
-    rows: dict[tuple[str, str, int], dict[str, Any]] = {}
-    if before.get("key") == key:
-        rows = {_name(row): row for row in before["mutants"]}
+    keys = keys_of(unit, root)
+    before = kept(unit.name, results)
+    rows = {} if anew else {_name(row): row for row in valid(unit, before, keys)}
     everything = mutants(source)
     by_name = {one.name: one for one in everything}
     # comments do not count for the key, but they move lines
     rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
     counted, left, whole = 0, sample, True
+    open_: list[Mutant] = []
     with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:
         judge: _Judge | None = None
+
+        def _note(one: Mutant, found: tuple[str, str]) -> None:
+            rows[one.name] = _row(one, *found)
+            _written(unit, keys, rows.values(), results, whole=False)
+
         for one in shuffled(everything, SEED):
             if counted >= sample:
                 break
@@ -649,16 +782,31 @@ def mutate(
                 whole = False
                 break
             if one.name not in rows:
-                judge = judge or _Judge(unit, place, Path(name))
-                rows[one.name] = _row(one, *judge.judge(one))
-                _written(unit, key, rows.values(), results, whole=False)
-            if rows[one.name]["outcome"] != "uncompiled":
+                judge = judge or _Judge(unit, place, Path(name), before.get("mutants", ()))
+                if found := judge.judge(one):
+                    _note(one, found)
+                else:
+                    open_.append(one)
+            if one.name not in rows:
+                counted += 1
+            elif rows[one.name]["outcome"] != "uncompiled":
                 counted += 1
                 left -= 1
                 advance()
+        # what takes longest comes last
+        for one in open_:
+            if judge is None or stopped():
+                whole = False
+                break
+            found = judge.judge_on(one)
+            # then it does not count, and the next run has one more
+            whole = whole and found[0] != "uncompiled"
+            _note(one, found)
+            left -= 1
+            advance()
     for _ in range(left):
         advance()
-    _written(unit, key, rows.values(), results, whole=whole)
+    _written(unit, keys, rows.values(), results, whole=whole)
     return kept(unit.name, results)
 
 
@@ -902,26 +1050,24 @@ def markdown(
         Scores, "so far" where mutants are left to run, survivors, and mutants that are argued to
         do the same.
     """
-    scores = {
-        unit.name: score(unit.name, results[unit.name], argued)
-        for unit in units
-        if unit.name in results
-    }
+    found = scores(
+        {unit.name: results[unit.name] for unit in units if unit.name in results}, argued
+    )
     rows: list[Sequence[object]] = []
     total = [0] * 6
     for unit in units:
         label = f"`{unit.name}`"
-        if unit.name not in scores:
+        if unit.name not in found:
             rows.append((label, "not run", *[""] * 6))
             continue
-        one = scores[unit.name]
+        one = found[unit.name]
         figures = _figures(one)
         total = [a + b for a, b in zip(total, figures, strict=True)]
         if not results[unit.name].get("whole"):
             label += ", so far"
         rows.append((label, *figures, share(one.killed, one.mutants - one.equivalent)))
     whole = share(total[1], total[0] - total[3] - total[4])
-    rows.append((f"all {len(scores)} that were run", *total, whole))
+    rows.append((f"all {len(found)} that were run", *total, whole))
     head = (
         "unit", "mutants", "killed", "of these by time-out", "equivalent, proven",
         "equivalent, argued", "survived", "score",
@@ -930,7 +1076,7 @@ def markdown(
     files = {unit.name: unit.file.name for unit in units}
     left = [
         (f"`{files[name]}:{row['line']}`", _cell(row["before"]), _cell(row["after"]))
-        for name, one in scores.items()
+        for name, one in found.items()
         for row in one.survivors
     ]
     lines.append(tables.markdown(("place", "line", "becomes"), left, "l") if left else "None.")
@@ -942,7 +1088,7 @@ def markdown(
             _cell(row["after"]),
             whys[name, _name(row)],
         )
-        for name, one in scores.items()
+        for name, one in found.items()
         for row in one.argued
     ]
     head = ("place", "line", "becomes", "why nothing changes")
@@ -971,19 +1117,115 @@ def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) 
     return [
         unit.name
         for unit in units
-        if (found := kept(unit.name, results)) and found["key"] != key_of(unit, root)
+        if (found := kept(unit.name, results))
+        and len(valid(unit, found, keys_of(unit, root))) < len(found["mutants"])
     ]
 
 
-def publish(page: Path = PAGE, results: Path = RESULTS) -> None:
-    """Write the tables into their page.
+def stored(units: Sequence[Unit], results: Path = RESULTS) -> dict[str, dict[str, Any]]:
+    """Results of all units that have some.
+
+    Parameters
+    ----------
+    units : Sequence[Unit]
+        The list.
+    results : Path
+        Folder of the results.
+
+    Returns
+    -------
+    dict[str, dict[str, Any]]
+        Unit -> as of `kept`, in the order of the list.
+    """
+    return {unit.name: data for unit in units if (data := kept(unit.name, results))}
+
+
+def scores(
+    results: Mapping[str, Mapping[str, Any]], argued: Sequence[Argument]
+) -> dict[str, Score]:
+    """Scores of units that were run.
+
+    Parameters
+    ----------
+    results : Mapping[str, Mapping[str, Any]]
+        Unit -> as of `kept`.
+    argued : Sequence[Argument]
+        Of all units.
+
+    Returns
+    -------
+    dict[str, Score]
+        By the unit's name.
+    """
+    return {name: score(name, found, argued) for name, found in results.items()}
+
+
+def figures(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
+    """What metrics.json says of the scores.
+
+    Parameters
+    ----------
+    found : Mapping[str, Score]
+        As of `scores`.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Unit -> ``mutants`` that compile, ``equivalent`` ones of them, proven or argued, and
+        ``killed_pct`` of the others; this one is missing where there are no others.
+    """
+    told: dict[str, dict[str, float]] = {}
+    for name, one in found.items():
+        told[name] = {"mutants": one.mutants, "equivalent": one.equivalent}
+        if counted := one.mutants - one.equivalent:
+            told[name]["killed_pct"] = round(100 * one.killed / counted, 1)
+    return told
+
+
+def badge(found: Mapping[str, Score], units: int) -> str:
+    """A picture for the first page of the project.
+
+    Parameters
+    ----------
+    found : Mapping[str, Score]
+        As of `scores`.
+    units : int
+        Units of the list, run or not.
+
+    Returns
+    -------
+    str
+        SVG with the score of all units that were run, and how many these are.
+    """
+    counted = sum(one.mutants - one.equivalent for one in found.values())
+    killed = share(sum(one.killed for one in found.values()), counted)
+    left, right = "mutation score", f"{killed}, {len(found)} of {units} units"
+    # the letters take what they need: about 6.4 units each
+    first, second = (round(6.4 * len(text)) + 12 for text in (left, right))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{first + second}" height="20" role="img" '
+        f'aria-label="{left}: {right}">\n'
+        f'<rect width="{first}" height="20" fill="#444"/>\n'
+        f'<rect x="{first}" width="{second}" height="20" fill="#0b6e4f"/>\n'
+        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" '
+        'text-anchor="middle">\n'
+        f'<text x="{first / 2}" y="14">{left}</text>\n'
+        f'<text x="{first + second / 2}" y="14">{right}</text>\n'
+        "</g>\n</svg>\n"
+    )
+
+
+def publish(page: Path = PAGE, results: Path = RESULTS, metrics: Path = METRICS) -> None:
+    """Write the tables into their page, the badge beside it and the figures into metrics.json.
 
     Parameters
     ----------
     page : Path
-        The page; its markers stay.
+        The page; its markers stay. The badge has its name with the ending ``.svg``.
     results : Path
         Folder of the results.
+    metrics : Path
+        File of the figures; what else it holds stays.
 
     Raises
     ------
@@ -991,5 +1233,9 @@ def publish(page: Path = PAGE, results: Path = RESULTS) -> None:
         If the page has no place for them.
     """
     units = listed()
-    found = {unit.name: data for unit in units if (data := kept(unit.name, results))}
-    tables.rewrite(page, {MARKS: markdown(units, found, arguments())})
+    found, argued = stored(units, results), arguments()
+    told = scores(found, argued)
+    tables.rewrite(page, {MARKS: markdown(units, found, argued)})
+    tools.write(page.with_suffix(".svg"), badge(told, len(units)))
+    known = json.loads(metrics.read_text(encoding="utf-8")) if metrics.exists() else {}
+    tools.write(metrics, json.dumps(known | {"mutation": figures(told)}, indent=1) + "\n")

@@ -34,7 +34,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS, served
 from scripts.hdl import states
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.measure import budgets, proofs, synth
+from scripts.measure import budgets, mutation, proofs, synth
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
@@ -808,6 +808,8 @@ def _build(
     document["proof"] = _kept(
         "proofs", "formal proofs", _modules("measure.proofs"), _proven(jobs), [*rtl, *proven]
     )
+    scores = mutation.scores(mutation.stored(mutation.listed()), mutation.arguments())
+    document["mutation"] = mutation.figures(scores)
     timed: list[dict[str, Any]] = []
     for variant, design in DESIGNS.items():
         say(f"resources of every number of explorers ({variant})")

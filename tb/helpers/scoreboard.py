@@ -12,7 +12,7 @@ from typing import Any
 
 from cocotb.triggers import Timer
 
-from tb.helpers.simulation import ARGUMENTS, RESULT
+from tb.helpers.variables import ARGUMENTS, RESULT
 
 
 def arguments() -> dict[str, Any]:

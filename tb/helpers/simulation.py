@@ -10,6 +10,7 @@ from pathlib import Path
 
 from scripts.hdl.ghdl import BenchError, execute
 from scripts.hdl.sources import RTL
+from tb.helpers.variables import ARGUMENTS, RESULT
 
 #: Conversions between records and flat ports, for the wrappers of MPDCC's inner entities.
 MPDCC_FLAT = Path(__file__).resolve().parent / "mpdcc_flat.vhd"
@@ -19,9 +20,6 @@ VARIANTS: dict[str, dict[str, object]] = {
     "paper": {"FOLDED": "true"},
     "fast": {"FOLDED": "false"},
 }
-
-#: Environment variables between pytest and the cocotb module.
-ARGUMENTS, RESULT = "DIRECTMPC_BENCH_ARGUMENTS", "DIRECTMPC_BENCH_RESULT"
 
 
 @dataclass(frozen=True)

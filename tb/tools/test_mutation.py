@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -313,6 +314,8 @@ def test_it_counts():
 def test_a_fault_is_seen(tmp_path):
     altered(tmp_path, "counter", "no such text", "")
 '''
+#: The test that kills.
+COUNTS = "tb/rtl/common/counter/test_counter.py::test_it_counts"
 
 
 def project(folder: Path, hold: float = 0.5) -> Path:
@@ -407,18 +410,50 @@ def test_a_bench_that_does_not_end_is_ended(
     assert found["work"] >= 0.5 or limits[0] == 1
 
 
+def test_tests_go_in_order_and_each_has_a_limit(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    path = root / "tb" / "rtl" / "common" / "counter" / "test_counter.py"
+    path.write_text(
+        "def test_one():\n    pass\n\n\ndef test_two():\n    pass\n\n\n"
+        "def test_busy():\n    while True:\n        pass\n"
+    )
+    name = str(path.relative_to(root))
+    first = [f"{name}::test_{test}" for test in ("two", "busy")]
+    with mutation.workshop(root) as place:
+        found = place.run([name], one=0.5, first=first)
+        assert place.run([f"{name}::test_one"], first=first)["end"] == "passed"
+    assert (found["end"], found["test"]) == ("timeout", first[1])
+    assert list(found["each"]) == first
+    assert found["each"][first[0]] < 0.5 <= found["each"][first[1]]
+
+
+def test_a_test_that_kills_quickly_goes_first(tmp_path: Path) -> None:
+    killers = {"a": ("slow", 5), "b": ("slow", 5), "c": ("quick", 1)}
+    known = [
+        {"before": name, "after": "", "place": 1, "by": by} for name, (by, _) in killers.items()
+    ]
+    judge = mutation._Judge.__new__(mutation._Judge)
+    judge.killer = {(row["before"], "", 1): row["by"] for row in known}
+    judge.kills = Counter(judge.killer.values())
+    each = {"never": 0.1, **dict(killers.values())}
+    of = {name: Mutant("operator", 0, 0, "", 1, name, "", 1) for name in "abcd"}
+    assert judge._order(of["d"], each) == ["quick", "slow"]
+    assert judge._order(of["a"], each) == ["slow", "quick"]
+
+
 def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
     rtl = tmp_path / "counter.vhd"
     rtl.write_text(COUNTER)
 
-    def equal(old: str, new: str) -> bool:
+    def equal(old: str, new: str, *, outputs: bool = True) -> bool:
         assert old in COUNTER
         other = tmp_path / "other" / "counter.vhd"
         other.parent.mkdir(exist_ok=True)
         other.write_text(COUNTER.replace(old, new))
-        return equivalence.equal("counter", {}, [rtl], [other], tmp_path)
+        return equivalence.equal("counter", {}, [rtl], [other], tmp_path, outputs=outputs)
 
-    assert equal("n + 1", "1 + n")
+    assert equal("n + 1", "1 + n", outputs=False)
+    assert not equal("n + 1", "n + 2", outputs=False)
     assert equal("n <= n + 1", "n <= n - 3")
     assert equal("(go = '1' and hold = '0')", "((go and not hold) = '1')")
     assert not equal("n + 1", "n + 2")
@@ -438,13 +473,14 @@ class StandIn:
     def __init__(self, *_: object) -> None:
         pass
 
-    def judge(self, mutant: Mutant) -> tuple[str, str]:
+    def judge(self, mutant: Mutant) -> tuple[str, str] | None:
         """A part is killed, one in five does not compile."""
         if StandIn.judged == StandIn.stop:
             raise KeyboardInterrupt
         StandIn.judged += 1
         place = mutant.start % 5
-        return ("uncompiled", "killed", "killed", "survived", "timeout")[place], ""
+        outcome = ("uncompiled", "killed", "killed", "survived", "timeout")[place]
+        return outcome, COUNTS if outcome in ("killed", "timeout") else ""
 
 
 @pytest.fixture
@@ -485,6 +521,31 @@ def test_a_run_goes_on_where_it_stopped(judged: Callable[..., int], tmp_path: Pa
     assert judged(anew=True) == len(whole)
 
 
+def test_what_its_own_benches_do_not_notice_comes_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, asked = project(tmp_path), []
+
+    class Two(StandIn):
+        def judge(self, mutant: Mutant) -> tuple[str, str] | None:
+            asked.append(("own", mutant.name))
+            return ("killed", COUNTS) if len(asked) % 2 else None
+
+        def judge_on(self, mutant: Mutant) -> tuple[str, str]:
+            asked.append(("above", mutant.name))
+            return ("uncompiled" if len(asked) == 9 else "equivalent"), ""
+
+    monkeypatch.setattr(mutation, "_Judge", Two)
+    found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
+    assert [kind for kind, _ in asked] == ["own"] * 6 + ["above"] * 3
+    assert [name for _, name in asked[6:]] == [name for _, name in asked[1:6:2]]
+    ends = [row["outcome"] for row in found["mutants"]]
+    assert sorted(ends) == ["equivalent"] * 2 + ["killed"] * 3 + ["uncompiled"]
+    assert found["whole"] is False, "one of six does not count"
+    found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
+    assert (len(asked), found["whole"]) == (11, True)
+
+
 def test_a_changed_source_or_bench_makes_results_void(
     judged: Callable[..., int], tmp_path: Path
 ) -> None:
@@ -503,6 +564,44 @@ def test_a_changed_source_or_bench_makes_results_void(
     assert judged() >= 8
     source.write_text(COUNTER)
     assert judged() == first
+
+
+def test_results_hold_as_long_as_what_they_depend_on(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    above = root / "tb" / "above"
+    above.mkdir()
+    (above / "test_above.py").write_text("\n")
+    (root / "tb" / "mutation.toml").write_text('[counter]\nabove = ["tb/above/test_above.py"]\n')
+    unit = unit_of(root)
+    found = {
+        "keys": mutation.keys_of(unit, root),
+        "mutants": [
+            kept_row("uncompiled", "1"),
+            kept_row("equivalent", "2"),
+            kept_row("killed", "3") | {"by": COUNTS},
+            kept_row("timeout", "4") | {"by": "tb/above/test_above.py::test_it[1]"},
+            kept_row("survived", "5"),
+            kept_row("killed", "6") | {"by": "tb/elsewhere/test_it.py::test_it"},
+        ],
+    }
+
+    def held(unit: Unit = unit) -> str:
+        rows = mutation.valid(unit, found, mutation.keys_of(unit, root))
+        return "".join(str(row["after"]) for row in rows)
+
+    assert held() == "12345"
+    (above / "test_above.py").write_text("# more\n")
+    assert held() == "123"
+    (above / "test_above.py").write_text("\n")
+    bench = root / "tb" / "rtl" / "common" / "counter" / "bench_counter.py"
+    text = bench.read_text()
+    bench.write_text(text + "# more\n")
+    assert held() == "124"
+    bench.write_text(text)
+    alone = Unit(unit.name, unit.file, unit.tests, (), unit.top, unit.configurations)
+    assert held(alone) == "123"
+    (root / unit.file).write_text(COUNTER.replace("n + 1", "1 + n"))
+    assert held() == ""
 
 
 def test_results_that_are_none_are_told(tmp_path: Path) -> None:
@@ -536,6 +635,9 @@ def test_scores_are_counted() -> None:
     assert "| `ram.vhd:3` | `a \\| b` | `5` |\n" in page
     assert "| `ram.vhd:3` | `a \\| b` | `6` | because |" in page
     assert mutation.share(0, 0) == "-"
+    figures = mutation.figures(mutation.scores({"ram": found, "a": {"mutants": []}}, argued))
+    assert figures["ram"] == {"mutants": 6, "equivalent": 2, "killed_pct": 75.0}
+    assert figures["a"] == {"mutants": 0, "equivalent": 0}
     page = mutation.markdown(units, {"ram": found | {"whole": False}}, argued)
     assert "| `ram`, so far | 6 | 3 | 1 | 1 | 1 | 1 | 75 % |" in page
 
@@ -543,20 +645,32 @@ def test_scores_are_counted() -> None:
 def test_the_page_has_what_is_kept() -> None:
     page = tables.inside(mutation.PAGE.read_text(encoding="utf-8"), *mutation.MARKS)
     units = mutation.listed()
-    found = {unit.name: data for unit in units if (data := mutation.kept(unit.name))}
+    found = mutation.stored(units)
     assert page.strip() == mutation.markdown(units, found, mutation.arguments())
     assert {path.stem for path in mutation.RESULTS.glob("*.json")} == set(found)
+    told = mutation.scores(found, mutation.arguments())
+    assert mutation.PAGE.with_suffix(".svg").read_text() == mutation.badge(told, len(units))
+    metrics = json.loads(mutation.METRICS.read_text(encoding="utf-8"))
+    assert metrics["mutation"] == mutation.figures(told)
 
 
 def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page, results = tmp_path / "page.md", tmp_path / "results"
+    metrics = tmp_path / "metrics.json"
+    metrics.write_text('{"commit": "x"}')
+    where = ["--page", str(page), "--out", str(results), "--metrics", str(metrics)]
     page.write_text("\n".join(mutation.MARKS) + "\n")
     results.mkdir()
     row = json.dumps(kept_row("killed", "a & b"))
-    tools.write(results / "ram.json", f'{{"key": "old", "mutants": [{row}]}}')
-    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    tools.write(results / "ram.json", f'{{"keys": {{}}, "mutants": [{row}]}}')
+    assert main(["mutate", "--publish", *where]) == 0
+    figures = {"mutants": 1, "equivalent": 0, "killed_pct": 100.0}
+    assert json.loads(metrics.read_text()) == {"commit": "x", "mutation": {"ram": figures}}
+    assert f">100 %, 1 of {len(mutation.listed())} units<" in page.with_suffix(".svg").read_text()
     assert "| `ram`, so far | 1 | 1 |" in page.read_text()
     assert "mutate: changed since they were run: ram" in capsys.readouterr().err
     shutil.rmtree(results)
-    assert main(["mutate", "--publish", "--page", str(page), "--out", str(results)]) == 0
+    assert main(["mutate", "--publish", *where]) == 0
+    assert json.loads(metrics.read_text())["mutation"] == {}
+    assert ">-, 0 of " in page.with_suffix(".svg").read_text()
     assert "| `ram` | not run |" in page.read_text()

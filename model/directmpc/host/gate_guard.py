@@ -418,13 +418,16 @@ class GateGuard:
         #: Measured one, two and three clocks ago.
         self.line: list[Measurement | None] = [None, None, None]
 
-    def clock(self, i: Inputs) -> None:
+    def clock(self, i: Inputs, refused: bool = False) -> None:
         """One rising edge.
 
         Parameters
         ----------
         i : Inputs
             Values before the edge.
+        refused : bool
+            Whether a leg's interlock has refused a pattern. The reference's legs want none that it
+            would.
         """
         self.now += 1
         now, goals = self.now, (i.position_a, i.position_b, i.position_c)
@@ -436,6 +439,8 @@ class GateGuard:
             causes = set(done.found) if done else set()
             if i.external_trip:
                 causes.add("external_trip")
+            if refused:
+                causes.add("interlock")
             late = self.begun is not None and now > self.begun[0] + self.begun[1]
             if late and not i.decided:
                 causes.add("late")

@@ -3,10 +3,12 @@
 Sweep: two windows.
 Stimulus: a watched clock at random speeds, too fast, too slow and standing, beside a reference that
 has no fixed relation to it.
-Checks: alive in every clock where the speed fits, in none where it does not; off in time after the
-clock has stopped; off from power-up without a clock.
-Timing: LONGEST + 4 clocks of the reference from the last edge to alive = '0'.
-Faults: no upper bound, no lower bound, a stop that goes unseen.
+Checks: alive in every clock where the speed fits, in none where it does not, at both ends of the
+window too; off in time after the clock has stopped; off from power-up without a clock, and until
+the divided clock has changed twice.
+Timing: LONGEST + 4 clocks of the reference from the last edge to alive = '0', exactly.
+Faults: no upper bound, no lower bound or one too high, a stop that goes unseen or is seen late, an
+edge at power-up.
 """
 
 from __future__ import annotations
@@ -48,7 +50,10 @@ def test_a_window_without_room_is_refused() -> None:
 FAULTS = [
     Fault("clock_monitor", "since + 1 >= SHORTEST and", "", "alive"),
     Fault("clock_monitor", " and since < LONGEST", "", "alive"),
-    Fault("clock_monitor", "        runs <= '0';", "        runs <= runs;", "(alive|stopped)"),
+    Fault("clock_monitor", "        runs <= '0';", "        runs <= runs;", "(alive|stops|end)"),
+    Fault("clock_monitor", "since + 1 >= SHORTEST", "since + 1 > SHORTEST", "end of the window"),
+    Fault("clock_monitor", "STAGES => 2", "STAGES => 3", "stops"),
+    Fault("clock_monitor", "divided <= divided + 1;", "divided <= divided - 1;", "alive at first"),
 ]
 
 

@@ -17,22 +17,34 @@ WIDTHS = {"is_alpha": 16, "is_beta": 16}
 
 @cocotb.test()
 async def every_clock(dut) -> None:
-    """A random life; all outputs after every edge."""
+    """A random life; all outputs after every edge.
+
+    No leg refuses a pattern by itself. The signals that say so are set, one leg at a time.
+    """
     given = arguments()
     five_level = given["FIVE_LEVEL"] == "true"
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
     guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
     last: dict[str, int] = {}
+    # each leg until it has stopped the guard that runs, and between them the guard that is off
+    refusals, refused = [(0, True), (1, False), (1, True), (2, True)], 0
     for n, i in enumerate(life(rng, five_level, guard, given["clocks"])):
         for name in NAMES:
             value = getattr(i, name)
             if last.get(name) != value:
                 last[name] = value
                 getattr(dut, name).value = bits(value, WIDTHS[name]) if name in WIDTHS else value
+        before = refused
+        due = bool(refusals) and n >= given["clocks"] - 2000 * len(refusals)
+        refused = 1 << refusals[0][0] if due and refusals[0][1] == guard.running else 0
+        if refused != before:
+            dut.refused.value = refused
         await clock.tick()
         was, old = guard.gates, guard.faults
-        guard.clock(i)
+        guard.clock(i, bool(refused))
+        if refused and ("interlock" in guard.faults - old or not refusals[0][1]):
+            refusals.pop(0)
         if n < 2:
             continue
         context = f"clock {n}, {i}, {guard.state}"
@@ -44,8 +56,9 @@ async def every_clock(dut) -> None:
         board.cover("moved", int(was != guard.gates))
         board.cover("running", int(guard.running))
         for fault in guard.faults - old:
-            board.cover(fault)
+            board.cover(f"{fault} {refused.bit_length() - 1}" if fault == "interlock" else fault)
     kinds = [fault for fault in FAULTS[:-1] if five_level or fault != "illegal_edge"]
+    kinds += [f"{FAULTS[-1]} {leg}" for leg in range(3)]
     board.finish(
         {"gates": given["clocks"] - 2},
         {"moved": given["clocks"] // 40, "running": given["clocks"] // 4}

@@ -2,8 +2,10 @@
 
 Sweep: ANPC and two-level legs.
 Stimulus: a drive that runs, with enables, resets, trips, late, missing, illegal and hasty
-decisions, and settings that change at any time, to any value.
-Checks: all outputs after every edge; that every kind of fault but the interlock's has happened.
+decisions, and settings that change at any time, to any value. The signal of a leg that its
+interlock has refused a pattern is set, for it never is by itself.
+Checks: all outputs after every edge; that every kind of fault has happened, the interlock's by each
+leg.
 Timing: gates move two clocks after a decision; they are off one clock after an external trip, an
 illegal decision, a lapse of time and a disable, four clocks after a measurement beyond its limit.
 Does not prove: the safety properties by themselves, see test_gate_safety.
@@ -62,6 +64,7 @@ FAULTS = {
         "if (wanted = '0' or renew = '1') then",
         "if (wanted = '0') then",
     ),
+    "interlock": ("gate_guard", "refused(0) or refused(1) or", "refused(0) or refused(0) or"),
     "clear": ("gate_supervisor", "latched <= (latched and not clear)", "latched <= latched"),
 }
 
