@@ -684,13 +684,15 @@ def _rows_and_page(
     return _run, publish
 
 
-def studies(jobs: int) -> list[Stage]:
+def studies(jobs: int, commit: str = "") -> list[Stage]:
     """Stages with pages of their own.
 
     Parameters
     ----------
     jobs : int
         Processes of each.
+    commit : str
+        That is measured; files that name theirs are written when others have changed already.
 
     Returns
     -------
@@ -736,7 +738,7 @@ def studies(jobs: int) -> list[Stage]:
         lengths.write(lengths.study(jobs), work / lengths.REPORT.name)
 
     def _fidelity_page() -> None:
-        accuracy.write(accuracy.collect(jobs))
+        accuracy.write(accuracy.collect(jobs), commit)
 
     return [
         Stage("observer", "rotor-flux observer over speed and mismatch",
@@ -865,7 +867,7 @@ def _build(
     )  # fmt: skip
     document["mptc"] = mptc_report.merged(two_level, looped)
     document["mptc"] |= {"commit": commit, "tools": two_level_tools}
-    chosen = [stage for stage in studies(jobs) if stage.name not in without]
+    chosen = [stage for stage in studies(jobs, commit) if stage.name not in without]
     results += [result(stage, say) for stage in chosen]
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")

@@ -99,21 +99,24 @@ def _summary(found: dict[str, Any]) -> dict[str, Any]:
     return result | {"parabolas": found["parabolas"]}
 
 
-def write(found: dict[str, Any]) -> None:
+def write(found: dict[str, Any], commit: str = "") -> None:
     """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md.
 
     Parameters
     ----------
     found : dict[str, Any]
         From `collect`.
+    commit : str
+        That was measured; if it is empty, what the tree is at.
 
     Raises
     ------
     MarkerError
         If the page lacks the markers of a table.
     """
-    commit, dirty = tools.git_state()
-    commit += "-dirty" if dirty else ""
+    if not commit:
+        commit, dirty = tools.git_state()
+        commit += "-dirty" if dirty else ""
     head = [f"commit: {commit}", f"command: {COMMAND}"]
     figures = {"commit": commit, "command": COMMAND, **_summary(found)}
     explaining = [r for r in found["explaining"] if r["omega_s_pu"] == EXPLAINED]
