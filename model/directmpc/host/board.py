@@ -61,6 +61,7 @@ _NEEDED = {
     "parameters.f_q_phase": "capacitor_filter",
     "parameters.method_mpfc": "flux_control",
     "parameters.family_method": "family",
+    "parameters.duty_rule": "family",
     "parameters.sensorless": "sensorless",
 }
 
