@@ -495,6 +495,12 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPTC_PARAMETERS__SENSORLESS__VALUE_bw 1
 #define MPTC_PARAMETERS__SENSORLESS__VALUE_reset 0x0
 
+// reg - mptc_parameters::duty_rule
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bm 0x1
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bp 0
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bw 1
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_reset 0x0
+
 // regfile - mptc_parameters
 typedef struct __attribute__ ((__packed__)) {
     uint32_t c_current;
@@ -517,6 +523,7 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t c_gain_speed;
     uint32_t c_gain_integral;
     uint32_t sensorless;
+    uint32_t duty_rule;
 } mptc_parameters_t;
 
 // reg - mptc_measurements::is_alpha
@@ -625,7 +632,7 @@ typedef struct __attribute__ ((__packed__)) {
     mptc_decision_t result;
     uint8_t RESERVED_98_ff[0x68];
     mptc_parameters_t parameters;
-    uint8_t RESERVED_150_1ff[0xb0];
+    uint8_t RESERVED_154_1ff[0xac];
     mptc_measurements_t measurements;
     uint8_t RESERVED_224_27f[0x5c];
     mptc_running_t running;

@@ -115,6 +115,7 @@ package mptc_constants is
   constant TERM_LEVEL : natural := 1;
   constant TERM_ALONG : natural := 2;
   constant TERM_ACROSS : natural := 3;
+  constant TERM_OPENING : natural := 4;
 
   constant SEED_HALF : natural := 0;
   constant SEED_TORQUE_HALF : natural := 1;
@@ -134,9 +135,9 @@ package mptc_constants is
   constant RESULT_COUNT : natural := 13; -- words that the program writes
   constant RESULT_COUNT_MPTC : natural := 9; -- those without MPFC
   constant SEED_COUNT_ALL : natural := 12; -- kinds of seeds
-  constant TERM_COUNT : natural := 4; -- torque terms that the program writes
+  constant TERM_COUNT : natural := 5; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 139; -- products
+  constant STEP_COUNT : natural := 150; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
@@ -153,24 +154,24 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
-  constant ADDRESS_COUNT_FAMILY : natural := 214; -- program addresses, FAMILY
+  constant ADDRESS_COUNT_FAMILY : natural := 212; -- program addresses, FAMILY
   constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
   constant FIRST_PAIR : natural := 25; -- address: MPTC2 and GTV look the first pair up
-  constant ZERO_PAIRS : natural := 6; -- pairs of MPTC2
-  constant EDGE_PAIRS : natural := 12; -- pairs of GTV
-  constant SEARCHES : natural := 4; -- searches of a duty at a time
+  constant FIRST_CROSSED : natural := 11; -- place of the first pair that needs a search
+  constant LAST_CROSSED : natural := 14; -- place of the last one
+  constant SEARCHES : natural := 2; -- searches of a duty at a time
   constant PAIR_SPACING : natural := 2; -- clocks between the beginnings of two
   constant PAIR_AHEAD : natural := 4; -- clocks from looking a pair up to its search
   constant PAIR_REGISTERS : natural := 6; -- clocks from its result to its flux
   constant DUTY_CLOCKS : natural := 12; -- clocks of a search
   constant LAST_MPTC1 : natural := 127; -- address: valid
-  constant LAST_MPTC2 : natural := 142; -- address: valid
-  constant LAST_GTV : natural := 158; -- address: valid
+  constant LAST_MPTC2 : natural := 144; -- address: valid
+  constant LAST_GTV : natural := 156; -- address: valid
   constant HEXAGON_FORK : natural := 87; -- address of MPFC that the flux methods of several vectors leave out
-  constant HEXAGON_ADDRESS : natural := 159; -- theirs in its place
+  constant HEXAGON_ADDRESS : natural := 157; -- theirs in its place
   constant FIRST_WAY : natural := 76; -- address: the way of u_1 is in the accumulator, then that along beta
-  constant FIRST_REST : natural := 165; -- address: e is in the accumulators
-  constant LAST_HEXAGON : natural := 213; -- address: valid
+  constant FIRST_REST : natural := 163; -- address: e is in the accumulators
+  constant LAST_HEXAGON : natural := 211; -- address: valid
   constant REST_SHIFT : natural := 10; -- low bits dropped from a way
   constant SIZE_WIDTH : natural := 28; -- bits of the size of a coordinate of e
   constant STEP_WIDTH : natural := 26; -- bits of a way, signed
@@ -190,8 +191,8 @@ package mptc_constants is
   constant CYCLES_MPTC : natural := 39; -- clocks from start to valid
   constant CYCLES_MPFC : natural := 78; -- clocks from start to valid
   constant CYCLES_MPTC1 : natural := 57; -- clocks from start to valid
-  constant CYCLES_MPTC2 : natural := 72; -- clocks from start to valid
-  constant CYCLES_GTV : natural := 88; -- clocks from start to valid
+  constant CYCLES_MPTC2 : natural := 74; -- clocks from start to valid
+  constant CYCLES_GTV : natural := 86; -- clocks from start to valid
   constant CYCLES_HEXAGON : natural := 110; -- clocks from start to valid, the others
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
@@ -320,6 +321,8 @@ package mptc_constants is
     (103, 2, 11, 10, 6, 0),
     (104, 2, 11, 10, 6, 0),
     (105, 2, 11, 10, 6, 0),
+    (19, 1, 4, 5, 3, 0),
+    (20, 1, 5, 6, -1, 0),
     (114, 2, 3, 4, 7, 0),
     (114, 0, 9, 5, 4, 0),
     (123, 2, 11, 10, 6, 0),
@@ -332,6 +335,12 @@ package mptc_constants is
     (120, 2, 3, 4, 7, 0),
     (120, 0, 9, 5, 4, 0),
     (129, 2, 11, 10, 6, 0),
+    (122, 2, 3, 4, 7, 0),
+    (122, 0, 9, 5, 4, 0),
+    (131, 2, 11, 10, 6, 0),
+    (124, 2, 3, 4, 7, 0),
+    (124, 0, 9, 5, 4, 0),
+    (133, 2, 11, 10, 6, 0),
     (126, 2, 3, 4, 7, 0),
     (126, 0, 9, 5, 4, 0),
     (135, 2, 11, 10, 6, 0),
@@ -344,6 +353,12 @@ package mptc_constants is
     (132, 2, 3, 4, 7, 0),
     (132, 0, 9, 5, 4, 0),
     (141, 2, 11, 10, 6, 0),
+    (134, 2, 3, 4, 7, 0),
+    (134, 0, 9, 5, 4, 0),
+    (143, 2, 11, 10, 6, 0),
+    (136, 2, 3, 4, 7, 0),
+    (136, 0, 9, 5, 4, 0),
+    (145, 2, 11, 10, 6, 0),
     (138, 2, 3, 4, 7, 0),
     (138, 0, 9, 5, 4, 0),
     (147, 2, 11, 10, 6, 0),
@@ -353,17 +368,16 @@ package mptc_constants is
     (142, 2, 3, 4, 7, 0),
     (142, 0, 9, 5, 4, 0),
     (151, 2, 11, 10, 6, 0),
-    (144, 2, 3, 4, 7, 0),
-    (144, 0, 9, 5, 4, 0),
-    (153, 2, 11, 10, 6, 0),
     (73, 2, 3, 13, 7, 0),
     (74, 2, 5, 13, 7, 0),
-    (160, 0, 4, 9, 3, 0),
-    (161, 0, 5, 10, -1, 0),
-    (162, 0, 8, 11, -1, 0),
-    (160, 1, 4, 9, 3, 0),
-    (161, 1, 5, 10, -1, 0),
-    (162, 1, 8, 11, -1, 0),
+    (158, 0, 4, 9, 3, 0),
+    (159, 0, 5, 10, -1, 0),
+    (160, 0, 8, 11, -1, 0),
+    (158, 1, 4, 9, 3, 0),
+    (159, 1, 5, 10, -1, 0),
+    (160, 1, 8, 11, -1, 0),
+    (193, 0, 10, 12, 3, 0),
+    (194, 0, 11, 13, -1, 0),
     (195, 0, 10, 12, 3, 0),
     (196, 0, 11, 13, -1, 0),
     (197, 0, 10, 12, 3, 0),
@@ -375,9 +389,7 @@ package mptc_constants is
     (203, 0, 10, 12, 3, 0),
     (204, 0, 11, 13, -1, 0),
     (205, 0, 10, 12, 3, 0),
-    (206, 0, 11, 13, -1, 0),
-    (207, 0, 10, 12, 3, 0),
-    (208, 0, 11, 13, -1, 0)
+    (206, 0, 11, 13, -1, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first
@@ -419,7 +431,9 @@ package mptc_constants is
 
   constant TERM_WRITES_MPTC : natural := 4; -- they come first
 
-  type term_writes_t is array (0 to 6, 0 to 2) of natural;
+  constant TERM_WRITES_SINGLE : natural := 7; -- without FAMILY
+
+  type term_writes_t is array (0 to 7, 0 to 2) of natural;
 
   -- address, block, TERM_*
   constant TERM_WRITES : term_writes_t := (
@@ -429,29 +443,30 @@ package mptc_constants is
     (25, 0, 3),
     (75, 2, 1),
     (93, 0, 2),
-    (97, 1, 3)
+    (97, 1, 3),
+    (23, 1, 4)
   );
 
-  type pair_table_t is array (0 to 15, 0 to 2) of natural;
+  type pair_table_t is array (0 to 15, 0 to 3) of natural;
 
-  -- GTV's pairs: first vector, second (0: zero), first less second; the last again
+  -- pairs by places: first vector, second (0: zero), first less second, its search
   constant PAIR_TABLE : pair_table_t := (
-    (1, 0, 1),
-    (1, 2, 6),
-    (1, 6, 2),
-    (2, 0, 2),
-    (2, 3, 1),
-    (3, 0, 3),
-    (3, 4, 2),
-    (4, 0, 4),
-    (4, 5, 3),
-    (5, 0, 5),
-    (5, 6, 4),
-    (6, 0, 6),
-    (6, 0, 6),
-    (6, 0, 6),
-    (6, 0, 6),
-    (6, 0, 6)
+    (1, 0, 1, 0),
+    (4, 0, 4, 0),
+    (2, 0, 2, 1),
+    (5, 0, 5, 1),
+    (1, 2, 6, 0),
+    (2, 3, 1, 0),
+    (3, 4, 2, 0),
+    (3, 0, 3, 0),
+    (6, 0, 6, 0),
+    (4, 5, 3, 0),
+    (5, 6, 4, 0),
+    (1, 2, 6, 1),
+    (1, 6, 2, 0),
+    (1, 6, 2, 0),
+    (1, 6, 2, 0),
+    (1, 6, 2, 0)
   );
 
   subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5

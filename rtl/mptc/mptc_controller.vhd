@@ -31,6 +31,7 @@ entity mptc_controller is
     coefficients : in    mptc_coefficients_t; -- parameters from a drive file, stable from start to valid
     method_mpfc  : in    std_logic;           -- '1': MPFC, '0': MPTC; sampled with start
     family_method : in    family_t;            -- FAMILY: method of several vectors; sampled with start
+    duty_rule     : in    std_logic;           -- FAMILY: '1': duties by the mean torque; sampled with start
     decision     : out   mptc_decision_t;     -- stable until the next valid
     chosen       : out   mptc_sequence_t      -- what to apply next, stable until the next valid
   );
@@ -54,6 +55,7 @@ architecture rtl of mptc_controller is
   signal target     : mptc_reference_t;
   signal number     : vector_t;
   signal method     : family_t;
+  signal mean       : std_logic;
   signal tried      : mptc_tried_t;
   signal residues   : mptc_residues_t;
   signal sum_alpha  : sum_t;
@@ -78,9 +80,11 @@ begin
       start       => start,
       method_mpfc => method_mpfc,
       family_method => family_method,
+      duty_rule   => duty_rule,
       accept      => accept,
       mpfc        => mpfc,
       method      => method,
+      mean        => mean,
       products    => products,
       events      => events,
       valid       => decision.valid,
@@ -226,6 +230,7 @@ begin
         begin_pairs => events.begin_pairs,
         last        => events.last,
         method      => method,
+        mean        => mean,
         leader      => leader,
         state       => state,
         cheaper     => cheaper,

@@ -65,7 +65,8 @@ architecture rtl of mptc_datapath is
 
   constant RESULTS_WRITTEN : natural := counted(FLUX_CONTROL, RESULT_COUNT, RESULT_COUNT_MPTC);
   constant WORD_EVENTS     : natural := counted(FLUX_CONTROL, WORD_WRITES'length(1), WORD_WRITES_MPTC);
-  constant TERM_EVENTS     : natural := counted(FLUX_CONTROL, TERM_WRITES'length(1), TERM_WRITES_MPTC);
+  constant TERM_SINGLE     : natural := counted(FLUX_CONTROL, TERM_WRITES_SINGLE, TERM_WRITES_MPTC);
+  constant TERM_EVENTS     : natural := choose(FAMILY, TERM_WRITES'length(1), TERM_SINGLE);
 
   signal words   : words_t;
   signal results : results_t;
@@ -355,6 +356,9 @@ begin
             terms(TERM_WRITES(i, 2)) <= wide;
           elsif (TERM_WRITES(i, 2) = TERM_DEMAND) then
             terms(TERM_LEVEL) <= wide;
+          elsif (TERM_WRITES(i, 2) = TERM_OPENING) then
+            -- torque reference, less torque at k+1
+            terms(TERM_OPENING) <= terms(TERM_LEVEL) - wide;
           elsif (i < TERM_WRITES_MPTC) then
             -- torque reference, less torque without voltage
             terms(TERM_LEVEL) <= terms(TERM_LEVEL) - wide;
@@ -374,6 +378,7 @@ begin
   state.level        <= terms(TERM_LEVEL);
   state.along        <= terms(TERM_ALONG);
   state.across       <= terms(TERM_ACROSS);
+  state.opening      <= terms(TERM_OPENING);
   state.rotor_alpha  <= results(RESULT_ROTOR_ALPHA);
   state.moment       <= results(RESULT_MOMENT);
 

@@ -1,20 +1,32 @@
 -- Stream of pairs of voltage vectors (Paper B, sections 5.1 and 5.2): finds the duty of each and keeps the cheapest.
 --
 -- MPTC2 tries the six active vectors with zero voltage, GTV these and the six pairs of vectors one leg apart. MPTC1
--- has one pair: the vector that mptc_vector_stream found, with zero. Four mptc_duty search at a time, begun two clocks
--- apart; after DUTY_CLOCKS each gives its result and takes the next pair. mptc_shares makes the pair's share of it,
+-- has one pair: the vector that mptc_vector_stream found, with zero. mptc_shares makes the pair's share of its duty,
 -- two mac_blocks its way. Then it goes on to the magnitude and to the cost as a vector does in mptc_vector_stream,
--- which compares. A tie goes to the earliest pair. Beside a vector zero is u_0 after 1, 3, 5 and u_7 after 2, 4, 6.
+-- which compares. Of equal ones the lowest first vector wins, then the lowest second. Beside a vector zero is u_0 after
+-- 1, 3, 5 and u_7 after 2, 4, 6.
 --
 -- Every pair is a start and a direction: the second vector, and the active vector that is the first less the second.
 -- Torque of both is formed by one addition, a clock after the other. A duty beyond the period becomes 4095, one below
--- zero becomes 0: the first comparison tells, and the search then means nothing. Equal torques: 4095.
+-- zero becomes 0: the first comparison tells, and no search is needed. Equal torques: 4095.
+--
+-- With mean, MPTC1's and MPTC2's duties d make the mean torque of the period the reference. Beside zero voltage the
+-- square of 1 - d is one less the quotient of a constant and span: the constant is the torque error without voltage
+-- at the end of the period and the one at its beginning, added. mptc_duty finds the root.
+--
+-- Two mptc_duty search at a time. That is enough, because the torque is linear: of a vector and the opposite one with
+-- zero at most one has a duty between 0 and 1, and at most two pairs of active vectors have: those with the torques of
+-- both on either side of the reference. So opposite vectors have one search between them, the first one's end being
+-- given up where the second needs it. Pairs of active vectors are tried without a search first. high tells which
+-- vectors have more torque than the reference; the two pairs that it finds are looked up again and searched.
+-- PAIR_TABLE has the order.
 --
 -- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period.
--- Latency: pair n is looked up PAIR_SPACING * (n mod 4) + DUTY_CLOCKS * (n / 4) clocks after the clock that follows
--- begin_pairs; its search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, its flux
--- PAIR_REGISTERS after that, its comparison STREAM_COMPARE after its flux. chosen is valid with last.
+-- Latency: place n of PAIR_TABLE is looked up PAIR_SPACING * n clocks after the clock that follows begin_pairs; its
+-- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, its flux PAIR_REGISTERS after that,
+-- its comparison STREAM_COMPARE after its flux. chosen is valid with last.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
+-- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -34,6 +46,7 @@ entity mptc_pair_stream is
     begin_pairs : in    std_logic;       -- '1': the first pair is looked up a clock later
     last        : in    std_logic;       -- '1': the last pair has been compared, or MPTC1's duty is there
     method      : in    family_t;        -- FAMILY_NONE, FAMILY_MPTC1, FAMILY_MPTC2 or FAMILY_GTV, stable
+    mean        : in    std_logic;       -- '1': duties by the mean torque, '0': by the torque at the end; stable
     leader      : in    vector_t;        -- MPTC1's vector, active
     state       : in    mptc_state_t;    -- torque terms, stable
     cheaper     : in    std_logic;       -- '1': the pair that is compared is the cheapest so far
@@ -45,19 +58,21 @@ end entity mptc_pair_stream;
 
 architecture rtl of mptc_pair_stream is
 
-  constant ROUNDS : positive := EDGE_PAIRS / SEARCHES + 1; -- in the last one results come, and none begins
-
   constant REST_WIDTH : positive := ERROR_WIDTH - DUTY_SHIFT - TIME_WIDTH; -- bits of a torque error within
 
   subtype double_error_t is signed(ERROR_WIDTH downto 0);
 
-  subtype slot_t is unsigned(3 downto 0);
+  subtype slot_t is unsigned(5 downto 0);
+
+  subtype place_t is unsigned(3 downto 0);
 
   subtype duty_t is std_logic_vector(TIME_WIDTH - 1 downto 0);
 
   type duties_t is array (0 to SEARCHES - 1) of duty_t;
 
-  type errors_t is array (0 to SEARCHES - 1) of error_t;
+  type rests_t is array (0 to SEARCHES - 1) of mptc_rest_t;
+
+  type takens_t is array (0 to SEARCHES - 1) of mptc_taken_t;
 
   subtype named_t is std_logic_vector(TIME_WIDTH + 5 downto 0); -- duty, first and second vector
 
@@ -66,77 +81,114 @@ architecture rtl of mptc_pair_stream is
     second    : vector_t;  -- active, or zero voltage as u_0
     direction : vector_t;  -- first less second, active
     there     : std_logic; -- '1': there is such a pair
+    other     : std_logic; -- '1': the second search serves it
+    probe     : std_logic; -- '1': tried only where it needs no search
   end record pair_t;
 
-  -- what is known of a pair before its search
+  -- what is known of a pair before its search: vectors, there, within, beyond, torque error
 
-  subtype known_t is std_logic_vector(TERM_WIDTH + 11 downto 0);
+  constant KNOWN_WIDTH : positive := TERM_WIDTH + 12;
 
-  signal active      : std_logic;
-  signal slot        : slot_t;                        -- 0 to DUTY_CLOCKS - 1
-  signal turn        : unsigned(1 downto 0);          -- 0 to ROUNDS - 1
-  signal index       : unsigned(3 downto 0);          -- number of the pair that is looked up
-  signal pair        : pair_t;                        -- what is looked up in an even slot
-  signal pair_1      : pair_t;                        -- a clock later: its torques are formed
-  signal pair_2      : pair_t;                        -- two more later: its search begins
-  signal number      : vector_t;                      -- vector whose torque is formed
-  signal change      : error_t;                       -- torque of a vector, as if its part along alpha was positive
-  signal opposed     : std_logic;                     -- '1': that is negative
-  signal level       : error_t;                       -- torque error without voltage
-  signal total       : error_t;                       -- span; a clock later the torque error with the second vector
-  signal falls       : std_logic;                     -- '1': span was negative: complements
-  signal error       : error_t;
-  signal span        : error_t;
-  signal trial       : double_error_t;                -- error less span
-  signal within      : std_logic;                     -- the duty is between 0 and 1
-  signal beyond      : std_logic;                     -- the duty is that of the whole period
-  signal outside     : term_t;                        -- torque error that is left where it is not within
-  signal known       : known_t;
-  signal known_late  : known_t;                       -- the same, with its result
-  signal load        : std_logic_vector(0 to SEARCHES - 1);
-  signal duties      : duties_t;
-  signal errors      : errors_t;
-  signal bits        : duty_t;                        -- what was found
-  signal rest        : unsigned(REST_WIDTH - 1 downto 0);
-  signal duty        : duty_t;                        -- the same, with its limits
-  signal first       : vector_t;                      -- its pair
-  signal second      : vector_t;
-  signal result_due  : std_logic;                     -- '1': a search ends
-  signal ended       : std_logic;                     -- '1': a search has ended
-  signal on_way      : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 2); -- results on their way, by clocks
-  signal flux_due    : std_logic;                     -- '1': its way is in the accumulators
-  signal left        : std_logic_vector(TERM_WIDTH - 1 downto 0);
-  signal delayed     : std_logic_vector(TERM_WIDTH - 1 downto 0);
-  signal named       : named_t;
-  signal compared    : named_t;
-  signal best        : named_t;
-  signal winner      : named_t;
+  subtype known_t is std_logic_vector(KNOWN_WIDTH - 1 downto 0);
 
-  -- pair number of a method; given is MPTC1's vector
-  function pair_of (rule : family_t; place : natural; given : vector_t) return pair_t is
+  signal active     : std_logic;
+  signal slot       : slot_t;                               -- clocks since the first pair was looked up
+  signal place      : place_t;                              -- row of PAIR_TABLE
+  signal crossed    : std_logic_vector(0 to 5);             -- '1': the reference lies between, pairs as in PAIR_TABLE
+  signal high       : std_logic_vector(5 downto 0);         -- '1': more torque than the reference: 1, 4, 2, 5, 3, 6
+  signal pair       : pair_t;                               -- what is looked up in an even slot
+  signal pair_1     : pair_t;                               -- a clock later: its torques are formed
+  signal pair_2     : pair_t;                               -- two more later: its search begins
+  signal number     : vector_t;                             -- vector whose torque is formed
+  signal change     : error_t;                              -- torque of a vector whose part along alpha is positive
+  signal opposed    : std_logic;                            -- '1': that is negative
+  signal level      : error_t;                              -- torque error without voltage
+  signal both       : error_t;                              -- the one at k+1 and that without voltage at k+2, added
+  signal both_least : std_logic;                            -- '1': that is not above zero
+  signal both_most  : std_logic;                            -- '1': that is not below zero
+  signal part       : error_t;                              -- square of the second's part of the period, times span
+  signal dividend   : mptc_rest_t;
+  signal total      : error_t;                              -- span; a clock later the error with the second vector
+  signal falls      : std_logic;                            -- '1': span was negative: complements
+  signal error      : error_t;
+  signal span       : error_t;
+  signal trial      : double_error_t;                       -- error less span
+  signal without    : std_logic;                            -- '1': there is no span
+  signal within     : std_logic;                            -- the duty is between 0 and 1
+  signal beyond     : std_logic;                            -- the duty is that of the whole period
+  signal none       : std_logic;                            -- mean: the duty is below zero
+  signal wanted     : std_logic;                            -- '0': surely not within, told early
+  signal outside    : error_t;                              -- torque error that is left where it is not within
+  signal there      : std_logic;                            -- '1': the pair is tried
+  signal known      : known_t;
+  signal known_late : known_t;                              -- the same, with its result
+  signal load       : std_logic_vector(0 to SEARCHES - 1);
+  signal duties     : duties_t;
+  signal rests      : rests_t;
+  signal takens     : takens_t;
+  signal bits       : duty_t;                               -- what was found
+  signal reached    : term_t;                               -- torque error it leaves; mean: what to add for it
+  signal duty       : duty_t;                               -- the same, with its limits
+  signal left       : term_t;
+  signal inside     : std_logic;                            -- '1': the duty was searched
+  signal first      : vector_t;                             -- its pair
+  signal second     : vector_t;
+  signal ended      : std_logic;                            -- '1': a search has ended
+  -- results on their way, by clocks
+  signal on_way     : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 2);
+  signal flux_due   : std_logic;                            -- '1': its way is in the accumulators
+  signal delayed    : std_logic_vector(TERM_WIDTH - 1 downto 0);
+  signal named      : named_t;
+  signal ranked     : named_t;                              -- the same, with a rank of zero where no pairs are compared
+  signal compared   : named_t;
+  signal best       : named_t;
+  signal winner     : named_t;
 
-    variable result : pair_t;
+  -- place of a pair of active vectors: the first or the last one that is marked
+  function place_of (marks : std_logic_vector(0 to 5); last_one : boolean) return place_t is
+
+    type places_t is array (0 to 5) of natural;
+
+    constant PLACES : places_t := (4, 5, 6, 9, 10, 12); -- in PAIR_TABLE
+
+    variable result : place_t;
 
   begin
 
-    result.second := "000";
+    result := to_unsigned(PLACES(0), place_t'length);
 
-    if (rule = FAMILY_GTV) then
-      result.first     := std_logic_vector(to_unsigned(PAIR_TABLE(place mod 16, 0), 3));
-      result.second    := std_logic_vector(to_unsigned(PAIR_TABLE(place mod 16, 1), 3));
-      result.direction := std_logic_vector(to_unsigned(PAIR_TABLE(place mod 16, 2), 3));
-      result.there     := to_std_logic(place < EDGE_PAIRS);
-    else
-      result.first := std_logic_vector(to_unsigned((place + 1) mod 8, 3));
-
-      if (rule = FAMILY_MPTC1) then
-        result.first := given;
-        result.there := to_std_logic(place = 0);
-      else
-        result.there := to_std_logic(place < ZERO_PAIRS);
+    for i in 0 to 5 loop
+      if (last_one and marks(i) = '1') then
+        result := to_unsigned(PLACES(i), place_t'length);
+      elsif (not last_one and marks(5 - i) = '1') then
+        result := to_unsigned(PLACES(5 - i), place_t'length);
       end if;
+    end loop;
 
-      result.direction := result.first;
+    return result;
+
+  end function place_of;
+
+  -- pair at a place; given is MPTC1's vector
+  function pair_of (rule : family_t; row : place_t; given : vector_t) return pair_t is
+
+    variable result : pair_t;
+    variable index  : natural range 0 to 15;
+
+  begin
+
+    index            := to_integer(row);
+    result.first     := std_logic_vector(to_unsigned(PAIR_TABLE(index, 0), 3));
+    result.second    := std_logic_vector(to_unsigned(PAIR_TABLE(index, 1), 3));
+    result.direction := std_logic_vector(to_unsigned(PAIR_TABLE(index, 2), 3));
+    result.there     := to_std_logic(rule = FAMILY_GTV or PAIR_TABLE(index, 1) = 0);
+    result.other     := '0';
+    result.probe     := '0';
+
+    if (rule = FAMILY_MPTC1) then
+      result.first     := given;
+      result.direction := given;
+      result.there     := to_std_logic(index = 0);
     end if;
 
     return result;
@@ -145,8 +197,8 @@ architecture rtl of mptc_pair_stream is
 
 begin
 
-  assert PAIR_SPACING = 2 and SEARCHES = 4 and DUTY_CLOCKS = 12 and PAIR_AHEAD = 4
-    report "mptc_pair_stream: the slots are those of four searches, two clocks apart"
+  assert PAIR_SPACING = 2 and SEARCHES = 2 and DUTY_CLOCKS = 12 and PAIR_AHEAD = 4
+    report "mptc_pair_stream: the slots are those of two searches, two clocks apart"
     severity failure;
 
   ---------------------------------------------------------------------------------------------
@@ -157,44 +209,58 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (active = '1') then
-        if (slot /= DUTY_CLOCKS - 1) then
-          slot <= slot + 1;
-        else
-          slot <= (others => '0');
-
-          if (turn /= ROUNDS - 1) then
-            turn <= turn + 1;
-          else
-            active <= '0';
-          end if;
-        end if;
-      end if;
+      slot <= slot + 1;
 
       if (begin_pairs = '1') then
         active <= '1';
         slot   <= (others => '0');
-        turn   <= (others => '0');
       end if;
 
       -- the method may be another one from now on
       if (rst = '1' or last = '1') then
         active <= '0';
       end if;
+
+      -- counts while idle too, so that nothing is there when the next pairs begin
+      if (rst = '1') then
+        slot <= (others => '0');
+      end if;
     end if;
 
   end process p_slots;
 
-  index <= turn & slot(2 downto 1);
-  pair  <= pair_of(method, to_integer(index), leader);
+  -- of u_1 and u_2, u_2 and u_3, u_3 and u_4, u_4 and u_5, u_5 and u_6, u_6 and u_1
+  crossed <= (high(5) xor high(3)) & (high(3) xor high(1)) & (high(1) xor high(4)) & (high(4) xor high(2))
+             & (high(2) xor high(0)) & (high(0) xor high(5));
+
+  p_place : process (slot, crossed) is
+  begin
+
+    place <= slot(4 downto 1);
+
+    if (slot(4 downto 1) = FIRST_CROSSED) then
+      place <= place_of(crossed, false);
+    elsif (slot(4 downto 1) = LAST_CROSSED) then
+      place <= place_of(crossed, true);
+    end if;
+
+  end process p_place;
+
+  pair <= pair_of(method, place, leader);
 
   p_ahead : process (clk) is
+
+    variable row : natural range 0 to 15;
+
   begin
 
     if rising_edge(clk) then
       if (slot(0) = '0') then
+        row          := to_integer(slot(4 downto 1));
         pair_1       <= pair;
-        pair_1.there <= pair.there and active and not slot(3);
+        pair_1.there <= pair.there and active and not slot(5);
+        pair_1.other <= to_std_logic(PAIR_TABLE(row, 3) = 1);
+        pair_1.probe <= to_std_logic(PAIR_TABLE(row, 1) /= 0 and row /= FIRST_CROSSED and row /= LAST_CROSSED);
         pair_2       <= pair_1;
       end if;
     end if;
@@ -228,6 +294,13 @@ begin
       -- rotor_alpha: what the one's complement in level is off
       level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)
                - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT);
+
+      step := shift_left(resize(state.opening, ERROR_WIDTH) + state.level, DUTY_SHIFT - 1)
+              - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT);
+      both <= shift_left(step, 1);
+
+      both_least <= sign_of(both) or to_std_logic(both = 0);
+      both_most  <= not sign_of(both);
     end if;
 
   end process p_change;
@@ -248,6 +321,7 @@ begin
       else
         sign  := (others => falls);
         error <= total xor sign;
+        part  <= moved(span, both, not falls);
       end if;
     end if;
 
@@ -258,18 +332,59 @@ begin
   ---------------------------------------------------------------------------------------------
 
   trial  <= resize(error, ERROR_WIDTH + 1) - span;
-  within <= not sign_of(error) and sign_of(trial);
-  beyond <= not sign_of(trial) or to_std_logic(span = 0);
 
-  outside <= error(ERROR_WIDTH - 1 downto DUTY_SHIFT) when sign_of(trial) = '1' else
-             trial(ERROR_WIDTH - 1 downto DUTY_SHIFT);
+  none <= both_most when falls = '1' else
+          both_least;
 
-  known <= pair_2.first & pair_2.second & pair_2.direction & pair_2.there & within & beyond
-           & std_logic_vector(outside);
+  without <= to_std_logic(span = 0);
+
+  p_borders : process (mean, error, span, trial, part, none, within, without) is
+  begin
+
+    if (mean = '0') then
+      within <= not sign_of(error) and sign_of(trial);
+      beyond <= not sign_of(trial) or without;
+      wanted <= not sign_of(error);
+    else
+      within <= not sign_of(part) and not none and not without;
+      beyond <= sign_of(part) or without;
+      wanted <= not none;
+    end if;
+
+    outside <= trial(ERROR_WIDTH - 1 downto 0);
+
+    if ((mean = '0' and sign_of(trial) = '1')
+        or (mean = '1' and none = '1' and sign_of(part) = '0' and without = '0')) then
+      outside <= error;
+    end if;
+
+    if (mean = '0' and within = '1') then
+      outside <= (others => '0');
+    end if;
+
+  end process p_borders;
+
+  p_high : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (slot(0) = '0' and pair_2.second = "000") then
+        high <= high(4 downto 0) & ((sign_of(trial) xor falls) and not (falls and to_std_logic(trial = 0)));
+      end if;
+    end if;
+
+  end process p_high;
+
+  dividend <= shift_left(unsigned(resize(part, ERROR_WIDTH + 1)), 1) when mean = '1' else
+              unsigned(resize(error, ERROR_WIDTH + 1));
+
+  there <= pair_2.there and not (pair_2.probe and within);
+  known <= pair_2.first & pair_2.second & pair_2.direction & there & within & beyond
+           & std_logic_vector(outside(ERROR_WIDTH - 1 downto DUTY_SHIFT));
 
   i_known : entity work.delay_line
     generic map (
-      WIDTH  => TERM_WIDTH + 12,
+      WIDTH  => KNOWN_WIDTH,
       CLOCKS => DUTY_CLOCKS + 1
     )
     port map (
@@ -281,16 +396,18 @@ begin
 
   g_units : for n in 0 to SEARCHES - 1 generate
 
-    load(n) <= to_std_logic(slot = PAIR_AHEAD + PAIR_SPACING * n);
+    load(n) <= not slot(0) and pair_2.there and not pair_2.probe and wanted and (pair_2.other xor to_std_logic(n = 0));
 
     i_duty : entity work.mptc_duty
       port map (
         clk   => clk,
         load  => load(n),
-        error => error,
+        mean  => mean,
+        error => dividend,
         span  => span,
         duty  => duties(n),
-        left  => errors(n)
+        left  => rests(n),
+        taken => takens(n)
       );
 
   end generate g_units;
@@ -306,43 +423,44 @@ begin
   begin
 
     if rising_edge(clk) then
-      unit := to_integer(unsigned(std_logic_vector'(slot(3) & slot(1))));
-      bits <= duties(unit);
-      rest <= unsigned(errors(unit)(ERROR_WIDTH - 1 downto DUTY_SHIFT + TIME_WIDTH));
+      unit := 0;
+
+      -- the clocks of results are those of PAIR_TABLE, DUTY_CLOCKS after their beginning
+      if (slot(3 downto 2) = "01") then
+        unit := 1;
+      end if;
+
+      bits <= duties(unit) xor (TIME_WIDTH - 1 downto 0 => mean);
+
+      if (mean = '1') then
+        reached <= signed(resize(takens(unit)(ERROR_WIDTH - 1 downto DUTY_SHIFT + 1), TERM_WIDTH));
+      else
+        reached <= signed(resize(rests(unit)(ERROR_WIDTH - 1 downto DUTY_SHIFT + TIME_WIDTH), TERM_WIDTH));
+      end if;
     end if;
 
   end process p_result;
 
-  first  <= known_late(TERM_WIDTH + 11 downto TERM_WIDTH + 9);
-  second <= known_late(TERM_WIDTH + 8 downto TERM_WIDTH + 6);
-
-  p_limits : process (known_late, bits, rest) is
-  begin
-
-    duty <= (others => known_late(TERM_WIDTH));
-    left <= known_late(TERM_WIDTH - 1 downto 0);
-
-    if (known_late(TERM_WIDTH + 1) = '1') then
-      duty <= bits;
-      left <= std_logic_vector(resize(rest, TERM_WIDTH));
-    end if;
-
-  end process p_limits;
+  first  <= known_late(KNOWN_WIDTH - 1 downto KNOWN_WIDTH - 3);
+  second <= known_late(KNOWN_WIDTH - 4 downto KNOWN_WIDTH - 6);
+  inside <= known_late(TERM_WIDTH + 1);
+  duty   <= bits when inside = '1' else
+            (others => known_late(TERM_WIDTH));
+  left   <= signed(known_late(TERM_WIDTH - 1 downto 0)) + gated(reached, inside);
 
   found.duty      <= duty;
   found.second    <= second;
   found.direction <= known_late(TERM_WIDTH + 5 downto TERM_WIDTH + 3);
   found.take      <= ended and known_late(TERM_WIDTH + 2);
 
-  named <= duty & first & second;
-
-  result_due <= active and to_std_logic(turn /= 0) and not slot(0) and (slot(2) or slot(3));
+  named  <= duty & first & second;
+  ranked <= duty & ((first & second) and (5 downto 0 => not method(2) and method(1)));
 
   p_on_way : process (clk) is
   begin
 
     if rising_edge(clk) then
-      ended    <= result_due;
+      ended    <= active and not slot(0);
       flux_due <= on_way(PAIR_REGISTERS - 2) and to_std_logic(method /= FAMILY_MPTC1);
       on_way   <= on_way(on_way'high - 1 downto 2) & (ended and known_late(TERM_WIDTH + 2));
 
@@ -364,7 +482,7 @@ begin
     port map (
       clk     => clk,
       rst     => rst,
-      word    => left,
+      word    => std_logic_vector(left),
       delayed => delayed
     );
 
@@ -376,7 +494,7 @@ begin
     port map (
       clk     => clk,
       rst     => rst,
-      word    => named,
+      word    => ranked,
       delayed => compared
     );
 
@@ -384,6 +502,8 @@ begin
   tried.take    <= on_way(STREAM_TERM + PAIR_REGISTERS);
   tried.left    <= signed(delayed);
   tried.compare <= on_way(STREAM_COMPARE + PAIR_REGISTERS);
+  tried.rank    <= compared(5 downto 0);
+  tried.best    <= best(5 downto 0);
 
   ---------------------------------------------------------------------------------------------
   -- Comparison
@@ -398,6 +518,11 @@ begin
     if rising_edge(clk) then
       if (on_way(STREAM_COMPARE + PAIR_REGISTERS) = '1' and cheaper = '1') then
         best <= compared;
+      end if;
+
+      -- a rank of zero for single vectors
+      if (rst = '1' or last = '1') then
+        best <= (others => '0');
       end if;
     end if;
 

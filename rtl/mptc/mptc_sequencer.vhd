@@ -35,9 +35,11 @@ entity mptc_sequencer is
     start       : in    std_logic;       -- '1' for one clock: decide; ignored while busy
     method_mpfc : in    std_logic;       -- '1': MPFC, '0': MPTC; sampled with start
     family_method : in    family_t;       -- method of several vectors, goes before method_mpfc; sampled with start
+    duty_rule   : in    std_logic;       -- FAMILY: '1': duties by the mean torque; sampled with start
     accept      : out   std_logic;       -- '1': start is accepted with the next edge
     mpfc        : out   std_logic;       -- '1': the decision under way is MPFC's
     method      : out   family_t;        -- method of several vectors of the decision under way
+    mean        : out   std_logic;       -- '1': its duties are those by the mean torque
     products    : out   mptc_products_t; -- what the mac_blocks begin
     events      : out   mptc_events_t;   -- what is due
     valid       : out   std_logic;       -- '1' for one clock: the decision is new
@@ -55,7 +57,8 @@ architecture rtl of mptc_sequencer is
   constant STEPS_SINGLE : natural  := counted(FLUX_CONTROL, STEP_COUNT_SINGLE, STEP_COUNT_MPTC);
   constant STEPS        : natural  := choose(FAMILY, STEP_COUNT, STEPS_SINGLE);
   constant WORD_EVENTS  : natural  := counted(FLUX_CONTROL, WORD_WRITES'length(1), WORD_WRITES_MPTC);
-  constant TERM_EVENTS  : natural  := counted(FLUX_CONTROL, TERM_WRITES'length(1), TERM_WRITES_MPTC);
+  constant TERM_SINGLE  : natural  := counted(FLUX_CONTROL, TERM_WRITES_SINGLE, TERM_WRITES_MPTC);
+  constant TERM_EVENTS  : natural  := choose(FAMILY, TERM_WRITES'length(1), TERM_SINGLE);
 
   signal active  : std_logic;
   signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
@@ -186,6 +189,7 @@ begin
       if rising_edge(clk) then
         if (active = '0' and start = '1') then
           chosen <= family_method;
+          mean   <= duty_rule and to_std_logic(family_method = FAMILY_MPTC1 or family_method = FAMILY_MPTC2);
         end if;
       end if;
 
@@ -195,6 +199,7 @@ begin
 
   g_one_vector : if not FAMILY generate
     chosen <= FAMILY_NONE;
+    mean   <= '0';
   end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate

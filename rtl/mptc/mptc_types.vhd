@@ -89,6 +89,10 @@ package mptc_types is
 
   subtype error_t is signed(ERROR_WIDTH - 1 downto 0); -- quarters of a torque term
 
+  subtype mptc_rest_t is unsigned(ERROR_WIDTH downto 0); -- rest of a search of a duty: up to four times a span
+
+  subtype mptc_taken_t is unsigned(ERROR_WIDTH - 1 downto 0); -- up to twice a span
+
   -- a duty that has been found, on its way to the mean share
   type mptc_duty_t is record
     take      : std_logic;                                 -- '1': the others are new
@@ -99,15 +103,19 @@ package mptc_types is
 
   constant NO_DUTY : mptc_duty_t := ('0', (others => '0'), "000", "000");
 
+  subtype rank_t is std_logic_vector(5 downto 0); -- first and second vector of a pair, zero voltage as u_0
+
   -- a pair on its way through magnitude and cost
   type mptc_tried_t is record
     enable  : std_logic; -- '1': the ways of a pair are in the accumulators
     take    : std_logic; -- '1': left is the torque error of a pair
     left    : term_t;
     compare : std_logic; -- '1': the cost of a pair is compared
+    rank    : rank_t;    -- of that, else zero
+    best    : rank_t;    -- of the cheapest so far, else zero; of equal ones the lowest wins
   end record mptc_tried_t;
 
-  constant NOTHING_TRIED : mptc_tried_t := ('0', '0', (others => '0'), '0');
+  constant NOTHING_TRIED : mptc_tried_t := ('0', '0', (others => '0'), '0', (others => '0'), (others => '0'));
 
   subtype hexagon_t is signed(HEXAGON_WIDTH - 1 downto 0); -- coordinate along a vector, in ways of a vector
 
@@ -191,6 +199,7 @@ package mptc_types is
     level        : term_t;        -- MPTC: torque reference less torque; MPFC: size of a step in the cost
     along        : term_t;        -- torque, or cost, of a step along alpha
     across       : term_t;        -- torque, or cost, of a step along beta
+    opening      : term_t;        -- FAMILY, MPTC: torque reference less torque at k+1
     moment       : signed_word_t; -- MPFC: torque reference as flux across the rotor flux
     rotor_alpha  : signed_word_t; -- MPTC: i_s0 along alpha
   end record mptc_state_t;

@@ -86,6 +86,7 @@ architecture rtl of mptc_vector_stream is
   signal fresh         : std_logic;                           -- '1': nothing has been compared
   signal pairs         : std_logic;                           -- '1': pairs are compared, and no single vectors
   signal wins_tie      : std_logic;
+  signal best_rank     : rank_t;                              -- what decides between equal costs: the lower rank
   signal winner        : vector_t;
 
 begin
@@ -264,9 +265,11 @@ begin
   end generate g_single_better;
 
   g_family_better : if FAMILY generate
-    pairs  <= not method(2) and method(1);
+    pairs     <= not method(2) and method(1);
+    best_rank <= tried.best(5 downto 1) & (tried.best(0) or wins_tie);
     fresh  <= to_std_logic((stream <= STREAM_COMPARE and pairs = '0') or (stream /= 0 and pairs = '1'));
-    better <= to_std_logic(cost & '0' < best_cost & wins_tie)
+
+    better <= to_std_logic(cost & signed('0' & tried.rank) < best_cost & signed('0' & best_rank))
               and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)
               and (tried.compare or not pairs);
   end generate g_family_better;

@@ -516,6 +516,7 @@ begin
         c_weight                    => in_force.c_weight.value.value,
         method_mpfc                 => in_force.method_mpfc.value.value,
         family_method               => in_force.family_method.value.value,
+        duty_rule                   => in_force.duty_rule.value.value,
         u1                          => sequence_now.u1,
         u2                          => sequence_now.u2,
         u3                          => sequence_now.u3,
@@ -677,6 +678,7 @@ begin
   -- what is not built keeps its reset value
   from_hardware.parameters.family_method.value <= (swwe => built_family);
   from_hardware.parameters.rate.value <= (swwe => built_family);
+  from_hardware.parameters.duty_rule.value <= (swwe => built_family);
   from_hardware.parameters.c_gain_speed.value <= (swwe => built_speed);
   from_hardware.parameters.c_gain_integral.value <= (swwe => built_speed);
   from_hardware.parameters.sensorless.value <= (swwe => built_speed);

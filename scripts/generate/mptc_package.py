@@ -106,18 +106,18 @@ def _unique(names: Sequence[str]) -> list[str]:
 
 
 def _pairs() -> list[str]:
-    """Table of the pairs, as many rows as an index of the four searches can reach."""
-    table = bit_true_sequences.EDGE_PAIRS.tolist()
-    padded = table + [table[-1]] * (16 - len(table))
+    """Table of the pairs by their places."""
+    directions = {(a, b): direction for a, b, direction in bit_true_sequences.EDGE_PAIRS.tolist()}
+    table = [[*pair, directions[pair], n in p.SECOND_SEARCH] for n, pair in enumerate(p.PAIR_SLOTS)]
     return [
         "",
-        "  type pair_table_t is array (0 to 15, 0 to 2) of natural;",
+        "  type pair_table_t is array (0 to 15, 0 to 3) of natural;",
         "",
         *_table(
             "PAIR_TABLE",
             "pair_table_t",
-            padded,
-            "GTV's pairs: first vector, second (0: zero), first less second; the last again",
+            [[int(value) for value in row] for row in table],
+            "pairs by places: first vector, second (0: zero), first less second, its search",
         ),
     ]
 
@@ -141,7 +141,7 @@ def _turns() -> list[str]:
 
 def _program() -> list[str]:
     single = _rows(False) + _rows(True)
-    rows = single + [(s, p.pair_address(s.clock), True) for s in p.PAIRS]
+    rows = single + [(s, p.pair_address(s.clock), True) for s in p.OPENING + p.PAIRS]
     rows += [(s, p.hexagon_address(s.clock), True) for s in p.HEXAGON]
     basic = len(_rows(False))
     lines: list[str] = []
@@ -215,8 +215,8 @@ def _program() -> list[str]:
             ),
             ("PAIR_ADDRESS", p.pair_address(p.MPTC_LAST + 1), "address behind LAST_MPTC for pairs"),
             ("FIRST_PAIR", p.FIRST_PAIR, "address: MPTC2 and GTV look the first pair up"),
-            ("ZERO_PAIRS", p.ZERO_PAIRS, "pairs of MPTC2"),
-            ("EDGE_PAIRS", p.EDGE_PAIRS, "pairs of GTV"),
+            ("FIRST_CROSSED", p.FIRST_CROSSED, "place of the first pair that needs a search"),
+            ("LAST_CROSSED", p.LAST_CROSSED, "place of the last one"),
             ("SEARCHES", p.SEARCHES, "searches of a duty at a time"),
             ("PAIR_SPACING", p.PAIR_SPACING, "clocks between the beginnings of two"),
             ("PAIR_AHEAD", p.PAIR_AHEAD, "clocks from looking a pair up to its search"),
@@ -299,7 +299,8 @@ def _program() -> list[str]:
     issue = []
     writes: dict[str, list[list[int]]] = {"WORD": [], "TERM": []}
     basic_writes = {"WORD": 0, "TERM": 0}
-    for step, address, flux in rows:
+    single_writes = 0
+    for place, (step, address, flux) in enumerate(rows):
         issue.append(
             [
                 address,
@@ -312,9 +313,12 @@ def _program() -> list[str]:
         )
         if step.result:
             kind, names = ("WORD", p.RESULTS) if step.result in p.RESULTS else ("TERM", p.TERMS)
-            when = p.address(step.clock + p.SUM_LATENCY, flux)
+            alone = place < len(single)
+            when = step.clock + p.SUM_LATENCY
+            when = p.address(when, flux) if alone else p.pair_address(when)
             writes[kind].append([when, step.block, names.index(step.result)])
             basic_writes[kind] += not flux
+            single_writes += alone and kind == "TERM"
     # what both methods issue before the fork and write behind it has a second address
     for step in p.COMMON:
         if step.result and step.clock + p.SUM_LATENCY >= p.FORK:
@@ -334,6 +338,11 @@ def _program() -> list[str]:
         lines += [
             f"  constant {kind}_WRITES_MPTC : natural := {basic_writes[kind]}; -- they come first",
             "",
+        ]
+        if kind == "TERM":
+            alone = f"natural := {single_writes}; -- without FAMILY"
+            lines += [f"  constant {kind}_WRITES_SINGLE : {alone}", ""]
+        lines += [
             f"  type {kind.lower()}_writes_t is array (0 to {len(writes[kind]) - 1}, 0 to 2) of "
             "natural;",
             "",

@@ -21,7 +21,7 @@ entity mptc_core_bench is
     rst        : in    std_logic;                      -- synchronous, active high
     request    : in    std_logic;                      -- a change asks for a decision on row
     row        : in    std_logic_vector(164 downto 0); -- t2, t1, u3, u2, u1, u, psi_ref, ... is_alpha rightmost
-    parameters : in    std_logic_vector(219 downto 0); -- family method, method, ... c_current rightmost
+    parameters : in    std_logic_vector(220 downto 0); -- duty rule, family method, method, ... c_current rightmost
     finished   : out   std_logic := '0';               -- changes when response is new
     response   : out   std_logic_vector(42 downto 0);  -- t2, t1, u3, u2, u1, clamped, saturated, switches, u_next
     cycles     : out   std_logic_vector(15 downto 0)   -- clocks from start to valid
@@ -44,6 +44,7 @@ architecture bench of mptc_core_bench is
   signal inputs   : std_logic_vector(164 downto 0) := (others => '0');
   signal method   : std_logic := '0';
   signal several  : std_logic_vector(2 downto 0) := "000";
+  signal rule     : std_logic := '0';
   signal noise    : std_logic_vector(63 downto 0) := x"9E3779B97F4A7C15";
   signal answered : std_logic := '0';
   signal count    : unsigned(15 downto 0) := (others => '0');
@@ -70,6 +71,7 @@ begin
       start  <= '0';
       method <= v(3);
       several <= v(9 downto 7);
+      rule    <= v(11);
       count  <= count + 1;
 
       if (start = '1' and busy = '0') then
@@ -80,6 +82,7 @@ begin
         inputs   <= row;
         method   <= parameters(216);
         several  <= parameters(219 downto 217);
+        rule     <= parameters(220);
         start    <= '1';
         answered <= request;
         idle     <= 0;
@@ -199,6 +202,7 @@ begin
         c_weight        => parameters(215 downto 198),
         method_mpfc     => method,
         family_method   => several,
+        duty_rule       => rule,
         u1              => inputs(132 downto 130),
         u2              => inputs(135 downto 133),
         u3              => inputs(138 downto 136),

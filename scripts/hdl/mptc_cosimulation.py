@@ -23,6 +23,7 @@ from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence
 _METHOD_AT = WORD_WIDTH * len(COEFFICIENTS) + 1  # bits of the parameters below the method
+_METHOD_WIDTH = 3  # of the method; above it the duty rule
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
 
 
@@ -144,6 +145,7 @@ class Bench:
         u: int,
         applied: np.ndarray | None = None,
         family_method: int = 0,
+        duty_rule: int = 0,
     ) -> tuple[int, ...]:
         """One decision in the order of ``FIELDS``.
 
@@ -157,6 +159,8 @@ class Bench:
             u1, u2, u3, t1, t2; `u` for the whole period without.
         family_method : int
             Method of several vectors, 0 without.
+        duty_rule : int
+            Of MPTC1 and MPTC2: 0 torque deadbeat, 1 mean torque.
 
         Returns
         -------
@@ -171,7 +175,8 @@ class Bench:
         self.level ^= 1
         sequence = np.array([u, u, u, TIME_STEPS, 0]) if applied is None else applied
         self.dut.row.value = pack_row(measurement, u) | pack_sequence(sequence) << _SEQUENCE_AT
-        self.dut.parameters.value = self.parameters | family_method << _METHOD_AT
+        chosen = family_method | duty_rule << _METHOD_WIDTH
+        self.dut.parameters.value = self.parameters | chosen << _METHOD_AT
         self.dut.request.value = self.level
         await with_timeout(self.dut.finished.value_change, _PATIENCE_CLOCKS * CLOCK_NS, "ns")
         response = self.dut.response.value.to_unsigned()
@@ -194,6 +199,7 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
             job.u[k],
             None if job.applied is None else job.applied[k],
             0 if job.family_method is None else int(job.family_method[k]),
+            0 if job.duty_rule is None else int(job.duty_rule[k]),
         )
         sequences[k] = bench.sequence
         progress(k + 1)
@@ -233,7 +239,8 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
             loop.psi_ref[k],
         )  # fmt: skip
         code = 0 if job.family_method is None else int(job.family_method[k])
-        out[k] = await bench.decide(measurement, applied[0], applied, code)
+        rule = 0 if job.duty_rule is None else int(job.duty_rule[k])
+        out[k] = await bench.decide(measurement, applied[0], applied, code, rule)
         out[k, 2] |= clipped
         if code == 0:
             current, flux, omega_r = step(

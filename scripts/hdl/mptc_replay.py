@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from directmpc.host.registers import BUILT_RULES, RULED_METHODS, duty_rule_word
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
@@ -29,8 +30,8 @@ def lacking_in_rtl(drive: MptcDrive) -> tuple[str, str]:
         Key and value, and what the RTL serves instead; both empty if the RTL has all of it.
     """
     c = drive.control
-    if c.duty_rule != "deadbeat" and c.method in ("MPTC1", "MPTC2"):
-        return f'control.duty_rule: "{c.duty_rule}"', '"deadbeat"'
+    if c.duty_rule not in BUILT_RULES and c.method in RULED_METHODS:
+        return f'control.duty_rule: "{c.duty_rule}"', " and ".join(f'"{r}"' for r in BUILT_RULES)
     return "", ""
 
 
@@ -88,11 +89,12 @@ def decide(
     if drive.control.sequences:
         applied = bit_true_sequences.applied_words(trace)
         code = np.full(len(u), FAMILY_METHODS[drive.control.method])
+        rule = np.full(len(u), duty_rule_word(drive))
 
         def _run_family(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
             job = Job(
                 values, measurements[rows], u[rows], family=True, family_method=code[rows],
-                applied=applied[rows],
+                duty_rule=rule[rows], applied=applied[rows],
             )  # fmt: skip
             answer = rtl_simulation.simulate(job, advance)
             return np.hstack([answer["decisions"], answer["sequences"]]).astype(np.int64)

@@ -83,6 +83,8 @@ class Job(simulator.Job):
         Registers of each row.
     family_method : (n,), optional
         Port `family_method` of each row; 0 without.
+    duty_rule : (n,), optional
+        Port `duty_rule` of each row; 0 without.
     applied : (n, 5), optional
         u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
     """
@@ -95,6 +97,7 @@ class Job(simulator.Job):
     each_registers: IntArray | None = None
     family: bool = False
     family_method: IntArray | None = None
+    duty_rule: IntArray | None = None
     applied: IntArray | None = None
 
     @property

@@ -17,6 +17,7 @@ import numpy as np
 from rich.table import Table
 
 from directmpc.host.console import progress_bar
+from directmpc.host.registers import duty_rule_word
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences, sequence_loop
 from directmpc.mptc.closed_loop import RPM, Scenario, constant
 from directmpc.mptc.coefficients import registers
@@ -188,9 +189,10 @@ def _on_rtl(
     )  # fmt: skip
     empty = np.zeros((0, len(MEASUREMENTS)), dtype=np.int64)
     method = np.full(count, FAMILY_METHODS[drive.control.method]) if several else None
+    rule = np.full(count, duty_rule_word(drive)) if several else None
     job = Job(
         registers(drive).array(), empty, empty[:, 0], loop=loop, family=several,
-        family_method=method, waves=waves,
+        family_method=method, duty_rule=rule, waves=waves,
     )  # fmt: skip
     with progress_bar("RTL in closed loop", count) as progress:
         answer = mptc_simulation.simulate(job, progress)
@@ -303,7 +305,8 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
     }  # fmt: skip
     if family:
         parts = (*((f"u{n}", 3, False) for n in (1, 2, 3)), ("t1", 13, False), ("t2", 13, False))
-        groups["sequence of period k, sampled with start"] = [("family_method", 3, False), *parts]
+        chosen = (("family_method", 3, False), ("duty_rule", 1, False))
+        groups["sequence of period k, sampled with start"] = [*chosen, *parts]
         groups["next sequence, valid with valid"] = [
             (f"next_{name}", bits, signed) for name, bits, signed in parts
         ]

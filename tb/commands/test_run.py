@@ -263,7 +263,7 @@ def test_a_two_level_run_is_replayed_and_its_signals_are_there(
     given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
     assert run.COMMAND.main(given) == 0
     shown = capsys.readouterr().out
-    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "88 clock"):
+    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "86 clock"):
         assert words in shown
     for path in outputs.values():
         assert str(path) in shown
@@ -275,7 +275,7 @@ def test_a_two_level_run_is_replayed_and_its_signals_are_there(
     assert len(replayed.read_text(encoding="utf-8").splitlines()) == 31
     view = (tmp_path / "run.gtkw").read_text(encoding="utf-8").splitlines()
     viewed = [line for line in view if ".i_core." in line]
-    assert len(viewed) == 5 + 8 + 1 + 4 + 6 + 5
+    assert len(viewed) == 5 + 8 + 1 + 4 + 7 + 5
     assert set(viewed) <= set(fst.read(outputs["waves"]).signals)
 
 
@@ -315,7 +315,7 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
 @pytest.mark.parametrize(
     ("setting", "missing"),
     [
-        ('method = "MPTC1"\nduty_rule = "mean"', 'control.duty_rule: "mean" is not in the RTL'),
+        ('method = "MPTC1"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
         ('method = "MPTC2"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
     ],
 )

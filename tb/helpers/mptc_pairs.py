@@ -16,6 +16,8 @@ from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS
 from tb.helpers import mptc_rows as core
 
 METHODS = tuple(FAMILY_METHODS)
+#: The twin's rule for each value of `duty_rule`.
+RULES = (twin.DEADBEAT, twin.MEAN)
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,14 @@ class PairRows:
         Port `family_method`.
     applied : (n, 5)
         u1, u2, u3, t1, t2; u for the whole period where `pairs` is 0.
+    rules : (n,)
+        Port `duty_rule`, which MPTC1 and MPTC2 read.
     """
 
     rows: core.Rows
     pairs: IntArray
     applied: IntArray
+    rules: IntArray
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -45,7 +50,7 @@ class PairRows:
         rows = core.Rows(
             self.rows.registers[order], self.rows.measurements[order], self.rows.u[order]
         )
-        return PairRows(rows, self.pairs[order], self.applied[order])
+        return PairRows(rows, self.pairs[order], self.applied[order], self.rules[order])
 
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""
@@ -63,8 +68,8 @@ class PairRows:
                 sequence = (u, u, u, TIME_STEPS, 0)
             else:
                 sequence, saturated, clamped = twin.decide_words(
-                    self.rows.registers[k], code - 1, twin.DEADBEAT, self.rows.measurements[k],
-                    self.applied[k],
+                    self.rows.registers[k], code - 1, RULES[self.rules[k]],
+                    self.rows.measurements[k], self.applied[k],
                 )  # fmt: skip
                 u = sequence[0]
             table[k] = (u, clocks[k], saturated, clamped, core.SWITCHES[u], *sequence)
@@ -94,7 +99,7 @@ def mixed(seed: int, n: int) -> PairRows:
     alone = pairs == 0
     applied[alone, :3] = rows.u[alone, None]
     applied[alone, 3], applied[alone, 4] = TIME_STEPS, 0
-    return PairRows(rows, pairs, applied)
+    return PairRows(rows, pairs, applied, rng.integers(0, len(RULES), count))
 
 
 def _near(method: str, rng: np.random.Generator) -> tuple[IntArray, IntArray]:
@@ -122,7 +127,7 @@ def near(seed: int, n: int) -> PairRows:
     registers, seen = zip(*(_near(METHODS[code - 1], rng) for code in codes), strict=True)
     applied = any_sequences(rng, len(codes))
     rows = core.Rows(np.array(registers), np.array(seen), applied[:, 0])
-    return PairRows(rows, codes, applied)
+    return PairRows(rows, codes, applied, rng.integers(0, len(RULES), len(codes)))
 
 
 def hardly_any_voltage(seed: int, n: int) -> PairRows:
@@ -148,4 +153,5 @@ def together(*parts: PairRows) -> PairRows:
         core.together(*(p.rows for p in parts)),
         np.concatenate([p.pairs for p in parts]),
         np.concatenate([p.applied for p in parts]),
+        np.concatenate([p.rules for p in parts]),
     )

@@ -579,6 +579,66 @@ def test_a_search_is_a_quotient() -> None:
     assert bit_true_sequences.search(-5, 0)[0] == 4095
 
 
+def test_a_search_by_the_mean_torque_is_a_root() -> None:
+    rng = np.random.default_rng(10)
+    inside = 0
+    for _ in range(4000):
+        span = int(rng.integers(-(2**25), 2**25)) >> int(rng.integers(0, 16))
+        error, both = (int(v) for v in rng.integers(-(2**24), 2**24, 2))
+        if rng.random() < 0.7:
+            both = round(span * rng.uniform(-0.1, 1.1))
+        duty, left = bit_true_sequences.mean_search(error, both, span)
+        assert 0 <= duty <= 4095
+        if abs(span) < 2**8:
+            continue
+        square = (span - both) / span
+        exact = 1.0 - math.sqrt(min(max(square, 0.0), 1.0))
+        # halves of span are cut off, which moves a small root more than a large one
+        cut = 4 / abs(span)
+        slack = 1 / 4096 + min(cut / max(1.0 - exact, 1e-9), math.sqrt(cut))
+        assert abs(duty / 4096 - min(exact, 4095 / 4096)) <= slack
+        if 0.0 < square < 1.0:
+            inside += 1
+        rest = error - duty / 4096 * span
+        assert abs(abs(left) * 4 - abs(rest)) <= abs(span) / 4096 * 2 + 16
+    assert inside > 1000
+    assert bit_true_sequences.mean_search(-5, 0, 0)[0] == 4095
+
+
+def test_two_searches_are_enough() -> None:
+    """Which pairs have a duty between 0 and 1: what the order of the searches rests on."""
+    rng = np.random.default_rng(11)
+    searched = {}
+    change = bit_true_sequences.fine_change
+    for k in range(6000):
+        span = 2 ** int(rng.integers(1, 22))
+        along, across, level, both = (int(v) for v in rng.integers(-span, span, 4))
+        if k % 3 == 0:  # the reference is the torque of a vector
+            level = change(int(rng.integers(0, 7)), along, across)
+        found = []
+        for first, second, direction in bit_true_sequences.EDGE_PAIRS.tolist():
+            error = level - change(second, along, across)
+            way = change(direction, along, across)
+            if way < 0:
+                error, way = ~error, ~way
+            if 0 <= error < way:
+                found.append((first, second))
+        crossed = [pair for pair in found if pair[1]]
+        assert len(crossed) <= 2
+        assert all(((a + 2) % 6 + 1, 0) not in found for a, b in found if b == 0)
+        searched[len(found)] = searched.get(len(found), 0) + 1
+        for a in (1, 2, 3):
+            ways = change(a, along, across), change(a + 3, along, across)
+            parts = [~(way - both) if way < 0 else way - both for way in ways]
+            inside = [
+                0 <= part < (~way if way < 0 else way)
+                for part, way in zip(parts, ways, strict=True)
+            ]
+            assert sum(inside) <= 1
+    assert max(searched) == 5
+    assert searched[5] > 100
+
+
 # --- files ----------------------------------------------------------------------------------------
 
 
@@ -615,10 +675,18 @@ def test_replay_of_the_ideal_controller(method: str, tmp_path: Path) -> None:
         assert (*found.vectors[k], *found.times[k]) == wanted
 
 
-@pytest.mark.parametrize("method", SEQUENCE_METHODS)
-def test_replay_of_the_twin_and_of_the_rtl(method: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("method", "rule"),
+    [*((name, "deadbeat") for name in SEQUENCE_METHODS), ("MPTC1", "mean"), ("MPTC2", "mean")],
+)
+def test_replay_of_the_twin_and_of_the_rtl(method: str, rule: str, tmp_path: Path) -> None:
     drive, trace = small(tmp_path, method)
-    wanted = bit_true_sequences.run(drive_of(method, ts=50e-6), read_trace(trace, sequences=True))
+    text = drive.read_text(encoding="utf-8")
+    drive.write_text(
+        text.replace("[control]", f'[control]\nduty_rule = "{rule}"'), encoding="utf-8"
+    )
+    rows = read_trace(trace, sequences=True)
+    wanted = bit_true_sequences.run(drive_of(method, rule, ts=50e-6), rows)
     for engine in ("model", "rtl"):
         out = tmp_path / f"{engine}.csv"
         done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", engine)
@@ -633,7 +701,7 @@ def test_replay_of_the_twin_and_of_the_rtl(method: str, tmp_path: Path) -> None:
 
 
 def test_replay_of_what_is_in_the_twin_alone(tmp_path: Path) -> None:
-    method, rule = "MPTC1", "mean"
+    method, rule = "MPTC1", "best"
     drive, trace = small(tmp_path, method)
     text = drive.read_text(encoding="utf-8")
     drive.write_text(

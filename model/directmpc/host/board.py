@@ -62,6 +62,7 @@ _NEEDED = {
     "parameters.l_mode": "leakage_estimate",
     "parameters.method_mpfc": "flux_control",
     "parameters.family_method": "family",
+    "parameters.duty_rule": "family",
     "parameters.sensorless": "sensorless",
 }
 

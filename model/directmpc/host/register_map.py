@@ -997,6 +997,12 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 1, False),
             },
         ),
+        "parameters.duty_rule": (
+            0x150,
+            {
+                "value": (0, 1, False),
+            },
+        ),
         "measurements.is_alpha": (
             0x200,
             {

@@ -41,8 +41,9 @@ HIGHEST: dict[tuple[str, str], int] = {
     ("guard.link_high", "value"): 2**16 - 2,
 }
 
-#: Duty rules that the core of the methods of two and three vectors has, and methods with a choice.
-BUILT_RULES = ("deadbeat",)
+#: Duty rules that the core of the methods of two and three vectors has, by their words, and methods
+#: with a choice.
+BUILT_RULES = ("deadbeat", "mean")
 RULED_METHODS = ("MPTC1", "MPTC2")
 
 #: Clocks that the guard's times have after a reset.
@@ -382,11 +383,6 @@ def values(
 def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
     """Registers of the methods of two and three vectors, and of the sequencer."""
     c = drive.control
-    if c.duty_rule not in BUILT_RULES and c.method in RULED_METHODS:
-        raise ValueError(
-            f'control.duty_rule: got "{c.duty_rule}"; the core has '
-            f"{' and '.join(BUILT_RULES)} for {c.method}"
-        )
     try:
         rate = vector_sequencer.rate_of(round(clock * c.ts))
     except ValueError as error:
@@ -394,7 +390,36 @@ def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
             f"control.ts: got {1e6 * c.ts:g} us with a clock of {clock / 1e6:g} MHz; {error}"
         ) from None
     number = SEQUENCE_METHODS.index(c.method) + 1 if c.sequences else 0
-    return {"family_method": number, "rate": rate}
+    return {"family_method": number, "rate": rate, "duty_rule": duty_rule_word(drive)}
+
+
+def duty_rule_word(drive: MptcDrive) -> int:
+    """Port and register `duty_rule` of a drive.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Its method and its duty rule.
+
+    Returns
+    -------
+    int
+        0: torque deadbeat, also where the method has no duty rule; 1: mean torque.
+
+    Raises
+    ------
+    ValueError
+        If the core does not have the rule; the message names the key.
+    """
+    c = drive.control
+    if c.method not in RULED_METHODS:
+        return 0
+    if c.duty_rule not in BUILT_RULES:
+        raise ValueError(
+            f'control.duty_rule: got "{c.duty_rule}"; the core has '
+            f"{' and '.join(BUILT_RULES)} for {c.method}"
+        )
+    return BUILT_RULES.index(c.duty_rule)
 
 
 def format_csv(found: RegisterValues) -> str:

@@ -1,12 +1,12 @@
 """The bit-true twin of the methods that apply two or three vectors a period.
 
 As `bit_true`, whose state and torque terms it shares. MPTC1, MPTC2 and GTV stand here, the flux
-methods in `bit_true_hexagon`. ``mptc_family_core`` has all of them, duties by the rule deadbeat. A
+methods in `bit_true_hexagon`. ``mptc_family_core`` has all of them, the duty rule best excepted. A
 pair is a first vector for the duty and a second for the rest. The difference of two vectors one leg
 apart is an active vector itself, and so is a vector's difference from zero: every pair is a start
 (its second vector) and a direction, an active vector. The torque is linear in the duty, so the duty
-is a quotient of two torque terms. It is found bit by bit, and its part of the way is added up with
-it: the product of duty and way, which stands here as one, takes no multiplier there.
+is a quotient of two torque terms, or the root of one. It is found bit by bit. Its part of the way
+is the product of duty and way.
 """
 
 from __future__ import annotations
@@ -45,7 +45,6 @@ _SHARE_BETA = f.FRACTION - 1 - f.TIME_WIDTH
 _LENGTH_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION
 _WAY_GUARD = f.MAGNITUDE_FRACTION - f.FRACTION + f.WAY_GUARD
 _TIME_WIDTH = f.TIME_WIDTH
-_MEAN_WIDTH = f.MEAN_WIDTH
 _TORQUE_SHIFT = f.TORQUE_SHIFT
 _TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _DUTY_SHIFT = f.DUTY_SHIFT
@@ -129,44 +128,47 @@ def search(error, span):
 
 
 @njit
-def mean_search(error, begin, span):
+def mean_search(error, both, span):
     """Duty that makes the mean torque of the period the reference (docs/specification.md, 3.6).
 
     Parameters
     ----------
     error : int
         As for `search`.
-    begin : int
-        Torque reference less torque at k+1, in quarters of a torque term.
+    both : int
+        `error` and the torque error at k+1, added.
     span : int
         As for `search`.
 
     Returns
     -------
-    int
+    duty : int
         0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
+    left : int
+        Torque error at the end of the period, torque terms' format.
     """
     # square of the second vector's part of the period, times span
-    part = span - error - begin
+    part = span - both
     if span < 0:
-        part, span = ~part, ~span
+        part, error, span = ~part, ~error, ~span
     if span == 0 or part < 0:
-        return TIME_STEPS - 1
+        return TIME_STEPS - 1, (error - span) >> _DUTY_SHIFT
     if part >= span:
-        return 0
-    quotient = 0
-    for _ in range(_MEAN_WIDTH):
-        part <<= 1
-        quotient <<= 1
-        if part >= span:
-            part -= span
-            quotient |= 1
-    root = 0
-    for k in range(_TIME_WIDTH - 1, -1, -1):
-        trial = root | (1 << k)
-        if trial * trial <= quotient:
-            root = trial
-    return TIME_STEPS - 1 - root
+        return 0, error >> _DUTY_SHIFT
+    # the second vector's part itself, and twice span times it
+    rest, unit, root, taken, before = part << 1, span, 0, 0, 0
+    for _ in range(_TIME_WIDTH):
+        before = taken
+        rest = (rest << 1) - (taken << 1) - unit
+        root <<= 1
+        if rest >= 0:
+            root, taken = root | 1, taken + unit
+        else:
+            rest += (taken << 1) + unit
+        unit >>= 1
+    # the last bit comes too late for it
+    left = ((error - span) >> _DUTY_SHIFT) + (before >> (_DUTY_SHIFT + 1))
+    return TIME_STEPS - 1 - root, left
 
 
 @njit
@@ -226,8 +228,8 @@ class Terms(NamedTuple):
         Of ``bit_true.torque_terms``.
     error : int
         Torque reference less torque without voltage, in quarters of a torque term.
-    begin : int
-        Torque reference less torque at k+1, the same.
+    both : int
+        That, and torque reference less torque at k+1, added; the same.
     rule : int
         Place in `DUTY_RULES`.
     """
@@ -236,7 +238,7 @@ class Terms(NamedTuple):
     along: int
     across: int
     error: int
-    begin: int
+    both: int
     rule: int
 
 
@@ -268,8 +270,7 @@ def pair(c, o, terms, second, direction):
     span = fine_change(direction, terms.along, terms.across)
     duty, left = search(error, span)
     if terms.rule == MEAN:
-        duty = mean_search(error, terms.begin, span)
-        left = _left(error, span, duty)
+        duty, left = mean_search(error, terms.both, span)
     cost, saturated = _cost(c, o, second, direction, duty, left)
     if terms.rule == BEST:
         other = flux_duty(o, direction)
@@ -297,11 +298,13 @@ def _cost(c, o, second, direction, duty, left):
 def _torque_methods(c, o, method, rule):
     """First vector, second, duty and flag of MPTC1, MPTC2 and GTV."""
     level, along, across, tau_a, s0 = bit_true.torque_terms(c, o)
-    begin = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
-    begin -= (o.w_b * o.p_a + o.w_a * ~o.p_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+    opening = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+    opening -= (o.w_b * o.p_a + o.w_a * ~o.p_b + _TORQUE_HALF) >> _TORQUE_SHIFT
+    # the one's complement in opening is off by w, which i_s0 comes near enough
+    complement = tau_a >> _COMPLEMENT_SHIFT
     terms = Terms(
-        level, along, across, (level << _DUTY_SHIFT) - (tau_a >> _COMPLEMENT_SHIFT),
-        (begin << _DUTY_SHIFT) - (o.w_a >> _COMPLEMENT_SHIFT), DEADBEAT if method == GTV else rule,
+        level, along, across, (level << _DUTY_SHIFT) - complement,
+        ((level + opening) << _DUTY_SHIFT) - 2 * complement, DEADBEAT if method == GTV else rule,
     )  # fmt: skip
     saturated = o.saturated | s0
     best, best_cost, best_duty = -1, np.int64(0), 0

@@ -88,7 +88,6 @@ QUOTIENT_WIDTH = QUOTIENT_FRACTION + 4
 FAR_STEPS = 5  # halvings of a longer e: 256 ways of a vector
 HEXAGON_FRACTION = QUOTIENT_FRACTION + 1  # h/2 is exact
 RESIDUE_FRACTION = 13  # a residue is below 16 ways: a word
-MEAN_WIDTH = 2 * TIME_WIDTH  # bits of the quotient whose root is a duty by the mean torque
 
 SQRT3_2 = round(math.sqrt(3.0) / 2.0 * 2**FRACTION)  # a word
 NORMALISE_STEPS = 7  # of two bits each, for the rotor flux of MPFC

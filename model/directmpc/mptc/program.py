@@ -62,6 +62,7 @@ TERMS: tuple[str, ...] = (
     "level",  # level less torque without voltage (MPTC), |w|**2*step/4 (MPFC)
     "along",  # per step along alpha
     "across",  # per step along beta
+    "opening",  # demand less torque at k+1, of MPTC1 and MPTC2
 )
 
 COMPLEMENTS = ("not_start_beta", "not_rotor_beta", "not_stator_beta")
@@ -255,48 +256,57 @@ def last_clock(first_term: int) -> int:
 MPTC_LAST = last_clock(MPTC_FIRST_TERM)
 MPFC_LAST = last_clock(MPFC_FIRST_TERM)
 
-#: Pairs of MPTC2 and of GTV.
-ZERO_PAIRS, EDGE_PAIRS = 6, 12
+#: Pairs as they are looked up, two clocks each: first vector, second (0: zero). Of a vector and the
+#: opposite one with zero voltage at most one needs a search, so these two have one between them. A
+#: pair of active vectors needs one where the torques of both lie on either side of the reference:
+#: two of the six do at most. They are met in any case, without a search; the two, the first and the
+#: last one of them, are looked up again when the torques of all vectors are known.
+PAIR_SLOTS: tuple[tuple[int, int], ...] = (
+    (1, 0), (4, 0), (2, 0), (5, 0), (1, 2), (2, 3), (3, 4), (3, 0), (6, 0), (4, 5), (5, 6), (1, 2),
+    (1, 6), (1, 6), (1, 6), (1, 6),
+)  # fmt: skip
+#: Places of the two, and of the last pair of MPTC2.
+FIRST_CROSSED, LAST_CROSSED, LAST_ZERO = 11, 14, 8
 #: Searches of a duty at a time; clocks from one's beginning to its result, one for each bit; clocks
 #: between the beginnings of two.
-SEARCHES = 4
+SEARCHES = 2
 DUTY_CLOCKS = TIME_WIDTH
 PAIR_SPACING = 2
+#: Places of the pairs that the second search serves.
+SECOND_SEARCH = (2, 3, FIRST_CROSSED)
 #: Clocks from looking a pair up to the beginning of its search: a register behind the table, one
 #: behind a vector's torque, one behind the torques' difference, one behind its sign. The first two
 #: need not level, so MPTC2 and GTV look up earlier.
 PAIR_AHEAD = 4
 FIRST_PAIR = MPTC_FIRST_TERM + 2 - PAIR_AHEAD
 #: Clocks from a search's result to the pair's flux in the magnitude: a register behind the choice
-#: among the searches, one behind the share, the product, and one in front of the magnitude.
+#: between the searches, one behind the share, the product, and one in front of the magnitude.
 PAIR_REGISTERS = 3 + SUM_LATENCY
 
 
-def pair_clock(n: int) -> int:
+def pair_clock(slot: int) -> int:
     """Clock in which the flux of a pair enters the magnitude.
 
     Parameters
     ----------
-    n : int
-        Number of the pair, from 0.
+    slot : int
+        Place of the pair in `PAIR_SLOTS`.
 
     Returns
     -------
     int
         Clock.
     """
-    begun = FIRST_PAIR + PAIR_AHEAD
-    begun += PAIR_SPACING * (n % SEARCHES) + DUTY_CLOCKS * (n // SEARCHES)
-    return begun + DUTY_CLOCKS + PAIR_REGISTERS
+    return FIRST_PAIR + PAIR_AHEAD + PAIR_SPACING * slot + DUTY_CLOCKS + PAIR_REGISTERS
 
 
 #: Clocks from a pair's product to its flux in the magnitude.
 WAY_LATENCY = SUM_LATENCY + 1
 #: Fluxes and costs of MPTC2 and GTV: behind MPTC's program, which they share. ``share_x`` is that
-#: of the pair then.
+#: of the pair then. They are formed for a place without a pair too, and not read.
 PAIRS: tuple[Step, ...] = tuple(
     step
-    for clock in map(pair_clock, range(EDGE_PAIRS))
+    for clock in map(pair_clock, range(LAST_CROSSED + 1))
     for step in (
         Step(clock - WAY_LATENCY, FLUX, "step_alpha", "share_alpha", "none", taken=True),
         Step(clock - WAY_LATENCY, ALPHA, "share_beta", "step_beta", "none", taken=True),
@@ -304,11 +314,18 @@ PAIRS: tuple[Step, ...] = tuple(
     )
 )
 
+#: Torque at k+1, for a duty by the mean torque: both factors stand for few clocks. It is taken from
+#: the demand before the torque at k+2 is.
+OPENING: tuple[Step, ...] = (
+    Step(19, BETA, "rotor_beta", "stator_alpha", "torque_half"),
+    Step(20, BETA, "rotor_alpha", "not_stator_beta", "", "opening"),
+)
+
 #: MPTC1's pair is known when MPTC's vector is; its duty comes out of the first register.
 MPTC1_LAST = MPTC_LAST + PAIR_AHEAD + DUTY_CLOCKS + 2
 #: The last comparison, then the decision.
-MPTC2_LAST = pair_clock(ZERO_PAIRS - 1) + STREAM_COMPARE + 2
-GTV_LAST = pair_clock(EDGE_PAIRS - 1) + STREAM_COMPARE + 2
+MPTC2_LAST = pair_clock(LAST_ZERO) + STREAM_COMPARE + 2
+GTV_LAST = pair_clock(LAST_CROSSED) + STREAM_COMPARE + 2
 #: What is added to a clock behind MPTC's last for its address.
 PAIR_OFFSET = MPFC_LAST + FORK_OFFSET - MPTC_LAST
 
@@ -487,6 +504,6 @@ def check(steps: tuple[Step, ...]) -> None:
 if MPTC_LAST >= FORK + FORK_OFFSET:
     raise ValueError("the addresses of MPFC overlap those of MPTC")
 check(COMMON + MPTC)
-check(COMMON + MPTC + PAIRS)
+check(COMMON + MPTC + OPENING + PAIRS)
 check(COMMON + MPFC)
 check(COMMON + BEFORE_HEXAGON + HEXAGON)

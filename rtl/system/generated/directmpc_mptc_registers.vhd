@@ -147,6 +147,7 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_speed : std_logic;
         c_gain_integral : std_logic;
         sensorless : std_logic;
+        duty_rule : std_logic;
     end record;
 
     type \directmpc_mptc.measurements_strb_t\ is record
@@ -717,6 +718,15 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.parameters.sensorless.value_combo_t\;
     end record;
 
+    type \directmpc_mptc.parameters.duty_rule.value_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.duty_rule_combo_t\ is record
+        value : \directmpc_mptc.parameters.duty_rule.value_combo_t\;
+    end record;
+
     type \directmpc_mptc.parameters_combo_t\ is record
         c_current : \directmpc_mptc.parameters.c_current_combo_t\;
         c_flux : \directmpc_mptc.parameters.c_flux_combo_t\;
@@ -738,6 +748,7 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_speed : \directmpc_mptc.parameters.c_gain_speed_combo_t\;
         c_gain_integral : \directmpc_mptc.parameters.c_gain_integral_combo_t\;
         sensorless : \directmpc_mptc.parameters.sensorless_combo_t\;
+        duty_rule : \directmpc_mptc.parameters.duty_rule_combo_t\;
     end record;
 
     type \directmpc_mptc.measurements.is_alpha.value_combo_t\ is record
@@ -1351,6 +1362,14 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.parameters.sensorless.value_storage_t\;
     end record;
 
+    type \directmpc_mptc.parameters.duty_rule.value_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.parameters.duty_rule_storage_t\ is record
+        value : \directmpc_mptc.parameters.duty_rule.value_storage_t\;
+    end record;
+
     type \directmpc_mptc.parameters_storage_t\ is record
         c_current : \directmpc_mptc.parameters.c_current_storage_t\;
         c_flux : \directmpc_mptc.parameters.c_flux_storage_t\;
@@ -1372,6 +1391,7 @@ architecture rtl of directmpc_mptc_registers is
         c_gain_speed : \directmpc_mptc.parameters.c_gain_speed_storage_t\;
         c_gain_integral : \directmpc_mptc.parameters.c_gain_integral_storage_t\;
         sensorless : \directmpc_mptc.parameters.sensorless_storage_t\;
+        duty_rule : \directmpc_mptc.parameters.duty_rule_storage_t\;
     end record;
 
     type \directmpc_mptc.measurements.is_alpha.value_storage_t\ is record
@@ -1907,6 +1927,9 @@ begin
         decoded_reg_strb.parameters.sensorless <= cpuif_req_masked and (cpuif_addr = 16#14C#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#14C#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#14C#));
+        decoded_reg_strb.parameters.duty_rule <= cpuif_req_masked and (cpuif_addr = 16#150#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#150#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#150#));
         decoded_reg_strb.measurements.is_alpha <= cpuif_req_masked and (cpuif_addr = 16#200#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#200#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#200#));
@@ -3892,6 +3915,35 @@ begin
     end process;
     hwif_out.parameters.sensorless.value.value <= field_storage.parameters.sensorless.value.value;
 
+    -- Field: directmpc_mptc.parameters.duty_rule.value
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.parameters.duty_rule.value.value;
+        load_next_c := '0';
+        if decoded_reg_strb.parameters.duty_rule and decoded_req_is_wr and hwif_in.parameters.duty_rule.value.swwe then -- SW write
+            next_c := (field_storage.parameters.duty_rule.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
+            load_next_c := '1';
+        end if;
+        field_combo.parameters.duty_rule.value.next_q <= next_c;
+        field_combo.parameters.duty_rule.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.parameters.duty_rule.value.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.parameters.duty_rule.value.value <= '0';
+            else
+                if field_combo.parameters.duty_rule.value.load_next then
+                    field_storage.parameters.duty_rule.value.value <= field_combo.parameters.duty_rule.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.parameters.duty_rule.value.value <= field_storage.parameters.duty_rule.value.value;
+
     -- Field: directmpc_mptc.measurements.is_alpha.value
     process(all)
         variable next_c: std_logic_vector(15 downto 0);
@@ -4520,6 +4572,9 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#14C#) then
             readback_data_var(ad_hi(16#14C#))(0) := field_storage.parameters.sensorless.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#150#) then
+            readback_data_var(ad_hi(16#150#))(0) := field_storage.parameters.duty_rule.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;

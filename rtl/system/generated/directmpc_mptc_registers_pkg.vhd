@@ -167,12 +167,21 @@ package directmpc_mptc_registers_pkg is
         value : \mptc_parameters.sensorless.value_in_t\;
     end record;
 
+    type \mptc_parameters.duty_rule.value_in_t\ is record
+        swwe : std_logic;
+    end record;
+
+    type \mptc_parameters.duty_rule_in_t\ is record
+        value : \mptc_parameters.duty_rule.value_in_t\;
+    end record;
+
     type mptc_parameters_in_t is record
         family_method : \mptc_parameters.family_method_in_t\;
         rate : \mptc_parameters.rate_in_t\;
         c_gain_speed : \mptc_parameters.c_gain_speed_in_t\;
         c_gain_integral : \mptc_parameters.c_gain_integral_in_t\;
         sensorless : \mptc_parameters.sensorless_in_t\;
+        duty_rule : \mptc_parameters.duty_rule_in_t\;
     end record;
 
     type \mptc_measurements.is_alpha.value_in_t\ is record
@@ -494,6 +503,14 @@ package directmpc_mptc_registers_pkg is
         value : \mptc_parameters.sensorless.value_out_t\;
     end record;
 
+    type \mptc_parameters.duty_rule.value_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \mptc_parameters.duty_rule_out_t\ is record
+        value : \mptc_parameters.duty_rule.value_out_t\;
+    end record;
+
     type mptc_parameters_out_t is record
         c_current : \mptc_parameters.c_current_out_t\;
         c_flux : \mptc_parameters.c_flux_out_t\;
@@ -515,6 +532,7 @@ package directmpc_mptc_registers_pkg is
         c_gain_speed : \mptc_parameters.c_gain_speed_out_t\;
         c_gain_integral : \mptc_parameters.c_gain_integral_out_t\;
         sensorless : \mptc_parameters.sensorless_out_t\;
+        duty_rule : \mptc_parameters.duty_rule_out_t\;
     end record;
 
     type \mptc_measurements.is_alpha.value_out_t\ is record

@@ -11,7 +11,7 @@ from cocotb.triggers import FallingEdge, Timer
 
 from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.host.goal_holder import GoalHolder
-from directmpc.host.registers import GuardSettings
+from directmpc.host.registers import BUILT_RULES, GuardSettings
 from directmpc.host.registers import values as register_values
 from directmpc.mptc import bit_true, closed_loop, cycles, machine, plant
 from directmpc.mptc import bit_true_sequences as twin
@@ -253,7 +253,8 @@ class Estimator:
 async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -> None:
     """A drive in closed loop, its gates let through; what is applied is what the guard is told."""
     rng, bus, board = rig.rng, rig.bus, rig.board
-    drive = rows.shipped("induction_2kw2").with_control(method=method)
+    rule = BUILT_RULES[int(jitter)]
+    drive = rows.shipped("induction_2kw2").with_control(method=method, duty_rule=rule)
     known = plant.plant_parameters(drive)
     await rig.reset()
     words = words_of(drive, period, rig.sensorless, jitter)
@@ -266,7 +267,7 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
     reference.rest(1000)
     for _ in range(600):
         await FallingEdge(rig.dut.clk)
-    rig.reference, rig.where = reference, f"{method}, {period} clocks"
+    rig.reference, rig.where = reference, f"{method}, {rule}, {period} clocks"
     rig.dut.enable.value = 1
     await bus.write("system.control", enable=1, own_positions=1, use_observer=int(rig.sensorless))
     rpm, load = rng.choice([(150.0, 0.0), (600.0, 14.0), (1400.0, 3.0), (-900.0, 7.0)])
@@ -354,6 +355,7 @@ async def given_sequences(rig: Rig, count: int) -> None:
         place = dict(zip(names, register[:-1], strict=False))
         words = {f"parameters.{name}": int(value) for name, value in place.items()}
         words |= {"parameters.method_mpfc": int(register[-1]), "parameters.family_method": code}
+        words["parameters.duty_rule"] = int(table.rules[k])
         await rig.load(words)
         applied = table.applied[k]
         u1, u2, u3, t1, t2 = (int(value) for value in applied)

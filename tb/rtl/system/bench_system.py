@@ -33,7 +33,9 @@ WRITABLE = ("guard.", "parameters.", "measurements.", "running.")
 FLAGS = ("system.flags", "system.faults", "result.sequencer")
 #: Switch states a, b, c of the two-level vectors.
 SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
-NOT_THE_CORE_S = ("o_", "f_", "l_", "c_gain", "family_method", "rate", "sensorless")
+NOT_THE_CORE_S = (
+    "o_", "f_", "l_", "c_gain", "family_method", "duty_rule", "rate", "sensorless"
+)  # fmt: skip
 
 
 class System:

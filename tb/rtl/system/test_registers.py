@@ -78,7 +78,7 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
     assert found.saturated == [] == complete.saturated
     known = {n for n in MAPS[found.controller] if n.startswith(("parameters.", "guard."))}
     assert set(complete.words) == known
-    names = {"family_method", "rate", "sensorless", "c_gain_speed", "c_gain_integral"}
+    names = {"family_method", "duty_rule", "rate", "sensorless", "c_gain_speed", "c_gain_integral"}
     assert known - set(found.words) == ({f"parameters.{n}" for n in names} if parts else set())
     for name, (_, fields) in MAPS[found.controller].items():
         if name.startswith(("parameters.", "guard.")):
@@ -341,9 +341,9 @@ def written(folder: Path, name: str, settings: dict[str, object]) -> Path:
         ("motulator_2kw2", {"method": "MPFC"}, ("--clock", "1.5e6"), "up to 79 clocks"),
         (
             "motulator_2kw2",
-            {"method": "MPTC1", "duty_rule": "mean"},
+            {"method": "MPTC1", "duty_rule": "best"},
             (),
-            'control.duty_rule: got "mean"; the core has deadbeat',
+            'control.duty_rule: got "best"; the core has deadbeat and mean',
         ),
     ],
 )

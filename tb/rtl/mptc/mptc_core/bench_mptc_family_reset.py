@@ -25,7 +25,8 @@ class PairResetBench(ResetBench):
     async def begin_pair(self, rows: mptc_pairs.PairRows, k: int) -> None:
         """Ask for a decision; returns in the clock before the edge that accepts ``start``."""
         self.load(rows.rows.registers[k])
-        self.dut.parameters.value = self.parameters | int(rows.pairs[k]) << _METHOD_AT
+        chosen = int(rows.pairs[k]) | int(rows.rules[k]) << 3
+        self.dut.parameters.value = self.parameters | chosen << _METHOD_AT
         row = pack_row(rows.rows.measurements[k], rows.rows.u[k])
         self.dut.row.value = row | pack_sequence(rows.applied[k]) << _SEQUENCE_AT
         await self.asked()

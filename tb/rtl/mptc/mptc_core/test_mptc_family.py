@@ -1,7 +1,7 @@
 """``mptc_family_core`` against its bit-true twins: every decision, time, flag and clock.
 
-Sweep: MPTC, MPFC and the seven methods of several vectors, chosen anew for every decision; both
-drives that ship.
+Sweep: MPTC, MPFC and the seven methods of several vectors, and the duty rule, chosen anew for every
+decision; both drives that ship.
 Stimulus: states out of closed loops; states whose references a period reaches; measurements and
 registers of any content, with corners, zero flux and zero torque; running sequences of any content,
 with times of zero and of a whole period; hardly any dc-link voltage, and none; flux at its
@@ -9,7 +9,7 @@ reference; all inputs random on every clock but the start's, `start`
 repeated while busy; decisions without a clock between them, of every method after every other.
 Checks: vectors, times, switch states, flags bit for bit. The twins against float64 in
 test_mptc_sequences.
-Timing: 57, 72 and 88 clocks for MPTC1, MPTC2 and GTV, 110 for MPFC2, MPFC3, MPC2 and SVM, 39 and
+Timing: 57, 74 and 86 clocks for MPTC1, MPTC2 and GTV, 110 for MPFC2, MPFC3, MPC2 and SVM, 39 and
 78 for MPTC and MPFC, always; the bench ends a simulation in which a decision takes more than 64,
 80, 90 and 110, or 40 and 80.
 Resets: at every edge of a decision of each method; the next one, of any method, is the twin's.
@@ -45,6 +45,7 @@ def ghdl(rows: PairRows, rtl: Path | None = None) -> np.ndarray:
         each_registers=rows.rows.registers,
         family=True,
         family_method=rows.pairs,
+        duty_rule=rows.rules,
         applied=rows.applied,
     )
     answer = rtl_simulation.simulate(job, rtl=rtl)
@@ -96,24 +97,100 @@ FAULTS = {
     "error's sign": ("mptc_pair_stream", "error <= total xor sign;", "error <= total;"),
     "second vector": ("mptc_pair_stream", "opposed xor slot(0));", "opposed);"),
     "whole period": ("mptc_pair_stream", "(others => known_late(TERM_WIDTH));", "(others => '0');"),
+    "duty within": (
+        "mptc_pair_stream",
+        "bits when inside = '1' else",
+        "bits when inside = '0' else",
+    ),
+    "left within": (
+        "mptc_pair_stream",
+        "if (mean = '0' and within = '1') then",
+        "if (mean = '0' and beyond = '1') then",
+    ),
     "left outside": (
         "mptc_pair_stream",
-        "trial(ERROR_WIDTH - 1 downto DUTY_SHIFT);",
-        "(others => '0');",
+        "outside <= trial(ERROR_WIDTH - 1 downto 0);",
+        "outside <= error;",
     ),
-    "last bit": ("mptc_duty", "bits & not trial(ERROR_WIDTH);", "bits & '0';"),
+    "last bit": ("mptc_duty", "duty  <= bits & one;", "duty  <= bits & '0';"),
     "subtraction": (
         "mptc_duty",
-        "trial(ERROR_WIDTH - 1 downto 0) when",
+        "trial(mptc_rest_t'range) when",
         "shift_left(rest, 1) when",
     ),
     "flux": ("mptc_vector_stream", "step_y  := sum_beta(", "step_y  := sum("),
     "pairs": ("mptc_constants", "(1, 6, 2),", "(1, 6, 1),"),
     "complement": (
         "mptc_pair_stream",
-        "- shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT)",
-        "- 0",
+        "level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)\n"
+        "               - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT);",
+        "level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT);",
     ),
+    "mean torque": ("mptc_pair_stream", "both, not falls);", "both, falls);"),
+    "torque at k+1": (
+        "mptc_datapath",
+        "TERM_OPENING) <= terms(TERM_LEVEL) - wide;",
+        "TERM_OPENING) <= wide;",
+    ),
+    "complement of the mean": (
+        "mptc_pair_stream",
+        "both <= shift_left(step, 1);",
+        "both <= shift_left(step, 1) + state.rotor_alpha;",
+    ),
+    "none by the mean": ("mptc_pair_stream", "none <= both_most when", "none <= both_least when"),
+    "all by the mean": (
+        "mptc_pair_stream",
+        "beyond <= sign_of(part) or",
+        "beyond <= sign_of(error) or",
+    ),
+    "root": (
+        "mptc_duty",
+        "shift_left(resize(sum, TRIAL_WIDTH), 1)",
+        "resize(sum, TRIAL_WIDTH)",
+    ),
+    "root times span": (
+        "mptc_duty",
+        "if (one = '1') then\n          sum",
+        "if (mean = '1') then\n          sum",
+    ),
+    "halves of a root": ("mptc_duty", "unit <= shift_right(unit, 1);", "unit <= unit;"),
+    "left by the mean": ("mptc_pair_stream", "+ gated(reached, inside);", ";"),
+    "search for two": (
+        "mptc_pair_stream",
+        "and not pair_2.probe and wanted and (",
+        "and not pair_2.probe and (",
+    ),
+    "which search": (
+        "mptc_pair_stream",
+        'if (slot(3 downto 2) = "01")',
+        'if (slot(3 downto 2) = "11")',
+    ),
+    "pair without a search": (
+        "mptc_pair_stream",
+        "pair_2.there and not (pair_2.probe and within);",
+        "pair_2.there and not pair_2.probe;",
+    ),
+    "vectors of more torque": (
+        "mptc_pair_stream",
+        "((sign_of(trial) xor falls)",
+        "((sign_of(trial))",
+    ),
+    "first crossed pair": (
+        "mptc_pair_stream",
+        "place_of(crossed, false)",
+        "place_of(crossed, true)",
+    ),
+    "last crossed pair": (
+        "mptc_pair_stream",
+        "place_of(crossed, true)",
+        "place_of(crossed, false)",
+    ),
+    "tie of pairs": (
+        "mptc_vector_stream",
+        "signed('0' & tried.rank) <",
+        "signed('0' & not tried.rank) <",
+    ),
+    "rule": ("mptc_sequencer", "FAMILY_MPTC1 or family_method = FAMILY_MPTC2);", "FAMILY_MPTC1);"),
     "zero": (
         "mptc_pair_stream",
         "zero := (others => zero_is_u_7(winner(5 downto 3)));",
