@@ -12,8 +12,9 @@ import numpy as np
 from directmpc.api.drive_file import load_drive, load_mptc_drive
 from directmpc.host import registers as host_registers
 from directmpc.host.protocol import Frame, Type
-from directmpc.mpdcc import capacitor_observer, observer
+from directmpc.mpdcc import capacitor_observer, leakage, observer
 from directmpc.mpdcc.bit_true import fast
+from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, ROOM
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc import (
@@ -308,6 +309,29 @@ def _capacitor_observer() -> Scene:
     )  # fmt: skip
 
 
+def _leakage_observer() -> Scene:
+    drive = states.shipped(states.SHIPPED[0])
+    held = {f"l_{name}": word for name, word in leakage.coefficients(drive)[0].items()}
+    slopes = mpdcc_registers(drive, "fast", ROOM).array()[[INDEX[name] for name in CURRENT_SLOPES]]
+    held["given"] = sum((int(word) & 0xFFFF) << 16 * n for n, word in enumerate(slopes))
+    clocks: Clocks = [{"rst": 1, "frozen": 0, **held}, {"rst": 0}]
+    names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "omega_r")
+    sensed = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc")
+    for row, applied in zip(*_mpdcc_rows(3), strict=True):
+        m = np.array([row[name] for name in sensed])
+        v_alpha, v_beta, _ = observer.voltages(m, np.array([applied[f"s_{x}"] for x in "abc"]))
+        given = {name: row[name] for name in names}
+        given |= {"v_alpha": int(v_alpha), "v_beta": int(v_beta)}
+        clocks += _pulse("start", given, clocks_of("leakage_observer", "latency") + 2)
+    clocks += _pulse("scale", {}, clocks_of("leakage_observer", "scaling") + 2)
+    return Scene(
+        "leakage_observer after a reset: three steps of the 6 kV drive, then theta into the slopes",
+        clocks,
+        ("start", "scale", "is_alpha", "is_beta", "v_alpha", "v_beta", "busy", "valid", "theta",
+         "saturated", "clipped"),
+    )  # fmt: skip
+
+
 def _mptc_speed_observer() -> Scene:
     drive = sensorless_drive(load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml"))
     run = sequence_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.9, 3))
@@ -463,6 +487,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "mptc_drive": _mptc_drive,
     "rotor_flux_observer": _rotor_flux_observer,
     "capacitor_observer": _capacitor_observer,
+    "leakage_observer": _leakage_observer,
     "mptc_speed_observer": _mptc_speed_observer,
     "host_link": _host_link,
     "mpdcc_system": _mpdcc_system,

@@ -369,9 +369,7 @@ def test_run_writes_the_decisions(host, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     # the model of a board answers every step alike: the decisions differ from the bit-true model's
     board = model(controller=Controller.MPDCC)
-    status, _, _ = host(
-        board, "run", plain_file("anpc5l_6kv"), "--steps", 3, "--out", out
-    )
+    status, _, _ = host(board, "run", plain_file("anpc5l_6kv"), "--steps", 3, "--out", out)
     assert status == 1
     assert len(read_decisions(out)) == 3
 

@@ -170,6 +170,7 @@ ELSEWHERE = {
     "docs/protocol.md": "tb/rtl/links",
     "docs/safety.md": "tb/tools/test_safety.py",
     "docs/specification.md": "tb/tools/test_documents.py",
+    "docs/torture.md": "tb/model/test_torture.py",
     "docs/using-the-core.md": "tb/tools/test_documents.py",
 }
 

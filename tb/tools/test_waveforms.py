@@ -20,7 +20,7 @@ import pytest
 
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.gate_guard import GateGuard, Inputs
-from directmpc.mpdcc import capacitor_observer, observer
+from directmpc.mpdcc import capacitor_observer, leakage, observer
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
@@ -212,6 +212,25 @@ def test_capacitor_observer() -> None:
         end = start + clocks_of("capacitor_observer", "latency")
         assert found.values["valid"][end] == 1
         assert seen(found, end, outputs, *outputs[1:]).tolist() == [int(v) for v in wanted]
+
+
+def test_leakage_observer() -> None:
+    found = recorded("leakage_observer")
+    drive = states.shipped(states.SHIPPED[0])
+    state = leakage.first()
+    coefficient = leakage.array(leakage.coefficients(drive)[0])
+    names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "omega_r")
+    latency = clocks_of("leakage_observer", "latency")
+    for start in starts(found.values):
+        v = tuple(seen(found, start, ("v_alpha", "v_beta")).tolist())
+        wanted = leakage.step_voltages(coefficient, state, seen(found, start, names), v, 0)
+        end = start + latency
+        assert found.values["valid"][start + 1 : end + 1] == [0] * (latency - 1) + [1]
+        got = seen(found, end, ("theta", "saturated"), "theta", "saturated")
+        assert got.tolist() == [int(word) for word in wanted]
+    scale = found.values["scale"].index(1)
+    idle = scale + clocks_of("leakage_observer", "scaling") + 1
+    assert found.values["busy"][scale + 1 : idle + 1] == [1] * (idle - scale - 1) + [0]
 
 
 def test_mptc_speed_observer() -> None:
