@@ -195,22 +195,23 @@ def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
         Its parameters fit the words of the core.
     """
 
-    def log(low: float, high: float) -> float:
+    def _log(low: float, high: float) -> float:
+        """Anything between, even in its logarithm."""
         return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
     while True:
-        base, vdc = log(60, 3000), log(12, 3000)
-        ls, sigma, ratio = log(1e-4, 1), log(0.02, 0.3), log(0.7, 1.4)
+        base, vdc = _log(60, 3000), _log(12, 3000)
+        ls, sigma, ratio = _log(1e-4, 1), _log(0.02, 0.3), _log(0.7, 1.4)
         lr = ls * ratio**2
         psi = 1.3 * vdc / math.sqrt(3) / base
-        current = psi / (sigma * ls) * log(0.1, 1)
+        current = psi / (sigma * ls) * _log(0.1, 1)
         poles = int(rng.integers(1, 9))
-        torque = 1.5 * poles * psi * current * log(0.1, 0.7)
+        torque = 1.5 * poles * psi * current * _log(0.1, 0.7)
         keys = {
             "controller": "mptc",
             "machine": {
-                "rs": base * ls * log(0.002, 0.05),
-                "rr": base * lr * log(0.002, 0.05),
+                "rs": base * ls * _log(0.002, 0.05),
+                "rr": base * lr * _log(0.002, 0.05),
                 "lm": math.sqrt((1 - sigma) * ls * lr),
                 "ls": ls,
                 "lr": lr,
@@ -218,8 +219,8 @@ def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
             },
             "inverter": {"topology": "two_level", "vdc": vdc},
             "control": {
-                "ts": log(10e-6, 200e-6),
-                "k_psi": torque / psi * log(0.1, 3),
+                "ts": _log(10e-6, 200e-6),
+                "k_psi": torque / psi * _log(0.1, 3),
                 "psi_max": psi,
                 "current_max": current,
                 "torque_max": torque,

@@ -330,16 +330,17 @@ def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Deci
     start = s_prev[:, 0] * 64 + s_prev[:, 1] * 8 + s_prev[:, 2]
     s, effort, there = POSITIONS[start], EFFORTS[start], THERE[start]
 
-    def ahead(slope: IntArray) -> IntArray:
+    def _ahead(slope: IntArray) -> IntArray:
+        """Errors at k+1."""
         found = node.error[:, None, :] + slope
         found[..., :2] += node.curvature[:, None, :2]
         found[..., 2] = found[..., 0] + found[..., 1]
         return found
 
-    held = (np.abs(ahead(_slopes(node, s_prev[:, None, :]))[:, 0]) <= bound).all(axis=-1)
+    held = (np.abs(_ahead(_slopes(node, s_prev[:, None, :]))[:, 0]) <= bound).all(axis=-1)
 
     slope = _slopes(node, s)
-    after = ahead(slope)
+    after = _ahead(slope)
     excess = np.abs(after) - bound
     error = np.broadcast_to(node.error[:, None, :], slope.shape)
 

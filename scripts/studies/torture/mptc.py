@@ -129,7 +129,7 @@ def judge(drive: MptcDrive, measurements: IntArray, u: IntArray) -> Judged:
     lam = 1 / (ls * lr - lm * lm)
     psi_r = (lr * psi_s - i_s / lam) / lm
 
-    def change(
+    def _change(
         s: ComplexArray, r: ComplexArray, voltage: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray]:
         current = lam * (lr * s - lm * r)
@@ -137,11 +137,11 @@ def judge(drive: MptcDrive, measurements: IntArray, u: IntArray) -> Judged:
         return voltage - rs * current, 1j * speed * r - rr * rotor
 
     voltage = VECTORS[u] * vdc
-    ds, dr = change(psi_s, psi_r, voltage)
-    es, er = change(psi_s + ts * ds, psi_r + ts * dr, voltage)
+    ds, dr = _change(psi_s, psi_r, voltage)
+    es, er = _change(psi_s + ts * ds, psi_r + ts * dr, voltage)
     psi_s, psi_r = psi_s + ts / 2 * (ds + es), psi_r + ts / 2 * (dr + er)
 
-    ds, dr = change(psi_s, psi_r, 0 * voltage)
+    ds, dr = _change(psi_s, psi_r, 0 * voltage)
     rotor_2 = psi_r + ts * dr
     stator_2 = (psi_s + ts * ds)[:, None] + ts * VECTORS[:7] * vdc[:, None]
     # bases of section 9.2
