@@ -10,14 +10,11 @@ from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import BUILD
 from scripts.studies import fuzz
 
-ENGINES = ("mutate", "atheris")
-
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help=f"targets: {', '.join(fuzz.TARGETS)}; all without")
     parser.add_argument("--minutes", type=float, default=5.0, help="for all targets together")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--engine", choices=ENGINES, default="mutate")
     parser.add_argument("--out", type=Path, default=BUILD / "fuzz", help="folder of the findings")
 
 
@@ -32,18 +29,14 @@ def _run(given: argparse.Namespace) -> int | None:
     failed = False
     for name in chosen:
         findings: list[fuzz.Finding] = []
-        if given.engine == "atheris":
-            findings = fuzz.by_atheris(name, seconds, given.seed, given.out)
-            print(f"{name}: {seconds:.0f} s, {len(findings)} findings", flush=True)
-        else:
-            count = 0
-            for found in fuzz.run(name, seconds, given.seed):
-                count += 1
-                if found is not None:
-                    findings.append(found)
-                    if len(findings) == 10:
-                        break
-            print(f"{name}: {count} byte strings, {len(findings)} findings", flush=True)
+        count = 0
+        for found in fuzz.run(name, seconds, given.seed):
+            count += 1
+            if found is not None:
+                findings.append(found)
+                if len(findings) == 10:
+                    break
+        print(f"{name}: {count} byte strings, {len(findings)} findings", flush=True)
         for number, found in enumerate(findings):
             path = given.out / f"{name.replace(' ', '_')}-{number}"
             path.write_bytes(found.data)

@@ -4,17 +4,14 @@ A parser may refuse with its own error, one paragraph that names what is wrong, 
 exception is a finding, and so is a frame that is accepted and does not come out as the same bytes.
 What is accepted goes one step on: registers of a drive, payload of a frame, text of a trace.
 
-Two engines make the bytes. ``mutate`` changes well-formed examples: bits, bytes, numbers and lines,
-pieces of two of them joined. ``atheris`` follows the branches that bytes take through the library;
-it needs the package atheris. Both are seeded.
+The bytes are well-formed examples that were changed: bits, bytes, numbers and lines, pieces of two
+of them joined. They are seeded.
 """
 
 from __future__ import annotations
 
 import math
 import random
-import subprocess
-import sys
 import tempfile
 import time
 import traceback
@@ -33,7 +30,6 @@ from directmpc.mpdcc import trace as mpdcc_trace
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import trace as mptc_trace
 from scripts.hdl import states
-from scripts.shared.tools import ROOT, ToolError
 
 #: Numbers that parsers find hard.
 NUMBERS = (
@@ -287,67 +283,3 @@ def run(name: str, seconds: float, seed: int, most: float = math.inf) -> Iterato
             data = mutated(rng.choice(examples), examples, rng) if count else b""
             count += 1
             yield tried(name, data, Path(folder))
-
-
-def by_atheris(name: str, seconds: float, seed: int, kept: Path) -> list[Finding]:
-    """Let atheris look for bytes, in a process of its own.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``TARGETS``.
-    seconds : float
-        How long.
-    seed : int
-        Of atheris.
-    kept : Path
-        Folder for the corpus, and for what it finds.
-
-    Returns
-    -------
-    list[Finding]
-        The first, if there is one.
-
-    Raises
-    ------
-    ToolError
-        If atheris is not installed or does not start.
-    """
-    corpus = kept / name.replace(" ", "_")
-    corpus.mkdir(parents=True, exist_ok=True)
-    for number, data in enumerate(TARGETS[name].examples()):
-        (corpus / f"example{number}").write_bytes(data)
-    crash = kept / f"{corpus.name}-found"
-    crash.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "scripts.studies.fuzz", name, str(corpus)]
-    command += [f"-max_total_time={max(1, int(seconds))}", f"-seed={seed}", "-verbosity=0"]
-    command += ["-max_len=6000", f"-exact_artifact_path={crash}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    if crash.exists():
-        data = crash.read_bytes()
-        return [Finding(name, data, (done.stdout + done.stderr)[-1500:])]
-    if done.returncode:
-        raise ToolError(f"atheris ended with {done.returncode}:\n{done.stderr[-800:]}")
-    return []
-
-
-def _main() -> None:
-    """What `by_atheris` runs: libFuzzer never returns."""
-    try:
-        import atheris
-    except ImportError:
-        raise SystemExit("atheris is not installed; pip install atheris") from None
-    name = sys.argv[1]
-    folder = Path(tempfile.mkdtemp(prefix="directmpc-fuzz-"))
-    atheris.instrument_all()
-
-    def _one(data: bytes) -> None:
-        if (finding := tried(name, data, folder)) is not None:
-            raise AssertionError(finding.says)
-
-    atheris.Setup([sys.argv[0], *sys.argv[2:]], _one)
-    atheris.Fuzz()
-
-
-if __name__ == "__main__":
-    _main()
