@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from scripts.shared.command import Command, UsageError
-from scripts.shared.tools import BUILD
+from scripts.shared.tools import BUILD, replacing
 from scripts.studies import fuzz
 
 
@@ -39,7 +39,8 @@ def _run(given: argparse.Namespace) -> int | None:
         print(f"{name}: {count} byte strings, {len(findings)} findings", flush=True)
         for number, found in enumerate(findings):
             path = given.out / f"{name.replace(' ', '_')}-{number}"
-            path.write_bytes(found.data)
+            with replacing(path) as temporary:
+                temporary.write_bytes(found.data)
             print(f"fuzz: {path}:\n{found.says}", file=sys.stderr)
         failed |= bool(findings)
     return 1 if failed else 0

@@ -24,6 +24,10 @@ IN_PLACE = {
     "scripts/hdl/netlist_check.py": 1,  # the same
     "scripts/hdl/recording.py": 1,  # the same
     "scripts/hdl/simulator.py": 3,  # the same: job, log, progress
+    "scripts/measure/bench_server.py": 1,  # a stand-in below build/, the same every time
+    "scripts/publish/report.py": 1,  # into what `replacing` gave
+    "scripts/publish/stages.py": 1,  # a stage's own folder below build/, kept once it is whole
+    "scripts/studies/fuzz.py": 4,  # a folder of its own, which goes again
     "scripts/measure/sweep_points.py": 2,  # a copy of the tree below build/
     "scripts/studies/scaling.py": 1,  # a log in a folder of its own, which goes again
 }
