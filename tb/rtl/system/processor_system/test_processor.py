@@ -135,7 +135,7 @@ def test_a_drive_is_loaded_with_the_gates_off(opened: tuple[Registers, Driver, S
     assert driver.directmpc_load(ctypes.byref(system), writes, 3) == TIMEOUT
 
 
-@pytest.mark.parametrize("address", [0x00C, 0x03C, 0x060, 0x0FC, 0x102, 0x200, 0x1FC])
+@pytest.mark.parametrize("address", [0x00C, 0x03C, 0x060, 0x0FC, 0x102, 0x200, 0x2A0])
 def test_what_is_no_setting_of_a_drive_is_not_loaded(
     opened: tuple[Registers, Driver, System], address: int
 ) -> None:
