@@ -100,9 +100,7 @@ BEFORE_THE_CORE = {
     "old voltages": ("((forget or not filtering) and", "(not filtering and", "filtered"),
     "kept while off": ("((forget or not filtering) and", "(forget and", "filtered"),
     "wrong voltage": ("used_b      <= filter_b", "used_b      <= filter_c", "observed flux"),
-    "wrong interval": (
-        "delayed          => delayed", "delayed          => '0'", "(filtered|observed flux)",
-    ),
+    "wrong interval": ("delayed          => delayed", "delayed          => '0'", "observed flux"),
     "flux of another interval": ("watched_a <= earlier_a", "watched_a <= until_a", "observed flux"),
     "untold": ("observer_flag or filter_flag", "observer_flag", "told"),
 }  # fmt: skip
