@@ -119,7 +119,9 @@ FAULTS = {
         "shift_left(rest, 1) when",
     ),
     "flux": ("mptc_vector_stream", "step_y  := sum_beta(", "step_y  := sum("),
-    "pairs": ("mptc_constants", "(1, 6, 2),", "(1, 6, 1),"),
+    "pairs": (
+        "mptc_constants", "(1, 2, 6, 1),\n    (1, 6, 2, 0),", "(1, 2, 6, 1),\n    (1, 6, 1, 0),",
+    ),
     "complement": (
         "mptc_pair_stream",
         "level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)\n"
