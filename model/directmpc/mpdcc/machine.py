@@ -23,8 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq, minimize_scalar
 
 from directmpc.compiled import njit
 
@@ -185,6 +183,8 @@ class InductionMachine:
         b_d : ndarray of float64, shape (4, 3)
             The same.
         """
+        from scipy.linalg import expm  # here: few programs need it, and it takes long to import
+
         augmented = np.zeros((7, 7))
         augmented[:4, :4] = self.system_matrix(omega_r)
         augmented[:4, 4:] = self.input_matrix()
@@ -271,6 +271,9 @@ class InductionMachine:
         torque: float | None,
     ) -> tuple[float, float]:
         """Slip frequency and stator current at a given voltage, see `steady_state`."""
+        # here: it takes longer to import than all the rest of a command
+        from scipy.optimize import brentq, minimize_scalar
+
         tau_r = self.tau_r
 
         # x = log(|slip| tau_r): both sought quantities change over decades of it.

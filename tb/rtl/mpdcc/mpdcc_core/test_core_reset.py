@@ -3,9 +3,9 @@
 Sweep: the fast variant with one and three explorers; its second level with two, SESE with and
 without a budget and a prediction; the paper's variant with two.
 Stimulus: searches, holds and deadlocks of closed loops of both drives, each ended by a reset: at
-the edge that accepts `start`, at the first ones after it, at those around `valid`, at every edge of
-one search (of SESE every second, paper every seventh) and at random ones of the others; of one to
-four edges. The next decision, another row with other parameters, starts with the edge after the
+the edge that accepts `start`, at the first ones after it, at those around `valid`, at every second
+edge of one search (of SESE every eighth, paper every 28th) and at random ones of the others; of one
+to four edges. The next decision, another row with other parameters, starts with the edge after the
 reset or a few later.
 Checks: `busy` and `valid` are low from the reset on; no `valid` comes that no decision made; one
 that was out with the reset's edge is the model's, none is where it was not; the next decision is
@@ -58,10 +58,10 @@ class Case:
 
 
 CASES = (
-    Case("fast", 1, False, 1, 40),
-    Case("fast", 3, False, 1, 40),
-    Case("fast", 2, True, 2, 40),
-    Case("paper", 2, False, 7, 40),
+    Case("fast", 1, False, 2, 40),
+    Case("fast", 3, False, 2, 40),
+    Case("fast", 2, True, 8, 40),
+    Case("paper", 2, False, 28, 40),
 )
 
 
@@ -160,8 +160,8 @@ def test_a_reset_leaves_nothing_behind(case: Case) -> None:
 
 def few_resets(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
     """Resets in the middle of a few decisions."""
-    stride = 7 if two or variant == "paper" else 2
-    bench(Case(variant, explorers, two, stride, 10, counts=(4, 4, 0)), rtl)
+    stride = 24 if two or variant == "paper" else 2
+    bench(Case(variant, explorers, two, stride, 6, counts=(3, 2, 0)), rtl)
 
 
 #: Whatever the bench compares after a reset; which of it comes first depends on the fault.

@@ -81,7 +81,7 @@ def bench(
 def test_every_decision_is_the_models(
     explorers: int, two: int, limits: tuple[int, ...], compensate: int
 ) -> None:
-    each = 12 if explorers <= 2 and not two else 5
+    each = 6 if explorers <= 2 and not two else 3
     rows, decisions, cycles = bench(explorers, two, limits, compensate, each)
     before = with_rule(rows, 0).model("fast")
     differs = np.any(decisions != before, axis=1)
@@ -112,7 +112,7 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
         bound_current=0.06, switching_horizon=horizon, outside_rule="inwards"
     )
     array = registers(drive, "fast").array()
-    steps = 800 if horizon == "SE" else 200
+    steps = 400 if horizon == "SE" else 80
     expected = closed_loop.simulate(
         drive, bit_true_fast.decide, array, OperatingPoint(0.3), steps, settle=400, seed=0
     )
