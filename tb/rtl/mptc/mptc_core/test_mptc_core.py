@@ -164,14 +164,14 @@ FAULTS = {
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
     where, old, new = FAULTS[name]
     rtl = altered(tmp_path, where, old, new)
-    rows = core.mixed(seed=5, n=16)
-    if name == "tie rule":
-        # nothing asked for, nothing there: every vector costs the same without voltage
-        nothing = np.zeros_like(rows.measurements)
-        rows = core.Rows(rows.registers, nothing, rows.u)
-    if name == "powerless":
-        rows.measurements[:, core.V_DC] = 0
-    assert wrong(rows, ghdl(rows, rtl=rtl)) > 0
+    tries = [core.mixed(seed=5, n=n) for n in (2, 16)]  # few rows find most faults
+    for rows in tries:
+        if name == "tie rule":
+            # nothing asked for, nothing there: every vector costs the same without voltage
+            rows.measurements[:] = 0
+        if name == "powerless":
+            rows.measurements[:, core.V_DC] = 0
+    assert any(wrong(rows, ghdl(rows, rtl=rtl)) > 0 for rows in tries)
 
 
 def resets(rtl: Path = RTL) -> Outcome:

@@ -266,12 +266,16 @@ FAULTS = {
 def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> None:
     where, old, new = FAULTS[name]
     rtl = altered(tmp_path, where, old, new)
-    rows = mptc_pairs.together(mptc_pairs.mixed(seed=5, n=16), mptc_pairs.near(seed=6, n=30))
     if name == "nothing missing":
-        rows = mptc_pairs.nothing_missing(seed=7, n=10)
-    if name == "powerless":
-        rows = mptc_pairs.hardly_any_voltage(seed=7, n=10)
-    assert wrong(rows, ghdl(rows, rtl)) > 0
+        tries = [mptc_pairs.nothing_missing(seed=7, n=10)]
+    elif name == "powerless":
+        tries = [mptc_pairs.hardly_any_voltage(seed=7, n=10)]
+    else:  # few rows find most faults
+        tries = [
+            mptc_pairs.together(mptc_pairs.mixed(seed=5, n=n), mptc_pairs.near(seed=6, n=2 * n))
+            for n in (3, 16)
+        ]
+    assert any(wrong(rows, ghdl(rows, rtl)) > 0 for rows in tries)
 
 
 def resets(rtl: Path = RTL) -> Outcome:
