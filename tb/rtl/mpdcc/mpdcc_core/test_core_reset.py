@@ -160,8 +160,8 @@ def test_a_reset_leaves_nothing_behind(case: Case) -> None:
 
 def few_resets(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
     """Resets in the middle of a few decisions."""
-    stride = 24 if two or variant == "paper" else 2
-    bench(Case(variant, explorers, two, stride, 6, counts=(3, 2, 0)), rtl)
+    stride = 7 if two or variant == "paper" else 2
+    bench(Case(variant, explorers, two, stride, 10, counts=(4, 4, 0)), rtl)
 
 
 #: Whatever the bench compares after a reset; which of it comes first depends on the fault.

@@ -71,7 +71,7 @@ def bench(
 def test_every_decision_is_the_models(
     explorers: int, two: int, limits: tuple[int, ...], compensate: int
 ) -> None:
-    each = 14 if explorers <= 2 and not two else 6
+    each = 25 if explorers <= 2 and not two else 10
     rows, decisions, cycles = bench(explorers, two, limits, compensate, each)
     plain = with_rule(rows, 0)
     before = plain.model("fast")
@@ -97,7 +97,7 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
         deadlock_rule="weighted",
     )  # fmt: skip
     array = registers(drive, "fast").array()
-    steps = 600 if horizon == "SE" else 100
+    steps = 1200 if horizon == "SE" else 300
     expected = closed_loop.simulate(
         drive, bit_true_fast.decide, array, OperatingPoint(0.2), steps, settle=400, seed=0
     )
