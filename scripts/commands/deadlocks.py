@@ -29,7 +29,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
     )
     parser.add_argument(
-        "--page", action="store_true",
+        "--page",
+        action="store_true",
         help="only the picture and the page's tables, from deadlocks.csv and deadlocks.md",
     )
 

@@ -294,7 +294,9 @@ def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
     )
     words.legend(frameon=False, fontsize=7.5)
     _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
-    figure.suptitle(f"mpdcc_core with the settings of the 6 kV drive, commit {_short(commit)}", fontsize=10)
+    figure.suptitle(
+        f"mpdcc_core with the settings of the 6 kV drive, commit {_short(commit)}", fontsize=10
+    )
     save_png(figure, path, true_colour=True)
     plt.close(figure)
 
