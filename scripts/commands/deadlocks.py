@@ -29,7 +29,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
     )
     parser.add_argument(
-        "--page", action="store_true", help="only the page's tables, from deadlocks.md as it is"
+        "--page",
+        action="store_true",
+        help="only the picture and the page's tables, from deadlocks.csv and deadlocks.md",
     )
 
 
@@ -37,6 +39,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.jobs < 1:
         raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     if given.page:
+        deadlocks.draw_stored(given.drive, given.out)
         deadlocks.write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))
     else:
         deadlocks.study(

@@ -12,10 +12,16 @@ from scripts.studies.fidelity import study
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
+    parser.add_argument(
+        "--pictures", action="store_true", help="only draw the pictures, from the stored tables"
+    )
     workers.add_arguments(parser)
 
 
 def _run(given: argparse.Namespace) -> int | None:
+    if given.pictures:
+        study.draw_stored()
+        return 0
     study.write(study.collect(given.jobs, given.scheduler))
     report.write_fidelity()
     return 0

@@ -19,11 +19,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=horizon.STEPS)
     parser.add_argument("--starts", type=int, default=horizon.STARTS)
     parser.add_argument("--out", type=Path, default=horizon.REPORTS)
+    parser.add_argument(
+        "--pictures", action="store_true", help="only draw the pictures, from sese.csv and sese.md"
+    )
 
 
 def _run(given: argparse.Namespace) -> int | None:
     if given.jobs < 1:
         raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
+    if given.pictures:
+        horizon.draw_stored(given.drive, given.out)
+        return 0
     horizon.study(given.drive, given.steps, given.starts, given.out, given.jobs, given.scheduler)
     return 0
 

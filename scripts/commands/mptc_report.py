@@ -21,10 +21,15 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", action="store_true", help="run every method at low speed alone"
     )
+    parser.add_argument(
+        "--tour", action="store_true", help="run the joined RTL in closed loop alone"
+    )
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    mptc_report.regenerate(given.jobs, given.seeds, given.texts, given.resources, given.methods)
+    mptc_report.regenerate(
+        given.jobs, given.seeds, given.texts, given.resources, given.methods, given.tour
+    )
     return 0
 
 

@@ -20,13 +20,19 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--tables", action="store_true", help="rewrite tables of pages from the files in reports/"
     )
     parser.add_argument(
+        "--resources", action="store_true",
+        help="rewrite resources in metrics.json and tables, from scripts/measure/budgets.toml",
+    )  # fmt: skip
+    parser.add_argument(
         "--without", nargs="+", choices=report.STUDIES, default=(), metavar="STAGE",
         help=f"leave files of stages as they are: {', '.join(report.STUDIES)}",
     )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    report.regenerate(given.jobs, given.seeds, given.explorers, given.tables, given.without)
+    report.regenerate(
+        given.jobs, given.seeds, given.explorers, given.tables, given.without, given.resources
+    )
     return 0
 
 

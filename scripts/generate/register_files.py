@@ -50,7 +50,7 @@ _INTRODUCTION = """\
 
 Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words. The source is
 [registers/directmpc.rdl](../registers/directmpc.rdl). A drive file becomes register values with
-`make registers DRIVE=drives/anpc5l_6kv.toml`, see `python -m directmpc.host.registers --help`.
+`make registers DRIVE=drives/anpc5l_6kv.toml`; `ARGS=--help` lists its options.
 
 - [Registers of MPDCC](#mpdcc-registers)
 - [Registers of MPTC](#mptc-registers)

@@ -186,7 +186,8 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
     wanted = top.lower()
     if wanted not in declared:
         known = sorted({name for unit in units for name in unit.entities})
-        raise SourcesError(f"no unit '{top}'; TOP may be one of: {', '.join(known) or '(none)'}")
+        said = f"no unit '{top}'; TOP" if top else "TOP is not set; it"
+        raise SourcesError(f"{said} may be one of: {', '.join(known) or '(none)'}")
 
     # First what is needed at all: a used unit brings its bodies and architectures along.
     needed: list[SourceFile] = []

@@ -145,6 +145,11 @@ def measured_at(path: Path = CSV) -> str:
     return head.removeprefix("# commit: ")
 
 
+def _short(commit: str) -> str:
+    """A commit as pages and pictures name it."""
+    return commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
+
+
 def table(rows: list[dict[str, Any]], commit: str) -> str:
     """The rows as Markdown, for docs/design-space.md.
 
@@ -160,7 +165,6 @@ def table(rows: list[dict[str, Any]], commit: str) -> str:
     str
         The commit, then the table.
     """
-    short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
     head = (
         "swept", "value", "variant", "n", "cycles", "slices unpacked (packed)", "mult.",
         "block RAM", "Fmax, worst seed", "decision", "unlike ideal",
@@ -182,7 +186,7 @@ def table(rows: list[dict[str, Any]], commit: str) -> str:
             f"{row['mismatch_pct']:.3f} %",
         ]
         shown.append(cells)
-    return f"Measured at commit `{short}`.\n\n{tables.markdown(head, shown, 'lllr')}"
+    return f"Measured at commit `{_short(commit)}`.\n\n{tables.markdown(head, shown, 'lllr')}"
 
 
 def _plain(axis: Any, ticks: Sequence[float]) -> None:
@@ -193,10 +197,20 @@ def _plain(axis: Any, ticks: Sequence[float]) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Cycles and decision time against slices, mismatch against word length."""
+def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
+    """Cycles and decision time against slices, mismatch against word length.
+
+    Parameters
+    ----------
+    rows : list[dict[str, Any]]
+        Of the CSV, numbers as numbers.
+    commit : str
+        As of `measured_at`.
+    path : Path
+        PNG file.
+    """
     plt = pyplot()
-    figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.3), layout="constrained")
     colours = {"fast": "#1b6ca8", "paper": "#c8553d"}
     cycles, times, words = axes
     cycles.plot(paper_a.SLICES, list(paper_a.CYCLES.values()), "s--", color="0.45", markersize=5,
@@ -247,6 +261,7 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
                 (x, y), textcoords="offset points", xytext=(-14, 20), fontsize=7,
             )  # fmt: skip
     times.margins(x=0.3)
+    times.set_xlim(right=1.4 * max(r["slices_unpacked"] for r in rows if r["decision_us"]))
     times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
     _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
     times.set_title(
@@ -279,6 +294,9 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     )
     words.legend(frameon=False, fontsize=7.5)
     _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
+    figure.suptitle(
+        f"mpdcc_core with the settings of the 6 kV drive, commit {_short(commit)}", fontsize=10
+    )
     save_png(figure, path, true_colour=True)
     plt.close(figure)
 
@@ -298,8 +316,9 @@ def publish(rows: list[dict[str, Any]]) -> None:
     OSError
         If the CSV cannot be read.
     """
-    _draw(rows, PLOT)
-    tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
+    commit = measured_at()
+    draw(rows, commit, PLOT)
+    tables.rewrite(PAGE, {(BEGIN, END): table(rows, commit)})
 
 
 def measure_or_error(point: Point) -> dict[str, Any]:

@@ -626,6 +626,53 @@ def write_fidelity() -> None:
     write_tables(document)
 
 
+def held_resources(figures: dict[str, Any], variant: str) -> None:
+    """Bring the resources of a variant up to date with the budgets, which tests hold.
+
+    Parameters
+    ----------
+    figures : dict[str, Any]
+        Of the variant, as in metrics.json. Clock frequencies stay; resources that no budget holds
+        are taken away.
+    variant : str
+        "fast" or "paper".
+    """
+    held = budgets.load().resources
+    for family in FAMILIES:
+        for explorers, area in figures[family].items():
+            name = tools.configuration_name("mpdcc_core", _generics(variant, int(explorers)))
+            fresh: dict[str, Any] = dict(held.get(name, {}).get(family, {}))
+            if family == "xc3s":
+                fresh["slices_unpacked"], fresh["slices_packed"] = budgets.slices(fresh)
+            for key in [key for key in area if not key.startswith(("fmax", "seeds"))]:
+                del area[key]
+            figures[family][explorers] = fresh | area
+        figures[family] = {n: area for n, area in figures[family].items() if area}
+
+
+def write_resources() -> None:
+    """Bring resources in metrics.json and Table II up to date with the budgets."""
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    commit, dirty = tools.git_state()
+    commit += "-dirty" if dirty else ""
+    for variant, design in DESIGNS.items():
+        held_resources(document[design.key], variant)
+        head = [
+            "part: xc3s (Spartan-3, no device: mapped, not placed)",
+            *(f"{name}: {text}" for name, text in budgets.load().tools.items()),
+            f"resources: scripts/measure/budgets.toml at commit {commit}",
+            f"cycles: commit {document['commit']}",
+            f"command: {COMMAND} ARGS=--resources",
+        ]
+        text = _table2(document[design.key], head, variant)
+        tools.write(REPORTS / f"table2{_suffix(variant)}.md", text)
+    document[DESIGNS[DEFAULT_VARIANT].key]["sese"]["xc3s"] = horizon_study.figures()["xc3s"]
+    document["resources_commit"] = commit
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_tables(document)
+
+
 def _sources() -> str:
     """Digest of all that figures are measured on."""
     folders = (("rtl", "**/*.vhd"), ("model/directmpc", "**/*.py"), ("drives", "*.toml"))
@@ -790,6 +837,7 @@ def _build(
     temporary.mkdir(parents=True)
     rtl, drives = _rtl(), _drives()
     document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
+    document["resources_commit"] = commit
     files: dict[str, str] = {}
     results: list[Path] = []
 
@@ -899,7 +947,7 @@ def _cocotb_version() -> str:
 
 def regenerate(
     jobs: int, seeds: int, explorers: Collection[int], tables_only: bool,
-    without: Collection[str] = (),
+    without: Collection[str] = (), resources_only: bool = False,
 ) -> None:  # fmt: skip
     """Regenerate the reports, or only the tables that show them.
 
@@ -915,6 +963,8 @@ def regenerate(
         Whether only tables are written, from the files in reports/.
     without : collection of str
         Stages of `studies` whose files stay as they are.
+    resources_only : bool
+        Whether only resources are written, from the budgets.
 
     Raises
     ------
@@ -924,7 +974,10 @@ def regenerate(
         If a page lacks the markers of a table.
     """
     say = progress.teller("report")
-    if tables_only:
+    if resources_only:
+        with all_or_nothing():
+            write_resources()
+    elif tables_only:
         document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
         with all_or_nothing():
             write_tables(document)

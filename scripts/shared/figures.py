@@ -49,6 +49,17 @@ def pyplot() -> Any:
     return plt
 
 
+def from_zero(axis: Any) -> None:
+    """Let an axis of ordinates begin at zero, with room above what it shows.
+
+    Parameters
+    ----------
+    axis : Any
+        matplotlib's axes, with all that is drawn in it.
+    """
+    axis.set_ylim(0.0, 1.07 * axis.dataLim.y1)
+
+
 def save_png(figure: Any, path: Path, true_colour: bool = False) -> None:
     """Save a matplotlib figure as a PNG, whole or not at all.
 

@@ -34,7 +34,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.hdl import states
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
 from scripts.studies import deadlock_rules as rules
@@ -533,7 +533,7 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
             groups, ("phase currents", "v_n", "v_ph"), COLOURS, (2.6, 1.6, 0.7), strict=True
         ):
             axis.plot(t, np.maximum(line, 0), color=shade, linewidth=width, label=text)
-        axis.set_title(f"SE, 0.2 pu, rule {BUILT_IN[name]}", fontsize=9)
+        axis.set_title(f"SE at a speed of 0.2 pu, rule {BUILT_IN[name]}", fontsize=9)
         axis.set_xlabel("time (ms)")
         axis.set_ylabel("beyond the bound (pu)")
     top = max(axis.get_ylim()[1] for axis in axes[0, :2])
@@ -566,7 +566,7 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
                     color=colour, linestyle=style, marker="o", markersize=3, linewidth=1,
                     label=f"{horizon}, rule {BUILT_IN[name]}",
                 )  # fmt: skip
-        axis.set_ylim(bottom=0)
+        from_zero(axis)
         axis.set_xlabel("speed (pu)")
         axis.set_ylabel(text)
     axes[0, 2].legend(frameon=False, fontsize=8)
@@ -601,6 +601,27 @@ AT_HIGH_SPEEDS = (
 
 #: Columns of the first table that the page leaves to the report.
 LEFT_OUT = ("current given up to ties", "all inward")
+
+
+def draw_stored(drive: Path, out: Path = REPORTS) -> None:
+    """Draw the picture from the runs that are stored; two runs for the curves over time are new.
+
+    Parameters
+    ----------
+    drive : Path
+        Drive file of the study.
+    out : Path
+        Folder with deadlocks.csv, and of the picture.
+
+    Raises
+    ------
+    DriveFileError
+        If the drive file is not right.
+    OSError
+        If the study has not been run.
+    """
+    base = load_mpdcc_drive(drive).with_papers_rules()
+    _draw(base, _read(out / "deadlocks.csv"), out / "deadlocks.png")
 
 
 def _at_one_bound(table: Sequence[str]) -> list[str]:

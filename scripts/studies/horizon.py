@@ -12,6 +12,7 @@ interpolated over its distortion, and SESE's frequency set against it at SESE's 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import discretise
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools
-from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
+from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
 from scripts.studies.fidelity import decisions
@@ -51,6 +52,7 @@ REPORTS = ROOT / "reports"
 PAGE = ROOT / "docs" / "sese.md"
 BEGIN = "<!-- study: begin (written by python -m scripts horizon) -->"
 END = "<!-- study: end -->"
+_BUDGETED = re.compile(r"^\| (all|\d+) \| [\d/ ]+ \| ([\d.]+) % \| (\d+) ± (\d+) Hz \|", re.M)
 FIELDS = (
     "horizon", "bound", "speed", "start", "thd_pct", "fsw_hz", "deadlock_pct", "held_pct",
     "excess_current", "excess_vn", "excess_vph", "differ_pct",
@@ -370,8 +372,8 @@ def _draw(rows: Sequence[dict[str, Any]], name: str, path: Path) -> None:
     np.atleast_1d(axes)[0].legend(frameon=False)
     bounds = sorted({r["bound"] for r in rows})
     figure.suptitle(
-        f"{name}, rated current, bit-true model; a dot for each bound from {bounds[0]:g} to "
-        f"{bounds[-1]:g} pu, 95 % intervals",
+        f"{name}, rated current, bit-true model of the fast variant; a dot for each bound from "
+        f"{bounds[0]:g} to {bounds[-1]:g} pu, 95 % intervals",
         fontsize=10,
     )
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -391,7 +393,9 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], name: str, pa
             marker="o", markersize=3, linewidth=1,
             label=f"{explorers} explorer{'s' * (explorers > 1)}",
         )  # fmt: skip
-        below.plot(clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3)
+        below.plot(
+            clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3, linewidth=1
+        )
     for axis in (above, below):
         axis.axvline(1200, color="0.6", linestyle=":")
     above.set_ylabel("switchings per device (Hz)")
@@ -401,10 +405,12 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], name: str, pa
     ticks = (200, 400, 800, 1600, 3200)
     below.set_xticks(ticks, [f"{tick:,}" for tick in ticks])
     below.set_xticks([], minor=True)
-    above.set_ylim(bottom=0)
-    below.set_ylim(bottom=0)
+    from_zero(above)
+    from_zero(below)
     above.legend(frameon=False)
-    figure.suptitle(f"SESE with a budget: {name}, rated speed, bound 0.1 pu", fontsize=10)
+    figure.suptitle(
+        f"SESE with a budget: {name}, rated speed, bound 0.1 pu, fast variant", fontsize=10
+    )
     save_png(figure, path)
     plt.close(figure)
 
@@ -468,8 +474,6 @@ def study(
     found_of = dict(zip(others, answers, strict=True))
     out.mkdir(parents=True, exist_ok=True)
     tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
-    name = drive_title(base.base.voltage)
-    _draw(rows, name, out / "sese.png")
 
     gains = {
         speed: interval([reduction(rows, speed, start) for start in range(starts)])
@@ -498,13 +502,11 @@ def study(
     ]
 
     shown: list[Sequence[object]] = []
-    budgets: list[tuple[int, float, float, float]] = []
     for budget, group in zip(BUDGETS, budgeted, strict=True):
         found = [found_of[setting] for setting in group]
         thd = np.mean([r["thd_pct"] for r in found])
         fsw, half = interval([r["fsw_hz"] for r in found])
         dead = np.mean([r["deadlock_pct"] for r in found])
-        budgets.append((budget, float(thd), fsw, half))
         clocks = " / ".join(str(sese_cycles.bound(n, budget)) for n in (1, 2, 4))
         shown.append(
             (
@@ -565,13 +567,13 @@ def study(
         "bound and speed, budgets, compensation), decided by the netlist of `mpdcc_core` with "
         f"{decisions.EXPLORERS} explorers: all of them the model's, {most} clocks at most.",
     ]
-    _draw_budget(budgets, name, out / "sese_budget.png")
     lines.insert(
         0,
         f"{starts} starts of {steps:,} steps each, bit-true model, 95 % confidence "
         "intervals (Student's t); switchings per device, 24 logical devices.\n",
     )
     tools.write(out / "sese.md", "\n".join(lines) + "\n")
+    draw_stored(drive, out)
     mean, half = interval(everything)
     numbers = {
         "fsw_reduction_pct": round(mean, 2),
@@ -592,6 +594,37 @@ def study(
         # clock frequencies stand there already
         document.setdefault("mpdcc", {}).setdefault("sese", {}).update(figures(out))
         tools.write(path, json.dumps(document, indent=1) + "\n")
+
+
+def draw_stored(drive: Path, out: Path = REPORTS) -> None:
+    """Draw the pictures from the tables that are stored.
+
+    Parameters
+    ----------
+    drive : Path
+        Drive file of the study.
+    out : Path
+        Folder with sese.csv and sese.md, and of the pictures.
+
+    Raises
+    ------
+    DriveFileError
+        If the drive file is not right.
+    OSError
+        If the study has not been run.
+    """
+    name = drive_title(load_mpdcc_drive(drive).base.voltage)
+    rows = [
+        {key: text if key == "horizon" else float(text) for key, text in row.items()}
+        for row in tables.read_csv(out / "sese.csv")
+    ]
+    _draw(rows, name, out / "sese.png")
+    text = (out / "sese.md").read_text(encoding="utf-8")
+    budgets = [
+        (0 if count == "all" else int(count), float(thd), float(fsw), float(half))
+        for count, thd, fsw, half in _BUDGETED.findall(text)
+    ]
+    _draw_budget(budgets, name, out / "sese_budget.png")
 
 
 def figures(reports: Path = REPORTS) -> dict[str, Any]:

@@ -505,7 +505,7 @@ def draw(found: Rows, path: Path) -> None:
                 *points.T, style, color=COLOURS[2], markersize=3, linewidth=1,
                 label=f"PWM, {kind} capacitors",
             )  # fmt: skip
-        axis.set_title(f"{drive_title(_load(name).base.voltage)}, {speed:g} pu", fontsize=9)
+        axis.set_title(f"{drive_title(_load(name).base.voltage)}, speed {speed:g} pu", fontsize=9)
         axis.set_yscale("log")
         ticks = (0.5, 1, 2, 3, 5, 7, 10, 15)
         axis.set_yticks(ticks, [str(tick) for tick in ticks])

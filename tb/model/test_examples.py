@@ -2,7 +2,8 @@
 
 Sweep: all files of examples/, with fewer steps than they take by themselves.
 Stimulus: their own; a virtual board for the host.
-Checks: THD, torque, current and flux of their loops; the share of rows decided alike; length.
+Checks: THD, torque, current and flux of their loops; the share of rows decided alike; length; the
+bench in VHDL has the drive's parameters, ends well, and fails with other measurements.
 Timing: none.
 Does not prove: the library, see test_library.
 """
@@ -10,13 +11,19 @@ Does not prove: the library, see test_library.
 from __future__ import annotations
 
 import importlib.util
+import re
+import subprocess
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from directmpc import load_drive
+from directmpc.mpdcc.coefficients import registers
+from scripts.hdl import sources
 from scripts.hdl.virtual_board import VirtualBoard, generics
+from scripts.shared import tools
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -47,6 +54,34 @@ def test_closed_loop(capsys: pytest.CaptureFixture[str]) -> None:
     mptc = results["induction_2kw2"]
     assert mptc.torque.mean() == pytest.approx(7.0, abs=0.2)
     assert np.abs(mptc.flux).mean() == pytest.approx(0.95, abs=0.02)
+
+
+def test_own_bench(tmp_path: Path) -> None:
+    text = (EXAMPLES / "own_bench.vhd").read_text(encoding="utf-8")
+    given = {
+        name: int(digits, 16 if base else 2)
+        for name, base, digits in re.findall(r"(\w+) +=> (x?)[\"'](\w+)[\"']", text)
+    }
+    ports = registers(load_drive("anpc5l_6kv"), "fast").ports()
+    assert {name: given[name] for name in ports} == {k: word % 2**16 for k, word in ports.items()}
+
+    def run(bench: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "own_bench.vhd").write_text(bench, encoding="utf-8")
+        for options in (("-a", "own_bench.vhd"), ("-e", "own_bench")):
+            tools.run([*ghdl, options[0], "--std=93", options[1]], cwd=tmp_path)
+        command = [*ghdl, "-r", "--std=93", "own_bench", "--ieee-asserts=disable"]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    ghdl = tools.tool("ghdl")
+    files = sources.compile_order("mpdcc_core", sources.rtl_files())
+    tools.run([*ghdl, "-a", "--std=93", *map(str, files)], cwd=tmp_path)
+    done = run(text)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"positions 7, 3, 0 after \d+ clocks", done.stdout + done.stderr)
+    # on the reference: the core holds
+    moved = text.replace(f'x"{given["is_alpha"]:04X}"', f'x"{given["iref_alpha"]:04X}"')
+    assert moved != text
+    assert run(moved).returncode != 0
 
 
 def test_own_host(tmp_path: Path) -> None:

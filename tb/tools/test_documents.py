@@ -430,6 +430,28 @@ def test_named_files_exist() -> None:
     assert not named
 
 
+#: Python of whoever reads, which may know neither the tools nor their packages.
+BARE = re.compile(r"(?<!bin/)python3? -m scripts")
+
+
+def test_commands_name_the_python_of_the_setup() -> None:
+    """Comments of a page, as those around tables, are no commands."""
+    assert BARE.search("run `python -m scripts pwm`")
+    found = {
+        path.name: BARE.findall(re.sub(r"<!--.*?-->", "", path.read_text("utf-8"), flags=re.S))
+        for path in pages()
+        if path.name != "CHANGELOG.md"
+    }
+    assert not {name: commands for name, commands in found.items() if commands}
+
+
+def test_the_picture_of_the_system_names_entities() -> None:
+    text = (DOCS / "system.svg").read_text(encoding="utf-8")
+    named = set(re.findall(r"\b(?:mpdcc|mptc|gate)_\w+", text))
+    assert {"mpdcc_system", "mptc_system", "mpdcc_core", "mptc_core", "gate_guard"} <= named
+    assert named <= set(sources.entities())
+
+
 def test_every_page_is_listed() -> None:
     listed = set(re.findall(r"\]\(([\w-]+\.md)\)", (DOCS / "README.md").read_text("utf-8")))
     assert listed == {path.name for path in DOCS.glob("*.md")} - {"README.md"}

@@ -74,6 +74,8 @@ def test_all_files(tree):
 def test_unknown_top_names_the_entities(tree):
     with pytest.raises(sources.SourcesError, match="leaf, mid, other, top"):
         sources.compile_order("nothing", sources.rtl_files(tree))
+    with pytest.raises(sources.SourcesError, match="TOP is not set; it may be one of: leaf"):
+        sources.compile_order("", sources.rtl_files(tree))
 
 
 def test_circle_is_an_error(tmp_path):

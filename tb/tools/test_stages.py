@@ -156,7 +156,9 @@ def test_the_choice_of_stages_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> N
     given: list[tuple] = []
     monkeypatch.setattr(report, "regenerate", lambda *words: given.append(words))
     assert command.COMMAND.main(["--without", "fidelity", "robustness"]) == 0
-    assert given[0][-1] == ["fidelity", "robustness"]
+    assert given[0][-2:] == (["fidelity", "robustness"], False)
+    assert command.COMMAND.main(["--resources"]) == 0
+    assert given[1][-2:] == ((), True)
     with pytest.raises(SystemExit):
         command.COMMAND.main(["--without", "none"])
 

@@ -465,7 +465,7 @@ def format_csv(values: Registers) -> str:
     """
     lines = ["port,value,hex"]
     for port, value in values.ports().items():
-        digits = 4 if port.startswith(("c_", "bound")) else 2
+        digits = 4 if port.startswith(("c_", "bound")) else 3 if port == "budget" else 2
         lines.append(f"{port},{value},{value & (16**digits - 1):0{digits}x}")
     return "\n".join(lines)
 

@@ -64,10 +64,12 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
             [SHORT.get(name, name) for name in values], list(values.values()),
             color=[BLUE if name in rounding else RED for name in values],
         )  # fmt: skip
-    axes[0].set_title("as built, all else exact", fontsize=9)
+    axes[0].set_title("each as built,\nall else exact", fontsize=9)
     built = whole["as built"]
     axes[1].axvline(built, color="0.2", linewidth=0.8)
-    axes[1].set_title(f"exact, all else as built (line: all as built, {built:.3f} %)", fontsize=9)
+    axes[1].set_title(
+        f"each exact, all else as built\n(line: all as built, {built:.3f} %)", fontsize=9
+    )
     for ax in axes:
         ax.invert_yaxis()
         ax.set_xlabel("decisions that differ from ideal (%)")
@@ -115,6 +117,7 @@ def draw_words(rows: Sequence[Row], path: Path) -> None:
         ax.axhline(LIMIT, color="0.3", linewidth=0.7, linestyle=":")
         ax.legend(frameon=False, fontsize=8)
     axes[1].annotate("limit 0.25 %", (12.0, LIMIT * 0.8), fontsize=8)
+    figure.suptitle("Fast variant, both five-level drives, sixty operating points", fontsize=10)
     save_png(figure, path)
     plt.close(figure)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 from scripts.shared import tables, tools
@@ -127,11 +128,39 @@ def write(found: dict[str, Any], commit: str = "") -> None:
         ("error_budget", found["budget"]),
     ):
         tools.write(REPORTS / f"{name}.csv", tables.csv_text(rows, head))
-    plots.draw_budget(found["budget"], REPORTS / "error_budget.png")
-    plots.draw_words(found["budget"], REPORTS / "word_length.png")
-    plots.draw_loops(found["loops"], REPORTS / "fidelity_loops.png")
+    draw_stored()
     tools.write(REPORTS / "fidelity.json", json.dumps(figures, indent=1) + "\n")
     tables.rewrite(DOCUMENT, plots.page_tables(figures, found, explaining))
+
+
+def draw_stored(reports: Path = REPORTS, out: Path = REPORTS) -> None:
+    """Draw the pictures from the tables that are stored.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the tables.
+    out : Path
+        Folder of the pictures.
+
+    Raises
+    ------
+    OSError
+        If a table cannot be read.
+    """
+    budgeted = _numbers(tables.read_csv(reports / "error_budget.csv"), ("mismatch_pct",))
+    looped = _numbers(
+        tables.read_csv(reports / "fidelity_loops.csv"),
+        ("bound_current_pu", "omega_s_pu", "fsw_diff_pct", "fsw_diff_error_pct", "thd_diff_pct",
+         "thd_diff_error_pct"),
+    )  # fmt: skip
+    plots.draw_budget(budgeted, out / "error_budget.png")
+    plots.draw_words(budgeted, out / "word_length.png")
+    plots.draw_loops(looped, out / "fidelity_loops.png")
+
+
+def _numbers(rows: list[dict[str, str]], names: tuple[str, ...]) -> list[dict[str, Any]]:
+    return [row | {name: float(row[name]) for name in names} for row in rows]
 
 
 def figures(variant: str) -> dict[str, float]:
