@@ -120,7 +120,9 @@ FAULTS = {
     ),
     "flux": ("mptc_vector_stream", "step_y  := sum_beta(", "step_y  := sum("),
     "pairs": (
-        "mptc_constants", "(1, 2, 6, 1),\n    (1, 6, 2, 0),", "(1, 2, 6, 1),\n    (1, 6, 1, 0),",
+        "mptc_constants",
+        "(1, 2, 6, 1),\n    (1, 6, 2, 0),",
+        "(1, 2, 6, 1),\n    (1, 6, 1, 0),",
     ),
     "complement": (
         "mptc_pair_stream",
