@@ -21,10 +21,16 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", action="store_true", help="run every method at low speed alone"
     )
+    parser.add_argument(
+        "--clock", choices=[key for key in mptc_report.PLACED if key],
+        help="place this design alone",
+    )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    mptc_report.regenerate(given.jobs, given.seeds, given.texts, given.resources, given.methods)
+    mptc_report.regenerate(
+        given.jobs, given.seeds, given.texts, given.resources, given.methods, given.clock
+    )
     return 0
 
 
