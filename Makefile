@@ -51,7 +51,7 @@ help: ## this list
 	@echo '  make run [WAVES=1] [ARGS="--trace trace.csv --decisions decisions.csv"]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
-	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc]'
+	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc|family]'
 
 $(READY): $(ROOT)/requirements.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2

@@ -7,14 +7,14 @@ import sys
 
 from rich.console import Console
 
-from scripts.hdl.boards import BOARDS
+from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.measure import bitstream
 from scripts.shared.command import Command, UsageError
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--board", choices=sorted(BOARDS))
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--controller", choices=tuple(BUILDS), default="mpdcc")
     parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
     parser.add_argument(
         "--seeds", type=int, default=bitstream.SEEDS, help="placements that have to meet timing"

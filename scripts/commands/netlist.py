@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from scripts.hdl.boards import BOARDS
+from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.measure import bitstream
 from scripts.shared import progress
 from scripts.shared.command import Command
@@ -12,7 +12,7 @@ from scripts.shared.command import Command
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--board", choices=sorted(BOARDS), required=True)
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), default="mpdcc")
+    parser.add_argument("--controller", choices=tuple(BUILDS), default="mpdcc")
     parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
 
 

@@ -13,7 +13,7 @@ from directmpc.api.drive_file import load_drive
 from directmpc.host.console import check_output, terminable
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
-from scripts.hdl.boards import BOARDS
+from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.shared import progress
 from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import BUILD
@@ -62,12 +62,11 @@ def _run(given: argparse.Namespace) -> int | None:
         family = family or (isinstance(drive, MptcDrive) and drive.control.sequences)
     if controller != "mptc" and (family or given.sensorless):
         raise UsageError("--family and --sensorless are for --controller mptc")
-    if given.board and (family or given.sensorless):
-        raise UsageError("no board's bitstream has --family or --sensorless")
     if given.board and given.folded:
         raise UsageError("no board's bitstream has the paper's explorers")
-    if given.board and controller not in BOARDS[given.board].controllers:
-        raise UsageError(f"{given.board} has no room for {controller}")
+    build = "family" if family or given.sensorless else controller
+    if given.board and build not in BOARDS[given.board].controllers:
+        raise UsageError(f"{given.board} has no bitstream of {BUILDS[build]}")
     if given.gates:
         check_output(given.gates)
     began = time.perf_counter()
@@ -75,7 +74,7 @@ def _run(given: argparse.Namespace) -> int | None:
         controller, given.explorers, given.folded, family=family, sensorless=given.sensorless
     )
     if given.board:
-        chosen = BOARDS[given.board].generics(controller, given.explorers)
+        chosen = BOARDS[given.board].generics(build, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
             chosen, given.port, given.gates, free_running=given.free_running

@@ -15,6 +15,9 @@ CONSTRAINTS = ROOT / "constraints"
 SCK_MHZ = 25
 """Fastest SPI clock that is constrained."""
 
+#: What `board_top` can be built as, and how it is called in tables.
+BUILDS = {"mpdcc": "MPDCC", "mptc": "MPTC", "family": "MPTC family"}
+
 #: Ports of board_top that are vectors, and their widths.
 VECTORS = {"gates": 24, "leds": 4}
 
@@ -87,7 +90,7 @@ class Board:
         Parameters
         ----------
         controller : str
-            "mpdcc" or "mptc".
+            One of `BUILDS`.
         explorers : int
             Explorers, 1 to 6; they count for "mpdcc" alone.
 
@@ -102,7 +105,7 @@ class Board:
             If there is no such controller.
         """
         found: Generics = {
-            "CONTROLLER": {"mpdcc": 1, "mptc": 2}[controller],
+            "CONTROLLER": {"mpdcc": 1, "mptc": 2, "family": 2}[controller],
             "CLOCK_HZ": int(self.core_mhz * 1e6),
             "DIVIDE": self.divide,
             "BAUD": self.baud,
@@ -112,6 +115,8 @@ class Board:
         if controller == "mpdcc":
             found["EXPLORERS"] = explorers
             found |= dict.fromkeys(self.left_out, False)
+        if controller == "family":
+            found |= {"FAMILY": True, "SENSORLESS": True}
         return found
 
     @property
@@ -189,9 +194,9 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
 BOARDS = {
     board.name: board
     for board in (
-        _ulx3s("85f", ("mpdcc", "mptc")),
-        _ulx3s("25f", ("mpdcc", "mptc")),
-        _ulx3s("12f", ("mpdcc", "mptc")),
+        _ulx3s("85f", ("mpdcc", "mptc", "family")),
+        _ulx3s("25f", ("mpdcc", "mptc", "family")),
+        _ulx3s("12f", ("mpdcc", "mptc", "family")),
         Board(
             name="arty-s7-50",
             title="Digilent Arty S7-50, XC7S50",

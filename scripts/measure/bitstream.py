@@ -23,7 +23,7 @@ from typing import Any
 from rich.table import Table
 
 from scripts.hdl import conversion as netlist
-from scripts.hdl.boards import BOARDS, SCK_MHZ, Board
+from scripts.hdl.boards import BOARDS, BUILDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
@@ -98,7 +98,7 @@ def synthesise(
     board : Board
         An ECP5 board.
     controller : str
-        "mpdcc" or "mptc".
+        One of `boards.BUILDS`.
     explorers : int
         Explorers, for "mpdcc" alone.
     folder : Path
@@ -307,7 +307,7 @@ def build(
     board : Board
         What is built for.
     controller : str
-        "mpdcc" or "mptc".
+        One of `boards.BUILDS`.
     explorers : int
         Explorers, for "mpdcc" alone.
     seeds : int
@@ -437,7 +437,7 @@ def vendor_netlist(
     board : Board
         What it is for.
     controller : str
-        "mpdcc" or "mptc".
+        One of `boards.BUILDS`.
     explorers : int
         Explorers, for "mpdcc" alone.
     folder : Path
@@ -537,7 +537,7 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
     rows: dict[str, list[object]] = {}
     for found in results:
         used = [found["used"].get(kind, (0, 0)) for kind in kinds]
-        name = f"{found['board']}, {found['controller'].upper()}"
+        name = f"{found['board']}, {BUILDS[found['controller']]}"
         if found["explorers"]:
             name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
         reproduced = ", twice" if found.get("reproduced") else ""

@@ -115,6 +115,17 @@ def _resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
     return found, used
 
 
+def _placed(
+    entity: str, generics: tools.Generics, jobs: int, seeds: int
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Clock frequency of a design, and the tools."""
+    name = tools.configuration_name(entity, generics)
+    run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
+    path = BUILD / f"pnr_{name.replace('-', '_')}.json"
+    placed = json.loads(path.read_text(encoding="utf-8"))
+    return {k: placed[k] for k in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}, placed["tools"]
+
+
 def _hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
     """Resources, clocks of a decision and clock frequency of every design, and the tools.
 
@@ -136,14 +147,9 @@ def _hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
     for key, entity, generics in DESIGNS:
         figures = measured[key]
         if key in PLACED:
-            name = tools.configuration_name(entity, generics)
-            run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
-            path = BUILD / f"pnr_{name.replace('-', '_')}.json"
-            placed = json.loads(path.read_text(encoding="utf-8"))
-            used |= placed["tools"]
-            figures["ecp5"] |= {
-                k: placed[k] for k in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")
-            }
+            placed, placers = _placed(entity, generics, jobs, seeds)
+            used |= placers
+            figures["ecp5"] |= placed
         if key:
             found[key] = figures
         else:
@@ -838,6 +844,23 @@ def _update_resources(jobs: int) -> None:
     write_texts(figures)
 
 
+def _update_clock(design: str, jobs: int, seeds: int) -> None:
+    """Place one design anew and keep all else of ``mptc`` in metrics.json.
+
+    `placed_commit` of the design says what it was placed at.
+    """
+    commit, dirty = tools.git_state()
+    ((entity, generics),) = ((e, g) for key, e, g in DESIGNS if key == design)
+    placed, _ = _placed(entity, generics, jobs, seeds)
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    figures = document["mptc"][design] if design else document["mptc"]
+    figures["ecp5"] |= _rounded(placed)
+    figures["placed_commit"] = commit + "-dirty" * dirty
+    tools.write(path, json.dumps(document, indent=1) + "\n")
+    write_texts(document["mptc"])
+
+
 def _update_methods() -> None:
     """Run every method anew and keep all else of ``mptc`` in metrics.json."""
     path = REPORTS / "metrics.json"
@@ -865,6 +888,7 @@ def regenerate(
     resources_only: bool = False,
     methods_only: bool = False,
     tour_only: bool = False,
+    clock_of: str | None = None,
 ) -> None:
     """Regenerate the two-level part of the reports, or only the pages that show it.
 
@@ -882,6 +906,8 @@ def regenerate(
         Whether only the methods are run, see `_update_methods`.
     tour_only : bool
         Whether only the joined RTL is run, see `_update_tour`.
+    clock_of : str | None
+        Key of the one design to place, see `_update_clock`; None: no such wish.
 
     Raises
     ------
@@ -901,6 +927,8 @@ def regenerate(
             _update_methods()
         elif tour_only:
             _update_tour()
+        elif clock_of is not None:
+            _update_clock(clock_of, jobs, seeds)
         else:
             _update(jobs, seeds, say)
     say("done")

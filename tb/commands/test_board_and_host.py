@@ -405,6 +405,13 @@ def test_a_dead_host_trips_the_watchdog_where_time_goes_on(
         assert gates_in(log) == 0
 
 
+def test_a_board_without_the_family_has_no_netlist_of_it(capsys: pytest.CaptureFixture) -> None:
+    given = ["--board", "arty-s7-50", "--controller", "mptc", "--family"]
+    with pytest.raises(SystemExit, match="2"):
+        virtual_board_command.COMMAND.main(given)
+    assert "arty-s7-50 has no bitstream of MPTC family" in capsys.readouterr().err
+
+
 def test_two_virtual_boards_do_not_share_a_port(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

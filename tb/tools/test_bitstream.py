@@ -195,5 +195,8 @@ def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
     assert "| 123 of 83640 | 0 | 0 | 0 | 61.0 MHz of 75 | 145.0 MHz of 25 | 5 |" in rows[0]
     assert "`, twice | `0123456789ab` |" in rows[0]
     assert "old" not in text
+    both = bitstream.page(text, [found, found | {"controller": "family"}])
+    names = [line.split(" | ")[0] for line in both.splitlines() if line.startswith("| ulx3s-")]
+    assert names == ["| ulx3s-85f, MPTC", "| ulx3s-85f, MPTC family", "| ulx3s-12f, MPTC"]
     with pytest.raises(ToolError, match="markers"):
         bitstream.page("nothing", [found])

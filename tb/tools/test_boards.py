@@ -1,7 +1,8 @@
 """Constraint files against the top they are for, without any vendor's tool.
 
 Checks: every port (bit) of board_top has a pin and no other name has one; no pin twice; the
-clocks are constrained; the files are what their table makes; the projects name files that exist.
+clocks are constrained; the files are what their table makes; what the build "family" adds; the
+projects name files that exist.
 Does not prove: that the vendors' tools accept them, which were not run.
 """
 
@@ -14,7 +15,7 @@ import pytest
 from directmpc.host import registers
 from scripts.generate import boards
 from scripts.hdl import sources
-from scripts.hdl.boards import BOARDS, Board
+from scripts.hdl.boards import BOARDS, BUILDS, Board
 from scripts.measure import budgets
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
@@ -94,6 +95,13 @@ def test_the_pll_makes_the_cores_clock(board: Board) -> None:
     assert f'FREQUENCY_PIN_CLKI = "{board.clock_mhz}"' in text
     assert f'FREQUENCY_PIN_CLKOP = "{board.pll_mhz}"' in text
     assert board.generics("mptc")["PLL"] is True
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
+def test_the_family_is_mptc_with_more(board: Board) -> None:
+    more = board.generics("family").items() - board.generics("mptc").items()
+    assert dict(more) == {"FAMILY": True, "SENSORLESS": True}
+    assert set(board.controllers) <= set(BUILDS)
 
 
 def test_constraint_files_are_what_their_table_makes() -> None:

@@ -3,12 +3,13 @@
 `test_board` has a faster UART, and with it another netlist; here are the boards' own generics:
 their UART's rate and their oscillator's divider.
 
-Sweep: both controllers on the ULX3S; MPTC with the divider by 4 (Arty S7-50) and by 2 with the
-RS-232 rate (Spartan-3); the text of all boards' netlists. Steps over the UART, and over SPI for
-MPTC.
+Sweep: every build of the ULX3S, both controllers and the one with every method of MPTC; MPTC with
+the divider by 4 (Arty S7-50) and by 2 with the RS-232 rate (Spartan-3); the text of all boards'
+netlists. Steps over the UART, and over SPI for MPTC.
 Stimulus: closed loops over the pseudo-terminal: MPDCC 400 steps of the 6 kV drive, 120 with SESE, a
-budget, delay compensation and the weighted deadlock rule; MPTC 300 steps, MPFC 100; corrupted
-frames with the gates on; a second start.
+budget, delay compensation and the weighted deadlock rule; MPTC 300 steps, MPFC 100; MPFC3 100
+with the speed measured and 100 with it estimated; corrupted frames with the gates on; a second
+start.
 Checks: the text is what the bitstream's synthesis reads; identity, version, capabilities,
 registers read back; every decision against the bit-true model, a sample of MPDCC's against replay
 by the RTL, clocks included; flags, cycles, counters of decisions and frames, gates; a corrupted
@@ -41,11 +42,12 @@ from directmpc.host.registers import GuardSettings, RegisterValues, registers_of
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
+from directmpc.mptc import cycles as clocks_of_mptc
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import conversion as netlist
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS
-from scripts.hdl.clocks import worst_cycles
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard
 from scripts.measure import bitstream
 from scripts.shared.tools import Generics
@@ -94,7 +96,9 @@ class Recorder(Board):
 
 def loaded(board: Board, drive: Drive | MptcDrive) -> RegisterValues:
     """A drive's registers, written, committed and read back."""
-    found = values(drive, GuardSettings(clock=float(board.identity.clock)))
+    capabilities = board.read("system.capabilities")
+    built = [name for name in ("family", "sensorless") if capabilities.get(name)]
+    found = values(drive, GuardSettings(clock=float(board.identity.clock)), built=built)
     found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
     board.load(found)
     assert board.differing(found) == []
@@ -130,6 +134,9 @@ def check_facts(board: Board, chosen: Generics) -> None:
     for option in ("second_level", "weighted_deadlock", "inwards"):
         assert built[option] == (mpdcc and chosen.get(option.upper(), True))
     assert built["flux_control"] == (not mpdcc)
+    if not mpdcc:
+        for option in ("family", "sensorless"):
+            assert built[option] == chosen.get(option.upper(), False)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
     assert not any(board.read("system.status").values())
     assert board.read("system.gates")["gates"] == 0
@@ -242,12 +249,28 @@ def prove(
             flux = drive.with_control(method="MPFC")
             loaded(board, flux)
             assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 100).differing == 0
+            if chosen.get("FAMILY"):
+                check_family(board, drive)
         counters = board.counters()
         assert counters[Outcome.ACCEPTED] > steps
         line = float(log.read_text().splitlines()[-1].split(",")[0])
         print(f"{name}: {steps} steps, {run.rate:.0f} a second; {line:.0f} clocks until gates off")
     finally:
         stream.close()
+
+
+def check_family(board: Board, drive: MptcDrive) -> None:
+    """Three vectors a period, with the speed measured and estimated, through the gates."""
+    several = drive.with_control(method="MPFC3")
+    clocks = clocks_of_mptc.FAMILY["MPFC3"] + clocks_of("mptc_speed_observer", "speed")
+    for sensorless in (False, True):
+        board.load(several, sensorless=sensorless)
+        lockstep.warm_up(several)
+        with lockstep.gates_enabled(board):
+            run = lockstep.run_mptc(board, several, 1000.0, 5.0, 0.7, 100, sensorless=sensorless)
+        assert run.differing == 0
+        assert (run.faults, board.read("result.sequencer")["invalid"]) == (0, 0)
+        assert set(run.cycles.tolist()) == {clocks}
 
 
 def check_options(board: Board, steps: int) -> None:
@@ -283,7 +306,7 @@ def synthesised(controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     return read[0]
 
 
-@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc", "family"])
 def test_the_bitstreams_netlist_controls_a_drive(
     controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -427,7 +450,7 @@ def core_of(chosen: Generics) -> dict[str, str]:
 
 def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
     # GHDL 2.0 has lost assignments to parts of a signal where something else in the design changed
-    for controller in ("mpdcc", "mptc"):
+    for controller in ("mpdcc", "mptc", "family"):
         here = modules_of("board_top", ULX3S.generics(controller))
         for name in (n for n, c in BUILDS if c == controller):
             chosen = BOARDS[name].generics(controller)
@@ -447,6 +470,8 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
             for only in (one, other):
                 assert {re.split(r"_\d", name)[0] for name in only} <= CLOCKED
         alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
+        if controller == "family":
+            alone = [("mptc_family_core", {}, 21)]
         if controller == "mpdcc":
             options = ("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS")
             full = {"FOLDED": False, **dict.fromkeys(options, True)}
@@ -459,7 +484,7 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
             assert len(common) >= least
             assert [n for n in common if here[n] != there[n]] == []
             if generics.get("EXPLORERS") != 2:  # the core itself, whose name has its generics here
-                (core,) = (text for n, text in here.items() if n.startswith(f"{top}_"))
+                (core,) = (text for n, text in here.items() if f"{n}_".startswith(f"{top}_"))
                 assert core == there[top]
 
 
