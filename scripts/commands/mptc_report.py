@@ -29,7 +29,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     mptc_report.regenerate(
-        given.jobs, given.seeds, given.texts, given.resources, given.methods, given.tour,
+        given.jobs,
+        given.seeds,
+        given.texts,
+        given.resources,
+        given.methods,
+        given.tour,
         given.clock,
     )
     return 0
