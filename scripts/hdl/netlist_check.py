@@ -350,6 +350,7 @@ def simulate(
     limit: int = 100_000,
     gap: int = 3,
     std: str | None = None,
+    folder: Path | None = None,
 ) -> Result:
     """Run transactions.
 
@@ -373,6 +374,8 @@ def simulate(
         Most idle clocks between two transactions, drawn at random.
     std : str | None
         Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
+    folder : Path | None
+        Where the simulation runs, for a netlist that writes files; the present folder if None.
 
     Returns
     -------
@@ -391,7 +394,9 @@ def simulate(
     command = [str(program), str(limit), str(seed), str(gap), "0"]
     command += [f"+verilator+seed+{seed % 2**31 or 1}", "+verilator+rand+reset+2"]
     began = time.perf_counter()
-    done = subprocess.run(command, input=rows.tobytes(), capture_output=True, check=False)
+    done = subprocess.run(
+        command, input=rows.tobytes(), capture_output=True, check=False, cwd=folder
+    )
     seconds = time.perf_counter() - began
     width = 2 + ports.words("outputs")
     words = np.frombuffer(done.stdout, dtype=np.uint32)

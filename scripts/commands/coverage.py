@@ -1,0 +1,56 @@
+"""`make coverage`: what the vectors reach of the VHDL, of both algorithms and of the library."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from scripts.shared import tools
+from scripts.shared.command import Command, UsageError
+from scripts.studies.coverage import goals, rtl
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("only", nargs="*", help=f"parts: {', '.join(goals.PARTS)}; all without")
+    parser.add_argument(
+        "--netlist", action="append", default=[], help="of the VHDL only this one; repeatable"
+    )
+    parser.add_argument("--goals", type=Path, default=goals.GOALS, help="what has to be reached")
+    parser.add_argument("--page", action="store_true", help="write docs/coverage.md")
+    parser.add_argument("--out", type=Path, default=goals.RESULTS)
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    for what, words, known in (
+        ("part", given.only, goals.PARTS),
+        ("netlist", given.netlist, rtl.RUNS),
+    ):
+        if unknown := [word for word in words if word not in known]:
+            raise UsageError(f"no {what} '{unknown[0]}'; there are: {', '.join(known)}")
+    if given.page and (given.only or given.netlist):
+        raise UsageError("argument --page: the tables are of all parts; leave the others out")
+    wanted = goals.read(given.goals)
+    found = goals.measure(given.only or goals.PARTS, wanted, given.netlist)
+    tools.write(given.out, json.dumps(found, indent=1) + "\n")
+    if given.netlist:  # some of the entities
+        wanted.rtl = {name: wanted.rtl[name] for name in found["rtl"] if name in wanted.rtl}
+    problems = goals.missed(found, wanted)
+    for problem in problems:
+        print(f"coverage: {problem}", file=sys.stderr)
+    if given.page:
+        goals.publish(found, wanted)
+    if not problems:
+        print("coverage: every goal is reached")
+    return 1 if problems else 0
+
+
+COMMAND = Command(
+    "coverage",
+    __doc__.splitlines()[0],
+    _arguments,
+    _run,
+    failed=1,
+    interrupted="run it again to go on",
+)

@@ -1,0 +1,316 @@
+"""Counters in a converted netlist: conditions seen both ways, bits that changed both ways.
+
+GHDL writes an `if` as a choice between two nets, a `case` as a table, each behind a comment with
+its place in the VHDL. `instrument` adds registers to every module that has a clock. They keep, as
+seen by rising edges,
+
+* of each condition, and of each arm of a case, whether it was true and whether it was false: a
+  statement of the VHDL takes effect in a clock where the conditions around it hold, so this is its
+  line and branch coverage;
+* of each bit of the signals that have a name in the VHDL, ports included, whether it has risen and
+  whether it has fallen.
+
+They are as wide as the signals, so Verilator makes a few words of them. Its own counters would be
+one for each of 200,000 bits of a core, and take gigabytes to compile.
+
+What they hold is appended to the file ``coverage.txt`` of the working directory when the simulation
+ends. `collect` reads it; what instances of one entity, and its configurations, have seen is joined.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scripts.hdl import sources
+
+#: File that a simulation appends its counts to.
+FILE = "coverage.txt"
+
+_MODULE = re.compile(r"^module (\S+)\n(.*?)^endmodule$", re.M | re.S)
+_PLACE = re.compile(r"^ */\* (\S+):(\d+):(\d+) \*/$")
+_CHOICE = re.compile(r"^ *assign \w+ = (\w+) \? ")
+_CASE = re.compile(r"^ *case \((.+)\)$")
+_ARM = re.compile(r"^ *(\d+'b[01x]+): ")
+_PORT = re.compile(r"^\s*\(?(?:input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
+_SIGNAL = re.compile(r"^  (?:wire|reg) (?:\[(\d+):0\] )?(\w+);$", re.M)
+_UNNAMED = re.compile(r"n\d+_\w+$|n\d+$|wrap_")
+_PREFIX = "covered_"
+#: Bits that Verilator writes at a time; it takes 8192 in all.
+_WORDS = 2048
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of the VHDL.
+
+    Attributes
+    ----------
+    file
+        Name of the VHDL file.
+    line, column
+        Where GHDL says it stands.
+    arm
+        Choice of a case; empty for an `if`.
+    """
+
+    file: str
+    line: int
+    column: int
+    arm: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}{' arm ' + self.arm if self.arm else ''}"
+
+
+@dataclass
+class _Module:
+    """What is counted in a module: conditions and signals, lowest bit of the registers first."""
+
+    entity: str
+    conditions: list[Condition] = field(default_factory=list)
+    signals: list[tuple[str, int]] = field(default_factory=list)
+
+
+@dataclass
+class Seen:
+    """What was seen of an entity.
+
+    Attributes
+    ----------
+    conditions
+        Condition -> 1 where it was false, 2 where it was true, 3 for both.
+    bits
+        Signal and bit -> 1 where it has fallen, 2 where it has risen, 3 for both.
+    """
+
+    conditions: dict[Condition, int] = field(default_factory=dict)
+    bits: dict[tuple[str, int], int] = field(default_factory=dict)
+
+    def join(self, other: Seen) -> None:
+        """Add what another simulation has seen.
+
+        Parameters
+        ----------
+        other : Seen
+            Of the same entity.
+        """
+        for condition, ways in other.conditions.items():
+            self.conditions[condition] = self.conditions.get(condition, 0) | ways
+        for bit, ways in other.bits.items():
+            self.bits[bit] = self.bits.get(bit, 0) | ways
+
+    def of_conditions(self) -> tuple[int, int]:
+        """Conditions seen both ways.
+
+        Returns
+        -------
+        tuple of int
+            How many, and of how many.
+        """
+        return sum(ways == 3 for ways in self.conditions.values()), len(self.conditions)
+
+    def of_lines(self, file: str) -> tuple[int, int]:
+        """Lines of the entity's own file all of whose conditions were seen both ways.
+
+        Parameters
+        ----------
+        file : str
+            Name of the entity's file; functions of packages stand in others.
+
+        Returns
+        -------
+        tuple of int
+            How many, and of how many lines with a condition.
+        """
+        lines: dict[int, bool] = {}
+        for condition, ways in self.conditions.items():
+            if condition.file == file:
+                lines[condition.line] = lines.get(condition.line, True) and ways == 3
+        return sum(lines.values()), len(lines)
+
+    def of_bits(self) -> tuple[int, int]:
+        """Bits that have risen and fallen.
+
+        Returns
+        -------
+        tuple of int
+            How many, and of how many.
+        """
+        return sum(ways == 3 for ways in self.bits.values()), len(self.bits)
+
+
+def entity_of(module: str, entities: Iterable[str]) -> str:
+    """The entity that a module was made of.
+
+    Parameters
+    ----------
+    module : str
+        Its name: that of the entity, and what GHDL adds for generics.
+    entities : Iterable[str]
+        Names of all entities.
+
+    Returns
+    -------
+    str
+        The longest name that fits; the module's own where there is none.
+    """
+    fitting = [name for name in entities if module == name or module.startswith(f"{name}_")]
+    return max(fitting, key=len, default=module)
+
+
+def _conditions(body: str) -> tuple[list[Condition], list[str]]:
+    """Conditions of a module, and the expression of each."""
+    found: list[Condition] = []
+    terms: list[str] = []
+    place: tuple[str, int, int] | None = None
+    selector = ""
+    for line in body.split("\n"):
+        if match := _PLACE.match(line):
+            place, selector = (match[1], int(match[2]), int(match[3])), ""
+        elif place is None:
+            continue
+        elif match := _CHOICE.match(line):
+            found.append(Condition(*place))
+            terms.append(match[1])
+        elif match := _CASE.match(line):
+            selector = match[1]
+        elif selector and (match := _ARM.match(line)):
+            choice = match[1]
+            if "x" not in choice:
+                found.append(Condition(*place, choice))
+                terms.append(f"({selector} == {choice})")
+    return found, terms
+
+
+def _counters(name: str, terms: list[str], signals: list[tuple[str, int]], reset: bool) -> str:
+    """Verilog of a module's counters."""
+    lines = []
+    for kind, parts, width in (
+        ("c", terms, len(terms)),
+        ("s", [signal for signal, _ in signals], sum(size for _, size in signals)),
+    ):
+        if not width:
+            continue
+        now, low, high = (f"{_PREFIX}{kind}_{part}" for part in ("now", "low", "high"))
+        # a concatenation has its last part lowest
+        lines += [
+            f"  wire [{width - 1}:0] {now} = {{{', '.join(reversed(parts))}}};",
+            f"  reg [{width - 1}:0] {low} = 0;",
+            f"  reg [{width - 1}:0] {high} = 0;",
+        ]
+        if kind == "c":
+            lines += [
+                "  always @(posedge clk) begin",
+                f"    {low} <= {low} | ~{now};",
+                f"    {high} <= {high} | {now};",
+                "  end",
+            ]
+        else:
+            was = f"{_PREFIX}s_was"
+            lines += [
+                f"  reg [{width - 1}:0] {was};",
+                "  reg covered_known = 0;",
+                "  always @(posedge clk) begin",
+                f"    {was} <= {now};",
+                f"    covered_known <= {'!rst' if reset else '1'};",
+                "    if (covered_known) begin",
+                f"      {low} <= {low} | ({was} & ~{now});",
+                f"      {high} <= {high} | (~{was} & {now});",
+                "    end",
+                "  end",
+            ]
+        lines += [
+            f"  integer {_PREFIX}{kind}_file;",
+            "  final begin",
+            f'    {_PREFIX}{kind}_file = $fopen("{FILE}", "a");',
+            *(
+                f'    $fwrite({_PREFIX}{kind}_file, "{name} {kind} {at} %h %h\\n", '
+                f"{low}[{min(at + _WORDS, width) - 1}:{at}], "
+                f"{high}[{min(at + _WORDS, width) - 1}:{at}]);"
+                for at in range(0, width, _WORDS)
+            ),
+            f"    $fclose({_PREFIX}{kind}_file);",
+            "  end",
+        ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def instrument(
+    verilog: str, entities: Mapping[str, Path] | None = None
+) -> tuple[str, dict[str, _Module]]:
+    """Add counters to a netlist.
+
+    Parameters
+    ----------
+    verilog : str
+        Converted netlist, with GHDL's comments.
+    entities : Mapping[str, Path] | None
+        Entities of the design; those of rtl/ if None.
+
+    Returns
+    -------
+    text : str
+        The netlist with counters, for Verilator.
+    modules : dict[str, _Module]
+        What `collect` needs to read their values.
+    """
+    names = list(entities if entities is not None else sources.entities())
+    modules: dict[str, _Module] = {}
+
+    def _module(match: re.Match[str]) -> str:
+        name, body = match.groups()
+        header, _, inside = body.partition(");\n")
+        ports = {port: int(high or 0) + 1 for high, port in _PORT.findall(header + ")")}
+        if "clk" not in ports:
+            return match.group(0)
+        signals = [(port, size) for port, size in ports.items() if port not in ("clk", "rst")]
+        signals += [
+            (signal, int(high or 0) + 1)
+            for high, signal in _SIGNAL.findall(inside)
+            if not _UNNAMED.match(signal) and signal not in ports
+        ]
+        conditions, terms = _conditions(inside)
+        modules[name] = _Module(entity_of(name, names), conditions, signals)
+        counters = _counters(name, terms, signals, "rst" in ports)
+        return f"module {name}\n{body}{counters}endmodule"
+
+    return _MODULE.sub(_module, verilog), modules
+
+
+def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
+    """What a simulation has seen.
+
+    Parameters
+    ----------
+    text : str
+        What it wrote.
+    modules : Mapping[str, _Module]
+        As `instrument` returned them.
+
+    Returns
+    -------
+    dict[str, Seen]
+        Entity -> what its instances have seen together; entities without an instance are left out.
+    """
+    found: dict[str, Seen] = {}
+    places: dict[str, list[tuple[str, int]]] = {
+        name: [(signal, bit) for signal, size in module.signals for bit in range(size)]
+        for name, module in modules.items()
+    }
+    for line in text.splitlines():
+        name, kind, begin, low, high = line.split()
+        module, first, down, up = modules[name], int(begin), int(low, 16), int(high, 16)
+        counted = module.conditions if kind == "c" else places[name]
+        seen = Seen()
+        for place, one in enumerate(counted[first : first + _WORDS]):
+            ways = (down >> place & 1) | (up >> place & 1) << 1
+            if isinstance(one, Condition):
+                # the turns of a loop and the targets of an `if` stand at one place
+                seen.conditions[one] = seen.conditions.get(one, 0) | ways
+            else:
+                seen.bits[one] = ways
+        found.setdefault(module.entity, Seen()).join(seen)
+    return found

@@ -1,0 +1,418 @@
+"""What has to be reached, what was, and where it is less.
+
+The goals stand in ``goals.toml``. A netlist's result is kept below build/coverage under a digest of
+the netlist and of the vectors, so that a run that was stopped goes on there.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from scripts.hdl import conversion, coverage, sources
+from scripts.shared import progress, tables, tools
+from scripts.shared.tools import BUILD, ROOT, ToolError
+from scripts.studies.coverage import functional, python, rtl
+
+GOALS = Path(__file__).with_name("goals.toml")
+RESULTS = BUILD / "coverage.json"
+PAGE = ROOT / "docs" / "coverage.md"
+MARKS = ("<!-- coverage: begin (written by make coverage) -->", "<!-- coverage: end -->")
+PARTS = ("functional", "python", "rtl")
+KEPT = BUILD / "coverage"
+SEED = 3
+
+
+@dataclass
+class Goals:
+    """As the file has them.
+
+    Attributes
+    ----------
+    least
+        How often each functional goal has to be met.
+    functional
+        Group -> what has to happen in it.
+    tests
+        Tests whose branches count.
+    python
+        Part of the library -> least share of its branches, in percent.
+    rtl
+        Entity -> least shares of conditions and of bits, in percent.
+    argued
+        Entity -> why its shares are below those of others.
+    """
+
+    least: int
+    functional: dict[str, list[str]]
+    tests: list[str]
+    python: dict[str, float]
+    rtl: dict[str, list[float]]
+    argued: dict[str, str] = field(default_factory=dict)
+
+
+def read(path: Path = GOALS) -> Goals:
+    """Read the goals.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Goals
+        What has to be reached.
+
+    Raises
+    ------
+    ToolError
+        If the file is no TOML or lacks a key.
+    OSError
+        If it cannot be read.
+    """
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        functional_goals = dict(found["functional"])
+        return Goals(
+            int(functional_goals.pop("least")),
+            {name: list(_expanded(wanted)) for name, wanted in functional_goals.items()},
+            list(found["python"]["tests"]),
+            dict(found["python"]["branches"]),
+            dict(found["rtl"]["shares"]),
+            dict(found["rtl"].get("argued", {})),
+        )
+    except (tomllib.TOMLDecodeError, KeyError, TypeError) as error:
+        raise ToolError(f"{path.name}: {error}") from None
+
+
+def _expanded(names: Iterable[str]) -> Iterable[str]:
+    """Names with one list in braces stand for one name for each entry."""
+    for name in names:
+        before, brace, rest = name.partition("{")
+        if not brace:
+            yield name
+            continue
+        inside, _, after = rest.partition("}")
+        for one in inside.split("|"):
+            yield from _expanded([f"{before}{one.strip()}{after}"])
+
+
+# --- measuring ------------------------------------------------------------------------------------
+
+
+def of_functions(blocks: int = 64, rows: int = 512) -> dict[str, Counter[str]]:
+    """Count what both algorithms do.
+
+    Parameters
+    ----------
+    blocks : int
+        Blocks of states of MPDCC; a quarter as many with two switchings.
+    rows : int
+        States of each; a third as many with two switchings.
+
+    Returns
+    -------
+    dict[str, Counter[str]]
+        Group -> what happened how often.
+    """
+    return {
+        "one_switching": functional.one_switching(blocks, rows, SEED),
+        "two_switchings": functional.two_switchings(max(blocks // 4, 4), max(rows // 3, 1), SEED),
+        "two_level": functional.two_level(rows, SEED) + functional.ties_of_vectors(),
+    }
+
+
+def _key(name: str) -> str:
+    top, chosen, _ = rtl.RUNS[name]
+    netlist = conversion.cached(top, chosen)
+    vectors = [Path(rtl.__file__), Path(rtl.blocks.__file__), Path(coverage.__file__)]
+    return tools.digest(netlist, *vectors)[:16]
+
+
+def of_netlist(name: str) -> dict[str, coverage.Seen]:
+    """Run the vectors of a netlist, or find what they saw.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``rtl.RUNS``.
+
+    Returns
+    -------
+    dict[str, coverage.Seen]
+        Entity -> what was seen.
+
+    Raises
+    ------
+    ToolError
+        As ``rtl.measure``.
+    """
+    path = KEPT / f"{name.replace(', ', '-').replace(' ', '_')}-{_key(name)}.json"
+    if not path.exists():
+        tools.write(path, json.dumps(packed(rtl.measure(name))))
+    return unpacked(json.loads(path.read_text(encoding="utf-8")))
+
+
+def packed(seen: Mapping[str, coverage.Seen]) -> dict[str, Any]:
+    """What was seen, as JSON can hold it.
+
+    Parameters
+    ----------
+    seen : Mapping[str, coverage.Seen]
+        Entity -> what was seen.
+
+    Returns
+    -------
+    dict[str, Any]
+        Lists.
+    """
+    return {
+        entity: {
+            "conditions": [
+                [c.file, c.line, c.column, c.arm, ways] for c, ways in one.conditions.items()
+            ],
+            "bits": [[signal, bit, ways] for (signal, bit), ways in one.bits.items()],
+        }
+        for entity, one in seen.items()
+    }
+
+
+def unpacked(document: Mapping[str, Any]) -> dict[str, coverage.Seen]:
+    """The opposite of `packed`.
+
+    Parameters
+    ----------
+    document : Mapping[str, Any]
+        As `packed` returns it.
+
+    Returns
+    -------
+    dict[str, coverage.Seen]
+        Entity -> what was seen.
+    """
+    return {
+        entity: coverage.Seen(
+            {coverage.Condition(*place): ways for *place, ways in one["conditions"]},
+            {(signal, bit): ways for signal, bit, ways in one["bits"]},
+        )
+        for entity, one in document.items()
+    }
+
+
+def of_rtl(names: Iterable[str]) -> dict[str, coverage.Seen]:
+    """What all netlists have seen together.
+
+    Parameters
+    ----------
+    names : Iterable[str]
+        Keys of ``rtl.RUNS``.
+
+    Returns
+    -------
+    dict[str, coverage.Seen]
+        Entity -> what was seen.
+    """
+    found: dict[str, coverage.Seen] = {}
+    for name in names:
+        with progress.busy(f"vectors through {name}"):
+            for entity, one in of_netlist(name).items():
+                found.setdefault(entity, coverage.Seen()).join(one)
+    return found
+
+
+def shares(seen: Mapping[str, coverage.Seen]) -> dict[str, dict[str, list[int]]]:
+    """Conditions, lines and bits of every entity.
+
+    Parameters
+    ----------
+    seen : Mapping[str, coverage.Seen]
+        Entity -> what was seen.
+
+    Returns
+    -------
+    dict[str, dict[str, list[int]]]
+        Entity -> "conditions", "lines", "bits" -> how many, and of how many.
+    """
+    files = {name: path.name for name, path in sources.entities().items()}
+    return {
+        entity: {
+            "conditions": list(one.of_conditions()),
+            "lines": list(one.of_lines(files.get(entity, f"{entity}.vhd"))),
+            "bits": list(one.of_bits()),
+        }
+        for entity, one in sorted(seen.items())
+    }
+
+
+def measure(parts: Iterable[str], goals: Goals, netlists: Iterable[str] = ()) -> dict[str, Any]:
+    """Measure some parts.
+
+    Parameters
+    ----------
+    parts : Iterable[str]
+        Of ``PARTS``.
+    goals : Goals
+        Names the tests of the Python library.
+    netlists : Iterable[str]
+        Keys of ``rtl.RUNS``; all if empty.
+
+    Returns
+    -------
+    dict[str, Any]
+        Part -> its figures, and the commit.
+    """
+    commit, _ = tools.git_state()
+    found: dict[str, Any] = {"commit": commit}
+    for part in parts:
+        if part == "functional":
+            with progress.busy("decisions of both algorithms"):
+                found[part] = {name: dict(one) for name, one in of_functions().items()}
+        elif part == "python":
+            with progress.busy("tests of the library, with branches"):
+                found[part] = {name: list(one) for name, one in python.measure(goals.tests).items()}
+        else:
+            found[part] = shares(of_rtl(list(netlists) or list(rtl.RUNS)))
+    return found
+
+
+# --- judging --------------------------------------------------------------------------------------
+
+
+def percent(pair: Iterable[int]) -> float:
+    """A share in percent; 100 of nothing.
+
+    Parameters
+    ----------
+    pair : Iterable[int]
+        How many, and of how many.
+
+    Returns
+    -------
+    float
+        0 to 100.
+    """
+    some, of = pair
+    return 100 * some / of if of else 100.0
+
+
+def missed(found: Mapping[str, Any], goals: Goals) -> list[str]:
+    """Goals that what was measured does not reach.
+
+    Parameters
+    ----------
+    found : Mapping[str, Any]
+        As of `measure`; parts that are not there are not judged.
+    goals : Goals
+        What has to be reached.
+
+    Returns
+    -------
+    list[str]
+        A line for each; a goal for something that does not exist is one as well.
+    """
+    lines = []
+    for group, wanted in goals.functional.items() if "functional" in found else ():
+        counts = found["functional"].get(group, {})
+        for name in wanted:
+            if counts.get(name, 0) < goals.least:
+                lines.append(f"{group}: '{name}' {counts.get(name, 0)} times, not {goals.least}")
+    for part, least in goals.python.items() if "python" in found else ():
+        reached = percent(found["python"].get(part, (0, 1)))
+        if reached < least:
+            lines.append(f"{part}: {reached:.1f} % of the branches, not {least:g} %")
+    for entity, (conditions, bits) in goals.rtl.items() if "rtl" in found else ():
+        one = found["rtl"].get(entity)
+        if one is None:
+            lines.append(f"{entity}: no vector reaches it")
+            continue
+        for what, least in (("conditions", conditions), ("bits", bits)):
+            reached = percent(one[what])
+            if reached < least:
+                lines.append(f"{entity}: {reached:.1f} % of the {what}, not {least:g} %")
+    if "rtl" in found:
+        lines += [
+            f"{entity}: no goal in {GOALS.name}"
+            for entity in found["rtl"]
+            if entity not in goals.rtl
+        ]
+    return lines
+
+
+def _share(pair: Iterable[int]) -> str:
+    some, of = pair
+    return f"{some} of {of}" if of else "none"
+
+
+def markdown(found: Mapping[str, Any], goals: Goals) -> str:
+    """The tables of the page.
+
+    Parameters
+    ----------
+    found : Mapping[str, Any]
+        As of `measure`, all parts.
+    goals : Goals
+        What had to be reached.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    lines = [f"Measured at commit `{found['commit'][:12]}`."]
+    if "functional" in found:
+        lines += ["", "### Algorithms", ""]
+        lines.append(f"Each of these has to happen {goals.least} times at least.")
+        rows = [
+            (group.replace("_", " "), name, f"{found['functional'][group].get(name, 0):,}")
+            for group, wanted in goals.functional.items()
+            for name in wanted
+        ]
+        lines += ["", tables.markdown(("group", "what", "decisions"), rows, "llr")]
+    lines += ["", "### Library", "", "Branches that these tests take: "]
+    lines[-1] += ", ".join(f"`{test}`" for test in goals.tests) + "."
+    rows = [
+        (f"`{part}`", _share(pair), f"{percent(pair):.1f} %", f"{goals.python.get(part, 0):g} %")
+        for part, pair in found["python"].items()
+    ]
+    lines += ["", tables.markdown(("part", "branches", "share", "goal"), rows, "lrrr")]
+    lines += ["", "### VHDL", ""]
+    rows = [
+        (
+            f"`{entity}`", _share(one["lines"]), _share(one["conditions"]), _share(one["bits"]),
+            f"{percent(one['bits']):.1f} %",
+            " / ".join(f"{least:g} %" for least in goals.rtl.get(entity, ())),
+        )
+        for entity, one in found["rtl"].items()
+    ]  # fmt: skip
+    head = ("entity", "lines", "conditions", "bits", "share of bits", "goal, conditions / bits")
+    lines.append(tables.markdown(head, rows, "lrrrrr"))
+    if goals.argued:
+        lines += ["", "Why some are lower:", ""]
+        lines += [f"- `{entity}`: {why}" for entity, why in goals.argued.items()]
+    return "\n".join(lines)
+
+
+def publish(found: Mapping[str, Any], goals: Goals, page: Path = PAGE) -> None:
+    """Write the tables into the page.
+
+    Parameters
+    ----------
+    found : Mapping[str, Any]
+        As of `measure`, all parts.
+    goals : Goals
+        What had to be reached.
+    page : Path
+        The page.
+
+    Raises
+    ------
+    MarkerError
+        If it has no place for them.
+    """
+    tables.rewrite(page, {MARKS: markdown(found, goals)})
