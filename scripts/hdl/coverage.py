@@ -10,8 +10,8 @@ seen by rising edges,
 * of each bit of the signals that have a name in the VHDL, ports included, whether it has risen and
   whether it has fallen.
 
-They are as wide as the signals, so Verilator makes a few words of them. Its own counters would be
-one for each of 200,000 bits of a core, and take gigabytes to compile.
+They are words of 64 bits, which Verilator takes at a time. Its own counters would be one for each of
+200,000 bits of a core, and take gigabytes to compile.
 
 What they hold is appended to the file ``coverage.txt`` of the working directory when the simulation
 ends. `collect` reads it; what instances of one entity, and its configurations, have seen is joined.
@@ -38,8 +38,8 @@ _PORT = re.compile(r"^\s*\(?(?:input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M
 _SIGNAL = re.compile(r"^  (?:wire|reg) (?:\[(\d+):0\] )?(\w+);$", re.M)
 _UNNAMED = re.compile(r"n\d+_\w+$|n\d+$|wrap_")
 _PREFIX = "covered_"
-#: Bits that Verilator writes at a time; it takes 8192 in all.
-_WORDS = 2048
+#: Bits of a counting register: Verilator makes one word of it.
+_LANE = 64
 
 
 @dataclass(frozen=True)
@@ -185,56 +185,72 @@ def _conditions(body: str) -> tuple[list[Condition], list[str]]:
     return found, terms
 
 
+def _lanes(parts: list[tuple[str, int]]) -> list[tuple[int, int, str]]:
+    """Words of at most ``_LANE`` bits: first bit, width, and the Verilog of the word.
+
+    Wide signals begin a word of their own, so that Verilator takes their words as they are.
+    """
+    lanes: list[tuple[int, int, list[str]]] = []
+    at = 0
+    for name, size in parts:
+        if size <= _LANE and lanes and lanes[-1][1] + size <= _LANE:
+            first, width, inside = lanes[-1]
+            lanes[-1] = (first, width + size, [*inside, name])
+        else:
+            for low in range(0, size, _LANE):
+                high = min(low + _LANE, size) - 1
+                word = f"{name}[{high}:{low}]" if size > _LANE else name
+                lanes.append((at + low, high - low + 1, [word]))
+        at += size
+    # a concatenation has its last part lowest
+    return [(first, width, f"{{{', '.join(reversed(inside))}}}") for first, width, inside in lanes]
+
+
 def _counters(name: str, terms: list[str], signals: list[tuple[str, int]], reset: bool) -> str:
     """Verilog of a module's counters."""
-    lines = []
-    for kind, parts, width in (
-        ("c", terms, len(terms)),
-        ("s", [signal for signal, _ in signals], sum(size for _, size in signals)),
-    ):
-        if not width:
-            continue
-        now, low, high = (f"{_PREFIX}{kind}_{part}" for part in ("now", "low", "high"))
-        # a concatenation has its last part lowest
-        lines += [
-            f"  wire [{width - 1}:0] {now} = {{{', '.join(reversed(parts))}}};",
-            f"  reg [{width - 1}:0] {low} = 0;",
-            f"  reg [{width - 1}:0] {high} = 0;",
-        ]
-        if kind == "c":
-            lines += [
-                "  always @(posedge clk) begin",
-                f"    {low} <= {low} | ~{now};",
-                f"    {high} <= {high} | {now};",
-                "  end",
+    declared: list[str] = []
+    clocked: list[str] = []
+    toggled: list[str] = []
+    written: list[str] = []
+    for kind, parts in (("c", [(term, 1) for term in terms]), ("s", signals)):
+        for number, (first, width, word) in enumerate(_lanes(parts)):
+            now, low, high, was = (
+                f"{_PREFIX}{kind}_{part}_{number}" for part in ("now", "low", "high", "was")
+            )
+            span = f"[{width - 1}:0]"
+            declared += [
+                f"  wire {span} {now} = {word};",
+                f"  reg {span} {low} = 0;",
+                f"  reg {span} {high} = 0;",
             ]
-        else:
-            was = f"{_PREFIX}s_was"
-            lines += [
-                f"  reg [{width - 1}:0] {was};",
-                "  reg covered_known = 0;",
-                "  always @(posedge clk) begin",
-                f"    {was} <= {now};",
-                f"    covered_known <= {'!rst' if reset else '1'};",
-                "    if (covered_known) begin",
-                f"      {low} <= {low} | ({was} & ~{now});",
-                f"      {high} <= {high} | (~{was} & {now});",
-                "    end",
-                "  end",
-            ]
-        lines += [
-            f"  integer {_PREFIX}{kind}_file;",
-            "  final begin",
-            f'    {_PREFIX}{kind}_file = $fopen("{FILE}", "a");',
-            *(
-                f'    $fwrite({_PREFIX}{kind}_file, "{name} {kind} {at} %h %h\\n", '
-                f"{low}[{min(at + _WORDS, width) - 1}:{at}], "
-                f"{high}[{min(at + _WORDS, width) - 1}:{at}]);"
-                for at in range(0, width, _WORDS)
-            ),
-            f"    $fclose({_PREFIX}{kind}_file);",
-            "  end",
-        ]
+            if kind == "c":
+                clocked += [f"    {low} <= {low} | ~{now};", f"    {high} <= {high} | {now};"]
+            else:
+                declared.append(f"  reg {span} {was};")
+                clocked.append(f"    {was} <= {now};")
+                toggled += [
+                    f"      {low} <= {low} | ({was} & ~{now});",
+                    f"      {high} <= {high} | (~{was} & {now});",
+                ]
+            told = f'"{name} {kind} {first} {width} %h %h\\n", {low}, {high}'
+            written.append(f"    $fwrite({_PREFIX}file, {told});")
+    if not declared:
+        return ""
+    lines = [
+        *declared,
+        f"  reg {_PREFIX}known = 0;",
+        f"  integer {_PREFIX}file;",
+        "  always @(posedge clk) begin",
+        f"    {_PREFIX}known <= {'!rst' if reset else '1'};",
+        *clocked,
+        *([f"    if ({_PREFIX}known) begin", *toggled, "    end"] if toggled else []),
+        "  end",
+        "  final begin",
+        f'    {_PREFIX}file = $fopen("{FILE}", "a");',
+        *written,
+        f"    $fclose({_PREFIX}file);",
+        "  end",
+    ]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -301,11 +317,11 @@ def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
         for name, module in modules.items()
     }
     for line in text.splitlines():
-        name, kind, begin, low, high = line.split()
+        name, kind, begin, width, low, high = line.split()
         module, first, down, up = modules[name], int(begin), int(low, 16), int(high, 16)
         counted = module.conditions if kind == "c" else places[name]
         seen = Seen()
-        for place, one in enumerate(counted[first : first + _WORDS]):
+        for place, one in enumerate(counted[first : first + int(width)]):
             ways = (down >> place & 1) | (up >> place & 1) << 1
             if isinstance(one, Condition):
                 # the turns of a loop and the targets of an `if` stand at one place

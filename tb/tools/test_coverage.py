@@ -66,7 +66,7 @@ def test_conditions_arms_and_bits_are_counted() -> None:
     assert "{held, left, load}" in text
     assert text.count("endmodule") == 2
     # low, then high; two instances are joined
-    told = ("c 0 3 1", "s 0 05 07", "c 0 0 2", "s 0 02 00")
+    told = ("c 0 3 3 1", "s 0 5 05 07", "c 0 3 0 2", "s 0 5 02 00")
     lines = "".join(f"countdown_12 {one}\n" for one in told)
     seen = coverage.collect(lines, modules)["countdown"]
     assert list(seen.conditions.values()) == [3, 3, 0]
