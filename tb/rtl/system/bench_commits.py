@@ -1,0 +1,111 @@
+"""Cocotb side of ``test_commits``: a commit at one clock after the other of a decision."""
+
+from __future__ import annotations
+
+import cocotb
+from cocotb.triggers import ClockCycles
+
+from tb.helpers.scoreboard import arguments
+from tb.rtl.system.bench_system import NOT_THE_CORE_S, System
+
+#: Words that differ between two sets.
+CHANGED = 8
+#: Clocks before a start at which the first commit is asked for.
+BEFORE = 12
+#: Clocks after a decision's end at which the last one is.
+AFTER = 4
+
+
+class Sweep:
+    """Sets of parameters, of which each decision has to be one's."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.names = [name for name in system.words if not name.startswith(NOT_THE_CORE_S)]
+        self.in_force = system.any_parameters()
+
+    async def write(self, words: dict[str, int]) -> None:
+        """Shadows, of which none may be refused."""
+        for name, word in words.items():
+            address, fields = self.system.bus.registers[f"parameters.{name}"]
+            response = await self.system.bus.write_word(
+                address, word & (1 << fields["value"][1]) - 1
+            )
+            self.system.board.check("written", response, 0, name)
+
+    async def commit(self) -> None:
+        """Ask for a commit."""
+        await self.system.bus.write("system.command", commit=1)
+
+    async def settled(self) -> None:
+        """Until no commit waits."""
+        while await self.system.bus.read("system.status", "commit_pending"):
+            pass
+
+    def differing(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Another set, and measurements for which it decides something else."""
+        while True:
+            fresh = dict(self.in_force)
+            other = self.system.any_parameters()
+            for name in self.system.rng.sample(self.names, CHANGED):
+                fresh[name] = other[name]
+            for _ in range(20):
+                m = self.system.any_measurements()
+                if self.system.model(fresh, m) != self.system.model(self.in_force, m):
+                    return fresh, m
+
+    async def once(self, clock: int) -> tuple[bool, int]:
+        """A commit that is asked for ``clock`` clocks after a start; whether the decision is new."""
+        system, board = self.system, self.system.board
+        fresh, m = self.differing()
+        changed = [name for name in self.names if fresh[name] != self.in_force[name]]
+        await self.write({name: fresh[name] for name in changed})
+
+        async def host() -> None:
+            await ClockCycles(system.dut.clk, BEFORE + clock)
+            await self.commit()
+
+        task = cocotb.start_soon(host())
+        await ClockCycles(system.dut.clk, BEFORE)
+        clocks = await system.decide(m)
+        got = system.decided()
+        old, new = system.model(self.in_force, m), system.model(fresh, m)
+        board.check("one set", got in (old, new), True, f"commit at {clock}: {got}")
+        await task
+        await self.settled()
+        self.in_force = fresh
+        await system.decide(m)
+        board.check("next", system.decided(), new, f"commit at {clock}")
+        return got == new, clocks
+
+
+@cocotb.test()
+async def commits(dut) -> None:
+    """Old before, new after; in between every decision keeps what it began with."""
+    given = arguments()
+    system = System(dut, given)
+    board = system.board
+    await system.begin()
+    await system.bus.write("system.control", own_positions=0)
+    sweep = Sweep(system)
+    await sweep.write(sweep.in_force)
+    await sweep.commit()
+    await sweep.settled()
+    await system.decide(system.any_measurements())
+    changes = []
+    clock, longest = -BEFORE, 0
+    while clock < longest + AFTER:
+        new, clocks = await sweep.once(clock)
+        changes.append((clock, new))
+        longest = max(longest, clocks)
+        clock += given["stride"]
+    # a commit before the start has taken effect; from one clock on none has
+    first_old = min(clock for clock, new in changes if not new)
+    for clock, new in changes:
+        board.check("order", new, clock < first_old, f"commit at {clock}")
+    board.check("begins old", -BEFORE < first_old < given["stride"], True, str(first_old))
+    during = sum(first_old <= clock <= longest for clock, _ in changes)
+    board.cover("during", during)
+    board.longest("clocks", longest)
+    board.longest("during", during)
+    board.finish({"next": len(changes)}, {"during": longest // given["stride"]})

@@ -1,0 +1,50 @@
+"""A commit at every clock of a decision, through the bus: it never touches the one under way.
+
+Sweep: MPDCC (fast, one explorer) and MPTC; the clock at which the host asks for the commit, from 12
+before a start to four after the decision's end: every one, or one in so many.
+Stimulus: sets of parameters of any content that differ in up to eight words, and measurements for
+which they decide differently; the shadows are written before, the commit is one write.
+Checks: the decision under way is that of the old parameters whenever the commit comes behind its
+start, the next one that of the new ones, always; there is one clock from which on it is the old one.
+Faults: a commit that does not wait for the decision.
+Does not prove: a write of shadows at any clock; test_system does that at random.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.ghdl import CheckError
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import altered
+from tb.helpers.simulation import Outcome, run
+
+
+def bench(controller: str, stride: int, rtl: Path = RTL) -> Outcome:
+    return run(
+        f"{controller}_system",
+        "tb.rtl.system.bench_commits",
+        units=[f"{controller}_system"],
+        generics={"EXPLORERS": 1} if controller == "mpdcc" else {},
+        arguments={"seed": 5, "stride": stride, "controller": controller},
+        rtl=rtl,
+        timeout=900,
+    )
+
+
+@pytest.mark.parametrize("stride", [1, 7])
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_a_commit_waits_for_the_decision(controller: str, stride: int) -> None:
+    found = bench(controller, stride)
+    assert found.measured["clocks"] >= {"mpdcc": 80, "mptc": 38}[controller]
+    assert found.measured["during"] >= found.measured["clocks"] // stride
+
+
+def test_a_hasty_commit_is_seen(tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path, "commit_control", "waiting and (ending or not (busy or start))", "waiting"
+    )
+    with pytest.raises(CheckError, match=r"(one set|order|begins old): .* expected"):
+        bench("mptc", 3, rtl)
