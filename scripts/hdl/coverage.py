@@ -10,8 +10,8 @@ seen by rising edges,
 * of each bit of the signals that have a name in the VHDL, ports included, whether it has risen and
   whether it has fallen.
 
-They are words of 64 bits, which Verilator takes at a time. Its own counters would be one for each of
-200,000 bits of a core, and take gigabytes to compile.
+They are words of 64 bits, which Verilator takes at a time. Its own counters would be one for each
+of 200,000 bits of a core, and take gigabytes to compile.
 
 What they hold is appended to the file ``coverage.txt`` of the working directory when the simulation
 ends. `collect` reads it; what instances of one entity, and its configurations, have seen is joined.

@@ -285,6 +285,7 @@ static int run_script() {
         if (order == 'f') fflush(stdout);
     }
     fflush(stdout);
+    m->final();
     return 0;
 }
 

@@ -282,11 +282,25 @@ class Script:
         Of what registers without a reset hold at first.
     clock : Path
         Verilog of ``board_clock``, for a board with a PLL.
+    verilog : Path | None
+        The netlist, if not the one that is converted.
+    folder : Path | None
+        Where the simulation runs, for a netlist that writes files; the present folder if None.
     """
 
-    def __init__(self, chosen: Generics, seed: int = 1, clock: Path = CLOCK) -> None:
-        command = [str(_build(chosen, clock=clock)), "script", *_line(chosen), *_seeded(seed)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    def __init__(
+        self,
+        chosen: Generics,
+        seed: int = 1,
+        clock: Path = CLOCK,
+        verilog: Path | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        program = _build(chosen, verilog, clock)
+        command = [str(program), "script", *_line(chosen), *_seeded(seed)]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=folder
+        )
         self._orders: list[bytes] = []
 
     def uart(self, data: bytes) -> None:

@@ -137,6 +137,7 @@ def _reached(wanted: goals.Goals) -> dict:
             entity: {"conditions": [9, 9], "lines": [4, 4], "bits": [50, 50]}
             for entity in wanted.rtl
         },
+        "mapped": {"one_core, ecp5": [wanted.mapped, 0], "one_core, xc3s": [wanted.mapped, 0]},
     }
 
 
@@ -152,8 +153,11 @@ def test_every_kind_of_goal_can_be_missed() -> None:
     found["rtl"][other]["bits"] = [1, 50]
     del found["rtl"][gone]
     found["rtl"]["new_entity"] = {"conditions": [1, 1], "lines": [1, 1], "bits": [1, 1]}
+    found["mapped"]["one_core, ecp5"] = [wanted.mapped, 1]
+    found["mapped"]["one_core, xc3s"] = [wanted.mapped - 1, 0]
     assert [line.partition(":")[0] for line in goals.missed(found, wanted)] == [
         "one_switching", part, entity, other, gone, "new_entity",
+        "one_core, ecp5, mapped", "one_core, xc3s, mapped",
     ]  # fmt: skip
     text = goals.markdown(_reached(wanted), wanted)
     assert f"`{entity}`" in text

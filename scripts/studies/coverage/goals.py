@@ -17,13 +17,15 @@ from typing import Any
 from scripts.hdl import conversion, coverage, sources
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
+from scripts.studies import mapped
 from scripts.studies.coverage import functional, python, rtl
+from scripts.studies.torture import blocks
 
 GOALS = Path(__file__).with_name("goals.toml")
 RESULTS = BUILD / "coverage.json"
 PAGE = ROOT / "docs" / "coverage.md"
 MARKS = ("<!-- coverage: begin (written by make coverage) -->", "<!-- coverage: end -->")
-PARTS = ("functional", "python", "rtl")
+PARTS = ("functional", "python", "rtl", "mapped")
 KEPT = BUILD / "coverage"
 SEED = 3
 
@@ -44,6 +46,8 @@ class Goals:
         Part of the library -> least share of its branches, in percent.
     rtl
         Entity -> least shares of conditions and of bits, in percent.
+    mapped
+        Fewest decisions of each mapped netlist; none of them may differ.
     argued
         Entity -> why its shares are below those of others.
     """
@@ -53,6 +57,7 @@ class Goals:
     tests: list[str]
     python: dict[str, float]
     rtl: dict[str, list[float]]
+    mapped: int
     argued: dict[str, str] = field(default_factory=dict)
 
 
@@ -85,6 +90,7 @@ def read(path: Path = GOALS) -> Goals:
             list(found["python"]["tests"]),
             dict(found["python"]["branches"]),
             dict(found["rtl"]["shares"]),
+            int(found["mapped"]["least"]),
             dict(found["rtl"].get("argued", {})),
         )
     except (tomllib.TOMLDecodeError, KeyError, TypeError) as error:
@@ -129,10 +135,10 @@ def of_functions(blocks: int = 64, rows: int = 512) -> dict[str, Counter[str]]:
 
 
 def _key(name: str) -> str:
-    top, chosen, _ = rtl.RUNS[name]
+    top, chosen, vectors = rtl.RUNS[name]
     netlist = conversion.cached(top, chosen)
-    vectors = [Path(rtl.__file__), Path(rtl.blocks.__file__), Path(coverage.__file__)]
-    return tools.digest(netlist, *vectors)[:16]
+    files = (vectors.__code__.co_filename, blocks.__file__, coverage.__file__)
+    return tools.digest(netlist, *map(Path, files))[:16]
 
 
 def of_netlist(name: str) -> dict[str, coverage.Seen]:
@@ -157,6 +163,34 @@ def of_netlist(name: str) -> dict[str, coverage.Seen]:
     if not path.exists():
         tools.write(path, json.dumps(packed(rtl.measure(name))))
     return unpacked(json.loads(path.read_text(encoding="utf-8")))
+
+
+def of_mapped() -> dict[str, list[int]]:
+    """Decisions of the mapped netlists, or those that were made before.
+
+    Returns
+    -------
+    dict[str, list[int]]
+        Core and family -> decisions, and how many of them differ.
+
+    Raises
+    ------
+    ToolError
+        As ``mapped.check``.
+    """
+    found: dict[str, list[int]] = {}
+    for entity in mapped.CORES:
+        for family in mapped.FAMILIES:
+            name = f"{entity}, {family}"
+            with progress.busy(f"the mapped netlist of {name}"):
+                netlist = mapped.mapped(entity, family)
+                key = tools.digest(netlist, Path(mapped.__file__), Path(blocks.__file__))[:16]
+                path = KEPT / f"{entity}-{family}-{key}.json"
+                if not path.exists():
+                    result = mapped.check(entity, family)
+                    tools.write(path, json.dumps([result.checked, mapped.differing(result)]))
+                found[name] = json.loads(path.read_text(encoding="utf-8"))
+    return found
 
 
 def packed(seen: Mapping[str, coverage.Seen]) -> dict[str, Any]:
@@ -276,6 +310,8 @@ def measure(parts: Iterable[str], goals: Goals, netlists: Iterable[str] = ()) ->
         elif part == "python":
             with progress.busy("tests of the library, with branches"):
                 found[part] = {name: list(one) for name, one in python.measure(goals.tests).items()}
+        elif part == "mapped":
+            found[part] = of_mapped()
         else:
             found[part] = shares(of_rtl(list(netlists) or list(rtl.RUNS)))
     return found
@@ -341,6 +377,11 @@ def missed(found: Mapping[str, Any], goals: Goals) -> list[str]:
             for entity in found["rtl"]
             if entity not in goals.rtl
         ]
+    for name, (decisions, differing) in found.get("mapped", {}).items():
+        if differing:
+            lines.append(f"{name}, mapped: {differing} of {decisions} decisions differ")
+        if decisions < goals.mapped:
+            lines.append(f"{name}, mapped: {decisions} decisions, not {goals.mapped}")
     return lines
 
 
@@ -395,6 +436,12 @@ def markdown(found: Mapping[str, Any], goals: Goals) -> str:
     if goals.argued:
         lines += ["", "Why some are lower:", ""]
         lines += [f"- `{entity}`: {why}" for entity, why in goals.argued.items()]
+    lines += ["", "### Mapped netlists", ""]
+    rows = [
+        (f"`{name.partition(', ')[0]}`", name.partition(", ")[2], f"{decisions:,}", str(differing))
+        for name, (decisions, differing) in found["mapped"].items()
+    ]
+    lines.append(tables.markdown(("core", "part", "decisions", "differ"), rows, "llrr"))
     return "\n".join(lines)
 
 

@@ -1,7 +1,8 @@
-"""Vectors through the converted Verilog of cores, with counters in it.
+"""Vectors through the converted Verilog of the cores and of whole boards, with counters in it.
 
-Rows go through `scripts.hdl.netlist_check`, and decisions are compared with the models', so that
-what is counted is what was checked.
+The cores get rows through `scripts.hdl.netlist_check`, and their decisions are compared with the
+models', so that what is counted is what was checked. A board (`board_top`: system, gate guard,
+links) gets frames over both of its links (`boards`).
 """
 
 from __future__ import annotations
@@ -13,16 +14,34 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import INDEX
-from directmpc.mptc import drive_twin
+from directmpc.mptc import bit_true_sequences, drive_twin
+from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
+from directmpc.mptc.bit_true_sequences import MEAN
+from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import conversion, coverage, mpdcc_rows, mptc_drive_loop, netlist_check
+from scripts.hdl.mptc_simulation import FAMILY_METHODS
 from scripts.shared.tools import Generics, ToolError
+from scripts.studies.coverage import boards
 from scripts.studies.torture import blocks
 
 HOLD = (*(f"c_{name}" if place < 33 else name for name, place in INDEX.items()),)
+FAST: Generics = {
+    "EXPLORERS": 2,
+    "FOLDED": False,
+    "SECOND_LEVEL": True,
+    "WEIGHTED_DEADLOCK": True,
+    "INWARDS": True,
+}
 PAPER: Generics = {"EXPLORERS": 2, "FOLDED": True}
 
+#: A sequence of vectors and their times, as ports name it.
+SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
+
+Columns = dict[str, np.ndarray]
 Vectors = Callable[[Path, Path], None]
 
 
@@ -31,8 +50,8 @@ def _compared(
     chosen: Generics,
     netlist: Path,
     folder: Path,
-    inputs: dict[str, np.ndarray],
-    expected: dict[str, np.ndarray],
+    inputs: Columns,
+    expected: Columns,
     held: tuple[str, ...],
 ) -> None:
     """Run rows and compare; what is not as the model says would be no vector."""
@@ -50,14 +69,62 @@ def _compared(
         raise ToolError(f"{top}: {result.mismatches[0]}")
 
 
-def _mpdcc(netlist: Path, folder: Path, rows: mpdcc_rows.Rows) -> None:
+def mpdcc_rows_of(rows: int, seed: int = 1) -> mpdcc_rows.Rows:
+    """States of every kind of the torture, each by every rule, a part of them with two switchings.
+
+    Parameters
+    ----------
+    rows : int
+        Of each of 32 blocks.
+    seed : int
+        Of the states.
+
+    Returns
+    -------
+    mpdcc_rows.Rows
+        32 rows of each, in random order.
+    """
+    rng = np.random.default_rng(seed)
+    parts = []
+    for number in range(32):
+        block = blocks.mpdcc_block(number, seed, rows)
+        register = np.repeat(block.register[None], rows, axis=0)
+        parts.append(mpdcc_rows.Rows(block.measurements, block.s_prev, register))
+    whole = mpdcc_rows.join(parts)
+    two = rng.random(len(whole)) < 0.4
+    whole.registers[:, INDEX["two_switchings"]] = two
+    limits = rng.choice([0, 27, 60, 150, 600, 4095], len(whole))
+    whole.registers[:, INDEX["budget"]] = np.where(two, limits, 0)
+    whole.registers[:, INDEX["compensate"]] = rng.random(len(whole)) < 0.3
+    return whole.pick(rng.permutation(len(whole)))
+
+
+def _decided(rows: mpdcc_rows.Rows) -> np.ndarray:
+    """Decisions of the fast model with the flag of the budget, (n, 8)."""
+    order = np.empty((fast.CANDIDATES, 5), dtype=np.int64)
+    return np.array(
+        [
+            fast.search_words(r, m, s, order)[:8]
+            for r, m, s in zip(rows.registers, rows.measurements, rows.s_prev, strict=True)
+        ]
+    )
+
+
+def _mpdcc(netlist: Path, folder: Path, chosen: Generics, rows: mpdcc_rows.Rows) -> None:
     names = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
-    found = rows.model("paper")
+    if chosen is FAST:
+        found, names = _decided(rows), (*names, "exhausted")
+    else:
+        found = rows.model("paper")
     inputs = {name: rows.measurements[:, i] for i, name in enumerate(f.MEASUREMENTS)}
     inputs |= {f"s_prev_{x}": rows.s_prev[:, i] for i, x in enumerate("abc")}
     inputs |= {name: rows.registers[:, i] for i, name in enumerate(HOLD)}
     expected = {name: found[:, i] for i, name in enumerate(names)}
-    _compared("mpdcc_core", PAPER, netlist, folder, inputs, expected, HOLD)
+    _compared("mpdcc_core", chosen, netlist, folder, inputs, expected, HOLD)
+
+
+def _fast(netlist: Path, folder: Path) -> None:
+    _mpdcc(netlist, folder, FAST, mpdcc_rows_of(40))
 
 
 def _paper(netlist: Path, folder: Path) -> None:
@@ -67,7 +134,7 @@ def _paper(netlist: Path, folder: Path) -> None:
         mpdcc_rows.random_rows(150, rng, "paper"),
         mpdcc_rows.recorded_rows(40, rng, "paper"),
     ]
-    _mpdcc(netlist, folder, mpdcc_rows.join(parts))
+    _mpdcc(netlist, folder, PAPER, mpdcc_rows.join(parts))
 
 
 def _joined_drive(netlist: Path, folder: Path) -> None:
@@ -99,10 +166,81 @@ def _joined_drive(netlist: Path, folder: Path) -> None:
     _compared("mptc_drive", mptc_drive_loop.GENERICS, netlist, folder, inputs, expected, held)
 
 
+def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Columns]:
+    """Decisions of every method of `mptc_family_core`, in random order.
+
+    Parameters
+    ----------
+    blocks_of_each : int
+        Blocks of states of each method; MPTC1 and MPTC2 by both of their duty rules.
+    rows : int
+        States of each block.
+    seed : int
+        Of states and running sequences.
+
+    Returns
+    -------
+    tuple of two dicts
+        Inputs, and what the twins answer to them: port -> values.
+    """
+    rng = np.random.default_rng(seed)
+    seen, answers = [], []
+    for code, method in enumerate(("", *FAMILY_METHODS)):
+        for number in range(blocks_of_each):
+            block = blocks.mptc_block(number, seed, rows)
+            rule = number // 2 % 2
+            try:
+                drive = block.drive if not code else block.drive.with_control(method=method)
+                register = mptc_coefficients.registers(drive).array()
+            except ValueError:  # a weight that this method's words do not hold
+                continue
+            first = rng.choice([0, 1024, TIME_STEPS], rows)
+            second = np.where(rng.random(rows) < 0.5, TIME_STEPS - first, 0)
+            running = np.column_stack([block.u, rng.integers(0, 8, (rows, 2)), first, second])
+            if code:
+                told = [
+                    bit_true_sequences.decide_words(
+                        register, code - 1, (bit_true_sequences.DEADBEAT, MEAN)[rule], m, before
+                    )
+                    for m, before in zip(block.measurements, running, strict=True)
+                ]
+                answers.append(np.array([(*chosen, *flags) for chosen, *flags in told]))
+            else:
+                running[:] = np.column_stack([block.u] * 3 + [np.full(rows, TIME_STEPS), 0 * first])
+                told = blocks.twin_of_mptc(drive, block.measurements, block.u)
+                one = np.repeat(told[:, :1], 3, axis=1)
+                times = np.tile([TIME_STEPS, 0], (rows, 1))
+                answers.append(np.column_stack([one, times, told[:, 1:]]))
+            chosen = np.tile([code, rule], (rows, 1))
+            fixed = np.tile(register, (rows, 1))
+            seen.append(np.column_stack([block.measurements, block.u, fixed, chosen, running]))
+    names = (
+        *mptc_formats.MEASUREMENTS, "u", *(f"c_{name}" for name in COEFFICIENTS), "method_mpfc",
+        "family_method", "duty_rule", *SEQUENCE,
+    )  # fmt: skip
+    order = rng.permutation(sum(map(len, seen)))
+    table, answer = np.concatenate(seen)[order], np.concatenate(answers)[order]
+    outputs = (*(f"next_{name}" for name in SEQUENCE), "saturated", "clamped")
+    return (
+        {name: table[:, i] for i, name in enumerate(names)},
+        {name: answer[:, i] for i, name in enumerate(outputs)},
+    )
+
+
+def _family(netlist: Path, folder: Path) -> None:
+    inputs, expected = family_rows(16, 60, 4)
+    held = tuple(f"c_{name}" for name in COEFFICIENTS)
+    _compared("mptc_family_core", {}, netlist, folder, inputs, expected, held)
+
+
 #: Name -> entity, generics, what drives it.
 RUNS: dict[str, tuple[str, Generics, Vectors]] = {
     "mptc_drive": ("mptc_drive", dict(mptc_drive_loop.GENERICS), _joined_drive),
+    "mptc_family_core": ("mptc_family_core", {}, _family),
     "mpdcc_core, paper": ("mpdcc_core", PAPER, _paper),
+    "mpdcc_core, fast": ("mpdcc_core", FAST, _fast),
+    "board of MPTC": ("board_top", boards.BOARDS["mptc"], boards.mptc),
+    "board of MPDCC": ("board_top", boards.BOARDS["mpdcc"], boards.mpdcc),
 }
 
 

@@ -55,7 +55,7 @@ class Sweep:
                     return fresh, m
 
     async def once(self, clock: int) -> tuple[bool, int]:
-        """A commit that is asked for ``clock`` clocks after a start; whether the decision is new."""
+        """A commit ``clock`` clocks after a start; whether the decision is new, and its clocks."""
         system, board = self.system, self.system.board
         fresh, m = self.differing()
         changed = [name for name in self.names if fresh[name] != self.in_force[name]]

@@ -5,7 +5,7 @@ before a start to four after the decision's end: every one, or one in so many.
 Stimulus: sets of parameters of any content that differ in up to eight words, and measurements for
 which they decide differently; the shadows are written before, the commit is one write.
 Checks: the decision under way is that of the old parameters whenever the commit comes behind its
-start, the next one that of the new ones, always; there is one clock from which on it is the old one.
+start, the next one that of the new ones, always; from one clock on it is the old one.
 Faults: a commit that does not wait for the decision.
 Does not prove: a write of shadows at any clock; test_system does that at random.
 """

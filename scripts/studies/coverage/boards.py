@@ -1,0 +1,282 @@
+"""Boards with counters: frames over both links, registers, decisions, trips, lines that err.
+
+What is counted is what happened; that a board answers as it should is tested elsewhere
+(tb/rtl/boards). A run that hardly makes a decision is an error all the same.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+
+from directmpc.api.drive_file import load_mpdcc_drive, load_mptc_drive
+from directmpc.host import protocol as p
+from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.mpdcc.drive import Drive
+from directmpc.mptc.drive import MptcDrive
+from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.virtual_board import Script, generics
+from scripts.shared.tools import Generics, ToolError
+from scripts.studies.torture import blocks
+
+#: Controller -> build options, everything in it.
+BOARDS: dict[str, Generics] = {
+    "mpdcc": generics("mpdcc"),
+    "mptc": generics("mptc", family=True, sensorless=True),
+}
+
+
+class Lines:
+    """Frames over a simulated board's links; which of them are served does not matter here.
+
+    Parameters
+    ----------
+    script : Script
+        Of the board.
+    controller : str
+        "mpdcc" or "mptc".
+    """
+
+    def __init__(self, script: Script, controller: str) -> None:
+        self.script = script
+        self.registers = registers_of(controller)
+        self.numbers = [p.first_sequence(0), p.first_sequence(1)]
+        self.spi = 0
+        self.position = 0
+        self.decisions = 0
+
+    def choose(self, spi: int) -> None:
+        """Put the switch of the board.
+
+        Parameters
+        ----------
+        spi : int
+            1: steps come over SPI.
+        """
+        self.spi = spi
+        self.script.steps_over_spi(bool(spi))
+        self.script.wait(60)
+
+    def request(self, kind: int, payload: bytes = b"", link: int | None = None) -> p.Frame | None:
+        """Send a request, wait for its reply.
+
+        Parameters
+        ----------
+        kind : int
+            Type byte.
+        payload : bytes
+            Of the request.
+        link : int | None
+            1 for SPI, 0 for UART; the one in control if None.
+
+        Returns
+        -------
+        p.Frame | None
+            The reply, if one came.
+        """
+        link = self.spi if link is None else link
+        self.numbers[link] += 1
+        self.raw(p.Frame(kind, self.numbers[link], payload).wire(), link, 70)
+        self.script.wait(4500 if kind == p.Type.STEP else 200 if link else 2400)
+        if link:
+            self.script.spi(bytes(60))
+        seen = self.script.run()
+        data = b"".join(one.spi if link else one.uart for one in seen)
+        frames = [p.judge(part)[1] for part in p.Splitter().feed(data)]
+        found = [one for one in frames if one is not None and one.sequence == self.numbers[link]]
+        return found[0] if found else None
+
+    def raw(self, data: bytes, link: int, more: int = 0) -> None:
+        """Bytes on a line, whatever they are.
+
+        Parameters
+        ----------
+        data : bytes
+            Of the host.
+        link : int
+            1 for SPI.
+        more : int
+            Zeros behind them, over SPI.
+        """
+        if link:
+            self.script.spi(data + bytes(more))
+        else:
+            self.script.uart(data)
+
+    def write(self, name: str, word: int, link: int | None = None) -> None:
+        """Write a register by name.
+
+        Parameters
+        ----------
+        name : str
+            Of the register.
+        word : int
+            Its word.
+        link : int | None
+            As of `request`.
+        """
+        address = self.registers[name][0]
+        self.request(p.Type.WRITE, struct.pack("<HI", address, word), link)
+
+    def load(self, drive: Drive | MptcDrive, **settings: int) -> None:
+        """Write a drive's registers, commit them, clear the faults, let the gates through.
+
+        Parameters
+        ----------
+        drive : Drive | MptcDrive
+            The drive.
+        **settings : int
+            Registers that get another word; a double underscore stands for the point.
+        """
+        self.write("system.control", 0)
+        for _, address, word in values(drive, GuardSettings(clock=25_000_000)).writes():
+            self.request(p.Type.WRITE, struct.pack("<HI", address, word))
+        for name in ("guard.decision_limit", "guard.watchdog"):
+            self.write(name, 0xFFFF)
+        for name, word in settings.items():
+            self.write(name.replace("__", "."), word)
+        self.write("system.command", 1)
+        self.write("system.faults", 0x1FF)
+        self.write("system.control", 1)
+
+    def step(self, measured: list[int]) -> None:
+        """Ask for a decision, and take its position for the next one.
+
+        Parameters
+        ----------
+        measured : list[int]
+            Words of the measurements.
+        """
+        reply = self.request(p.Type.STEP, p.step_payload(measured, self.position))
+        if reply is not None and reply.kind == p.Type.STEP | p.REPLY:
+            self.position = p.Decision.unpack(reply.payload).position & 0x1FF
+            self.decisions += 1
+
+    def hostile(self, rng: random.Random, count: int) -> None:
+        """Frames that are broken, cut off, too long, unknown or old, on both lines.
+
+        Parameters
+        ----------
+        rng : random.Random
+            Makes them.
+        count : int
+            How many.
+        """
+        for _ in range(count):
+            link = rng.randrange(2)
+            kind = rng.choice([*p.Type, rng.randrange(256)])
+            frame = p.Frame(kind, rng.randrange(2**32), rng.randbytes(rng.randrange(33)))
+            wire = bytearray(frame.wire())
+            turn = rng.random()
+            if turn < 0.3:
+                wire[rng.randrange(1, len(wire) - 1)] ^= 1 << rng.randrange(8)
+            elif turn < 0.5:
+                del wire[rng.randrange(1, len(wire)) :]
+            elif turn < 0.6:
+                wire[3:3] = bytes(rng.randrange(1, 256) for _ in range(rng.randrange(60)))
+            self.raw(bytes(wire), link, rng.randrange(60))
+            self.script.wait(rng.randrange(600))
+        self.script.wait(30_000)
+        self.script.run()
+
+
+def _measured(controller: str, number: int, rows: int) -> list[list[int]]:
+    """Words of states about the references, as a step has them."""
+    if controller == "mpdcc":
+        found = blocks.mpdcc_block(8 * number, 7, rows).measurements
+    else:
+        found = blocks.mptc_block(8 * number, 7, rows).measurements
+    return [[int(word) for word in row] for row in found]
+
+
+def _run(
+    controller: str,
+    drives: list[tuple[Drive | MptcDrive, dict[str, int]]],
+    netlist: Path,
+    folder: Path,
+) -> None:
+    """Ask a board for all it can do: with each drive, over each of its links."""
+    rng = random.Random(5)
+    with Script(BOARDS[controller], verilog=netlist, folder=folder) as script:
+        lines = Lines(script, controller)
+        for kind in p.Type:
+            lines.request(kind)
+        for number, (drive, settings) in enumerate(drives):
+            link = number % 2
+            lines.choose(link)
+            lines.load(drive, **settings)
+            for measured in _measured(controller, number, 30):
+                lines.step(measured)
+            some = list(lines.registers.items())[:: 1 if number == 0 else 7]
+            for name, (address, *_) in some:
+                lines.request(p.Type.READ, struct.pack("<H", address), link)
+                if rng.random() < 0.5:
+                    lines.write(name, rng.randrange(2**32), rng.randrange(2))
+            for first in range(0, 16, 8):
+                lines.request(p.Type.COUNTERS, bytes([first]))
+            lines.hostile(rng, 25)
+            script.permit(False)
+            script.wait(200)
+            script.permit(True)
+            script.wait(3000)
+            # a measurement beyond any limit, a start from registers, a commit while it runs
+            lines.load(drive, **settings)
+            words = _measured(controller, number, 1)[0]
+            lines.step([32767] * len(words))
+            lines.write("system.command", 3)
+            lines.write("system.command", 1)
+            lines.write("system.control", 0)
+            script.wait(70_000)
+            script.run()
+    if lines.decisions < 20 * len(drives):
+        raise ToolError(f"board of {controller}: {lines.decisions} decisions were made")
+
+
+def mpdcc(netlist: Path, folder: Path) -> None:
+    """Drive the board of MPDCC: filters, estimates, both rules, two switchings.
+
+    Parameters
+    ----------
+    netlist : Path
+        With counters.
+    folder : Path
+        Where the simulation runs.
+
+    Raises
+    ------
+    ToolError
+        If hardly any decision is made.
+    """
+    drive = load_mpdcc_drive("anpc5l_6kv")
+    drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
+        (drive, {}),
+        (drive.with_control(capacitor_filter=4, outside_rule="inwards"), {}),
+        (drive.with_control(switching_horizon="SESE", budget=150, delay_compensation=True), {}),
+        (drive.with_control(deadlock_rule="weighted", bound_current=0.05), {}),
+    ]
+    _run("mpdcc", drives, netlist, folder)
+
+
+def mptc(netlist: Path, folder: Path) -> None:
+    """Drive the board of MPTC: every method, with and without a speed sensor.
+
+    Parameters
+    ----------
+    netlist : Path
+        With counters.
+    folder : Path
+        Where the simulation runs.
+
+    Raises
+    ------
+    ToolError
+        If hardly any decision is made.
+    """
+    drive = load_mptc_drive("motulator_2kw2")
+    methods = ("MPTC", "MPFC", *FAMILY_METHODS)
+    drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
+        (drive.with_control(method=method), {"parameters__sensorless": place % 2})
+        for place, method in enumerate(methods)
+    ]
+    _run("mptc", drives, netlist, folder)
