@@ -136,7 +136,7 @@ mutate: $(READY) ## small changes of the VHDL that no test notices; ARGS=gate_le
 torture: $(READY) ## millions of decisions against slow second writings; goes on where it was stopped
 	@'$(PY)' -m scripts torture --jobs '$(JOBS)' $(ARGS)
 
-coverage: $(READY) ## what the vectors reach of the VHDL, both algorithms and the library; below its goal is an error
+coverage: $(READY) ## what vectors reach of VHDL, algorithms and library; mapped netlists; ARGS=mapped for one part
 	@'$(PY)' -m scripts coverage $(ARGS)
 
 fuzz: $(READY) ## bytes that nobody meant for the parsers: drive files, traces, frames; ARGS='--minutes 60'
