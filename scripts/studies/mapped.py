@@ -134,8 +134,8 @@ class Vectors:
 
 
 def _mpdcc() -> Vectors:
-    parts = [blocks.mpdcc_block(number, 21, 60) for number in range(16)]
-    register = np.concatenate([np.repeat(p.register[None], 60, axis=0) for p in parts])
+    parts = [blocks.mpdcc_block(number, 21, 30) for number in range(16)]
+    register = np.concatenate([np.repeat(p.register[None], 30, axis=0) for p in parts])
     for name in ("deadlock_rule", "outside_inwards"):  # not in the smallest core
         register[:, INDEX[name]] = 0
     measured = np.concatenate([p.measurements for p in parts])
@@ -157,9 +157,9 @@ def _mpdcc() -> Vectors:
 
 
 def _mptc() -> Vectors:
-    parts = [blocks.mptc_block(number, 22, 120) for number in range(16)]
+    parts = [blocks.mptc_block(number, 22, 40) for number in range(16)]
     register = np.concatenate(
-        [np.repeat(registers(p.drive).array()[None], 120, axis=0) for p in parts]
+        [np.repeat(registers(p.drive).array()[None], 40, axis=0) for p in parts]
     )
     measured = np.concatenate([p.measurements for p in parts])
     u = np.concatenate([p.u for p in parts])

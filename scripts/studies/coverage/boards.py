@@ -26,6 +26,9 @@ BOARDS: dict[str, Generics] = {
     "mptc": generics("mptc", family=True, sensorless=True),
 }
 
+#: Steps with each drive.
+STEPS = 12
+
 
 class Lines:
     """Frames over a simulated board's links; which of them are served does not matter here.
@@ -78,7 +81,7 @@ class Lines:
         link = self.spi if link is None else link
         self.numbers[link] += 1
         self.raw(p.Frame(kind, self.numbers[link], payload).wire(), link, 70)
-        self.script.wait(4500 if kind == p.Type.STEP else 200 if link else 2400)
+        self.script.wait(200 if link else 3200 if kind == p.Type.STEP else 1800)
         if link:
             self.script.spi(bytes(60))
         seen = self.script.run()
@@ -177,7 +180,7 @@ class Lines:
                 wire[3:3] = bytes(rng.randrange(1, 256) for _ in range(rng.randrange(60)))
             self.raw(bytes(wire), link, rng.randrange(60))
             self.script.wait(rng.randrange(600))
-        self.script.wait(30_000)
+        self.script.wait(3000)
         self.script.run()
 
 
@@ -206,30 +209,27 @@ def _run(
             link = number % 2
             lines.choose(link)
             lines.load(drive, **settings)
-            for measured in _measured(controller, number, 30):
+            for measured in _measured(controller, number, STEPS):
                 lines.step(measured)
-            some = list(lines.registers.items())[:: 1 if number == 0 else 7]
-            for name, (address, *_) in some:
-                lines.request(p.Type.READ, struct.pack("<H", address), link)
-                if rng.random() < 0.5:
-                    lines.write(name, rng.randrange(2**32), rng.randrange(2))
-            for first in range(0, 16, 8):
-                lines.request(p.Type.COUNTERS, bytes([first]))
-            lines.hostile(rng, 25)
-            script.permit(False)
-            script.wait(200)
-            script.permit(True)
-            script.wait(3000)
             # a measurement beyond any limit, a start from registers, a commit while it runs
-            lines.load(drive, **settings)
-            words = _measured(controller, number, 1)[0]
-            lines.step([32767] * len(words))
+            lines.step([32767] * len(measured))
             lines.write("system.command", 3)
             lines.write("system.command", 1)
             lines.write("system.control", 0)
-            script.wait(70_000)
-            script.run()
-    if lines.decisions < 20 * len(drives):
+            lines.hostile(rng, 12)
+        for place, (name, (address, *_)) in enumerate(lines.registers.items()):
+            lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
+            if place % 2:
+                lines.write(name, rng.randrange(2**32), rng.randrange(2))
+        for first in range(0, 16, 8):
+            lines.request(p.Type.COUNTERS, bytes([first]))
+        script.permit(False)
+        script.wait(200)
+        script.permit(True)
+        # longer than the watchdog waits
+        script.wait(70_000)
+        script.run()
+    if lines.decisions < STEPS * len(drives) // 2:
         raise ToolError(f"board of {controller}: {lines.decisions} decisions were made")
 
 

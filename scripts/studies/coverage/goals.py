@@ -1,7 +1,7 @@
 """What has to be reached, what was, and where it is less.
 
-The goals stand in ``goals.toml``. A netlist's result is kept below build/coverage under a digest of
-the netlist and of the vectors, so that a run that was stopped goes on there.
+The goals stand in ``goals.toml``. What was measured is kept below build/coverage under a digest of
+what it was measured from, so that a run that was stopped goes on there.
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,9 @@ from scripts.studies.torture import blocks
 GOALS = Path(__file__).with_name("goals.toml")
 RESULTS = BUILD / "coverage.json"
 PAGE = ROOT / "docs" / "coverage.md"
-MARKS = ("<!-- coverage: begin (written by make coverage) -->", "<!-- coverage: end -->")
 PARTS = ("functional", "python", "rtl", "mapped")
 KEPT = BUILD / "coverage"
+BLOCKS = Path(blocks.__file__).parent
 SEED = 3
 
 
@@ -134,11 +135,16 @@ def of_functions(blocks: int = 64, rows: int = 512) -> dict[str, Counter[str]]:
     }
 
 
-def _key(name: str) -> str:
-    top, chosen, vectors = rtl.RUNS[name]
-    netlist = conversion.cached(top, chosen)
-    files = (vectors.__code__.co_filename, blocks.__file__, coverage.__file__)
-    return tools.digest(netlist, *map(Path, files))[:16]
+def _kept(name: str, files: Iterable[Path | str], measured: Callable[[], Any]) -> Any:
+    """What was measured from files as they are; measured now if nothing was."""
+    path = KEPT / f"{name.replace(', ', '-').replace(' ', '_')}-{tools.digest(*files)[:16]}.json"
+    if not path.exists():
+        tools.write(path, json.dumps(measured()))
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _library() -> list[Path]:
+    return sorted([*python.LIBRARY.rglob("*.py"), *python.LIBRARY.rglob("*.toml")])
 
 
 def of_netlist(name: str) -> dict[str, coverage.Seen]:
@@ -159,10 +165,11 @@ def of_netlist(name: str) -> dict[str, coverage.Seen]:
     ToolError
         As ``rtl.measure``.
     """
-    path = KEPT / f"{name.replace(', ', '-').replace(' ', '_')}-{_key(name)}.json"
-    if not path.exists():
-        tools.write(path, json.dumps(packed(rtl.measure(name))))
-    return unpacked(json.loads(path.read_text(encoding="utf-8")))
+    top, chosen, vectors = rtl.RUNS[name]
+    files = (vectors.__code__.co_filename, blocks.__file__, coverage.__file__)
+    netlist = conversion.cached(top, chosen)
+    found = _kept(name, (netlist, *map(Path, files)), lambda: packed(rtl.measure(name)))
+    return unpacked(found)
 
 
 def of_mapped() -> dict[str, list[int]]:
@@ -184,13 +191,15 @@ def of_mapped() -> dict[str, list[int]]:
             name = f"{entity}, {family}"
             with progress.busy(f"the mapped netlist of {name}"):
                 netlist = mapped.mapped(entity, family)
-                key = tools.digest(netlist, Path(mapped.__file__), Path(blocks.__file__))[:16]
-                path = KEPT / f"{entity}-{family}-{key}.json"
-                if not path.exists():
-                    result = mapped.check(entity, family)
-                    tools.write(path, json.dumps([result.checked, mapped.differing(result)]))
-                found[name] = json.loads(path.read_text(encoding="utf-8"))
+                files = (netlist, Path(mapped.__file__), Path(blocks.__file__))
+                found[name] = _kept(name, files, partial(_decisions, entity, family))
     return found
+
+
+def _decisions(entity: str, family: str) -> list[int]:
+    """Decisions of a mapped netlist, and how many of them differ."""
+    result = mapped.check(entity, family)
+    return [result.checked, mapped.differing(result)]
 
 
 def packed(seen: Mapping[str, coverage.Seen]) -> dict[str, Any]:
@@ -306,10 +315,13 @@ def measure(parts: Iterable[str], goals: Goals, netlists: Iterable[str] = ()) ->
     for part in parts:
         if part == "functional":
             with progress.busy("decisions of both algorithms"):
-                found[part] = {name: dict(one) for name, one in of_functions().items()}
+                written = [*_library(), Path(functional.__file__), *BLOCKS.glob("*.py")]
+                found[part] = _kept(part, written, of_functions)
         elif part == "python":
             with progress.busy("tests of the library, with branches"):
-                found[part] = {name: list(one) for name, one in python.measure(goals.tests).items()}
+                tests = [ROOT / test.partition("::")[0] for test in goals.tests]
+                written = [*_library(), *tests, *goals.tests]
+                found[part] = _kept(part, written, lambda: python.measure(goals.tests))
         elif part == "mapped":
             found[part] = of_mapped()
         else:
@@ -390,13 +402,64 @@ def _share(pair: Iterable[int]) -> str:
     return f"{some} of {of}" if of else "none"
 
 
-def markdown(found: Mapping[str, Any], goals: Goals) -> str:
-    """The tables of the page.
+def _of_functions(found: Mapping[str, Any], goals: Goals) -> list[str]:
+    rows = [
+        (group.replace("_", " "), name, f"{found[group].get(name, 0):,}")
+        for group, wanted in goals.functional.items()
+        for name in wanted
+    ]
+    head = f"Each of these has to happen {goals.least} times at least."
+    return [head, "", tables.markdown(("group", "what", "decisions"), rows, "llr")]
+
+
+def _of_library(found: Mapping[str, Any], goals: Goals) -> list[str]:
+    head = "Branches that these tests take: " + ", ".join(f"`{test}`" for test in goals.tests)
+    rows = [
+        (f"`{part}`", _share(pair), f"{percent(pair):.1f} %", f"{goals.python.get(part, 0):g} %")
+        for part, pair in found.items()
+    ]
+    return [f"{head}.", "", tables.markdown(("part", "branches", "share", "goal"), rows, "lrrr")]
+
+
+def _of_entities(found: Mapping[str, Any], goals: Goals) -> list[str]:
+    rows = [
+        (
+            f"`{entity}`", _share(one["lines"]), _share(one["conditions"]), _share(one["bits"]),
+            f"{percent(one['bits']):.1f} %",
+            " / ".join(f"{least:g} %" for least in goals.rtl.get(entity, ())),
+        )
+        for entity, one in found.items()
+    ]  # fmt: skip
+    head = ("entity", "lines", "conditions", "bits", "share of bits", "goal, conditions / bits")
+    lines = [tables.markdown(head, rows, "lrrrrr")]
+    if goals.argued:
+        lines += ["", "Why some are lower:", ""]
+        lines += [f"- `{entity}`: {why}" for entity, why in goals.argued.items()]
+    return lines
+
+
+def _of_cells(found: Mapping[str, Any], _: Goals) -> list[str]:
+    rows = [
+        (f"`{name.partition(', ')[0]}`", name.partition(", ")[2], f"{decisions:,}", str(differing))
+        for name, (decisions, differing) in found.items()
+    ]
+    return [tables.markdown(("core", "family", "decisions", "differ"), rows, "llrr")]
+
+
+_TABLES = {
+    "functional": _of_functions, "python": _of_library, "rtl": _of_entities, "mapped": _of_cells,
+}  # fmt: skip
+
+
+def markdown(part: str, found: Mapping[str, Any], goals: Goals) -> str:
+    """The tables of a part.
 
     Parameters
     ----------
+    part : str
+        Of ``PARTS``.
     found : Mapping[str, Any]
-        As of `measure`, all parts.
+        As of `measure`, with this part.
     goals : Goals
         What had to be reached.
 
@@ -405,53 +468,17 @@ def markdown(found: Mapping[str, Any], goals: Goals) -> str:
     str
         Markdown.
     """
-    lines = [f"Measured at commit `{found['commit'][:12]}`."]
-    if "functional" in found:
-        lines += ["", "### Algorithms", ""]
-        lines.append(f"Each of these has to happen {goals.least} times at least.")
-        rows = [
-            (group.replace("_", " "), name, f"{found['functional'][group].get(name, 0):,}")
-            for group, wanted in goals.functional.items()
-            for name in wanted
-        ]
-        lines += ["", tables.markdown(("group", "what", "decisions"), rows, "llr")]
-    lines += ["", "### Library", "", "Branches that these tests take: "]
-    lines[-1] += ", ".join(f"`{test}`" for test in goals.tests) + "."
-    rows = [
-        (f"`{part}`", _share(pair), f"{percent(pair):.1f} %", f"{goals.python.get(part, 0):g} %")
-        for part, pair in found["python"].items()
-    ]
-    lines += ["", tables.markdown(("part", "branches", "share", "goal"), rows, "lrrr")]
-    lines += ["", "### VHDL", ""]
-    rows = [
-        (
-            f"`{entity}`", _share(one["lines"]), _share(one["conditions"]), _share(one["bits"]),
-            f"{percent(one['bits']):.1f} %",
-            " / ".join(f"{least:g} %" for least in goals.rtl.get(entity, ())),
-        )
-        for entity, one in found["rtl"].items()
-    ]  # fmt: skip
-    head = ("entity", "lines", "conditions", "bits", "share of bits", "goal, conditions / bits")
-    lines.append(tables.markdown(head, rows, "lrrrrr"))
-    if goals.argued:
-        lines += ["", "Why some are lower:", ""]
-        lines += [f"- `{entity}`: {why}" for entity, why in goals.argued.items()]
-    lines += ["", "### Mapped netlists", ""]
-    rows = [
-        (f"`{name.partition(', ')[0]}`", name.partition(", ")[2], f"{decisions:,}", str(differing))
-        for name, (decisions, differing) in found["mapped"].items()
-    ]
-    lines.append(tables.markdown(("core", "part", "decisions", "differ"), rows, "llrr"))
-    return "\n".join(lines)
+    head = f"Measured at commit `{found['commit'][:12]}`."
+    return "\n".join([head, "", *_TABLES[part](found[part], goals)])
 
 
 def publish(found: Mapping[str, Any], goals: Goals, page: Path = PAGE) -> None:
-    """Write the tables into the page.
+    """Write the tables of the parts that were measured into the page.
 
     Parameters
     ----------
     found : Mapping[str, Any]
-        As of `measure`, all parts.
+        As of `measure`.
     goals : Goals
         What had to be reached.
     page : Path
@@ -462,4 +489,24 @@ def publish(found: Mapping[str, Any], goals: Goals, page: Path = PAGE) -> None:
     MarkerError
         If it has no place for them.
     """
-    tables.rewrite(page, {MARKS: markdown(found, goals)})
+    texts = {marks(part): markdown(part, found, goals) for part in PARTS if part in found}
+    tables.rewrite(page, texts)
+
+
+def marks(part: str) -> tuple[str, str]:
+    """What stands before and behind the tables of a part.
+
+    Parameters
+    ----------
+    part : str
+        Of ``PARTS``.
+
+    Returns
+    -------
+    tuple of two str
+        Comments of the page.
+    """
+    return (
+        f"<!-- coverage, {part}: begin (written by make coverage) -->",
+        f"<!-- coverage, {part}: end -->",
+    )
