@@ -7,8 +7,8 @@ seen by rising edges,
 * of each condition, and of each arm of a case, whether it was true and whether it was false: a
   statement of the VHDL takes effect in a clock where the conditions around it hold, so this is its
   line and branch coverage;
-* of each bit of the signals that have a name in the VHDL, ports included, whether it has risen and
-  whether it has fallen.
+* of each bit of the signals that have a name in the VHDL, ports included and tables left out,
+  whether it has risen and whether it has fallen.
 
 They are words of 64 bits, which Verilator takes at a time. Its own counters would be one for each
 of 200,000 bits of a core, and take gigabytes to compile.
@@ -36,6 +36,7 @@ _CASE = re.compile(r"^ *case \((.+)\)$")
 _ARM = re.compile(r"^ *(\d+'b[01x]+): ")
 _PORT = re.compile(r"^\s*\(?(?:input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
 _SIGNAL = re.compile(r"^  (?:wire|reg) (?:\[(\d+):0\] )?(\w+);$", re.M)
+_CONSTANT = re.compile(r"^  (?:assign|always @\*\s+) *(\w+) = \d+'[bdh][0-9a-fx]+;", re.M)
 _UNNAMED = re.compile(r"n\d+_\w+$|n\d+$|wrap_")
 _PREFIX = "covered_"
 #: Bits of a counting register: Verilator makes one word of it.
@@ -67,11 +68,15 @@ class Condition:
 
 @dataclass
 class _Module:
-    """What is counted in a module: conditions and signals, lowest bit of the registers first."""
+    """What is counted in a module: conditions and signals, lowest bit of the registers first.
+
+    Signals that are constant, as tables are, have counters that nobody asks.
+    """
 
     entity: str
     conditions: list[Condition] = field(default_factory=list)
     signals: list[tuple[str, int]] = field(default_factory=list)
+    constant: frozenset[str] = frozenset()
 
 
 @dataclass
@@ -289,7 +294,8 @@ def instrument(
             if not _UNNAMED.match(signal) and signal not in ports
         ]
         conditions, terms = _conditions(inside)
-        modules[name] = _Module(entity_of(name, names), conditions, signals)
+        constant = frozenset(_CONSTANT.findall(inside))
+        modules[name] = _Module(entity_of(name, names), conditions, signals, constant)
         counters = _counters(name, terms, signals, "rst" in ports)
         return f"module {name}\n{body}{counters}endmodule"
 
@@ -326,7 +332,7 @@ def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
             if isinstance(one, Condition):
                 # the turns of a loop and the targets of an `if` stand at one place
                 seen.conditions[one] = seen.conditions.get(one, 0) | ways
-            else:
+            elif one[0] not in module.constant:
                 seen.bits[one] = ways
         found.setdefault(module.entity, Seen()).join(seen)
     return found

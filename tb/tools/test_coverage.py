@@ -28,9 +28,11 @@ module countdown_12
    input  load,
    output [1:0] left);
   wire [1:0] held;
+  wire [3:0] steps;
   wire n5_o;
   reg [1:0] n6_q;
   assign left = held;
+  assign steps = 4'b1010;
   /* countdown.vhd:33:10 */
   assign held = n6_q; // (signal)
   /* countdown.vhd:45:7 */
@@ -61,12 +63,13 @@ def test_conditions_arms_and_bits_are_counted() -> None:
         "countdown.vhd:50 arm 2'b01",
         "countdown.vhd:50 arm 2'b10",
     ]
-    assert module.signals == [("load", 1), ("left", 2), ("held", 2)]
+    assert module.signals == [("load", 1), ("left", 2), ("held", 2), ("steps", 4)]
+    assert module.constant == {"steps"}
     assert "{(held == 2'b10), (held == 2'b01), n5_o}" in text
-    assert "{held, left, load}" in text
+    assert "{steps, held, left, load}" in text
     assert text.count("endmodule") == 2
     # low, then high; two instances are joined
-    told = ("c 0 3 3 1", "s 0 5 05 07", "c 0 3 0 2", "s 0 5 02 00")
+    told = ("c 0 3 3 1", "s 0 9 005 007", "c 0 3 0 2", "s 0 9 002 000")
     lines = "".join(f"countdown_12 {one}\n" for one in told)
     seen = coverage.collect(lines, modules)["countdown"]
     assert list(seen.conditions.values()) == [3, 3, 0]

@@ -28,6 +28,8 @@ BOARDS: dict[str, Generics] = {
 
 #: Steps with each drive.
 STEPS = 12
+#: Bits of system.control.
+OBSERVER, OWN_POSITIONS = 4, 8
 
 
 class Lines:
@@ -122,13 +124,15 @@ class Lines:
         address = self.registers[name][0]
         self.request(p.Type.WRITE, struct.pack("<HI", address, word), link)
 
-    def load(self, drive: Drive | MptcDrive, **settings: int) -> None:
+    def load(self, drive: Drive | MptcDrive, control: int = 0, **settings: int) -> None:
         """Write a drive's registers, commit them, clear the faults, let the gates through.
 
         Parameters
         ----------
         drive : Drive | MptcDrive
             The drive.
+        control : int
+            Bits of the register system.control beside the lowest, which lets the gates through.
         **settings : int
             Registers that get another word; a double underscore stands for the point.
         """
@@ -141,7 +145,7 @@ class Lines:
             self.write(name.replace("__", "."), word)
         self.write("system.command", 1)
         self.write("system.faults", 0x1FF)
-        self.write("system.control", 1)
+        self.write("system.control", 1 | control)
 
     def step(self, measured: list[int]) -> None:
         """Ask for a decision, and take its position for the next one.
@@ -217,10 +221,16 @@ def _run(
             lines.write("system.command", 1)
             lines.write("system.control", 0)
             lines.hostile(rng, 12)
-        for place, (name, (address, *_)) in enumerate(lines.registers.items()):
-            lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
-            if place % 2:
-                lines.write(name, rng.randrange(2**32), rng.randrange(2))
+        registers = lines.registers.items()
+        words = {name: rng.randrange(2**32) for name, _ in registers}
+        for turned in (0, 2**32 - 1):
+            for place, (name, (address, *_)) in enumerate(registers):
+                # with the gates off: else the guard's settings are locked
+                word = 0 if name == "system.control" else words[name] ^ turned
+                lines.write(name, word, place % 2)
+                if not turned:
+                    lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
+            lines.write("system.command", 1)
         for first in range(0, 16, 8):
             lines.request(p.Type.COUNTERS, bytes([first]))
         script.permit(False)
@@ -251,9 +261,12 @@ def mpdcc(netlist: Path, folder: Path) -> None:
     drive = load_mpdcc_drive("anpc5l_6kv")
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
         (drive, {}),
-        (drive.with_control(capacitor_filter=4, outside_rule="inwards"), {}),
-        (drive.with_control(switching_horizon="SESE", budget=150, delay_compensation=True), {}),
-        (drive.with_control(deadlock_rule="weighted", bound_current=0.05), {}),
+        (drive.with_control(capacitor_filter=4, outside_rule="inwards"), {"control": OBSERVER}),
+        (
+            drive.with_control(switching_horizon="SESE", budget=150, delay_compensation=True),
+            {"control": OWN_POSITIONS},
+        ),
+        (drive.with_control(leakage_estimate=True), {"control": OBSERVER + OWN_POSITIONS}),
     ]
     _run("mpdcc", drives, netlist, folder)
 
@@ -276,7 +289,10 @@ def mptc(netlist: Path, folder: Path) -> None:
     drive = load_mptc_drive("motulator_2kw2")
     methods = ("MPTC", "MPFC", *FAMILY_METHODS)
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
-        (drive.with_control(method=method), {"parameters__sensorless": place % 2})
+        (
+            drive.with_control(method=method),
+            {"parameters__sensorless": place % 2, "control": place // 2 % 2 * OBSERVER},
+        )
         for place, method in enumerate(methods)
     ]
     _run("mptc", drives, netlist, folder)

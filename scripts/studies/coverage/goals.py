@@ -413,7 +413,11 @@ def _of_functions(found: Mapping[str, Any], goals: Goals) -> list[str]:
 
 
 def _of_library(found: Mapping[str, Any], goals: Goals) -> list[str]:
-    head = "Branches that these tests take: " + ", ".join(f"`{test}`" for test in goals.tests)
+    files = Counter(test.partition("::")[0] for test in goals.tests)
+    some = {file: f"{count} of " for file, count in files.items() if file not in goals.tests}
+    head = "Branches that these tests take: " + ", ".join(
+        f"{some.get(file, '')}`{file}`" for file in files
+    )
     rows = [
         (f"`{part}`", _share(pair), f"{percent(pair):.1f} %", f"{goals.python.get(part, 0):g} %")
         for part, pair in found.items()
