@@ -223,12 +223,12 @@ def _run(
             lines.hostile(rng, 12)
         registers = lines.registers.items()
         words = {name: rng.randrange(2**32) for name, _ in registers}
-        for turned in (0, 2**32 - 1):
+        # every bit there, back and there again, with the gates off: else settings are locked
+        for turn, turned in enumerate((0, 2**32 - 1, 0)):
             for place, (name, (address, *_)) in enumerate(registers):
-                # with the gates off: else the guard's settings are locked
                 word = 0 if name == "system.control" else words[name] ^ turned
                 lines.write(name, word, place % 2)
-                if not turned:
+                if not turn:
                     lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
             lines.write("system.command", 1)
         for first in range(0, 16, 8):
