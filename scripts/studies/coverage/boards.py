@@ -227,7 +227,8 @@ def _run(
         for turn, turned in enumerate((0, 2**32 - 1, 0)):
             for place, (name, (address, *_)) in enumerate(registers):
                 word = 0 if name == "system.control" else words[name] ^ turned
-                lines.write(name, word, place % 2)
+                # the other link may only read
+                lines.write(name, word, 1 - lines.spi if (place + turn) % 8 == 0 else lines.spi)
                 if not turn:
                     lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
             lines.write("system.command", 1)
