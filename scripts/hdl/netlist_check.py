@@ -261,7 +261,7 @@ def build(
     std : str | None
         Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
     level : int
-        Of the C++ compiler's optimisation: 2 makes it fast, 1 compiles in half the time.
+        Of the C++ compiler's optimisation: 2 makes it fast, 0 is compiled soonest.
 
     Returns
     -------

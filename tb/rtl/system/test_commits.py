@@ -34,7 +34,7 @@ def bench(controller: str, stride: int, rtl: Path = RTL) -> Outcome:
     )
 
 
-@pytest.mark.parametrize("stride", [1, 7])
+@pytest.mark.parametrize("stride", [1, 11])
 @pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
 def test_a_commit_waits_for_the_decision(controller: str, stride: int) -> None:
     found = bench(controller, stride)
