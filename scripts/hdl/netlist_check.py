@@ -31,6 +31,13 @@ from scripts.hdl import conversion as netlist
 from scripts.shared import tools
 from scripts.shared.tools import Generics, ToolError
 
+#: Verilator's, and how its C++ is compiled: compiling takes most of the time, so it is quick.
+OPTIONS = (
+    *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
+    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
+    *("-Wno-fatal", "-Wno-lint", "-Wno-style"),
+    *("-CFLAGS", "-std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O1 OPT_SLOW=-O0 OPT_GLOBAL=-O0"),
+)
 CONTROL = ("clk", "rst", "start", "valid")
 _PORT = re.compile(r"^\s*\(?(input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
 
@@ -237,6 +244,34 @@ int main(int argc, char **argv) {{
 """
 
 
+def key(top: str, verilog: Path, ports: Ports) -> str:
+    """Sixteen digits that change with all that decides what a netlist's simulation does.
+
+    Parameters
+    ----------
+    top : str
+        The module.
+    verilog : Path
+        Converted netlist.
+    ports : Ports
+        Its data ports, and those that are held.
+
+    Returns
+    -------
+    str
+        Of the netlist without comments, the harness and Verilator, hexadecimal.
+
+    Raises
+    ------
+    ToolError
+        If Verilator is missing.
+    OSError
+        If the netlist cannot be read.
+    """
+    text = netlist.meaning(verilog.read_text(encoding="utf-8"))
+    return tools.digest(text, _harness(top, ports), tools.version("verilator"), *OPTIONS)[:16]
+
+
 def build(
     top: str,
     generics: Generics | None = None,
@@ -275,10 +310,8 @@ def build(
     source = verilog or netlist.cached(top, generics, std=std)
     ports = ports or ports_of(source, top)
     harness = _harness(top, ports)
-    text = netlist.meaning(source.read_text(encoding="utf-8"))
-    key = tools.digest(text, harness, tools.version("verilator"))[:16]
     stem = tools.configuration_name(top, generics or {})
-    program = tools.BUILD / "verilated" / f"{stem}-{key}" / "core"
+    program = tools.BUILD / "verilated" / f"{stem}-{key(top, source, ports)}" / "core"
     if not program.exists():
         # Built elsewhere and moved: Verilator's makefiles work in no path with a blank in it.
         with tempfile.TemporaryDirectory(prefix="verilated-") as name:
@@ -288,11 +321,7 @@ def build(
             tools.run(
                 [
                     *tools.tool("verilator"),
-                    *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
-                    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
-                    *("--top-module", top.lower(), "-Wno-fatal", "-Wno-lint", "-Wno-style"),
-                    *("-CFLAGS", "-O2 -std=c++17"),
-                    *("-MAKEFLAGS", "-s OPT_FAST=-O2 OPT_SLOW=-O1"),
+                    *(*OPTIONS, "--top-module", top.lower()),
                     *("-o", "core", "core.v", "harness.cpp"),
                 ],
                 cwd=folder,
