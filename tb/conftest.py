@@ -42,6 +42,14 @@ def _function_of(item: pytest.Item) -> str:
     return item.nodeid.partition("[")[0]
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """An option for those who change a netlist."""
+    parser.addoption(
+        "--note-decided", action="store_true",
+        help="simulate every netlist and note those that decide rightly, see helpers/decided.py",
+    )  # fmt: skip
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Heed SIGINT, and let Yosys get ready once, before several processes test.
 

@@ -31,6 +31,13 @@ from scripts.hdl import conversion as netlist
 from scripts.shared import tools
 from scripts.shared.tools import Generics, ToolError
 
+#: Verilator's, and how its C++ is compiled: compiling takes most of the time, so it is quick.
+OPTIONS = (
+    *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
+    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
+    *("-Wno-fatal", "-Wno-lint", "-Wno-style"),
+    *("-CFLAGS", "-std=c++17", "-MAKEFLAGS", "-s OPT_FAST=-O1 OPT_SLOW=-O0 OPT_GLOBAL=-O0"),
+)
 CONTROL = ("clk", "rst", "start", "valid")
 _PORT = re.compile(r"^\s*\(?(input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
 
@@ -237,6 +244,34 @@ int main(int argc, char **argv) {{
 """
 
 
+def key(top: str, verilog: Path, ports: Ports) -> str:
+    """Sixteen digits that change with all that decides what a netlist's simulation does.
+
+    Parameters
+    ----------
+    top : str
+        The module.
+    verilog : Path
+        Converted netlist.
+    ports : Ports
+        Its data ports, and those that are held.
+
+    Returns
+    -------
+    str
+        Of the netlist without comments, the harness and Verilator, hexadecimal.
+
+    Raises
+    ------
+    ToolError
+        If Verilator is missing.
+    OSError
+        If the netlist cannot be read.
+    """
+    text = netlist.meaning(verilog.read_text(encoding="utf-8"))
+    return tools.digest(text, _harness(top, ports), tools.version("verilator"), *OPTIONS)[:16]
+
+
 def build(
     top: str,
     generics: Generics | None = None,
@@ -244,7 +279,6 @@ def build(
     *,
     verilog: Path | None = None,
     std: str | None = None,
-    level: int = 2,
 ) -> tuple[Path, Ports]:
     """Compile the simulation of a configuration, or find it compiled.
 
@@ -260,8 +294,6 @@ def build(
         The netlist; the converted one if None.
     std : str | None
         Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
-    level : int
-        Of the C++ compiler's optimisation: 2 makes it fast, 0 is compiled soonest.
 
     Returns
     -------
@@ -278,12 +310,8 @@ def build(
     source = verilog or netlist.cached(top, generics, std=std)
     ports = ports or ports_of(source, top)
     harness = _harness(top, ports)
-    text = netlist.meaning(source.read_text(encoding="utf-8"))
-    fast = f"-O{level}"
-    asked = () if level == 2 else (fast,)
-    key = tools.digest(text, harness, tools.version("verilator"), *asked)[:16]
     stem = tools.configuration_name(top, generics or {})
-    program = tools.BUILD / "verilated" / f"{stem}-{key}" / "core"
+    program = tools.BUILD / "verilated" / f"{stem}-{key(top, source, ports)}" / "core"
     if not program.exists():
         # Built elsewhere and moved: Verilator's makefiles work in no path with a blank in it.
         with tempfile.TemporaryDirectory(prefix="verilated-") as name:
@@ -293,11 +321,7 @@ def build(
             tools.run(
                 [
                     *tools.tool("verilator"),
-                    *("--cc", "--exe", "--build", "-O3", "--prefix", "Vcore", "--Mdir", "obj"),
-                    *("--x-assign", "unique", "--x-initial", "unique", "--no-timing"),
-                    *("--top-module", top.lower(), "-Wno-fatal", "-Wno-lint", "-Wno-style"),
-                    *("-CFLAGS", f"{fast} -std=c++17"),
-                    *("-MAKEFLAGS", f"-s OPT_FAST={fast} OPT_SLOW=-O1"),
+                    *(*OPTIONS, "--top-module", top.lower()),
                     *("-o", "core", "core.v", "harness.cpp"),
                 ],
                 cwd=folder,
@@ -355,7 +379,6 @@ def simulate(
     limit: int = 100_000,
     gap: int = 3,
     std: str | None = None,
-    level: int = 2,
     folder: Path | None = None,
 ) -> Result:
     """Run transactions.
@@ -380,8 +403,6 @@ def simulate(
         Most idle clocks between two transactions, drawn at random.
     std : str | None
         Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
-    level : int
-        As of `build`.
     folder : Path | None
         Where the simulation runs, for a netlist that writes files; the present folder if None.
 
@@ -395,7 +416,7 @@ def simulate(
     ToolError
         If an input has no values, a transaction takes too long, or a tool fails.
     """
-    program, ports = build(top, generics, ports, verilog=verilog, std=std, level=level)
+    program, ports = build(top, generics, ports, verilog=verilog, std=std)
     if not ports.inputs:
         raise ToolError(f"{top} has no data inputs")
     rows = _pack(inputs, ports.inputs)
@@ -460,7 +481,6 @@ def check(
         options.get("ports"),
         verilog=options.get("verilog"),
         std=options.get("std"),
-        level=options.get("level", 2),
     )
     if not expected or result.checked == 0:
         raise ToolError(f"{top}: nothing to check")

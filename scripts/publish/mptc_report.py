@@ -353,9 +353,9 @@ def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], p
     for key, run in starts.items():
         t = 1e3 * run.ts * np.arange(len(run.u))
         label = f"{key} pre-excitation"
-        axes[0][1].plot(t, np.hypot(*run.trace.i_s.T), linewidth=0.6, label=label)
+        axes[0][1].plot(t, np.hypot(*run.trace.i_s.T), linewidth=0.9, label=label)
         axes[1][0].plot(t, run.trace.omega_r / 2.0 / RPM, linewidth=0.9, label=label)
-        axes[1][1].plot(t, run.flux, linewidth=0.6, label=label)
+        axes[1][1].plot(t, run.flux, linewidth=0.9, label=label)
     axes[0][1].set_title("start from standstill, MPFC (Fig. 21)", fontsize=9)
     axes[0][1].set_ylabel("current, magnitude (A)")
     axes[0][1].legend(frameon=False)

@@ -41,6 +41,14 @@ SIMILAR = 0.25
 """Two ripples that differ by at most this share count as similar."""
 
 _FIVE = (*COLOURS, "#8a5a9e", "#444444")
+#: Of the same five: a later curve lets one below it be seen.
+_MARKS: tuple[dict[str, Any], ...] = (
+    {"marker": "o", "markersize": 3},
+    {"marker": "^", "markersize": 4},
+    {"marker": "s", "markersize": 7, "markerfacecolor": "none"},
+    {"marker": "x", "markersize": 5},
+    {"marker": ".", "markersize": 4, "linestyle": "--"},
+)
 
 
 class Figures:
@@ -617,11 +625,11 @@ def _draw_speeds(f: Figures, path: Path) -> None:
         )
     ):
         for column, names in enumerate(groups):
-            for name, colour in zip(names, _FIVE, strict=False):
+            for name, colour, mark in zip(names, _FIVE, _MARKS, strict=False):
                 values = f.over_speed(name, quantity)
                 axes[row][column].plot(
-                    study.SPEEDS, values, color=colour, marker="o", markersize=3, linewidth=1.0,
-                    label=_with_rate(name),
+                    study.SPEEDS, values, color=colour, linewidth=1.0, label=_with_rate(name),
+                    **mark,
                 )  # fmt: skip
         axes[row][0].set_ylim(bottom=0.0)  # both columns have the same
         axes[row][0].set_ylabel(label)
@@ -748,12 +756,12 @@ def stored(path: Path = CSV) -> Figures:
 
 
 def regenerate(texts_only: bool = False) -> None:
-    """Run the study, store and draw what it finds, and write the page; or write the page alone.
+    """Run the study, store and draw what it finds, and write the page.
 
     Parameters
     ----------
     texts_only : bool
-        Whether only the tables are written, from the stored figures.
+        Whether only the tables are written and their pictures drawn, from the stored figures.
 
     Raises
     ------
@@ -770,8 +778,6 @@ def regenerate(texts_only: bool = False) -> None:
             found = Figures(rows)
             drawings: dict[str, Callable[[Path], None]] = {
                 "spectra": lambda path: _draw_spectra(curves, found, path),
-                "bars": lambda path: _draw_bars(found, path),
-                "speeds": lambda path: _draw_speeds(found, path),
                 "dynamics": lambda path: _draw_dynamics(curves, path),
                 "compared": lambda path: _draw_compared(curves, path),
                 "steps": lambda path: _draw_steps(curves, path),
@@ -779,4 +785,7 @@ def regenerate(texts_only: bool = False) -> None:
             for name, draw in drawings.items():
                 draw(REPORTS / f"paper_b_{name}.png")
             tools.write(CSV, tables.csv_text(rows))
-        write_texts(stored())
+        found = stored()
+        _draw_bars(found, REPORTS / "paper_b_bars.png")
+        _draw_speeds(found, REPORTS / "paper_b_speeds.png")
+        write_texts(found)

@@ -335,5 +335,4 @@ def check(entity: str, family: str, cells: str | None = None) -> netlist_check.R
             rows.expected,
             ports=netlist_check.Ports(found.inputs, found.outputs, rows.held),
             verilog=netlist,
-            level=1,
         )

@@ -44,13 +44,14 @@ class PairRows:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def pick(self, some: IntArray | slice) -> PairRows:
+        """Some of the rows, in the order asked for."""
+        rows = core.Rows(self.rows.registers[some], self.rows.measurements[some], self.rows.u[some])
+        return PairRows(rows, self.pairs[some], self.applied[some], self.rules[some])
+
     def shuffled(self, seed: int) -> PairRows:
         """The same rows in random order."""
-        order = np.random.default_rng(seed).permutation(len(self))
-        rows = core.Rows(
-            self.rows.registers[order], self.rows.measurements[order], self.rows.u[order]
-        )
-        return PairRows(rows, self.pairs[order], self.applied[order], self.rules[order])
+        return self.pick(np.random.default_rng(seed).permutation(len(self)))
 
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""

@@ -96,7 +96,7 @@ def _preexcitation(rows: int, folder: Path) -> coverage.Seen:
         for name, width in ports.inputs.items()
     }
     netlist_check.simulate(
-        "mptc_preexcitation", {}, inputs, ports=ports, verilog=netlist, folder=folder, level=0
+        "mptc_preexcitation", {}, inputs, ports=ports, verilog=netlist, folder=folder
     )
     counts = (folder / coverage.FILE).read_text(encoding="utf-8")
     return coverage.collect(counts, modules)["mptc_preexcitation"]

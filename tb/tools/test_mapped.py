@@ -10,35 +10,21 @@ Does not prove: the cores themselves; `make coverage ARGS=mapped` runs them.
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
-from scripts.hdl import conversion, netlist_check
 from scripts.shared.tools import ToolError
 from scripts.studies import mapped
 
 ENTITY = "mptc_preexcitation"
 
 
-def answers(cells: str, family: str, folder: Path) -> netlist_check.Result:
-    """As `mapped.check`, compiled in a hurry."""
-    netlist = folder / "whole.v"
-    netlist.write_text(mapped.simulated(ENTITY, family, cells), encoding="utf-8")
-    rows = mapped.CORES[ENTITY][1]()
-    # Yosys writes the ports in another order
-    ports = netlist_check.ports_of(conversion.cached(ENTITY), ENTITY)
-    return netlist_check.check(
-        ENTITY, {}, rows.inputs, rows.expected, verilog=netlist, ports=ports, level=0
-    )
-
-
 @pytest.mark.parametrize("family", mapped.FAMILIES)
-def test_a_mapped_netlist_answers_as_the_vhdl(family: str, tmp_path: Path) -> None:
+def test_a_mapped_netlist_answers_as_the_vhdl(family: str) -> None:
     cells = mapped.mapped(ENTITY, family).read_text(encoding="utf-8")
     assert len(re.findall(r"^  LUT\d ", cells, re.M)) > 100
     assert len(re.findall(r"^  MULT18X18", cells, re.M)) >= 1
-    result = answers(cells, family, tmp_path)
+    result = mapped.check(ENTITY, family)
     assert result.checked == 600
     assert result.mismatches == []
     assert len(result.outputs) >= 4
@@ -56,13 +42,13 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_in_a_mapped_netlist_is_seen(fault: str, tmp_path: Path) -> None:
+def test_a_fault_in_a_mapped_netlist_is_seen(fault: str) -> None:
     cells = mapped.mapped(ENTITY, "ecp5").read_text(encoding="utf-8")
     pattern, changed = FAULTS[fault]
     places = list(re.finditer(pattern, cells))
     one = places[len(places) // 2]
     wrong = cells[: one.start()] + changed(one) + cells[one.end() :]
-    assert mapped.differing(answers(wrong, "ecp5", tmp_path)) >= 1
+    assert mapped.differing(mapped.check(ENTITY, "ecp5", wrong)) >= 1
 
 
 def test_what_a_model_does_not_do_is_refused() -> None:

@@ -1,7 +1,8 @@
 """The core's netlist in a second simulator: GHDL's synthesis, Verilog, Verilator.
 
 Sweep: one, two and five explorers of the paper's variant, one and two of the fast one; decisions
-alone, every other configuration of the core whose area is published; the second level with two
+alone, every other configuration of the core whose area is published, where its netlist or the rows
+are not those of decided.toml, with which it passed; the second level with two
 explorers: SESE with and without a budget, with and without the prediction of k + 1,
 the prediction alone, and one level after two in the same run; with either deadlock rule and either
 outside rule where they are built in, the bits at random.
@@ -18,6 +19,8 @@ Does not prove: anything about a vendor's tools; see the synthesis reports.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -31,6 +34,8 @@ from scripts.hdl import netlist_check, states
 from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.measure.synth import Configuration, configurations
 from scripts.shared.tools import Generics
+from tb.helpers import decided as decided_before
+from tb.helpers.decided import Decided
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANTS}
@@ -41,6 +46,8 @@ HOLD = (
 )  # fmt: skip
 OUTPUTS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
 SECOND = 2  # explorers of the core with a second level; one netlist serves both tests of it
+#: What the netlists that are not in `DECIDED` decided rightly before.
+DECIDED_BEFORE = Path(__file__).with_name("decided.toml")
 BOTH = 60  # rows that the VHDL simulation decides as well
 
 
@@ -85,6 +92,12 @@ def either_rule(rows: core.Rows, *, weighted: bool = True, inwards: bool = True)
     return rows
 
 
+def ports_of(verilog: Path) -> netlist_check.Ports:
+    """Data ports of the core; parameters are held."""
+    found = netlist_check.ports_of(verilog, "mpdcc_core")
+    return netlist_check.Ports(found.inputs, found.outputs, HOLD)
+
+
 def run(
     rows: core.Rows,
     generics: Generics,
@@ -94,8 +107,6 @@ def run(
 ) -> netlist_check.Result:
     """The netlist's answers to the rows, compared with what is expected of each output."""
     verilog = netlist.cached("mpdcc_core", generics)
-    found = netlist_check.ports_of(verilog, "mpdcc_core")
-    ports = netlist_check.Ports(found.inputs, found.outputs, HOLD)
     inputs = {
         **{name: rows.measurements[:, i].tolist() for i, name in enumerate(f.MEASUREMENTS)},
         **{f"s_prev_{x}": rows.s_prev[:, i].tolist() for i, x in enumerate("abc")},
@@ -107,7 +118,7 @@ def run(
         inputs,
         {name: expected[:, i].tolist() for i, name in enumerate(outputs)},
         cycles,
-        ports=ports,
+        ports=ports_of(verilog),
         verilog=verilog,
         seed=int(generics["EXPLORERS"]),
     )
@@ -207,7 +218,10 @@ def others() -> list[Configuration]:
 
 @pytest.mark.parametrize("one", others(), ids=lambda one: one.name)
 def test_every_netlist_that_is_measured_decides_alike(
-    many_rows: dict[str, core.Rows], two_level_rows: core.Rows, one: Configuration
+    many_rows: dict[str, core.Rows],
+    two_level_rows: core.Rows,
+    one: Configuration,
+    request: pytest.FixtureRequest,
 ) -> None:
     # what GHDL keeps in one conversion it may lose in another: see length_search
     variant = "paper" if one.generics.get("FOLDED", False) else "fast"
@@ -224,6 +238,37 @@ def test_every_netlist_that_is_measured_decides_alike(
         expected, _, _ = second_level_rows.expected(rows, int(one.generics["EXPLORERS"]))
     else:
         expected = rows.model(variant)
+    decided = Decided(DECIDED_BEFORE, request.config.getoption("--note-decided"))
+    found = mark(rows, one.generics, expected)
+    if decided.has(one.name, found):
+        return
     result = run(rows, one.generics, expected, outputs)
     assert result.checked == len(rows) >= 200
     assert not result.mismatches, result.mismatches[:5]
+    decided.passed(one.name, found)
+
+
+def mark(rows: core.Rows, generics: Generics, expected: np.ndarray) -> str:
+    """Digest of a netlist with the rows that it is to decide, and how."""
+    verilog = netlist.cached("mpdcc_core", generics)
+    simulation = netlist_check.key("mpdcc_core", verilog, ports_of(verilog))
+    return decided_before.digest(
+        simulation, rows.measurements, rows.s_prev, rows.registers, expected
+    )
+
+
+def test_a_netlist_that_decides_otherwise_is_simulated(
+    many_rows: dict[str, core.Rows], tmp_path: Path
+) -> None:
+    rows = many_rows["fast"].pick(slice(0, 20))
+    generics = generics_of(1, "fast", False)
+    expected = rows.model("fast")
+    known = Decided(tmp_path / "decided.toml", note=True)
+    known.passed("it", mark(rows, generics, expected))
+    known = Decided(known.path)
+    assert known.has("it", mark(rows, generics, expected))
+    assert not known.has("another", mark(rows, generics, expected))
+    assert not known.has("it", mark(rows, generics_of(2, "fast", False), expected))
+    assert not known.has("it", mark(rows.pick(slice(0, 19)), generics, expected[:19]))
+    expected[-1, 0] ^= 1
+    assert not known.has("it", mark(rows, generics, expected))
