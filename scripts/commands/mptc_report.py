@@ -11,32 +11,17 @@ from scripts.shared.command import Command
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=5, help="of placement")
-    part = parser.add_mutually_exclusive_group()
-    part.add_argument(
-        "--texts", action="store_true", help="rewrite docs/figures.md and docs/mptc.md only"
-    )
-    part.add_argument(
-        "--resources", action="store_true",
-        help="measure the resources alone; clock frequencies stay those of the placed commit",
-    )  # fmt: skip
-    part.add_argument("--methods", action="store_true", help="run every method at low speed alone")
-    part.add_argument("--tour", action="store_true", help="run the joined RTL in closed loop alone")
-    part.add_argument(
+    alone = parser.add_mutually_exclusive_group()
+    for part, says in mptc_report.PARTS.items():
+        alone.add_argument(f"--{part}", dest="part", action="store_const", const=part, help=says)
+    alone.add_argument(
         "--clock", choices=[key for key in mptc_report.PLACED if key],
         help="place this design alone",
     )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    mptc_report.regenerate(
-        given.jobs,
-        given.seeds,
-        given.texts,
-        given.resources,
-        given.methods,
-        given.tour,
-        given.clock,
-    )
+    mptc_report.regenerate(given.jobs, given.seeds, given.part, given.clock)
     return 0
 
 

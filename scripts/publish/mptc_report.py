@@ -881,16 +881,17 @@ def _update_tour() -> None:
     write_texts(document["mptc"])
 
 
-def regenerate(
-    jobs: int,
-    seeds: int,
-    texts_only: bool,
-    resources_only: bool = False,
-    methods_only: bool = False,
-    tour_only: bool = False,
-    clock_of: str | None = None,
-) -> None:
-    """Regenerate the two-level part of the reports, or only the pages that show it.
+#: Parts that `regenerate` makes alone, and what each is.
+PARTS = {
+    "texts": "rewrite docs/figures.md and docs/mptc.md only",
+    "resources": "measure the resources alone; clock frequencies stay those of the placed commit",
+    "methods": "run every method at low speed alone",
+    "tour": "run the joined RTL in closed loop alone",
+}
+
+
+def regenerate(jobs: int, seeds: int, part: str | None = None, clock_of: str | None = None) -> None:
+    """Regenerate the two-level part of the reports, or a part of it, and the pages that show it.
 
     Parameters
     ----------
@@ -898,14 +899,8 @@ def regenerate(
         Processes at a time.
     seeds : int
         Seeds of placement.
-    texts_only : bool
-        Whether only docs/figures.md and docs/mptc.md are written.
-    resources_only : bool
-        Whether only the resources are measured, see `_update_resources`.
-    methods_only : bool
-        Whether only the methods are run, see `_update_methods`.
-    tour_only : bool
-        Whether only the joined RTL is run, see `_update_tour`.
+    part : str | None
+        One of `PARTS`, all else stays; all of them if None.
     clock_of : str | None
         Key of the one design to place, see `_update_clock`; None: no such wish.
 
@@ -918,17 +913,17 @@ def regenerate(
     """
     say = progress.teller("report")
     with terminable():
-        if texts_only:
+        if clock_of is not None:
+            _update_clock(clock_of, jobs, seeds)
+        elif part == "texts":
             document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
             write_texts(document["mptc"])
-        elif resources_only:
+        elif part == "resources":
             _update_resources(jobs)
-        elif methods_only:
+        elif part == "methods":
             _update_methods()
-        elif tour_only:
+        elif part == "tour":
             _update_tour()
-        elif clock_of is not None:
-            _update_clock(clock_of, jobs, seeds)
         else:
             _update(jobs, seeds, say)
     say("done")

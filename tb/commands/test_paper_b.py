@@ -70,6 +70,27 @@ def test_the_figures_that_the_paper_states_are_met() -> None:
             assert f("torque step", name, rpm, "rise_longest_ms") < 1.0
 
 
+def test_the_settings_that_the_page_names_do_what_it_says() -> None:
+    f = report.stored()
+    assert "## Use these settings" in report.PAGE.read_text(encoding="utf-8")
+    assert f.over_speed("MPC2", "thd_pct").max() < 4.1
+    assert f.over_speed("MPC2", "torque_ripple_nm").max() < 0.52
+    assert f.over_speed("MPC2", "switching_hz").max() < 5050.0
+    assert f.unloaded("MPTC") / f.unloaded("MPTC2") == pytest.approx(2.7, abs=0.1)
+    speeds = np.array(study.SPEEDS)
+    others = ("MPTC", "MPTC2", "MPTC2, mean", "GTV", "MPFC2", "MPFC3", "MPC2")
+    ripple = f.over_speed("MPTC1", "torque_ripple_nm")
+    least = np.min([f.over_speed(name, "torque_ripple_nm") for name in others], axis=0)
+    assert (ripple < least)[speeds >= 450.0].all()
+    assert 8000.0 < f.over_speed("MPTC1", "switching_hz").max() < 8600.0
+    slow = speeds < 500.0
+    assert (f.over_speed("MPTC2", "thd_pct") < f.over_speed("MPTC1", "thd_pct"))[slow].all()
+    share = f.over_speed("MPTC2", "switching_hz") / f.over_speed("MPTC1", "switching_hz")
+    assert share[slow].max() < 0.56
+    mean = f.over_speed("MPTC2, mean", "torque_ripple_nm")
+    assert round(float(mean.max()), 2) == 0.63
+
+
 def test_claims_that_are_not_reproduced_are_those_that_the_page_names() -> None:
     missed = [(c.source, c.holds) for c in report.claims(report.stored()) if c.holds != "yes"]
     low, most = "in part: at 150, 300, 450 r/min", "in part: not at "

@@ -9,6 +9,7 @@ its digest there is done; with any other it simulates. The tests themselves writ
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,14 @@ TITLE = """\
 """
 
 
-def digest(simulation: str, *arrays: np.ndarray) -> str:
-    """Sixteen digits of a simulation, named by `netlist_check.key`, its inputs and answers."""
+def digest(simulation: str, *arrays: np.ndarray, compared: Sequence[str], seed: int) -> str:
+    """Sixteen digits of a comparison.
+
+    That is a simulation, as `netlist_check.key` names it, its inputs and answers, the outputs that
+    are ``compared``, and the ``seed`` of all that is random in it.
+    """
     numbers = [np.ascontiguousarray(a, dtype=np.int64).tobytes() for a in arrays]
-    return tools.digest(simulation, *numbers)[:16]
+    return tools.digest(simulation, *numbers, *compared, str(seed))[:16]
 
 
 class Decided:

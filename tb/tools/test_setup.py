@@ -472,6 +472,23 @@ def test_ci_fails_where_a_part_fails(machine, integration, failing) -> None:
         assert told.endswith("exit code 3" if failing == "fresh" else "exit code 0")
 
 
+def test_ci_that_is_ended_ends_the_bare_machine(machine, integration) -> None:
+    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    integration()
+    machine.script(
+        machine.project / "scripts" / "fresh_machine.sh",
+        f"#!/bin/sh\ntrap 'echo ended >> \"{machine.log}\"; exit 143' TERM\n"
+        f'echo begun >> "{machine.log}"\nwhile :; do sleep 0.1; done\n',
+    )
+    machine.script(
+        machine.bin / "make",
+        '#!/bin/sh\ncase "$*" in *test*) sleep 0.5; kill $(cat ci.pid); sleep 0.1 ;; esac\n',
+    )
+    done = machine.run("bash", "-c", "echo $$ > ci.pid; exec bash .ci/run", CI="true")
+    assert done.returncode == 143
+    assert machine.log.read_text().splitlines()[-2:] == ["begun", "ended"]
+
+
 def test_ci_installs_mmdebstrap_or_fails(machine, integration) -> None:
     machine.script(machine.bin / "apt-get", f'#!/bin/sh\necho "apt-get $*" >> "{machine.log}"\n')
     assert integration().returncode == 0
