@@ -22,8 +22,8 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.pictures:
         study.draw_stored()
         return 0
-    study.write(study.collect(given.jobs, given.scheduler))
-    report.write_fidelity()
+    study.collect(given.jobs, given.scheduler)
+    report.regenerate(given.jobs, report.SEEDS, only=["fidelity"])
     return 0
 
 

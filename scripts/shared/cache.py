@@ -4,13 +4,17 @@ The key of a result covers the modules that made it with everything that these i
 not, files of data, and words such as versions of tools. Imports are read from the sources, so no
 list has to be kept by hand. A module that a program starts by name in another process is not seen:
 who does that names it too.
+
+Comments, docstrings and blanks of Python and VHDL are no part of a key: they change no result.
 """
 
 from __future__ import annotations
 
+import ast
 import functools
 import importlib.util
 import json
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -64,6 +68,55 @@ def closure(*modules: str, packages: tuple[str, ...] = PACKAGES) -> list[Path]:
     return sorted(Path(spec.origin) for spec in files.values() if spec and spec.origin)
 
 
+@functools.lru_cache(maxsize=1024)
+def _without_docstrings(source: str) -> str:
+    """What Python executes of a module."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            texts = [one for one in body or () if _is_text(one)]
+            node.body = [one for one in node.body if one not in texts]
+    return ast.dump(tree)
+
+
+def _is_text(node: ast.stmt) -> bool:
+    """A text that stands alone: a docstring."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def meaning(path: Path) -> bytes:
+    """What of a file a result may depend on.
+
+    Parameters
+    ----------
+    path : Path
+        Any file; comments, docstrings and blanks of Python and VHDL are left out.
+
+    Returns
+    -------
+    bytes
+        The rest.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    SyntaxError
+        If it is Python that does not parse.
+    """
+    if path.suffix == ".py":
+        return _without_docstrings(path.read_text(encoding="utf-8")).encode()
+    if path.suffix == ".vhd":
+        code = re.sub(r"--[^\n]*", "", path.read_text(encoding="utf-8"))
+        return " ".join(code.split()).encode()
+    return path.read_bytes()
+
+
 def key(
     modules: Iterable[str],
     *data: str | Path,
@@ -92,9 +145,13 @@ def key(
     OSError
         If a file cannot be read.
     """
-    files = closure(*modules, packages=packages)
-    names = [".".join(path.parts[-3:]) for path in files]
-    return tools.digest(*names, *files, *data)[:16]
+    parts: list[str | bytes] = []
+    for one in (*closure(*modules, packages=packages), *data):
+        if isinstance(one, Path):
+            parts += [".".join(one.parts[-3:]), meaning(one)]
+        else:
+            parts.append(one)
+    return tools.digest(*parts)[:16]
 
 
 def kept(path: Path, compute: Callable[[], Any]) -> Any:

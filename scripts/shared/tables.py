@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -198,3 +198,30 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     """
     lines = path.read_text(encoding="utf-8").splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def numbers(rows: Sequence[Mapping[str, str]], texts: Collection[str] = ()) -> list[dict[str, Any]]:
+    """Rows with numbers in place of the texts that are some.
+
+    Parameters
+    ----------
+    rows : Sequence[Mapping[str, str]]
+        As `read_csv` gives them.
+    texts : Collection[str]
+        Columns that stay text.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        New rows.
+    """
+
+    def _number(key: str, text: str) -> str | float:
+        if key in texts:
+            return text
+        try:
+            return float(text)
+        except ValueError:
+            return text
+
+    return [{key: _number(key, text) for key, text in row.items()} for row in rows]

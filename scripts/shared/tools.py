@@ -270,8 +270,13 @@ def configuration_name(entity: str, generics: Generics) -> str:
     return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in ordered)])
 
 
-def git_state() -> tuple[str, bool]:
+def git_state(*paths: str) -> tuple[str, bool]:
     """Commit and whether the tree differs from it; 'unknown' outside a repository.
+
+    Parameters
+    ----------
+    *paths : str
+        Files and folders of the tree that count; all of it if there are none.
 
     Returns
     -------
@@ -281,7 +286,8 @@ def git_state() -> tuple[str, bool]:
     """
     try:
         commit = run(["git", "-C", str(ROOT), "rev-parse", "HEAD"]).stdout.strip()
-        dirty = run(["git", "-C", str(ROOT), "status", "--porcelain"]).stdout.strip() != ""
+        status = ["git", "-C", str(ROOT), "status", "--porcelain", "--", *paths]
+        dirty = run(status).stdout.strip() != ""
     except (ToolError, FileNotFoundError):
         return "unknown", True
     return commit, dirty

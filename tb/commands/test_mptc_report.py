@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from directmpc.mptc import closed_loop
-from scripts.commands import mptc_report as command
 from scripts.measure import budgets
 from scripts.publish import mptc_report as report
 from scripts.publish.reporting import ReportError
@@ -66,29 +65,6 @@ def test_metrics_have_the_promised_shape(figures: dict) -> None:
     for tour in figures["tour"].values():
         assert tour["saturated"] == 0
         assert abs(tour["end_rpm"] + 1500.0) < 30.0
-
-
-def test_a_design_that_is_placed_anew_changes_nothing_else(
-    figures: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    document = {"mptc": figures, "other": 1}
-    (tmp_path / "metrics.json").write_text(json.dumps(document), encoding="utf-8")
-    placed = {"fmax_worst_mhz": 12.3456789, "fmax_median_mhz": 45.6, "seeds": 3}
-    written = []
-    monkeypatch.setattr(report, "REPORTS", tmp_path)
-    monkeypatch.setattr(report, "write_texts", written.append)
-    monkeypatch.setattr(report, "_placed", lambda entity, *_: (placed | {"of": entity}, {}))
-    assert command.COMMAND.main(["--clock", "family"]) == 0
-    found = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))
-    assert written == [found["mptc"]]
-    ecp5 = found["mptc"]["family"].pop("ecp5")
-    assert (ecp5.pop("of"), ecp5.pop("fmax_worst_mhz")) == ("mptc_family_core", 12.3457)
-    assert (ecp5.pop("fmax_median_mhz"), ecp5.pop("seeds")) == (45.6, 3)
-    kept = {k: v for k, v in figures["family"]["ecp5"].items() if k in ecp5}
-    assert ecp5 == kept
-    assert found["mptc"]["family"].pop("placed_commit")
-    rest = {k: v for k, v in figures["family"].items() if k not in ("ecp5", "placed_commit")}
-    assert found == {"mptc": figures | {"family": rest}, "other": 1}
 
 
 def test_published_resources_are_those_that_are_held(figures: dict) -> None:

@@ -74,6 +74,21 @@ def test_a_key_changes_with_what_made_the_result(packages: Path, name: str, chan
     assert (key(packages) != before) == changes
 
 
+def test_comments_are_no_part_of_a_key(packages: Path, tmp_path: Path) -> None:
+    before = key(packages)
+    path = packages / "use" / "made.py"
+    source = path.read_text()
+    path.write_text(f'"""Another text."""\n# a comment\n{source}\n')
+    assert key(packages) == before
+    vhdl = tmp_path / "a.vhd"
+    seen = set()
+    for text, more in (("a <= b;\n", 1), ("-- why\na  <= b; -- so\n", 0), ("a <= c;\n", 1)):
+        vhdl.write_text(text)
+        known = len(seen)
+        seen.add(cache.key(["scripts.hdl.clocks"], vhdl))
+        assert len(seen) == known + more
+
+
 def test_words_and_modules_are_in_the_key() -> None:
     first = cache.key(["scripts.hdl.clocks"], "v1")
     assert first != cache.key(["scripts.hdl.clocks"], "v2")

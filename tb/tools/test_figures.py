@@ -40,7 +40,7 @@ from scripts.studies import (
     robustness,
     rtl_loop,
 )
-from scripts.studies.fidelity import plots
+from scripts.studies.fidelity import study
 
 DOCS, REPORTS = ROOT / "docs", ROOT / "reports"
 MARKS = re.compile(r"(<!-- ([\w -]+): begin[^\n]*-->\n)(.*?)(\n<!-- \2: end -->)", re.S)
@@ -60,23 +60,11 @@ def fidelity() -> dict[str, Any]:
 
 def csv_rows(name: str) -> list[dict[str, Any]]:
     """Rows of a file in reports/, numbers as numbers but for names."""
-
-    def number(key: str, text: str) -> Any:
-        if key == "setting":
-            return text
-        try:
-            return float(text)
-        except ValueError:
-            return text
-
-    found = tables.read_csv(REPORTS / f"{name}.csv")
-    return [{key: number(key, text) for key, text in row.items()} for row in found]
+    return tables.numbers(tables.read_csv(REPORTS / f"{name}.csv"), ["setting"])
 
 
 def accuracy(page: Path) -> None:
-    found = {"parabolas": fidelity()["parabolas"], "budget": csv_rows("error_budget")}
-    straight = csv_rows("fidelity_straight_line")
-    tables.rewrite(page, plots.page_tables(fidelity(), found, straight))
+    study.write_page(page)
 
 
 def of_bounds(page: Path) -> None:

@@ -25,8 +25,7 @@ IN_PLACE = {
     "scripts/hdl/recording.py": 1,  # the same
     "scripts/hdl/simulator.py": 3,  # the same: job, log, progress
     "scripts/measure/bench_server.py": 1,  # a stand-in below build/, the same every time
-    "scripts/publish/report.py": 1,  # into what `replacing` gave
-    "scripts/publish/stages.py": 1,  # a stage's own folder below build/, kept once it is whole
+    "scripts/publish/stages.py": 2,  # a stage's own folder below build/, kept once it is whole
     "scripts/studies/coverage/rtl.py": 1,  # a folder of its own, which goes again
     "scripts/studies/mapped.py": 4,  # the same
     "scripts/studies/fuzz.py": 4,  # a folder of its own, which goes again

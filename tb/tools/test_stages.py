@@ -3,8 +3,8 @@
 Stimulus: made-up stages in a folder, some of which fail; commands that write into reports.
 Checks: a stage runs once for a key, another key runs it anew and the old result goes; one that was
 stopped finds its rows again; a failure leaves reports and pages as they were, and a later failure
-too; files for the report alone are not published; every study has its stage, and `--tables` changes
-no page.
+too; files for the report alone are not published; what is published by the same sources is taken
+from there, unless a file of it was changed; every stage has a name that can be asked for.
 Does not prove: what the stages measure.
 """
 
@@ -84,6 +84,39 @@ def test_figures_are_kept_beside_the_files_and_not_published(tmp_path: Path) -> 
     assert [path.name for path in (tmp_path / "reports").iterdir()] == ["a.png"]
 
 
+def test_what_is_published_is_not_measured_again(tmp_path: Path) -> None:
+    runs = []
+
+    def run(work: Path) -> dict[str, int]:
+        runs.append(work)
+        (work / "a.csv").write_text("rows")
+        return {"clocks": len(runs)}
+
+    reports, one = tmp_path / "reports", stage(stages.keep_json(run))
+    reports.mkdir()
+    assert not stages.is_current(one, reports)
+    done = stages.result(one, silent, tmp_path / "here", reports)
+    stages.copy([done], reports)
+    known = stages.record({one.name: done}, reports)
+    assert known == stages.recorded(reports)
+    assert known[one.name]["figures"] == {"clocks": 1}
+    assert known[one.name]["commit"] == (done / "_commit").read_text()
+    assert stages.is_current(one, reports)
+    # on another machine
+    there = stages.result(one, silent, tmp_path / "there", reports)
+    assert ((there / "a.csv").read_text(), stages.figures(there)) == ("rows", {"clocks": 1})
+    assert stages.record({one.name: there}, reports) == known
+    assert len(runs) == 1
+    # by other sources, or with another file
+    other = stage(stages.keep_json(run), "other")
+    assert not stages.is_current(other, reports)
+    stages.result(other, silent, tmp_path / "other", reports)
+    (reports / "a.csv").write_text("changed")
+    assert not stages.is_current(one, reports)
+    stages.result(one, silent, tmp_path / "again", reports)
+    assert len(runs) == 3
+
+
 @pytest.fixture
 def published(tmp_path: Path) -> tuple[Path, Path]:
     reports, docs = tmp_path / "reports", tmp_path / "docs"
@@ -152,33 +185,54 @@ def test_every_study_has_its_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     }  # fmt: skip
 
 
-def test_the_choice_of_stages_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[tuple] = []
-    monkeypatch.setattr(report, "regenerate", lambda *words: given.append(words))
-    assert command.COMMAND.main(["--without", "fidelity", "robustness"]) == 0
-    assert given[0][-2:] == (["fidelity", "robustness"], False)
-    assert command.COMMAND.main(["--resources"]) == 0
-    assert given[1][-2:] == ((), True)
+def test_every_stage_can_be_asked_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # no netlists: they are part of keys alone
+    netlist = tmp_path / "netlist.v"
+    netlist.write_text("module a;\nendmodule\n")
+    monkeypatch.setattr(report.conversion, "cached", lambda *_: netlist)
+    names = [one.name for one in report.stages_of(1, 5, silent)]
+    clocks = [one.name for one in report.placements()]
+    assert sorted(names) == sorted([*report.STAGES, *clocks])
+    assert len(set(names)) == len(names)
+    metrics: dict = {}
+    for one in report.placements():
+        report._merge(metrics, one.name, {"frequencies": {"seeds": len(metrics)}})
+    assert {"ecp5"} <= set(metrics["mptc"]["family"])
+    assert set(metrics["mpdcc"]["sese"]["ecp5"]) == {"1", "4"}
+
+
+def test_the_choice_of_stages_is_handed_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given: list[dict] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(report, "regenerate", lambda *_, **words: given.append(words))
+        patch.setattr(report, "state", lambda say: 3)
+        assert command.COMMAND.main(["--only", "fidelity", "robustness"]) == 0
+        assert command.COMMAND.main(["--resources"]) == 0
+        assert command.COMMAND.main(["--state"]) == 1
+    assert [one["only"] for one in given] == [["fidelity", "robustness"], ()]
+    assert [one["resources_only"] for one in given] == [False, True]
     with pytest.raises(SystemExit):
-        command.COMMAND.main(["--without", "none"])
+        command.COMMAND.main(["--only", "none"])
+    assert "none: no stage; there are proofs, " in capsys.readouterr().err
 
 
 def test_a_failing_stage_writes_no_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     before = {p: p.read_bytes() for p in stages.REPORTS.glob("*") if p.is_file()}
-    monkeypatch.setattr(report, "FOLDER", tmp_path)
-    monkeypatch.setattr(stages, "FOLDER", tmp_path)
-    monkeypatch.setattr(report.proofs, "prove_all", lambda *_: [])
-    monkeypatch.setattr(report.proofs, "figures", lambda _: {})
-    monkeypatch.setattr(report.proofs, "document", lambda *_: {})
-    monkeypatch.setattr(report, "_resources", lambda *_: {"ecp5": {}})
 
-    def placed(*_: object) -> None:
+    def fail(work: Path) -> None:
         raise report.ReportError("no placement")
 
-    monkeypatch.setattr(report, "_placed", placed)
+    def kept(work: Path) -> dict[str, int]:
+        (work / "run.png").write_bytes(b"picture")
+        return {}
+
+    made = [stage(stages.keep_json(kept), name="proofs"), stage(fail, name="run-fast")]
+    monkeypatch.setattr(report, "stages_of", lambda *_: made)
     monkeypatch.setattr(report, "result", lambda one, say: stages.result(one, say, tmp_path))
     with pytest.raises(report.ReportError, match="no placement"):
-        report.regenerate(1, 1, (1,), False)
+        report.regenerate(1, 1)
     assert {p: p.read_bytes() for p in stages.REPORTS.glob("*") if p.is_file()} == before
-    (kept,) = (p for p in tmp_path.iterdir() if p.name.startswith("proofs-"))
-    assert json.loads((kept / "_figures.json").read_text()) == {}
+    (done,) = (p for p in tmp_path.iterdir() if p.name.startswith("proofs-"))
+    assert json.loads((done / "_figures.json").read_text()) == {}

@@ -100,24 +100,21 @@ def _summary(found: dict[str, Any]) -> dict[str, Any]:
     return result | {"parabolas": found["parabolas"]}
 
 
-def write(found: dict[str, Any], commit: str = "") -> None:
+def write(found: dict[str, Any]) -> None:
     """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md.
 
     Parameters
     ----------
     found : dict[str, Any]
         From `collect`.
-    commit : str
-        That was measured; if it is empty, what the tree is at.
 
     Raises
     ------
     MarkerError
         If the page lacks the markers of a table.
     """
-    if not commit:
-        commit, dirty = tools.git_state()
-        commit += "-dirty" if dirty else ""
+    commit, dirty = tools.git_state()
+    commit += "-dirty" if dirty else ""
     head = [f"commit: {commit}", f"command: {COMMAND}"]
     figures = {"commit": commit, "command": COMMAND, **_summary(found)}
     explaining = [r for r in found["explaining"] if r["omega_s_pu"] == EXPLAINED]
@@ -130,7 +127,33 @@ def write(found: dict[str, Any], commit: str = "") -> None:
         tools.write(REPORTS / f"{name}.csv", tables.csv_text(rows, head))
     draw_stored()
     tools.write(REPORTS / "fidelity.json", json.dumps(figures, indent=1) + "\n")
-    tables.rewrite(DOCUMENT, plots.page_tables(figures, found, explaining))
+    write_page()
+
+
+def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
+    """Write the tables of docs/accuracy.md from the stored files.
+
+    Parameters
+    ----------
+    page : Path
+        The page.
+    reports : Path
+        Folder of the files.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers of a table.
+    OSError
+        If a file cannot be read.
+    """
+    figures = json.loads((reports / "fidelity.json").read_text(encoding="utf-8"))
+    found = {
+        "parabolas": figures["parabolas"],
+        "budget": tables.numbers(tables.read_csv(reports / "error_budget.csv"), ["setting"]),
+    }
+    straight = tables.numbers(tables.read_csv(reports / "fidelity_straight_line.csv"), ["setting"])
+    tables.rewrite(page, plots.page_tables(figures, found, straight))
 
 
 def draw_stored(reports: Path = REPORTS, out: Path = REPORTS) -> None:
