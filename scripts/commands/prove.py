@@ -1,4 +1,4 @@
-"""`make prove`: formal proofs, by induction over clocks."""
+"""`make prove`: formal proofs, by induction over clocks and by intervals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from scripts.measure import proofs
+from scripts.measure import proofs, ranges
 from scripts.shared import tools
 from scripts.shared.command import Command, UsageError
 
@@ -18,20 +18,19 @@ from scripts.shared.command import Command, UsageError
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="entities; all without")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument(
-        "--page", action="store_true", help="write docs/proofs.md and reports/metrics.json"
-    )
     parser.add_argument("--out", type=Path, default=proofs.RESULTS)
 
 
 def _run(given: argparse.Namespace) -> int | None:
     if given.jobs < 1:
         raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
-    if given.page and given.only:
-        raise UsageError("argument --page: the table is of all proofs; leave the entities out")
     everything = proofs.listed()
-    chosen = proofs.named(given.only, everything)
+    known = {check.entity for check in ranges.CHECKS}
+    of_ranges = [check for check in ranges.CHECKS if not given.only or check.entity in given.only]
+    others = [name for name in given.only if name not in known or name in proofs.entities()]
+    chosen = proofs.named(others, everything) if others or not given.only else []
     outcomes = proofs.prove_all(chosen, given.jobs)
+    fitting = [(check, *ranges.shown(check)) for check in of_ranges]
     table = Table("entity", "configuration", "properties", "facts", "s", "holds")
     for one in outcomes:
         properties = next(len(p.properties) for p in chosen if p.entity == one.entity)
@@ -43,8 +42,12 @@ def _run(given: argparse.Namespace) -> int | None:
             f"{one.seconds:.1f}",
             "yes" if one.holds else "no",
         )
+    for check, problem, seconds in fitting:
+        table.add_row(
+            check.entity, ranges.METHOD, "1", "0", f"{seconds:.1f}", "no" if problem else "yes"
+        )
     Console(width=None if sys.stdout.isatty() else 110).print(table)
-    results = proofs.document(chosen, outcomes)
+    results = proofs.document(chosen, outcomes, fitting)
     tools.write(given.out, json.dumps(results, indent=1) + "\n")
     problems = [
         f"{one.entity}, {one.configuration}: {wire} {what}"
@@ -52,13 +55,10 @@ def _run(given: argparse.Namespace) -> int | None:
         for wires, what in ((one.refuted, "does not hold"), (one.unanswered, "is not decided"))
         for wire in wires
     ]
+    problems += [f"{check.entity}: {problem}" for check, problem, _ in fitting if problem]
     for problem in problems:
         print(f"prove: {problem}", file=sys.stderr)
-    if problems:
-        return 1
-    if given.page:
-        proofs.write_page(chosen, results)
-    return 0
+    return 1 if problems else 0
 
 
 COMMAND = Command("prove", __doc__.splitlines()[0], _arguments, _run, failed=1)

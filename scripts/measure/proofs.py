@@ -27,7 +27,6 @@ time, and where the facts contradict one another, since everything follows from 
 from __future__ import annotations
 
 import concurrent.futures
-import json
 import re
 import shutil
 import tempfile
@@ -39,6 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from scripts.hdl import conversion, sources
+from scripts.measure import ranges
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
 
@@ -46,7 +46,6 @@ FOLDER = ROOT / "tb" / "proofs"
 LIST = FOLDER / "proofs.toml"
 PAGE = ROOT / "docs" / "proofs.md"
 RESULTS = BUILD / "proofs.json"
-METRICS = ROOT / "reports" / "metrics.json"
 METHOD = "induction"
 #: Clocks of a step of the induction.
 DEPTH = 1
@@ -258,6 +257,17 @@ def listed(path: Path = LIST) -> list[Proof]:
             )
         )
     return found
+
+
+def entities() -> set[str]:
+    """Entities of which something is proven by induction.
+
+    Returns
+    -------
+    set of str
+        Their names.
+    """
+    return {proof.entity for proof in listed()}
 
 
 def named(names: Iterable[str], proofs: Sequence[Proof]) -> list[Proof]:
@@ -526,7 +536,11 @@ def prove_all(proofs: Sequence[Proof], jobs: int) -> list[Outcome]:
 # --- what is shown --------------------------------------------------------------------------------
 
 
-def document(proofs: Sequence[Proof], outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def document(
+    proofs: Sequence[Proof],
+    outcomes: Sequence[Outcome],
+    fitting: Sequence[tuple[ranges.Check, str, float]] = (),
+) -> dict[str, Any]:
     """Results as JSON can hold them.
 
     Parameters
@@ -535,6 +549,8 @@ def document(proofs: Sequence[Proof], outcomes: Sequence[Outcome]) -> dict[str, 
         What was to be proven.
     outcomes : Sequence[Outcome]
         What came of it.
+    fitting : Sequence[tuple[ranges.Check, str, float]]
+        Checks of ranges, with what `ranges.shown` says of each.
 
     Returns
     -------
@@ -555,6 +571,14 @@ def document(proofs: Sequence[Proof], outcomes: Sequence[Outcome]) -> dict[str, 
                 "seconds": round(sum(outcome.seconds for outcome in own), 1),
             }
             for one in proof.properties
+        }
+    for check, problem, seconds in fitting:
+        table.setdefault(check.entity, {})[check.name] = {
+            "method": ranges.METHOD,
+            "depth": 0,
+            "holds": not problem,
+            "facts": 0,
+            "seconds": round(seconds, 1),
         }
     return {"proof": table}
 
@@ -588,6 +612,12 @@ def markdown(proofs: Sequence[Proof], results: Mapping[str, Any]) -> str:
                     f"`{' '.join(one.fault.fault.split())}`",
                 )
             )
+    for check in ranges.CHECKS:
+        found = results["proof"][check.entity][check.name]
+        fault = f"`{check.fault.name}`: bits less: {-check.fault.by}"
+        rows.append(
+            (f"`{check.entity}`", check.says, found["method"], f"{found['seconds']:.0f}", fault)
+        )
     head = ("entity, configurations", "property", "engine, depth", "s", "a fault that breaks it")
     assumed = [f"- `{proof.entity}`: {proof.assumes}." for proof in proofs if proof.assumes]
     lines = [tables.markdown(head, rows, "lllrl"), "", "Taken for granted:", "", *assumed]
@@ -624,7 +654,7 @@ def figures(results: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_page(proofs: Sequence[Proof], results: Mapping[str, Any]) -> None:
-    """Write the table into its page, and the figures into reports/metrics.json.
+    """Write the table into its page.
 
     Parameters
     ----------
@@ -637,9 +667,5 @@ def write_page(proofs: Sequence[Proof], results: Mapping[str, Any]) -> None:
     ------
     MarkerError
         If the page has no place for it.
-    ProofError
-        If a property does not hold.
     """
-    known = json.loads(METRICS.read_text(encoding="utf-8")) | {"proof": figures(results)}
     tables.rewrite(PAGE, {MARKS: markdown(proofs, results)})
-    tools.write(METRICS, json.dumps(known, indent=1) + "\n")

@@ -36,7 +36,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS, served
 from scripts.hdl import conversion, sources, states
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.measure import budgets, mutation, proofs
+from scripts.measure import budgets, mutation, proofs, ranges
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
@@ -704,7 +704,10 @@ def _proven(jobs: int) -> Callable[[Path], Any]:
     def _run(work: Path) -> Any:
         del work
         listed = proofs.listed()
-        return proofs.figures(proofs.document(listed, proofs.prove_all(listed, jobs)))
+        fitting = [(check, *ranges.shown(check)) for check in ranges.CHECKS]
+        found = proofs.document(listed, proofs.prove_all(listed, jobs), fitting)
+        proofs.figures(found)  # refuses what does not hold
+        return found
 
     return _run
 
@@ -906,7 +909,7 @@ def _merge(document: dict[str, Any], name: str, figures: Any) -> None:
     """Put a stage's figures where metrics.json has them."""
     kind, _, rest = name.partition("-")
     if name == "proofs":
-        document["proof"] = figures
+        document["proof"] = proofs.figures(figures)
     elif kind == "cycles":
         document.setdefault(DESIGNS[rest].key, {}).update(figures)
     elif kind == "points":
@@ -968,6 +971,8 @@ def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], No
                     f"commit: {document['commit']}", f"command: {COMMAND}"]  # fmt: skip
             fmax = REPORTS / "fmax.csv"
             tools.write(fmax, _fmax_csv(clocks, head, fmax))
+        if "proofs" in measured:
+            proofs.write_page(proofs.listed(), measured["proofs"])
         for stage in chosen:
             if stage.publish is not None:
                 stage.publish()
