@@ -41,7 +41,6 @@ from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (
-    SOURCES,
     Stage,
     all_or_nothing,
     copy,
@@ -897,7 +896,7 @@ def stages_of(jobs: int, seeds: int, say: Callable[[str], None]) -> list[Stage]:
 def _compared(variant: str, say: Callable[[str], None], work: Path) -> dict[str, float]:
     """Table and picture of a variant beside the ideal controller, and their summary."""
     rows = _fidelity(variant, say)
-    commit, dirty = tools.git_state(*SOURCES)
+    commit, dirty = tools.git_state()
     head = ["part: none, models only", f"commit: {commit}{'-dirty' * dirty}", f"command: {COMMAND}"]
     suffix = _suffix(variant)
     tools.write(work / f"fidelity{suffix}.csv", tables.csv_text(rows, head))
@@ -939,7 +938,7 @@ def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], No
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
     say("everything is measured; writing")
-    commit, dirty = tools.git_state(*SOURCES)
+    commit, dirty = tools.git_state()
     path = REPORTS / "metrics.json"
     document = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     measured = {name: figures_of(done) for name, done in results.items() if has_figures(done)}

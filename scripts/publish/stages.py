@@ -31,10 +31,6 @@ FOLDER = BUILD / "report"
 PAGES = (ROOT / "README.md", ROOT / "docs")
 METRICS = "metrics.json"
 RECORD = "stages.json"
-SOURCES = (
-    "rtl", "model", "drives", "registers", "scripts", "tb", "constraints", "requirements.txt",
-)  # fmt: skip
-"""What a figure may depend on."""
 INNER = "_"
 """Files of a stage whose names begin so are for `make report` alone, and not published."""
 _FIGURES, _COMMIT = f"{INNER}figures.json", f"{INNER}commit"
@@ -193,7 +189,7 @@ def result(
         return done
     say(stage.says)
     work.mkdir(parents=True, exist_ok=True)
-    commit, dirty = tools.git_state(*SOURCES)
+    commit, dirty = tools.git_state()
     stage.run(work)
     tools.write(work / _COMMIT, commit + "-dirty" * dirty)
     work.rename(done)

@@ -270,23 +270,24 @@ def configuration_name(entity: str, generics: Generics) -> str:
     return "-".join([entity, *(f"{k.lower()}_{generic_text(v)}" for k, v in ordered)])
 
 
-def git_state(*paths: str) -> tuple[str, bool]:
-    """Commit and whether the tree differs from it; 'unknown' outside a repository.
+#: What a figure may depend on. Reports and pages do not count: figures are written into them.
+SOURCES = (
+    "rtl", "model", "drives", "registers", "scripts", "tb", "constraints", "requirements.txt",
+)  # fmt: skip
 
-    Parameters
-    ----------
-    *paths : str
-        Files and folders of the tree that count; all of it if there are none.
+
+def git_state() -> tuple[str, bool]:
+    """Commit and whether a source differs from it; 'unknown' outside a repository.
 
     Returns
     -------
     tuple of str and bool
-        Full hash of the commit, or 'unknown'; whether a file differs. The latter is True if
-        unknown.
+        Full hash of the commit, or 'unknown'; whether one of `SOURCES` differs. The latter is True
+        if unknown.
     """
     try:
         commit = run(["git", "-C", str(ROOT), "rev-parse", "HEAD"]).stdout.strip()
-        status = ["git", "-C", str(ROOT), "status", "--porcelain", "--", *paths]
+        status = ["git", "-C", str(ROOT), "status", "--porcelain", "--", *SOURCES]
         dirty = run(status).stdout.strip() != ""
     except (ToolError, FileNotFoundError):
         return "unknown", True
