@@ -62,8 +62,8 @@ module proof (
   (* inside = "i_dut.i_collector.compare" *) wire compare;
   (* inside = "i_dut.i_collector.arrival" *) wire [44:0] arrival;
   (* inside = "i_dut.i_collector.any" *) wire any;
-  (* inside = "i_dut.i_collector.taken" *) wire taken;
-  (* inside = "i_dut.incoming" *) wire [44:0] incoming;
+  (* inside = "i_dut.i_collector.takes" *) wire taken;
+  (* inside = "i_dut.i_collector.chosen" *) wire [44:0] incoming;
   (* inside = "i_dut.best" *) wire [44:0] best;
   wire [2:0] phase = state[2:0];
   wire running = r[0];

@@ -14,8 +14,7 @@ module proof (
   localparam N = `EXPLORERS;
 
   wire [N-1:0] result_ready;
-  wire taken;
-  wire [44:0] incoming, best;
+  wire [44:0] best;
 
   // a result: rank, length, index, saturated, feasible
   result_collector i_dut (
@@ -23,12 +22,12 @@ module proof (
     .leaves(leaves), .whole(whole), .evaluated_slope_valid(1'b0), .evaluated_slope_index(6'b0),
     .evaluated_slope(34'b0), .evaluated_unfit(1'b0), .evaluated_valid(1'b0), .evaluated_index(6'b0),
     .evaluated_effort(4'b0), .evaluated_length(6'b0), .evaluated_cost(31'b0), .evaluated_saturated(1'b0),
-    .adopt(adopt), .result_ready(result_ready), .taken(taken), .incoming_feasible(incoming[0]),
-    .incoming_saturated(incoming[1]), .incoming_index(incoming[7:2]), .incoming_length(incoming[13:8]),
-    .incoming_rank(incoming[44:14]), .best_feasible(best[0]), .best_saturated(best[1]), .best_index(best[7:2]),
+    .adopt(adopt), .result_ready(result_ready), .best_feasible(best[0]), .best_saturated(best[1]), .best_index(best[7:2]),
     .best_length(best[13:8]), .best_rank(best[44:14])
   );
 
+  (* inside = "i_dut.takes" *) wire taken;
+  (* inside = "i_dut.chosen" *) wire [44:0] incoming;
   (* inside = "i_dut.compare" *) wire compare;
   (* inside = "i_dut.arrival" *) wire [44:0] arrival;
   (* inside = "i_dut.any" *) wire any;

@@ -123,8 +123,6 @@ architecture rtl of mpdcc_scheduler is
   signal results         : results_t(0 to EXPLORERS - 1);
   signal explorer_busy   : std_logic_vector(EXPLORERS - 1 downto 0);
   signal explorers_idle  : std_logic;
-  signal taken           : std_logic;
-  signal incoming        : result_t;
   signal best            : result_t;
 
   -- the decision
@@ -350,8 +348,6 @@ begin
       whole        => level.whole,
       evaluated    => answers(0).evaluated,
       adopt        => opened,
-      taken        => taken,
-      incoming     => incoming,
       best         => best
     );
 
@@ -370,8 +366,9 @@ begin
              and not level.unfit and not r.predicted;
   hold    <= to_std_logic(r.phase = AWAIT) and answers(0).probe_done and not predict and answers(0).probe_held
              and lines_held;
-  opened  <= to_std_logic(r.phase = SEARCH) and two_levels and taken and incoming.feasible;
-  stopped <= to_std_logic(r.phase = SEARCH) and two_levels and taken and not incoming.feasible;
+  -- with two levels the root is explorer 0's alone: no other one has a result then
+  opened  <= to_std_logic(r.phase = SEARCH) and two_levels and result_valid(0) and results(0).feasible;
+  stopped <= to_std_logic(r.phase = SEARCH) and two_levels and result_valid(0) and not results(0).feasible;
 
   -- the enumerator still shows the last search's end in the first clock; what arrived is compared
   -- by then, and what has not is busy
@@ -454,7 +451,7 @@ begin
 
   decision_flag <= terms.saturated or level.saturated or (options.compensate and level.unfit and not r.predicted);
   decide        <= stopped or to_std_logic(r.phase = FINISH);
-  choice        <= incoming when stopped = '1' else
+  choice        <= results(0) when stopped = '1' else
                    best;
   exhausted     <= level.cut and not stopped;
 

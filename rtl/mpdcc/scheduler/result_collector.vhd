@@ -4,8 +4,8 @@
 -- results arrive (see better). With several fast explorers, or with two levels, a register stands between the results
 -- and the comparison; the clock needs it. A single fast explorer that searches one level has one result (ONE_RESULT).
 -- Two levels (two_levels): leaves of the root come one by one (whole), before the root's own result. Of the other
--- results those are compared that come while leaves are searched and are feasible. If no leaf is feasible,
--- the decision of the first level is taken (adopt).
+-- results those are compared that come while leaves are searched and are feasible. The root's own result is that of
+-- explorer 0, which alone searches it. If no leaf is feasible, it is the decision (adopt).
 --
 -- Formats: see result_t.
 -- Latency: results are taken at once; best counts a result one clock later, two with REGISTERED.
@@ -39,9 +39,7 @@ entity result_collector is
     leaves       : in    std_logic;                                -- '1': leaves are searched
     whole        : in    std_logic;                                -- '1': what is evaluated is a leaf of the root
     evaluated    : in    evaluated_t;                              -- by explorer 0
-    adopt        : in    std_logic;                                -- '1' for one clock: incoming, if none is known
-    taken        : out   std_logic;                                -- '1': incoming is taken in this clock
-    incoming     : out   result_t;                                 -- the result that is taken
+    adopt        : in    std_logic;                                -- '1' for one clock: explorer 0's, if none is known
     best         : out   result_t                                  -- the best so far; feasible is '0' after clear
   );
 end entity result_collector;
@@ -142,7 +140,7 @@ begin
       end if;
 
       if (adopt = '1' and any = '0') then
-        kept <= chosen;
+        kept <= results(0);
       end if;
 
       if (clear = '1') then
@@ -153,8 +151,6 @@ begin
 
   end process p_best;
 
-  taken    <= takes;
-  incoming <= chosen;
-  best     <= kept;
+  best <= kept;
 
 end architecture rtl;
