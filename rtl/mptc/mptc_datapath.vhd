@@ -104,6 +104,14 @@ architecture rtl of mptc_datapath is
 
   end function term_of;
 
+  -- a product of two words, a torque term, as a word; -1 times -1 does not come: a step along an axis is above -1
+  function word_of (value : term_t) return word_t is
+  begin
+
+    return std_logic_vector(value(2 * FRACTION - TERM_SHIFT downto FRACTION - TERM_SHIFT));
+
+  end function word_of;
+
 begin
 
   ---------------------------------------------------------------------------------------------
@@ -150,6 +158,8 @@ begin
     words(OPERAND_RESIDUE_G)   <= residues.along;
     words(OPERAND_RESIDUE_H)   <= residues.beside;
     words(OPERAND_RESIDUE_SUM) <= residues.total;
+    words(OPERAND_NOT_ALONG)   <= not word_of(terms(TERM_ALONG));
+    words(OPERAND_ACROSS)      <= word_of(terms(TERM_ACROSS));
   end generate g_mean;
 
   g_share : if not FAMILY generate
@@ -179,6 +189,7 @@ begin
   seeds(SEED_STATOR_ALPHA) <= seed_word(results(RESULT_STATOR_ALPHA));
   seeds(SEED_STATOR_BETA)  <= seed_word(results(RESULT_STATOR_BETA));
   seeds(SEED_NONE)         <= (others => '0');
+  seeds(SEED_LEVEL)        <= shift_left(resize(terms(TERM_LEVEL), SUM_WIDTH), TERM_SHIFT);
 
   -- MPTC: |term| as one's complement; MPFC: term
   p_cost_seed : process (term, mpfc) is

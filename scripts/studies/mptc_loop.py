@@ -305,7 +305,7 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
     }  # fmt: skip
     if family:
         parts = (*((f"u{n}", 3, False) for n in (1, 2, 3)), ("t1", 13, False), ("t2", 13, False))
-        chosen = (("family_method", 3, False), ("duty_rule", 1, False))
+        chosen = (("family_method", 3, False), ("duty_rule", 2, False))
         groups["sequence of period k, sampled with start"] = [*chosen, *parts]
         groups["next sequence, valid with valid"] = [
             (f"next_{name}", bits, signed) for name, bits, signed in parts

@@ -17,7 +17,7 @@ from tb.helpers import mptc_rows as core
 
 METHODS = tuple(FAMILY_METHODS)
 #: The twin's rule for each value of `duty_rule`.
-RULES = (twin.DEADBEAT, twin.MEAN)
+RULES = (twin.DEADBEAT, twin.MEAN, twin.BEST, twin.BEST)
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,10 @@ class PairRows:
 
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""
-        of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])
-        return np.where(self.pairs == 0, self.rows.cycles(), of_pairs[self.pairs])
+        best = np.array([RULES[rule] == twin.BEST for rule in self.rules])
+        of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])[self.pairs]
+        with_best = np.array([0, *(cycles.of(name, "best") for name in METHODS)])[self.pairs]
+        return np.where(self.pairs == 0, self.rows.cycles(), np.where(best, with_best, of_pairs))
 
     def expected(self) -> IntArray:
         """Decisions of the twins: in the order of ``FIELDS``, then u1, u2, u3, t1, t2."""
