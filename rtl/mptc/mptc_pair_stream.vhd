@@ -111,7 +111,8 @@ architecture rtl of mptc_pair_stream is
   signal opposed    : std_logic;                            -- '1': that is negative
   signal lengthwise : std_logic;                            -- '1': both of the length, and its duty is searched
   signal far        : signed_word_t;                        -- length less reference without voltage
-  signal far_first  : std_logic_vector(WORD_WIDTH - 1 downto 0); -- the same with the vector `number`
+  signal place_first : std_logic_vector(LENGTH_PLACES - 1 downto 0); -- where that of the pair's first vector stands
+  signal far_first  : std_logic_vector(WORD_WIDTH - 1 downto 0); -- that with the first vector
   signal level      : error_t;                              -- torque error without voltage
   signal both       : error_t;                              -- the one at k+1 and that without voltage at k+2, added
   signal both_least : std_logic;                            -- '1': that is not above zero
@@ -318,6 +319,8 @@ begin
 
   end process p_without;
 
+  place_first <= std_logic_vector(unsigned(pair_1.direction) + LENGTH_LATENCY);
+
   i_lengths : entity work.ram
     generic map (
       ADDRESS_WIDTH => LENGTH_PLACES,
@@ -331,7 +334,7 @@ begin
       write_address => length.place,
       write_word    => std_logic_vector(length.error),
       read          => '1',
-      read_address  => std_logic_vector(unsigned(pair_1.direction) + LENGTH_LATENCY),
+      read_address  => place_first,
       read_word     => far_first
     );
 
