@@ -14,6 +14,13 @@
 -- square of 1 - d is one less the quotient of a constant and span: the constant is the torque error without voltage
 -- at the end of the period and the one at its beginning, added. mptc_duty finds the root.
 --
+-- With both_duties each pair of MPTC1 and MPTC2 is tried twice, with a duty by the torque and with one by the flux's
+-- length. The latter is a quotient too: the length's error without voltage by that error less the one with the vector.
+-- A memory of 8 words has the errors with the vectors, a register that without voltage; both come from the single
+-- vectors. Limits are those of the torque. A pair whose duty the length tells is ranked behind the same pair by the
+-- torque: its second vector counts as 1, which no other pair has. LENGTH_TABLE has the places of these searches: each
+-- begins when one of the two is free. What torque a duty leaves is a product then, for either duty.
+--
 -- Two mptc_duty search at a time. That is enough, because the torque is linear: of a vector and the opposite one with
 -- zero at most one has a duty between 0 and 1, and at most two pairs of active vectors have: those with the torques of
 -- both on either side of the reference. So opposite vectors have one search between them, the first one's end being
@@ -21,10 +28,11 @@
 -- vectors have more torque than the reference; the two pairs that it finds are looked up again and searched.
 -- PAIR_TABLE has the order.
 --
--- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period.
+-- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period; errors of lengths 16 fractional bits.
 -- Latency: place n of PAIR_TABLE is looked up PAIR_SPACING * n clocks after the clock that follows begin_pairs; its
 -- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, its flux PAIR_REGISTERS after that,
--- its comparison STREAM_COMPARE after its flux. chosen is valid with last.
+-- its comparison STREAM_COMPARE after its flux. chosen is valid with last. length comes before the first place whose
+-- duty it tells is looked up, product with the flux.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

@@ -72,11 +72,10 @@ package mptc_types is
   constant FAMILY_MPC2  : family_t := "110";
   constant FAMILY_SVM   : family_t := "111";
 
-  subtype duty_rule_t is std_logic_vector(1 downto 0); -- how MPTC1 and MPTC2 find a duty
+  subtype duty_rule_t is std_logic_vector(1 downto 0); -- how MPTC1 and MPTC2 find a duty; bit 1: best
 
   constant RULE_DEADBEAT : duty_rule_t := "00"; -- by the torque at the end of the period
   constant RULE_MEAN     : duty_rule_t := "01"; -- by the mean torque
-  constant RULE_BEST     : duty_rule_t := "10"; -- the first or by the flux's length, the cheaper one; "11" too
 
   subtype time_t is std_logic_vector(TIME_WIDTH downto 0); -- unsigned, 1/4096 of the period, at most 4096
 

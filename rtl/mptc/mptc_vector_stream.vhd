@@ -7,7 +7,8 @@
 -- wins a tie.
 --
 -- With FAMILY the pairs of mptc_pair_stream take the same way through length, torque term and comparison. For
--- MPTC1 zero voltage is not compared, and leader is the vector found.
+-- MPTC1 zero voltage is not compared, and leader is the vector found. With both_duties the single vectors of MPTC2 pass
+-- too, for their lengths, and the pairs of MPTC1 are compared with each other.
 --
 -- Formats: as in model/directmpc/mptc/formats.py.
 -- Latency: one vector a clock.  The clocks between length, torque term and comparison of a vector stand in

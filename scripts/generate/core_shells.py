@@ -492,8 +492,8 @@ MPFC's program to its reference. What is missing to it is divided by the way of 
 
 Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
 Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 74 for MPTC2, 86 for GTV,
-110 for MPFC2, MPFC3, MPC2 and SVM, always. With the rule best 74 for MPTC1, 110 for MPTC2. One decision at a time; the next start may come with
-valid.
+110 for MPFC2, MPFC3, MPC2 and SVM, always; with the rule best 74 for MPTC1, 110 for MPTC2. One
+decision at a time; the next start may come with valid.
 Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 Considered and rejected: docs/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),

@@ -1,9 +1,8 @@
-"""A two-level drive in closed loop, as `make run` shows it: RTL where there is RTL.
+"""A two-level drive in closed loop, as `make run` shows it.
 
 The plant is the exact one in float64 with an imposed speed. The torque reference steps from zero to
 what is asked for in the middle of the run. Every decision of the RTL is checked against the
 bit-true model on the states that the plant went through, and compared with the ideal controller's.
-Methods and duty rules that the RTL has not are decided by the bit-true model.
 """
 
 from __future__ import annotations
