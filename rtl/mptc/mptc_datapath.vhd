@@ -4,8 +4,8 @@
 -- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last
 -- block forms their costs.  Of a pair the first and the last block form the flux, and the second one the torque that
 -- its duty leaves, for the duty rule best.  Which product is formed when, stands in model/directmpc/mptc/program.py;
--- mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then is one Euler
--- step of w (model/directmpc/mptc/formats.py).
+-- mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then
+-- is one Euler step of w (model/directmpc/mptc/formats.py).
 --
 -- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
 -- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.

@@ -111,7 +111,7 @@ def _outputs(given: argparse.Namespace) -> dict[str, Path]:
 
 
 class _Result(NamedTuple):
-    """What a run leaves to be told: lines and tables, decisions, and how many are not the model's."""
+    """What a run leaves to be told: lines and tables, decisions, how many are not the model's."""
 
     report: tuple[str | Table, ...]
     steps: int

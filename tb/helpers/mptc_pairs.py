@@ -58,7 +58,9 @@ class PairRows:
         """Clocks that each decision takes."""
         of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])[self.pairs]
         with_best = np.array([0, *(cycles.of(name, "best") for name in METHODS)])[self.pairs]
-        return np.where(self.pairs == 0, self.rows.cycles(), np.where(self.best(), with_best, of_pairs))
+        return np.where(
+            self.pairs == 0, self.rows.cycles(), np.where(self.best(), with_best, of_pairs)
+        )
 
     def best(self) -> NDArray[np.bool_]:
         """Whether the duty rule of a row is best."""

@@ -278,8 +278,8 @@ DUTY_CLOCKS = TIME_WIDTH
 PAIR_SPACING = 2
 #: Places of the pairs that the second search serves.
 SECOND_SEARCH = (2, 3, FIRST_CROSSED)
-#: Places of the duties by lengths of MPTC2 with the rule best, in order: vector, search. Each begins
-#: when one of the searches is free.
+#: Places of the duties by lengths of MPTC2 with the rule best: vector, search. Each begins when one
+#: of the searches is free.
 LENGTH_SLOTS: dict[int, tuple[int, int]] = {
     9: (1, 1), 14: (2, 0), 15: (3, 1), 20: (4, 0), 21: (5, 1), 26: (6, 0),
 }  # fmt: skip

@@ -217,8 +217,8 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
     assert set(run.cycles) == {39}
 
 
-#: Method with its duty rule, whether the speed is estimated, whether the gates are let through. An observer that
-#: begins beside a turning machine lets MPTC's current rise above the trip level.
+#: Method with its duty rule, whether the speed is estimated, whether the gates are let through. An
+#: observer that begins beside a turning machine lets MPTC's current rise above the trip level.
 SEVERAL = [
     ("MPFC3", "deadbeat", False, True), ("MPTC2", "best", False, True),
     ("SVM", "deadbeat", True, True), ("MPTC", "deadbeat", True, False),

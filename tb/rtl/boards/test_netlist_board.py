@@ -260,7 +260,7 @@ def prove(
 
 
 def check_family(board: Board, drive: MptcDrive) -> None:
-    """Three vectors a period, with the speed measured and estimated, and two of the cheaper duty."""
+    """Three vectors a period, with the speed measured and estimated; two of the cheaper duty."""
     for method, rule, sensorless in (
         ("MPFC3", "deadbeat", False), ("MPFC3", "deadbeat", True), ("MPTC2", "best", False),
     ):  # fmt: skip

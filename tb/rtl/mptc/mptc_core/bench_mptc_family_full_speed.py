@@ -99,4 +99,6 @@ async def decisions(dut) -> None:
         board.cover("flag", int(dut.saturated.value))
         board.cover("no flag", 1 - int(dut.saturated.value))
     least = {f"method {code}": 20 for code in range(len(mptc_pairs.METHODS) + 1)}
-    board.finish({"decision": len(rows)}, {**least, "flag": 50, "no flag": 50, "mean": 35, "best": 70})
+    board.finish(
+        {"decision": len(rows)}, {**least, "flag": 50, "no flag": 50, "mean": 35, "best": 70}
+    )

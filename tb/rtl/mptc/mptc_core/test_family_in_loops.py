@@ -160,7 +160,10 @@ def test_the_rtl_decides_the_periods_of_a_loop(method: str, rule: str, rpm: floa
 
 @pytest.mark.parametrize(
     ("rule", "old", "new"),
-    [("mean", "both, not falls);", "both, falls);"), ("best", "opposed <= '1';", "opposed <= '0';")],
+    [
+        ("mean", "both, not falls);", "both, falls);"),
+        ("best", "opposed <= '1';", "opposed <= '0';"),
+    ],
 )
 def test_a_fault_is_noticed_in_a_loop(rule: str, old: str, new: str, tmp_path: Path) -> None:
     run = loop("MPTC2", rule, 150.0)

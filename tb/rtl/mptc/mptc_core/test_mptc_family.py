@@ -226,10 +226,14 @@ FAULTS = {
     ),
     "difference of lengths": ("mptc_pair_stream", "opposed <= '1';", "opposed <= '0';"),
     "which length is searched": (
-        "mptc_constants", "(2, 0),\n    (3, 1),", "(2, 0),\n    (3, 0),",
+        "mptc_constants",
+        "(2, 0),\n    (3, 1),",
+        "(2, 0),\n    (3, 0),",
     ),
     "which search of MPTC1": (
-        "mptc_pair_stream", "unit := to_integer(slot(1 downto 1));", "unit := 0;",
+        "mptc_pair_stream",
+        "unit := to_integer(slot(1 downto 1));",
+        "unit := 0;",
     ),
     "torque along": (
         "mptc_datapath",
@@ -237,14 +241,20 @@ FAULTS = {
         "<= word_of(terms(TERM_ALONG));",
     ),
     "torque that is left": (
-        "mptc_pair_stream", "signed(delayed) when both_duties = '0' else", "signed(delayed) when true else",
+        "mptc_pair_stream",
+        "signed(delayed) when both_duties = '0' else",
+        "signed(delayed) when true else",
     ),
     "costs of MPTC1's duties": ("mptc_vector_stream", "or (pair_length and not pairs);", ";"),
     "duty of MPTC1": (
-        "mptc_pair_stream", "method = FAMILY_MPTC1 and both_duties = '0' else", "method = FAMILY_MPTC1 else",
+        "mptc_pair_stream",
+        "method = FAMILY_MPTC1 and both_duties = '0' else",
+        "method = FAMILY_MPTC1 else",
     ),
     "zero beside a length's duty": (
-        "mptc_pair_stream", 'if (winner(2 downto 1) = "00") then', 'if (winner(2 downto 0) = "000") then',
+        "mptc_pair_stream",
+        'if (winner(2 downto 1) = "00") then',
+        'if (winner(2 downto 0) = "000") then',
     ),
     "zero": (
         "mptc_pair_stream",
