@@ -479,15 +479,18 @@ def hexagon_address(clock: int) -> int:
 
 
 def check_lengths() -> None:
-    """Check that the searches by lengths meet no other one.
+    """Check that the searches by lengths meet no other one, and no other pair.
 
-    Of two opposite vectors the second may begin the search by the torque anew.
+    Of two opposite vectors the second may begin the search by the torque anew. A pair whose duty
+    the length tells has 1 as its second vector.
 
     Raises
     ------
     ValueError
         Naming the place.
     """
+    if any(second == 1 for _, second in PAIR_SLOTS):
+        raise ValueError("a pair with u_1 as its second vector stands for a duty by the length")
     torques = [n for n in range(LAST_ZERO + 1) if not PAIR_SLOTS[n][1]]
     for unit in range(SEARCHES):
         ends = max(n for n in torques if (n in SECOND_SEARCH) == bool(unit))

@@ -77,7 +77,7 @@ LOADED = {
     ("SVM", 150.0): (0.58, None, 10000.0),
 }
 #: Loops of which the RTL decides a part: method, duty rule, r/min; at 150 r/min without load but
-#: for SVM.
+#: for SVM and for MPTC1 with the rule best.
 SAMPLED = [
     ("MPTC1", "deadbeat", 150.0), ("MPTC1", "mean", 150.0), ("MPTC1", "best", 150.0),
     ("MPTC2", "deadbeat", 150.0), ("MPTC2", "mean", 150.0), ("MPTC2", "best", 150.0),
