@@ -161,6 +161,7 @@ begin
     words(OPERAND_RESIDUE_SUM) <= residues.total;
     words(OPERAND_NOT_ALONG)   <= not word_of(terms(TERM_ALONG));
     words(OPERAND_ACROSS)      <= word_of(terms(TERM_ACROSS));
+    seeds(SEED_LEVEL)          <= shift_left(resize(terms(TERM_LEVEL), SUM_WIDTH), TERM_SHIFT);
   end generate g_mean;
 
   g_share : if not FAMILY generate
@@ -190,7 +191,6 @@ begin
   seeds(SEED_STATOR_ALPHA) <= seed_word(results(RESULT_STATOR_ALPHA));
   seeds(SEED_STATOR_BETA)  <= seed_word(results(RESULT_STATOR_BETA));
   seeds(SEED_NONE)         <= (others => '0');
-  seeds(SEED_LEVEL)        <= shift_left(resize(terms(TERM_LEVEL), SUM_WIDTH), TERM_SHIFT);
 
   -- MPTC: |term| as one's complement; MPFC: term
   p_cost_seed : process (term, mpfc) is

@@ -224,7 +224,7 @@ begin
   -- LENGTH_LATENCY clocks after its vector; a pair's comes while no vector is there
   length.take  <= length_valid and to_std_logic(stream /= 0);
   length.place <= std_logic_vector(stream(2 downto 0));
-  length.error <= signed(distance xor (word_t'range => short));
+  length.error <= signed(distance xor (word_t'range => short and to_std_logic(FAMILY)));
 
   ---------------------------------------------------------------------------------------------
   -- Torque terms

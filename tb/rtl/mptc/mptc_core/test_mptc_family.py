@@ -216,7 +216,7 @@ FAULTS = {
     ),
     "sign of a length": (
         "mptc_vector_stream",
-        "signed(distance xor (word_t'range => short))",
+        "signed(distance xor (word_t'range => short and to_std_logic(FAMILY)))",
         "signed(distance)",
     ),
     "lengths of pairs": (
