@@ -159,18 +159,20 @@ def test_the_rtl_decides_the_periods_of_a_loop(method: str, rule: str, rpm: floa
 
 
 @pytest.mark.parametrize(
-    ("rule", "old", "new"),
+    ("method", "rule", "old", "new"),
     [
-        ("mean", "both, not falls);", "both, falls);"),
-        ("best", "opposed <= '1';", "opposed <= '0';"),
+        ("MPTC2", "mean", "both, not falls);", "both, falls);"),
+        ("MPTC1", "best", "opposed <= '1';", "opposed <= '0';"),
     ],
 )
-def test_a_fault_is_noticed_in_a_loop(rule: str, old: str, new: str, tmp_path: Path) -> None:
-    run = loop("MPTC2", rule, 150.0)
+def test_a_fault_is_noticed_in_a_loop(
+    method: str, rule: str, old: str, new: str, tmp_path: Path
+) -> None:
+    run = loop(method, rule, 150.0)
     rows = slice(len(run.torque) // 2, len(run.torque) // 2 + 20)
     rtl = altered(tmp_path, "mptc_pair_stream", old, new)
-    found = rtl_decisions(drive_of("MPTC2", rule), run, rows, rtl)
-    clocks = cycles.of("MPTC2", rule)
+    found = rtl_decisions(drive_of(method, rule), run, rows, rtl)
+    clocks = cycles.of(method, rule)
     assert np.any(found != wanted(run, rows, clocks), axis=1).sum() >= 5
 
 
