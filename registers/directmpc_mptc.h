@@ -496,9 +496,9 @@ typedef struct __attribute__ ((__packed__)) {
 #define MPTC_PARAMETERS__SENSORLESS__VALUE_reset 0x0
 
 // reg - mptc_parameters::duty_rule
-#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bm 0x1
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bm 0x3
 #define MPTC_PARAMETERS__DUTY_RULE__VALUE_bp 0
-#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bw 1
+#define MPTC_PARAMETERS__DUTY_RULE__VALUE_bw 2
 #define MPTC_PARAMETERS__DUTY_RULE__VALUE_reset 0x0
 
 // regfile - mptc_parameters

@@ -96,6 +96,8 @@ package mptc_constants is
   constant OPERAND_RESIDUE_G : natural := 45;
   constant OPERAND_RESIDUE_H : natural := 46;
   constant OPERAND_RESIDUE_SUM : natural := 47;
+  constant OPERAND_NOT_ALONG : natural := 48;
+  constant OPERAND_ACROSS : natural := 49;
 
   constant RESULT_START_ALPHA : natural := 0;
   constant RESULT_START_BETA : natural := 1;
@@ -129,15 +131,16 @@ package mptc_constants is
   constant SEED_STATOR_BETA : natural := 9;
   constant SEED_COST : natural := 10;
   constant SEED_NONE : natural := 11;
+  constant SEED_LEVEL : natural := 12;
 
-  constant OPERAND_COUNT : natural := 48; -- words on the operand bus
+  constant OPERAND_COUNT : natural := 50; -- words on the operand bus
   constant COEFFICIENT_COUNT : natural := 12; -- coefficient ports
   constant RESULT_COUNT : natural := 13; -- words that the program writes
   constant RESULT_COUNT_MPTC : natural := 9; -- those without MPFC
-  constant SEED_COUNT_ALL : natural := 12; -- kinds of seeds
+  constant SEED_COUNT_ALL : natural := 13; -- kinds of seeds
   constant TERM_COUNT : natural := 5; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 150; -- products
+  constant STEP_COUNT : natural := 240; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
@@ -154,7 +157,7 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
-  constant ADDRESS_COUNT_FAMILY : natural := 212; -- program addresses, FAMILY
+  constant ADDRESS_COUNT_FAMILY : natural := 236; -- program addresses, FAMILY
   constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
   constant FIRST_PAIR : natural := 25; -- address: MPTC2 and GTV look the first pair up
   constant FIRST_CROSSED : natural := 11; -- place of the first pair that needs a search
@@ -167,11 +170,14 @@ package mptc_constants is
   constant LAST_MPTC1 : natural := 127; -- address: valid
   constant LAST_MPTC2 : natural := 144; -- address: valid
   constant LAST_GTV : natural := 156; -- address: valid
+  constant LAST_MPTC1_BEST : natural := 144; -- address: valid, rule best
+  constant LAST_MPTC2_BEST : natural := 180; -- address: valid, rule best
+  constant LENGTH_LATENCY : natural := 5; -- clocks from a vector's flux to its length
   constant HEXAGON_FORK : natural := 87; -- address of MPFC that the flux methods of several vectors leave out
-  constant HEXAGON_ADDRESS : natural := 157; -- theirs in its place
+  constant HEXAGON_ADDRESS : natural := 181; -- theirs in its place
   constant FIRST_WAY : natural := 76; -- address: the way of u_1 is in the accumulator, then that along beta
-  constant FIRST_REST : natural := 163; -- address: e is in the accumulators
-  constant LAST_HEXAGON : natural := 211; -- address: valid
+  constant FIRST_REST : natural := 187; -- address: e is in the accumulators
+  constant LAST_HEXAGON : natural := 235; -- address: valid
   constant REST_SHIFT : natural := 10; -- low bits dropped from a way
   constant SIZE_WIDTH : natural := 28; -- bits of the size of a coordinate of e
   constant STEP_WIDTH : natural := 26; -- bits of a way, signed
@@ -193,28 +199,30 @@ package mptc_constants is
   constant CYCLES_MPTC1 : natural := 57; -- clocks from start to valid
   constant CYCLES_MPTC2 : natural := 74; -- clocks from start to valid
   constant CYCLES_GTV : natural := 86; -- clocks from start to valid
+  constant CYCLES_MPTC1_BEST : natural := 74; -- clocks from start to valid, rule best
+  constant CYCLES_MPTC2_BEST : natural := 110; -- clocks from start to valid, rule best
   constant CYCLES_HEXAGON : natural := 110; -- clocks from start to valid, the others
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
 
   constant A_COUNT_MPTC   : block_naturals_t := (7, 7, 12);
   constant A_COUNT        : block_naturals_t := (9, 10, 17);
-  constant A_COUNT_FAMILY : block_naturals_t := (12, 10, 17);
+  constant A_COUNT_FAMILY : block_naturals_t := (12, 12, 17);
 
   constant B_COUNT_MPTC   : block_naturals_t := (6, 7, 11);
   constant B_COUNT        : block_naturals_t := (12, 13, 16);
-  constant B_COUNT_FAMILY : block_naturals_t := (14, 13, 16);
+  constant B_COUNT_FAMILY : block_naturals_t := (14, 15, 16);
 
   constant SEED_COUNT_MPTC   : block_naturals_t := (4, 4, 7);
   constant SEED_COUNT        : block_naturals_t := (4, 4, 8);
-  constant SEED_COUNT_FAMILY : block_naturals_t := (5, 4, 8);
+  constant SEED_COUNT_FAMILY : block_naturals_t := (5, 5, 8);
 
   type a_lists_t is array (0 to BLOCK_COUNT - 1, 0 to 16) of natural;
 
   -- what each block's A can be, MPFC's own behind MPTC's, the family's last
   constant A_LISTS : a_lists_t := (
     (0, 2, 20, 33, 22, 34, 24, 23, 32, 42, 46, 45, 0, 0, 0, 0, 0),
-    (1, 3, 21, 20, 23, 22, 25, 30, 32, 35, 0, 0, 0, 0, 0, 0, 0),
+    (1, 3, 21, 20, 23, 22, 25, 30, 32, 35, 41, 42, 0, 0, 0, 0, 0),
     (4, 5, 0, 27, 1, 28, 24, 22, 25, 23, 6, 38, 26, 7, 31, 37, 32)
   );
 
@@ -223,7 +231,7 @@ package mptc_constants is
   -- what each block's B can be, MPFC's own behind MPTC's, the family's last
   constant B_LISTS : b_lists_t := (
     (8, 9, 11, 10, 26, 28, 29, 22, 23, 43, 44, 24, 46, 47, 0, 0),
-    (8, 9, 11, 10, 26, 24, 35, 39, 29, 43, 44, 25, 40, 0, 0, 0),
+    (8, 9, 11, 10, 26, 24, 35, 39, 29, 43, 44, 25, 40, 48, 49, 0),
     (15, 16, 17, 12, 41, 42, 14, 13, 18, 27, 19, 36, 7, 32, 30, 39)
   );
 
@@ -232,7 +240,7 @@ package mptc_constants is
   -- what each block's SEED can be, MPFC's own behind MPTC's, the family's last
   constant SEED_LISTS : seed_lists_t := (
     (0, 4, 6, 1, 11, 0, 0, 0),
-    (0, 5, 7, 1, 0, 0, 0, 0),
+    (0, 5, 7, 1, 12, 0, 0, 0),
     (0, 2, 3, 8, 9, 1, 10, 11)
   );
 
@@ -325,71 +333,161 @@ package mptc_constants is
     (20, 1, 5, 6, -1, 0),
     (114, 2, 3, 4, 7, 0),
     (114, 0, 9, 5, 4, 0),
+    (114, 1, 10, 13, 4, 0),
+    (115, 1, 11, 14, -1, 0),
     (123, 2, 11, 10, 6, 0),
     (116, 2, 3, 4, 7, 0),
     (116, 0, 9, 5, 4, 0),
+    (116, 1, 10, 13, 4, 0),
+    (117, 1, 11, 14, -1, 0),
     (125, 2, 11, 10, 6, 0),
     (118, 2, 3, 4, 7, 0),
     (118, 0, 9, 5, 4, 0),
+    (118, 1, 10, 13, 4, 0),
+    (119, 1, 11, 14, -1, 0),
     (127, 2, 11, 10, 6, 0),
     (120, 2, 3, 4, 7, 0),
     (120, 0, 9, 5, 4, 0),
+    (120, 1, 10, 13, 4, 0),
+    (121, 1, 11, 14, -1, 0),
     (129, 2, 11, 10, 6, 0),
     (122, 2, 3, 4, 7, 0),
     (122, 0, 9, 5, 4, 0),
+    (122, 1, 10, 13, 4, 0),
+    (123, 1, 11, 14, -1, 0),
     (131, 2, 11, 10, 6, 0),
     (124, 2, 3, 4, 7, 0),
     (124, 0, 9, 5, 4, 0),
+    (124, 1, 10, 13, 4, 0),
+    (125, 1, 11, 14, -1, 0),
     (133, 2, 11, 10, 6, 0),
     (126, 2, 3, 4, 7, 0),
     (126, 0, 9, 5, 4, 0),
+    (126, 1, 10, 13, 4, 0),
+    (127, 1, 11, 14, -1, 0),
     (135, 2, 11, 10, 6, 0),
     (128, 2, 3, 4, 7, 0),
     (128, 0, 9, 5, 4, 0),
+    (128, 1, 10, 13, 4, 0),
+    (129, 1, 11, 14, -1, 0),
     (137, 2, 11, 10, 6, 0),
     (130, 2, 3, 4, 7, 0),
     (130, 0, 9, 5, 4, 0),
+    (130, 1, 10, 13, 4, 0),
+    (131, 1, 11, 14, -1, 0),
     (139, 2, 11, 10, 6, 0),
     (132, 2, 3, 4, 7, 0),
     (132, 0, 9, 5, 4, 0),
+    (132, 1, 10, 13, 4, 0),
+    (133, 1, 11, 14, -1, 0),
     (141, 2, 11, 10, 6, 0),
     (134, 2, 3, 4, 7, 0),
     (134, 0, 9, 5, 4, 0),
+    (134, 1, 10, 13, 4, 0),
+    (135, 1, 11, 14, -1, 0),
     (143, 2, 11, 10, 6, 0),
     (136, 2, 3, 4, 7, 0),
     (136, 0, 9, 5, 4, 0),
+    (136, 1, 10, 13, 4, 0),
+    (137, 1, 11, 14, -1, 0),
     (145, 2, 11, 10, 6, 0),
     (138, 2, 3, 4, 7, 0),
     (138, 0, 9, 5, 4, 0),
+    (138, 1, 10, 13, 4, 0),
+    (139, 1, 11, 14, -1, 0),
     (147, 2, 11, 10, 6, 0),
     (140, 2, 3, 4, 7, 0),
     (140, 0, 9, 5, 4, 0),
+    (140, 1, 10, 13, 4, 0),
+    (141, 1, 11, 14, -1, 0),
     (149, 2, 11, 10, 6, 0),
     (142, 2, 3, 4, 7, 0),
     (142, 0, 9, 5, 4, 0),
+    (142, 1, 10, 13, 4, 0),
+    (143, 1, 11, 14, -1, 0),
     (151, 2, 11, 10, 6, 0),
+    (144, 2, 3, 4, 7, 0),
+    (144, 0, 9, 5, 4, 0),
+    (144, 1, 10, 13, 4, 0),
+    (145, 1, 11, 14, -1, 0),
+    (153, 2, 11, 10, 6, 0),
+    (146, 2, 3, 4, 7, 0),
+    (146, 0, 9, 5, 4, 0),
+    (146, 1, 10, 13, 4, 0),
+    (147, 1, 11, 14, -1, 0),
+    (155, 2, 11, 10, 6, 0),
+    (148, 2, 3, 4, 7, 0),
+    (148, 0, 9, 5, 4, 0),
+    (148, 1, 10, 13, 4, 0),
+    (149, 1, 11, 14, -1, 0),
+    (157, 2, 11, 10, 6, 0),
+    (150, 2, 3, 4, 7, 0),
+    (150, 0, 9, 5, 4, 0),
+    (150, 1, 10, 13, 4, 0),
+    (151, 1, 11, 14, -1, 0),
+    (159, 2, 11, 10, 6, 0),
+    (152, 2, 3, 4, 7, 0),
+    (152, 0, 9, 5, 4, 0),
+    (152, 1, 10, 13, 4, 0),
+    (153, 1, 11, 14, -1, 0),
+    (161, 2, 11, 10, 6, 0),
+    (154, 2, 3, 4, 7, 0),
+    (154, 0, 9, 5, 4, 0),
+    (154, 1, 10, 13, 4, 0),
+    (155, 1, 11, 14, -1, 0),
+    (163, 2, 11, 10, 6, 0),
+    (156, 2, 3, 4, 7, 0),
+    (156, 0, 9, 5, 4, 0),
+    (156, 1, 10, 13, 4, 0),
+    (157, 1, 11, 14, -1, 0),
+    (165, 2, 11, 10, 6, 0),
+    (158, 2, 3, 4, 7, 0),
+    (158, 0, 9, 5, 4, 0),
+    (158, 1, 10, 13, 4, 0),
+    (159, 1, 11, 14, -1, 0),
+    (167, 2, 11, 10, 6, 0),
+    (160, 2, 3, 4, 7, 0),
+    (160, 0, 9, 5, 4, 0),
+    (160, 1, 10, 13, 4, 0),
+    (161, 1, 11, 14, -1, 0),
+    (169, 2, 11, 10, 6, 0),
+    (162, 2, 3, 4, 7, 0),
+    (162, 0, 9, 5, 4, 0),
+    (162, 1, 10, 13, 4, 0),
+    (163, 1, 11, 14, -1, 0),
+    (171, 2, 11, 10, 6, 0),
+    (164, 2, 3, 4, 7, 0),
+    (164, 0, 9, 5, 4, 0),
+    (164, 1, 10, 13, 4, 0),
+    (165, 1, 11, 14, -1, 0),
+    (173, 2, 11, 10, 6, 0),
+    (166, 2, 3, 4, 7, 0),
+    (166, 0, 9, 5, 4, 0),
+    (166, 1, 10, 13, 4, 0),
+    (167, 1, 11, 14, -1, 0),
+    (175, 2, 11, 10, 6, 0),
     (73, 2, 3, 13, 7, 0),
     (74, 2, 5, 13, 7, 0),
-    (158, 0, 4, 9, 3, 0),
-    (159, 0, 5, 10, -1, 0),
-    (160, 0, 8, 11, -1, 0),
-    (158, 1, 4, 9, 3, 0),
-    (159, 1, 5, 10, -1, 0),
-    (160, 1, 8, 11, -1, 0),
-    (193, 0, 10, 12, 3, 0),
-    (194, 0, 11, 13, -1, 0),
-    (195, 0, 10, 12, 3, 0),
-    (196, 0, 11, 13, -1, 0),
-    (197, 0, 10, 12, 3, 0),
-    (198, 0, 11, 13, -1, 0),
-    (199, 0, 10, 12, 3, 0),
-    (200, 0, 11, 13, -1, 0),
-    (201, 0, 10, 12, 3, 0),
-    (202, 0, 11, 13, -1, 0),
-    (203, 0, 10, 12, 3, 0),
-    (204, 0, 11, 13, -1, 0),
-    (205, 0, 10, 12, 3, 0),
-    (206, 0, 11, 13, -1, 0)
+    (182, 0, 4, 9, 3, 0),
+    (183, 0, 5, 10, -1, 0),
+    (184, 0, 8, 11, -1, 0),
+    (182, 1, 4, 9, 3, 0),
+    (183, 1, 5, 10, -1, 0),
+    (184, 1, 8, 11, -1, 0),
+    (217, 0, 10, 12, 3, 0),
+    (218, 0, 11, 13, -1, 0),
+    (219, 0, 10, 12, 3, 0),
+    (220, 0, 11, 13, -1, 0),
+    (221, 0, 10, 12, 3, 0),
+    (222, 0, 11, 13, -1, 0),
+    (223, 0, 10, 12, 3, 0),
+    (224, 0, 11, 13, -1, 0),
+    (225, 0, 10, 12, 3, 0),
+    (226, 0, 11, 13, -1, 0),
+    (227, 0, 10, 12, 3, 0),
+    (228, 0, 11, 13, -1, 0),
+    (229, 0, 10, 12, 3, 0),
+    (230, 0, 11, 13, -1, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first
@@ -467,6 +565,52 @@ package mptc_constants is
     (1, 6, 2, 0),
     (1, 6, 2, 0),
     (1, 6, 2, 0)
+  );
+
+  type length_table_t is array (0 to 31, 0 to 1) of natural;
+
+  -- duties by lengths by places: vector (0: none), its search
+  constant LENGTH_TABLE : length_table_t := (
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (1, 1),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (2, 0),
+    (3, 1),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (4, 0),
+    (5, 1),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (6, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0)
+  );
+
+  type flags_of_places_t is array (0 to 31) of std_logic;
+
+  -- '1': when this place is looked up, the second search ends, if any
+  constant SECOND_ENDS : flags_of_places_t := (
+    '0', '0', '0', '0', '0', '0', '0', '0', '0', '0', '1', '1', '0', '0', '0', '0',
+    '0', '1', '0', '1', '0', '0', '0', '1', '0', '0', '0', '0', '0', '1', '0', '0'
   );
 
   subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5

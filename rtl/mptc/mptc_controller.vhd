@@ -31,7 +31,7 @@ entity mptc_controller is
     coefficients : in    mptc_coefficients_t; -- parameters from a drive file, stable from start to valid
     method_mpfc  : in    std_logic;           -- '1': MPFC, '0': MPTC; sampled with start
     family_method : in    family_t;            -- FAMILY: method of several vectors; sampled with start
-    duty_rule     : in    std_logic;           -- FAMILY: '1': duties by the mean torque; sampled with start
+    duty_rule     : in    duty_rule_t;         -- FAMILY: how MPTC1 and MPTC2 find a duty; sampled with start
     decision     : out   mptc_decision_t;     -- stable until the next valid
     chosen       : out   mptc_sequence_t      -- what to apply next, stable until the next valid
   );
@@ -56,6 +56,8 @@ architecture rtl of mptc_controller is
   signal number     : vector_t;
   signal method     : family_t;
   signal mean       : std_logic;
+  signal both       : std_logic;
+  signal length     : mptc_length_t;
   signal tried      : mptc_tried_t;
   signal residues   : mptc_residues_t;
   signal sum_alpha  : sum_t;
@@ -85,6 +87,7 @@ begin
       mpfc        => mpfc,
       method      => method,
       mean        => mean,
+      both_duties => both,
       products    => products,
       events      => events,
       valid       => decision.valid,
@@ -167,12 +170,14 @@ begin
       psi_ref      => sample.psi_ref,
       state        => state,
       method       => method,
+      both_duties  => both,
       tried        => tried,
       sum          => sum,
       sum_beta     => sum_alpha,
       difference   => difference,
       term         => term,
       overflow     => too_far,
+      length       => length,
       cheaper      => cheaper,
       leader       => leader,
       number       => number
@@ -231,8 +236,11 @@ begin
         last        => events.last,
         method      => method,
         mean        => mean,
+        both_duties => both,
         leader      => leader,
         state       => state,
+        length      => length,
+        product     => sum_beta,
         cheaper     => cheaper,
         found       => found,
         tried       => tried,

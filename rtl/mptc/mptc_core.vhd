@@ -133,7 +133,7 @@ begin
       method_mpfc   => method_mpfc,
       decision      => decision,
       family_method => FAMILY_NONE,
-      duty_rule     => '0',
+      duty_rule     => RULE_DEADBEAT,
       running       => NO_VOLTAGE,
       chosen        => open
     );

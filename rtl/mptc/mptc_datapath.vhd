@@ -2,9 +2,10 @@
 --
 -- Takes the measurements to k+1 by Heun's method (eqs. 4 and 5) and to k+2 without voltage; forms i_s0 (eq. 14), the
 -- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last
--- block forms their costs.  Which product is formed when, stands in model/directmpc/mptc/program.py; mptc_sequencer
--- tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then is one Euler
--- step of w (model/directmpc/mptc/formats.py).
+-- block forms their costs.  Of a pair the first and the last block form the flux, and the second one the torque that
+-- its duty leaves, for the duty rule best.  Which product is formed when, stands in model/directmpc/mptc/program.py;
+-- mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then
+-- is one Euler step of w (model/directmpc/mptc/formats.py).
 --
 -- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
 -- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.
@@ -104,6 +105,14 @@ architecture rtl of mptc_datapath is
 
   end function term_of;
 
+  -- a product of two words, a torque term, as a word; -1 times -1 does not come: a step along an axis is above -1
+  function word_of (value : term_t) return word_t is
+  begin
+
+    return std_logic_vector(value(2 * FRACTION - TERM_SHIFT downto FRACTION - TERM_SHIFT));
+
+  end function word_of;
+
 begin
 
   ---------------------------------------------------------------------------------------------
@@ -150,6 +159,9 @@ begin
     words(OPERAND_RESIDUE_G)   <= residues.along;
     words(OPERAND_RESIDUE_H)   <= residues.beside;
     words(OPERAND_RESIDUE_SUM) <= residues.total;
+    words(OPERAND_NOT_ALONG)   <= not word_of(terms(TERM_ALONG));
+    words(OPERAND_ACROSS)      <= word_of(terms(TERM_ACROSS));
+    seeds(SEED_LEVEL)          <= shift_left(resize(terms(TERM_LEVEL), SUM_WIDTH), TERM_SHIFT);
   end generate g_mean;
 
   g_share : if not FAMILY generate

@@ -10,16 +10,17 @@
 -- period.
 --
 -- How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
--- quotient, or the root of one, found bit by bit by two mptc_duty (mptc_pair_stream). The pair's
--- mean share then is an operand as that of the running sequence is (mptc_shares), and its flux a
--- product. Lengths and costs of pairs take the way that single vectors take. The flux methods take
+-- quotient, or the root of one, found bit by bit by two mptc_duty (mptc_pair_stream). With the rule
+-- best a second duty is the quotient of two lengths of the flux, and both are tried. The pair's mean
+-- share then is an operand as that of the running sequence is (mptc_shares), and its flux a product.
+-- Lengths and costs of pairs take the way that single vectors take. The flux methods take
 -- MPFC's program to its reference. What is missing to it is divided by the way of a vector once
 -- (mptc_coordinates); then all times are sums, and only distances are products (mptc_choices).
 --
 -- Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
 -- Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 74 for MPTC2, 86 for GTV,
--- 110 for MPFC2, MPFC3, MPC2 and SVM, always. One decision at a time; the next start may come with
--- valid.
+-- 110 for MPFC2, MPFC3, MPC2 and SVM, always; with the rule best 74 for MPTC1, 110 for MPTC2. One
+-- decision at a time; the next start may come with valid.
 -- Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 -- Considered and rejected: docs/alternatives.md.
 --
@@ -65,7 +66,7 @@ entity mptc_family_core is
     method_mpfc     : in    std_logic;                                 -- '1': MPFC, '0': MPTC; sampled with start
     -- sampled with start as well
     family_method : in    std_logic_vector(2 downto 0);  -- 0: see method_mpfc; 1 to 7: MPTC1 to SVM
-    duty_rule     : in    std_logic;                     -- MPTC1, MPTC2: '0': torque deadbeat, '1': mean torque
+    duty_rule     : in    std_logic_vector(1 downto 0);  -- MPTC1, MPTC2: 0: deadbeat, 1: mean torque, 2 or 3: best
     u1            : in    std_logic_vector(2 downto 0);  -- first vector being applied, 0 to 7
     u2            : in    std_logic_vector(2 downto 0);  -- second vector being applied, 0 to 7
     u3            : in    std_logic_vector(2 downto 0);  -- third vector being applied, 0 to 7

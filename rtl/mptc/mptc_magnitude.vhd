@@ -37,6 +37,7 @@ entity mptc_magnitude is
     half_reference : in    std_logic_vector(WORD_WIDTH - 1 downto 0);   -- K*reference/2, word, not negative, stable
     valid          : out   std_logic;                                   -- '1': difference is new
     difference     : out   std_logic_vector(WORD_WIDTH - 1 downto 0);   -- not negative, 16 fractional bits, times K
+    short          : out   std_logic;                                   -- '1': the length is below the reference
     overflow       : out   std_logic                                    -- '1': difference saturated
   );
 end entity mptc_magnitude;
@@ -124,6 +125,8 @@ begin
       rotate(ITERATIONS - 1, u, v);
       wide := resize(u, LENGTH_WIDTH + 1)
               - shift_left(resize(signed(half_reference), LENGTH_WIDTH + 1), LENGTH_GUARD + 1);
+
+      short <= wide(LENGTH_WIDTH);
 
       if (wide(LENGTH_WIDTH) = '1') then
         wide := not wide;

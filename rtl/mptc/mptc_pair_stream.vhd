@@ -14,6 +14,13 @@
 -- square of 1 - d is one less the quotient of a constant and span: the constant is the torque error without voltage
 -- at the end of the period and the one at its beginning, added. mptc_duty finds the root.
 --
+-- With both_duties each pair of MPTC1 and MPTC2 is tried twice, with a duty by the torque and with one by the flux's
+-- length. The latter is a quotient too: the length's error without voltage by that error less the one with the vector.
+-- A memory of 8 words has the errors with the vectors, a register that without voltage; both come from the single
+-- vectors. Limits are those of the torque. A pair whose duty the length tells is ranked behind the same pair by the
+-- torque: its second vector counts as 1, which no other pair has. LENGTH_TABLE has the places of these searches: each
+-- begins when one of the two is free. What torque a duty leaves is a product then, for either duty.
+--
 -- Two mptc_duty search at a time. That is enough, because the torque is linear: of a vector and the opposite one with
 -- zero at most one has a duty between 0 and 1, and at most two pairs of active vectors have: those with the torques of
 -- both on either side of the reference. So opposite vectors have one search between them, the first one's end being
@@ -21,10 +28,11 @@
 -- vectors have more torque than the reference; the two pairs that it finds are looked up again and searched.
 -- PAIR_TABLE has the order.
 --
--- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period.
+-- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period; errors of lengths 16 fractional bits.
 -- Latency: place n of PAIR_TABLE is looked up PAIR_SPACING * n clocks after the clock that follows begin_pairs; its
 -- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, its flux PAIR_REGISTERS after that,
--- its comparison STREAM_COMPARE after its flux. chosen is valid with last.
+-- its comparison STREAM_COMPARE after its flux. chosen is valid with last. length comes before the first place whose
+-- duty it tells is looked up, product with the flux.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -47,8 +55,11 @@ entity mptc_pair_stream is
     last        : in    std_logic;       -- '1': the last pair has been compared, or MPTC1's duty is there
     method      : in    family_t;        -- FAMILY_NONE, FAMILY_MPTC1, FAMILY_MPTC2 or FAMILY_GTV, stable
     mean        : in    std_logic;       -- '1': duties by the mean torque, '0': by the torque at the end; stable
+    both_duties : in    std_logic;       -- '1': the latter, and duties by the flux's length; stable
     leader      : in    vector_t;        -- MPTC1's vector, active
     state       : in    mptc_state_t;    -- torque terms, stable
+    length      : in    mptc_length_t;   -- of the flux with a single vector, both_duties
+    product     : in    sum_t;           -- torque error that a pair leaves, both_duties; with tried.enable
     cheaper     : in    std_logic;       -- '1': the pair that is compared is the cheapest so far
     found       : out   mptc_duty_t;     -- a pair with its duty
     tried       : out   mptc_tried_t;    -- when its flux is there, and its torque error when the cost takes it
@@ -62,9 +73,13 @@ architecture rtl of mptc_pair_stream is
 
   subtype double_error_t is signed(ERROR_WIDTH downto 0);
 
-  subtype slot_t is unsigned(5 downto 0);
+  subtype slot_t is unsigned(6 downto 0);
 
   subtype place_t is unsigned(3 downto 0);
+
+  constant LENGTH_PLACES : natural := 3; -- bits of a place in the memory of lengths
+
+  constant BY_LENGTH : vector_t := "001"; -- second vector of a pair whose duty the length tells: zero voltage
 
   subtype duty_t is std_logic_vector(TIME_WIDTH - 1 downto 0);
 
@@ -78,7 +93,7 @@ architecture rtl of mptc_pair_stream is
 
   type pair_t is record
     first     : vector_t;  -- active
-    second    : vector_t;  -- active, or zero voltage as u_0
+    second    : vector_t;  -- active, zero voltage as u_0, or BY_LENGTH
     direction : vector_t;  -- first less second, active
     there     : std_logic; -- '1': there is such a pair
     other     : std_logic; -- '1': the second search serves it
@@ -102,12 +117,17 @@ architecture rtl of mptc_pair_stream is
   signal number     : vector_t;                             -- vector whose torque is formed
   signal change     : error_t;                              -- torque of a vector whose part along alpha is positive
   signal opposed    : std_logic;                            -- '1': that is negative
+  signal lengthwise : std_logic;                            -- '1': both of the length, and its duty is searched
+  signal far        : signed_word_t;                        -- length less reference without voltage
+  signal place_first : std_logic_vector(LENGTH_PLACES - 1 downto 0); -- where that of the pair's first vector stands
+  signal far_first  : std_logic_vector(WORD_WIDTH - 1 downto 0); -- that with the first vector
   signal level      : error_t;                              -- torque error without voltage
   signal both       : error_t;                              -- the one at k+1 and that without voltage at k+2, added
   signal both_least : std_logic;                            -- '1': that is not above zero
   signal both_most  : std_logic;                            -- '1': that is not below zero
   signal part       : error_t;                              -- square of the second's part of the period, times span
   signal dividend   : mptc_rest_t;
+  signal base       : error_t;
   signal total      : error_t;                              -- span; a clock later the error with the second vector
   signal falls      : std_logic;                            -- '1': span was negative: complements
   signal error      : error_t;
@@ -138,6 +158,7 @@ architecture rtl of mptc_pair_stream is
   signal on_way     : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 2);
   signal flux_due   : std_logic;                            -- '1': its way is in the accumulators
   signal delayed    : std_logic_vector(TERM_WIDTH - 1 downto 0);
+  signal remaining  : std_logic_vector(TERM_WIDTH - 1 downto 0); -- product, when the cost takes it
   signal named      : named_t;
   signal ranked     : named_t;                              -- the same, with a rank of zero where no pairs are compared
   signal compared   : named_t;
@@ -169,26 +190,55 @@ architecture rtl of mptc_pair_stream is
 
   end function place_of;
 
-  -- pair at a place; given is MPTC1's vector
-  function pair_of (rule : family_t; row : place_t; given : vector_t) return pair_t is
+  -- zero voltage as u_0, whatever tells the duty
+  function without_rule (given : vector_t) return vector_t is
+
+    variable result : vector_t;
+
+  begin
+
+    result    := given;
+    result(0) := given(0) and (given(2) or given(1));
+    return result;
+
+  end function without_rule;
+
+  -- pair at a place; given is MPTC1's vector; lengths: places of duties by length too, whose number is nth
+  function pair_of (rule : family_t; lengths : std_logic; row : place_t; nth : unsigned(4 downto 0); given : vector_t)
+    return pair_t is
 
     variable result : pair_t;
     variable index  : natural range 0 to 15;
+    variable vector : natural range 0 to 7;
 
   begin
 
     index            := to_integer(row);
+    vector           := LENGTH_TABLE(to_integer(nth), 0);
     result.first     := std_logic_vector(to_unsigned(PAIR_TABLE(index, 0), 3));
     result.second    := std_logic_vector(to_unsigned(PAIR_TABLE(index, 1), 3));
     result.direction := std_logic_vector(to_unsigned(PAIR_TABLE(index, 2), 3));
-    result.there     := to_std_logic(rule = FAMILY_GTV or PAIR_TABLE(index, 1) = 0);
-    result.other     := '0';
-    result.probe     := '0';
+    result.there     := to_std_logic(rule = FAMILY_GTV or PAIR_TABLE(index, 1) = 0) and not nth(4);
+    result.other     := to_std_logic(PAIR_TABLE(to_integer(nth(3 downto 0)), 3) = 1);
+    result.probe     := to_std_logic(PAIR_TABLE(to_integer(nth(3 downto 0)), 1) /= 0
+                                     and nth /= FIRST_CROSSED and nth /= LAST_CROSSED);
+
+    if (lengths = '1' and vector /= 0) then
+      result.first     := std_logic_vector(to_unsigned(vector, 3));
+      result.second    := BY_LENGTH;
+      result.direction := result.first;
+      result.there     := '1';
+      result.other     := to_std_logic(LENGTH_TABLE(to_integer(nth), 1) = 1);
+      result.probe     := '0';
+    end if;
 
     if (rule = FAMILY_MPTC1) then
       result.first     := given;
+      result.second    := "00" & nth(0);
       result.direction := given;
-      result.there     := to_std_logic(index = 0);
+      result.there     := to_std_logic(nth = 0 or (nth = 1 and lengths = '1'));
+      result.other     := nth(0);
+      result.probe     := '0';
     end if;
 
     return result;
@@ -246,21 +296,15 @@ begin
 
   end process p_place;
 
-  pair <= pair_of(method, place, leader);
+  pair <= pair_of(method, both_duties, place, slot(5 downto 1), leader);
 
   p_ahead : process (clk) is
-
-    variable row : natural range 0 to 15;
-
   begin
 
     if rising_edge(clk) then
       if (slot(0) = '0') then
-        row          := to_integer(slot(4 downto 1));
         pair_1       <= pair;
-        pair_1.there <= pair.there and active and not slot(5);
-        pair_1.other <= to_std_logic(PAIR_TABLE(row, 3) = 1);
-        pair_1.probe <= to_std_logic(PAIR_TABLE(row, 1) /= 0 and row /= FIRST_CROSSED and row /= LAST_CROSSED);
+        pair_1.there <= pair.there and active and not slot(6);
         pair_2       <= pair_1;
       end if;
     end if;
@@ -268,11 +312,46 @@ begin
   end process p_ahead;
 
   ---------------------------------------------------------------------------------------------
-  -- Torques: of the direction, then of the second vector
+  -- Lengths of the fluxes with the vectors
+  ---------------------------------------------------------------------------------------------
+
+  p_without : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      -- zero voltage comes last
+      if (length.take = '1') then
+        far <= length.error;
+      end if;
+    end if;
+
+  end process p_without;
+
+  place_first <= std_logic_vector(unsigned(pair_1.direction) + LENGTH_LATENCY);
+
+  i_lengths : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => LENGTH_PLACES,
+      WIDTH         => WORD_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => length.take,
+      write_address => length.place,
+      write_word    => std_logic_vector(length.error),
+      read          => '1',
+      read_address  => place_first,
+      read_word     => far_first
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- Torques: of the direction, then of the second vector; or lengths
   ---------------------------------------------------------------------------------------------
 
   number <= pair_1.direction when slot(0) = '1' else
-            pair_1.second;
+            without_rule(pair_1.second);
 
   p_change : process (clk) is
 
@@ -289,7 +368,13 @@ begin
 
       change  <= moved(gated(resize(state.along, ERROR_WIDTH), has_alpha(number)), step,
                        has_beta(number) and not (negative_alpha(number) xor negative_beta(number)));
-      opposed <= negative_alpha(number);
+      opposed   <= negative_alpha(number);
+      lengthwise <= to_std_logic(pair_1.second = BY_LENGTH);
+
+      if (pair_1.second = BY_LENGTH) then
+        change  <= gated(resize(signed(far_first), ERROR_WIDTH), slot(0));
+        opposed <= '1';
+      end if;
 
       -- rotor_alpha: what the one's complement in level is off
       level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)
@@ -305,7 +390,9 @@ begin
 
   end process p_change;
 
-  total <= moved(gated(level, slot(0)), change, opposed xor slot(0));
+  base  <= resize(far, ERROR_WIDTH) when lengthwise = '1' else
+           gated(level, slot(0));
+  total <= moved(base, change, opposed xor slot(0));
 
   p_request : process (clk) is
 
@@ -425,8 +512,9 @@ begin
     if rising_edge(clk) then
       unit := 0;
 
-      -- the clocks of results are those of PAIR_TABLE, DUTY_CLOCKS after their beginning
-      if (slot(3 downto 2) = "01") then
+      if (method = FAMILY_MPTC1) then
+        unit := to_integer(slot(1 downto 1));
+      elsif (SECOND_ENDS(to_integer(slot(5 downto 1))) = '1') then
         unit := 1;
       end if;
 
@@ -449,19 +537,19 @@ begin
   left   <= signed(known_late(TERM_WIDTH - 1 downto 0)) + gated(reached, inside);
 
   found.duty      <= duty;
-  found.second    <= second;
+  found.second    <= without_rule(second);
   found.direction <= known_late(TERM_WIDTH + 5 downto TERM_WIDTH + 3);
   found.take      <= ended and known_late(TERM_WIDTH + 2);
 
   named  <= duty & first & second;
-  ranked <= duty & ((first & second) and (5 downto 0 => not method(2) and method(1)));
+  ranked <= duty & ((first & second) and (5 downto 0 => ended and known_late(TERM_WIDTH + 2)));
 
   p_on_way : process (clk) is
   begin
 
     if rising_edge(clk) then
       ended    <= active and not slot(0);
-      flux_due <= on_way(PAIR_REGISTERS - 2) and to_std_logic(method /= FAMILY_MPTC1);
+      flux_due <= on_way(PAIR_REGISTERS - 2) and (to_std_logic(method /= FAMILY_MPTC1) or both_duties);
       on_way   <= on_way(on_way'high - 1 downto 2) & (ended and known_late(TERM_WIDTH + 2));
 
       -- a pair on its way does not go on into the next decision
@@ -486,6 +574,18 @@ begin
       delayed => delayed
     );
 
+  i_remaining : entity work.delay_line
+    generic map (
+      WIDTH  => TERM_WIDTH,
+      CLOCKS => STREAM_TERM
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      word    => std_logic_vector(product(TERM_SHIFT + TERM_WIDTH - 1 downto TERM_SHIFT)),
+      delayed => remaining
+    );
+
   i_named : entity work.delay_line
     generic map (
       WIDTH  => TIME_WIDTH + 6,
@@ -500,7 +600,8 @@ begin
 
   tried.enable  <= flux_due;
   tried.take    <= on_way(STREAM_TERM + PAIR_REGISTERS);
-  tried.left    <= signed(delayed);
+  tried.left    <= signed(delayed) when both_duties = '0' else
+                   signed(remaining);
   tried.compare <= on_way(STREAM_COMPARE + PAIR_REGISTERS);
   tried.rank    <= compared(5 downto 0);
   tried.best    <= best(5 downto 0);
@@ -509,7 +610,7 @@ begin
   -- Comparison
   ---------------------------------------------------------------------------------------------
 
-  winner <= named when method = FAMILY_MPTC1 else
+  winner <= named when method = FAMILY_MPTC1 and both_duties = '0' else
             best;
 
   p_best : process (clk) is
@@ -540,7 +641,7 @@ begin
     chosen.u2 <= winner(2 downto 0);
     chosen.u3 <= winner(2 downto 0);
 
-    if (winner(2 downto 0) = "000") then
+    if (winner(2 downto 1) = "00") then
       chosen.u2 <= zero;
       chosen.u3 <= zero;
     end if;

@@ -35,11 +35,12 @@ entity mptc_sequencer is
     start       : in    std_logic;       -- '1' for one clock: decide; ignored while busy
     method_mpfc : in    std_logic;       -- '1': MPFC, '0': MPTC; sampled with start
     family_method : in    family_t;       -- method of several vectors, goes before method_mpfc; sampled with start
-    duty_rule   : in    std_logic;       -- FAMILY: '1': duties by the mean torque; sampled with start
+    duty_rule   : in    duty_rule_t;     -- FAMILY: how MPTC1 and MPTC2 find a duty; sampled with start
     accept      : out   std_logic;       -- '1': start is accepted with the next edge
     mpfc        : out   std_logic;       -- '1': the decision under way is MPFC's
     method      : out   family_t;        -- method of several vectors of the decision under way
     mean        : out   std_logic;       -- '1': its duties are those by the mean torque
+    both_duties : out   std_logic;       -- '1': the cheaper one of a duty by the torque and one by the flux's length
     products    : out   mptc_products_t; -- what the mac_blocks begin
     events      : out   mptc_events_t;   -- what is due
     valid       : out   std_logic;       -- '1' for one clock: the decision is new
@@ -64,6 +65,8 @@ architecture rtl of mptc_sequencer is
   signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
   signal turned  : std_logic; -- the method is MPFC
   signal chosen  : family_t;  -- method of several vectors
+  signal ruled   : std_logic; -- '1': it has a duty rule
+  signal both    : std_logic; -- '1': the rule is best
   signal ends    : std_logic;       -- '1': the next clock is the last one
   signal ending  : std_logic;       -- '1': this is the last clock
   signal decoded : mptc_products_t;
@@ -142,8 +145,10 @@ begin
 
     ends <= to_std_logic((address = LAST_MPTC - 2 and chosen = FAMILY_NONE) or address = LAST_MPFC - 2
                          or address = LAST_HEXAGON - 2
-                         or (address = LAST_MPTC1 - 2 and chosen = FAMILY_MPTC1)
-                         or (address = LAST_MPTC2 - 2 and chosen = FAMILY_MPTC2)
+                         or (address = LAST_MPTC1 - 2 and chosen = FAMILY_MPTC1 and both = '0')
+                         or (address = LAST_MPTC1_BEST - 2 and chosen = FAMILY_MPTC1)
+                         or (address = LAST_MPTC2 - 2 and chosen = FAMILY_MPTC2 and both = '0')
+                         or address = LAST_MPTC2_BEST - 2
                          or (address = LAST_GTV - 2 and chosen = FAMILY_GTV));
 
     p_ending : process (clk) is
@@ -161,6 +166,8 @@ begin
   accept <= start and not active;
   mpfc   <= turned;
   method <= chosen;
+
+  both_duties <= both;
 
   g_method : if FLUX_CONTROL generate
 
@@ -183,13 +190,16 @@ begin
 
   g_family : if FAMILY generate
 
+    ruled <= to_std_logic(family_method = FAMILY_MPTC1 or family_method = FAMILY_MPTC2);
+
     p_chosen : process (clk) is
     begin
 
       if rising_edge(clk) then
         if (active = '0' and start = '1') then
           chosen <= family_method;
-          mean   <= duty_rule and to_std_logic(family_method = FAMILY_MPTC1 or family_method = FAMILY_MPTC2);
+          mean   <= ruled and to_std_logic(duty_rule = RULE_MEAN);
+          both   <= ruled and duty_rule(1);
         end if;
       end if;
 
@@ -200,6 +210,7 @@ begin
   g_one_vector : if not FAMILY generate
     chosen <= FAMILY_NONE;
     mean   <= '0';
+    both   <= '0';
   end generate g_one_vector;
 
   g_one_method : if not FLUX_CONTROL generate
@@ -322,7 +333,8 @@ begin
 
       if rising_edge(clk) then
         if (chosen = FAMILY_MPTC1) then
-          events.begin_pairs <= due_at(LAST_MPTC - 1, address, turned);
+          events.begin_pairs <= (due_at(LAST_MPTC - 1, address, turned) and not both)
+                                or (due_at(LAST_MPTC, address, turned) and both);
         else
           events.begin_pairs <= due_at(FIRST_PAIR - 1, address, turned) and to_std_logic(chosen /= FAMILY_NONE);
         end if;

@@ -7,7 +7,8 @@
 -- times the duty, one step. Nothing is rounded: a time has 12 bits, a word 17 fractional ones.
 --
 -- Formats: sequence as in mptc_types, t1 + t2 at most 4096; shares are words.
--- Latency: five clocks from begin_mean; one clock from found.take, which stays away until then.
+-- Latency: five clocks from begin_mean; one clock from found.take, which stays away until then and comes every second
+-- clock at most: the products of a share are begun in two clocks.
 -- Overflow: none.
 -- Licence: Apache-2.0
 

@@ -72,6 +72,11 @@ package mptc_types is
   constant FAMILY_MPC2  : family_t := "110";
   constant FAMILY_SVM   : family_t := "111";
 
+  subtype duty_rule_t is std_logic_vector(1 downto 0); -- how MPTC1 and MPTC2 find a duty; bit 1: best
+
+  constant RULE_DEADBEAT : duty_rule_t := "00"; -- by the torque at the end of the period
+  constant RULE_MEAN     : duty_rule_t := "01"; -- by the mean torque
+
   subtype time_t is std_logic_vector(TIME_WIDTH downto 0); -- unsigned, 1/4096 of the period, at most 4096
 
   -- vectors of a period in the order applied; the third has the rest of the time
@@ -100,6 +105,13 @@ package mptc_types is
     second    : vector_t;                                  -- second vector, zero as u_0
     direction : vector_t;                                  -- first less second, active
   end record mptc_duty_t;
+
+  -- length of the flux with a single vector
+  type mptc_length_t is record
+    take  : std_logic;                    -- '1': the others are new
+    place : std_logic_vector(2 downto 0); -- number of the vector plus LENGTH_LATENCY, modulo 8; zero voltage as 7
+    error : signed_word_t;                -- length less reference, 16 fractional bits, times the magnitude's gain
+  end record mptc_length_t;
 
   constant NO_DUTY : mptc_duty_t := ('0', (others => '0'), "000", "000");
 

@@ -7,7 +7,8 @@
 -- wins a tie.
 --
 -- With FAMILY the pairs of mptc_pair_stream take the same way through length, torque term and comparison. For
--- MPTC1 zero voltage is not compared, and leader is the vector found.
+-- MPTC1 zero voltage is not compared, and leader is the vector found. With both_duties the single vectors of MPTC2 pass
+-- too, for their lengths, and the pairs of MPTC1 are compared with each other.
 --
 -- Formats: as in model/directmpc/mptc/formats.py.
 -- Latency: one vector a clock.  The clocks between length, torque term and comparison of a vector stand in
@@ -39,12 +40,14 @@ entity mptc_vector_stream is
     psi_ref      : in    std_logic_vector(REFERENCE_WIDTH - 1 downto 0); -- flux reference, unsigned, stable
     state        : in    mptc_state_t;                                   -- flux and torque terms, stable
     method       : in    family_t;                                        -- method of two vectors, stable
+    both_duties  : in    std_logic;                                      -- '1': the rule of its duties is best, stable
     tried        : in    mptc_tried_t;                                   -- pair on its way
     sum          : in    sum_t;                                          -- cost of what is compared, a pair's way
     sum_beta     : in    sum_t;                                          -- way of a pair along beta, signed
     difference   : out   word_t;                                         -- distance of a length, not negative
     term         : out   term_t;                                         -- torque term of a vector, signed
     overflow     : out   std_logic;                                      -- '1': a distance saturated
+    length       : out   mptc_length_t;                                  -- of a vector's flux, both_duties
     leader       : out   vector_t;                                       -- cheapest vector so far
     cheaper      : out   std_logic;                                      -- '1': what is compared is the cheapest so far
     number       : out   vector_t                                        -- number of the vector to apply next
@@ -73,6 +76,7 @@ architecture rtl of mptc_vector_stream is
   signal half_length   : word_t;
   signal distance      : word_t;
   signal too_far       : std_logic;
+  signal short         : std_logic;
   signal term_whole    : std_logic; -- '1': all of the step along alpha, '0': half of it
   signal term_alpha    : std_logic; -- '1': a step along alpha
   signal term_beta     : std_logic; -- '1': a step along beta
@@ -142,7 +146,7 @@ begin
   g_family_length : if FAMILY generate
     length_number <= std_logic_vector(stream(2 downto 0) + 1);
     length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
-                      and to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1)) or pair_length;
+                      and (to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1) or both_duties)) or pair_length;
   end generate g_family_length;
 
   p_lengths : process (length_number, state, tried, sum, sum_beta) is
@@ -210,11 +214,17 @@ begin
       half_reference => half_length,
       valid          => length_valid,
       difference     => distance,
+      short          => short,
       overflow       => too_far
     );
 
   difference <= distance and (word_t'range => not mpfc);
   overflow   <= too_far and length_valid;
+
+  -- LENGTH_LATENCY clocks after its vector; a pair's comes while no vector is there
+  length.take  <= length_valid and to_std_logic(stream /= 0);
+  length.place <= std_logic_vector(stream(2 downto 0));
+  length.error <= signed(distance xor (word_t'range => short and to_std_logic(FAMILY)));
 
   ---------------------------------------------------------------------------------------------
   -- Torque terms
@@ -267,11 +277,12 @@ begin
   g_family_better : if FAMILY generate
     pairs     <= not method(2) and method(1);
     best_rank <= tried.best(5 downto 1) & (tried.best(0) or wins_tie);
-    fresh  <= to_std_logic((stream <= STREAM_COMPARE and pairs = '0') or (stream /= 0 and pairs = '1'));
+    fresh     <= to_std_logic(stream /= 0 and (stream <= STREAM_COMPARE or pairs = '1'))
+                 or (pair_length and not pairs);
 
     better <= to_std_logic(cost & signed('0' & tried.rank) < best_cost & signed('0' & best_rank))
               and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)
-              and (tried.compare or not pairs);
+              and (tried.compare or (not pairs and to_std_logic(stream /= 0)));
   end generate g_family_better;
 
   cheaper <= better;

@@ -111,14 +111,11 @@ def _outputs(given: argparse.Namespace) -> dict[str, Path]:
 
 
 class _Result(NamedTuple):
-    """What a run leaves to be told: lines and tables, decisions, and how many are not the model's.
-
-    `differing` is None where there is no RTL to check.
-    """
+    """What a run leaves to be told: lines and tables, decisions, how many are not the model's."""
 
     report: tuple[str | Table, ...]
     steps: int
-    differing: int | None
+    differing: int
 
 
 def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:

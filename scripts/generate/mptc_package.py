@@ -122,6 +122,32 @@ def _pairs() -> list[str]:
     ]
 
 
+def _lengths() -> list[str]:
+    """Vectors of the duties by lengths by their places, and which search ends when."""
+    table = [p.LENGTH_SLOTS.get(n, (0, 0)) for n in range(32)]
+    second = {n for n, (_, search) in p.LENGTH_SLOTS.items() if search} | set(p.SECOND_SEARCH)
+    late = (p.PAIR_AHEAD + p.DUTY_CLOCKS) // p.PAIR_SPACING
+    ends = ["'1'" if n - late in second else "'0'" for n in range(32)]
+    return [
+        "",
+        "  type length_table_t is array (0 to 31, 0 to 1) of natural;",
+        "",
+        *_table(
+            "LENGTH_TABLE",
+            "length_table_t",
+            table,
+            "duties by lengths by places: vector (0: none), its search",
+        ),
+        "  type flags_of_places_t is array (0 to 31) of std_logic;",
+        "",
+        "  -- '1': when this place is looked up, the second search ends, if any",
+        "  constant SECOND_ENDS : flags_of_places_t := (",
+        f"    {', '.join(ends[:16])},",
+        f"    {', '.join(ends[16:])}",
+        "  );",
+    ]
+
+
 def _turns() -> list[str]:
     """Table of the second vectors of the flux methods, eight columns: an index of three bits."""
     rows = [[*row, row[-1]] for row in bit_true_hexagon.TURNS.tolist()]
@@ -225,6 +251,9 @@ def _program() -> list[str]:
             ("LAST_MPTC1", p.pair_address(p.MPTC1_LAST), "address: valid"),
             ("LAST_MPTC2", p.pair_address(p.MPTC2_LAST), "address: valid"),
             ("LAST_GTV", p.pair_address(p.GTV_LAST), "address: valid"),
+            ("LAST_MPTC1_BEST", p.pair_address(p.MPTC1_BEST_LAST), "address: valid, rule best"),
+            ("LAST_MPTC2_BEST", p.pair_address(p.MPTC2_BEST_LAST), "address: valid, rule best"),
+            ("LENGTH_LATENCY", p.LENGTH_LATENCY, "clocks from a vector's flux to its length"),
             (
                 "HEXAGON_FORK",
                 p.address(p.HEXAGON_FORK, True),
@@ -267,6 +296,8 @@ def _program() -> list[str]:
             ("CYCLES_MPTC1", cycles.FAMILY["MPTC1"], "clocks from start to valid"),
             ("CYCLES_MPTC2", cycles.FAMILY["MPTC2"], "clocks from start to valid"),
             ("CYCLES_GTV", cycles.FAMILY["GTV"], "clocks from start to valid"),
+            ("CYCLES_MPTC1_BEST", cycles.BEST["MPTC1"], "clocks from start to valid, rule best"),
+            ("CYCLES_MPTC2_BEST", cycles.BEST["MPTC2"], "clocks from start to valid, rule best"),
             ("CYCLES_HEXAGON", cycles.FAMILY["SVM"], "clocks from start to valid, the others"),
         ]
     )
@@ -377,6 +408,8 @@ def text() -> str:
             *_vectors(),
             *_program(),
             *_pairs()[1:],
+            *_lengths()[1:],
+            "",
             *_turns()[1:],
             "end package mptc_constants;",
             "",

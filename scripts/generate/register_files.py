@@ -257,7 +257,9 @@ def parameters(controller: str) -> list[Word]:
             for name in mptc_speed_observer.COEFFICIENTS[-2:]
         ),
         Word("sensorless", 1, False, "1: the speed is the observer's, 0: a measurement", True),
-        Word("duty_rule", 1, False, "MPTC1, MPTC2: 0: torque deadbeat, 1: mean torque", True),
+        Word(
+            "duty_rule", 2, False, "MPTC1, MPTC2: 0: torque deadbeat, 1: mean torque, 2: best", True
+        ),
     ]
 
 

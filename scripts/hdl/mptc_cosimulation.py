@@ -160,7 +160,7 @@ class Bench:
         family_method : int
             Method of several vectors, 0 without.
         duty_rule : int
-            Of MPTC1 and MPTC2: 0 torque deadbeat, 1 mean torque.
+            Of MPTC1 and MPTC2: 0 torque deadbeat, 1 mean torque, 2 best.
 
         Returns
         -------

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from directmpc.host.registers import BUILT_RULES, RULED_METHODS, duty_rule_word
+from directmpc.host.registers import duty_rule_word
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
@@ -14,35 +14,6 @@ from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
 from scripts.hdl.simulator import in_parallel
-
-
-def lacking_in_rtl(drive: MptcDrive) -> tuple[str, str]:
-    """What a drive asks for that the RTL has not.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Drive the controller is set up for.
-
-    Returns
-    -------
-    missing, served : str
-        Key and value, and what the RTL serves instead; both empty if the RTL has all of it.
-    """
-    c = drive.control
-    if c.duty_rule not in BUILT_RULES and c.method in RULED_METHODS:
-        return f'control.duty_rule: "{c.duty_rule}"', " and ".join(f'"{r}"' for r in BUILT_RULES)
-    return "", ""
-
-
-def _demand_rtl(drive: MptcDrive) -> None:
-    """Refuse a method or a duty rule that the RTL has not."""
-    missing, served = lacking_in_rtl(drive)
-    if missing:
-        raise ValueError(
-            f"{missing} is not in the RTL; the engines model and ideal serve it; rtl serves "
-            f"{served}"
-        )
 
 
 def decide(
@@ -72,8 +43,7 @@ def decide(
     Raises
     ------
     ValueError
-        If the drive's registers cannot be represented or the RTL has not its method or duty rule;
-        the message names the key.
+        If the drive's registers cannot be represented; the message names the key.
     SimulationError
         If the simulation fails.
     """
@@ -83,7 +53,6 @@ def decide(
     if engine == "model":
         twin = bit_true_sequences.run if drive.control.sequences else bit_true.run
         return twin(drive, trace)
-    _demand_rtl(drive)
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
     if drive.control.sequences:

@@ -389,6 +389,7 @@ def _hardware_table(figures: dict[str, Any]) -> str:
             clocks = f"{figures['cycles']}, MPFC {one['cycles']}"
         if key == "family":
             clocks = ", ".join(f"{name} {n}" for name, n in cycles.FAMILY.items())
+            clocks += "".join(f"; {name} best {n}" for name, n in cycles.BEST.items())
         if key == "drive":
             clocks = f"{one['cycles']}, MPFC {cycles.DRIVE['MPFC']}"
         rows.append(

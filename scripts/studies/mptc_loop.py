@@ -1,9 +1,8 @@
-"""A two-level drive in closed loop, as `make run` shows it: RTL where there is RTL.
+"""A two-level drive in closed loop, as `make run` shows it.
 
 The plant is the exact one in float64 with an imposed speed. The torque reference steps from zero to
 what is asked for in the middle of the run. Every decision of the RTL is checked against the
 bit-true model on the states that the plant went through, and compared with the ideal controller's.
-Methods and duty rules that the RTL has not are decided by the bit-true model.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from rich.table import Table
 
 from directmpc.host.console import progress_bar
 from directmpc.host.registers import duty_rule_word
-from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences, sequence_loop
+from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import RPM, Scenario, constant
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
@@ -28,7 +27,6 @@ from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
-from scripts.hdl.mptc_replay import lacking_in_rtl
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared.figures import COLOURS, pyplot, save_png
@@ -120,8 +118,8 @@ class Run:
         What it decided, applied one period later.
     torque : (n,)
         Electromagnetic torque at each period's beginning, N*m.
-    differing : int or None
-        Periods in which RTL and bit-true model differ in any field; None where the model decided.
+    differing : int
+        Periods in which RTL and bit-true model differ in any field.
     unlike_ideal : int
         Periods in which the ideal controller takes other vectors.
     seconds : float
@@ -133,7 +131,7 @@ class Run:
     trace: MptcTrace
     decisions: MptcDecisions
     torque: FloatArray
-    differing: int | None
+    differing: int
     unlike_ideal: int
     seconds: float
 
@@ -147,10 +145,8 @@ class Run:
         Returns
         -------
         str
-            Entity and simulation, or the bit-true model.
+            Entity and simulation.
         """
-        if self.differing is None:
-            return "bit-true model, no RTL"
         return f"{_entity(self.drive)} in RTL simulation"
 
 
@@ -213,7 +209,7 @@ def _on_rtl(
 def simulate(
     drive: MptcDrive, point: Point, steps: int | None = None, waves: Path | None = None
 ) -> Run:
-    """Run a closed loop from the steady state without load, on the RTL where it has the method.
+    """Run a closed loop from the steady state without load, on the RTL.
 
     Parameters
     ----------
@@ -225,7 +221,7 @@ def simulate(
         Control periods; without, ``PERIODS`` periods of the rotor's electrical speed, but at most
         ``MOST_STEPS``.
     waves : Path, optional
-        File for every signal of the simulation (FST); RTL alone.
+        File for every signal of the simulation (FST).
 
     Returns
     -------
@@ -235,29 +231,18 @@ def simulate(
     Raises
     ------
     ValueError
-        If the drive cannot be represented, or signals are asked for where there is no RTL; the
-        message names the key.
+        If the drive cannot be represented; the message names the key.
     SimulationError
         If the simulation fails.
     """
-    missing, served = lacking_in_rtl(drive)
-    if missing and waves is not None:
-        raise ValueError(
-            f"{missing} is not in the RTL, so there are no signals to record: leave out --waves; "
-            f"the RTL serves {served}"
-        )
     scenario = _scenario(drive, point, steps)
     several = drive.control.sequences
     twin = bit_true_sequences.run if several else bit_true.run
     began = time.perf_counter()
-    if missing:
-        trace = sequence_loop.simulate(drive, scenario).trace
-        decisions, differing = twin(drive, trace), None
-    else:
-        trace, decisions = _on_rtl(drive, scenario, waves)
-        expected = twin(drive, trace)
-        other = np.any(_rows(decisions) != _rows(expected), axis=1)
-        differing = int((other | (decisions.saturated != expected.saturated)).sum())
+    trace, decisions = _on_rtl(drive, scenario, waves)
+    expected = twin(drive, trace)
+    other = np.any(_rows(decisions) != _rows(expected), axis=1)
+    differing = int((other | (decisions.saturated != expected.saturated)).sum())
     seconds = time.perf_counter() - began
     wanted = (ideal_sequences.run if several else ideal.run)(drive, trace)
     plant = plant_parameters(drive)
@@ -305,7 +290,7 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
     }  # fmt: skip
     if family:
         parts = (*((f"u{n}", 3, False) for n in (1, 2, 3)), ("t1", 13, False), ("t2", 13, False))
-        chosen = (("family_method", 3, False), ("duty_rule", 1, False))
+        chosen = (("family_method", 3, False), ("duty_rule", 2, False))
         groups["sequence of period k, sampled with start"] = [*chosen, *parts]
         groups["next sequence, valid with valid"] = [
             (f"next_{name}", bits, signed) for name, bits, signed in parts
@@ -366,16 +351,7 @@ def outcome(run: Run) -> Table:
     table = Table(title="Closed loop", show_header=False)
     table.add_column("", style="bold")
     table.add_column("")
-    if run.differing is None:
-        missing, served = lacking_in_rtl(run.drive)
-        table.add_row(
-            "decisions", f"{n} by the bit-true model: {missing} is not in the RTL, which serves "
-            f"{served}",
-        )  # fmt: skip
-    else:
-        table.add_row(
-            "decisions", f"{n} checked against the bit-true model, {run.differing} differ"
-        )
+    table.add_row("decisions", f"{n} checked against the bit-true model, {run.differing} differ")
     table.add_row(
         "ideal controller",
         f"takes other vectors in {run.unlike_ideal} of {n} periods on the same states "

@@ -1,7 +1,7 @@
 """`make run` on few steps: it checks, prints, draws, records, and says no to a difference.
 
 Stimulus: a tenth of a fundamental period on the simulated RTL; errors of sensors; every output;
-two-level drives with one vector a period and with two, and with methods that have no RTL.
+two-level drives with one vector a period and with two, by each rule of the duty.
 Checks: the recorded trace, replayed on the RTL, gives the recorded decisions, byte by byte; every
 signal of the view is in the file of signals; of several outputs all are written or none. The RTL of
 a two-level drive makes the loop of its bit-true model; a falsified answer of the RTL is counted.
@@ -256,14 +256,22 @@ def two_level(folder: Path, setting: str) -> Path:
     return drive
 
 
+@pytest.mark.parametrize(
+    ("setting", "method", "clocks"),
+    [
+        ('method = "GTV"', "GTV", "86 clock"),
+        ('method = "MPTC1"\nduty_rule = "best"', "MPTC1", "74 clock"),
+        ('method = "MPTC2"\nduty_rule = "best"', "MPTC2", "110 clock"),
+    ],
+)
 def test_a_two_level_run_is_replayed_and_its_signals_are_there(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    setting: str, method: str, clocks: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drive, outputs = two_level(tmp_path, 'method = "GTV"'), outputs_in(tmp_path)
+    drive, outputs = two_level(tmp_path, setting), outputs_in(tmp_path)
     given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
     assert run.COMMAND.main(given) == 0
     shown = capsys.readouterr().out
-    for words in ("30 periods of 50 us, -600 r/min, GTV", "30 checked", "0 differ", "86 clock"):
+    for words in (f"30 periods of 50 us, -600 r/min, {method}", "30 checked", "0 differ", clocks):
         assert words in shown
     for path in outputs.values():
         assert str(path) in shown
@@ -310,35 +318,6 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
         assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 1
         assert "1 of 40 decisions of the RTL differ" in capsys.readouterr().err
         simulated_decisions[7, column] ^= 1
-
-
-@pytest.mark.parametrize(
-    ("setting", "missing"),
-    [
-        ('method = "MPTC1"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
-        ('method = "MPTC2"\nduty_rule = "best"', 'control.duty_rule: "best" is not in the RTL'),
-    ],
-)
-def test_without_rtl_the_model_decides_and_it_is_said(
-    setting: str, missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drive, outputs = two_level(tmp_path, setting), outputs_in(tmp_path)
-    waves = outputs.pop("waves")
-    given = ["--drive", str(drive), "--steps", "60", *arguments_for(outputs)]
-    assert run.COMMAND.main([*given, "--waves", str(waves)]) == 2
-    errors = capsys.readouterr().err
-    assert missing in errors
-    assert "leave out --waves" in errors
-    assert [path.name for path in tmp_path.iterdir()] == ["drive.toml"]
-    assert run.COMMAND.main(given) == 0
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "bit-true model, no RTL" in shown
-    assert f"60 by the bit-true model: {missing}" in shown
-    assert "checked" not in shown
-    replayed = tmp_path / "replayed.csv"
-    given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
-    assert replay.COMMAND.main([*given, "--engine", "model"]) == 0
-    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
 
 
 def test_full_scales_that_were_exceeded_are_named() -> None:

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from directmpc.mptc import bit_true, cycles
 from directmpc.mptc import bit_true_sequences as twin
@@ -17,7 +18,7 @@ from tb.helpers import mptc_rows as core
 
 METHODS = tuple(FAMILY_METHODS)
 #: The twin's rule for each value of `duty_rule`.
-RULES = (twin.DEADBEAT, twin.MEAN)
+RULES = (twin.DEADBEAT, twin.MEAN, twin.BEST, twin.BEST)
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,24 @@ class PairRows:
 
     def cycles(self) -> IntArray:
         """Clocks that each decision takes."""
-        of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])
-        return np.where(self.pairs == 0, self.rows.cycles(), of_pairs[self.pairs])
+        of_pairs = np.array([0, *(cycles.FAMILY[name] for name in METHODS)])[self.pairs]
+        with_best = np.array([0, *(cycles.of(name, "best") for name in METHODS)])[self.pairs]
+        return np.where(
+            self.pairs == 0, self.rows.cycles(), np.where(self.best(), with_best, of_pairs)
+        )
+
+    def best(self) -> NDArray[np.bool_]:
+        """Whether the duty rule of a row is best."""
+        return np.array([RULES[rule] == twin.BEST for rule in self.rules])
+
+    def by_length(self, k: int) -> bool:
+        """Whether the rule best takes another decision than deadbeat does."""
+        given = self.rows.registers[k], self.pairs[k] - 1
+        seen = self.rows.measurements[k], self.applied[k]
+        best, deadbeat = (
+            twin.decide_words(*given, rule, *seen) for rule in (twin.BEST, twin.DEADBEAT)
+        )
+        return best[0] != deadbeat[0]
 
     def expected(self) -> IntArray:
         """Decisions of the twins: in the order of ``FIELDS``, then u1, u2, u3, t1, t2."""

@@ -16,6 +16,7 @@ import re
 
 import pytest
 
+from directmpc.mptc.cycles import BEST
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.measure import budgets, synth
@@ -186,10 +187,11 @@ def test_every_clock_is_asserted_by_a_bench() -> None:
         for figure in {name for row in rows for name in row} - {"worst"}:
             assert (entity, figure) in read or entity in cores, f"{entity}.{figure}"
     assert set(budgets.load().cycles["mptc_core"]) == {"mptc", "mpfc"}
-    family = {name.lower() for name in SEQUENCE_METHODS}
+    family = {name.lower() for name in SEQUENCE_METHODS} | {f"{name.lower()}_best" for name in BEST}
     assert set(budgets.load().cycles["mptc_family_core"]) == family
     assert 'clocks_of("mptc_core", method.lower())' in text
     assert 'clocks_of("mptc_family_core", name.lower())' in text
+    assert 'clocks_of("mptc_family_core", f"{name.lower()}_best")' in text
 
 
 def test_unknown_clocks_are_refused() -> None:

@@ -1000,7 +1000,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
         "parameters.duty_rule": (
             0x150,
             {
-                "value": (0, 1, False),
+                "value": (0, 2, False),
             },
         ),
         "measurements.is_alpha": (

@@ -29,7 +29,7 @@ from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
 from directmpc.mptc import speed_observer as mptc_speed_observer
 from directmpc.mptc import vector_sequencer
-from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
+from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -41,9 +41,7 @@ HIGHEST: dict[tuple[str, str], int] = {
     ("guard.link_high", "value"): 2**16 - 2,
 }
 
-#: Duty rules that the core of the methods of two and three vectors has, by their words, and methods
-#: with a choice.
-BUILT_RULES = ("deadbeat", "mean")
+#: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
 
 #: Clocks that the guard's times have after a reset.
@@ -404,22 +402,10 @@ def duty_rule_word(drive: MptcDrive) -> int:
     Returns
     -------
     int
-        0: torque deadbeat, also where the method has no duty rule; 1: mean torque.
-
-    Raises
-    ------
-    ValueError
-        If the core does not have the rule; the message names the key.
+        0: torque deadbeat, also where the method has no duty rule; 1: mean torque; 2: best.
     """
     c = drive.control
-    if c.method not in RULED_METHODS:
-        return 0
-    if c.duty_rule not in BUILT_RULES:
-        raise ValueError(
-            f'control.duty_rule: got "{c.duty_rule}"; the core has '
-            f"{' and '.join(BUILT_RULES)} for {c.method}"
-        )
-    return BUILT_RULES.index(c.duty_rule)
+    return DUTY_RULES.index(c.duty_rule) if c.method in RULED_METHODS else 0
 
 
 def format_csv(found: RegisterValues) -> str:
@@ -580,8 +566,8 @@ def too_slow(
         period = math.floor(settings.clock * drive.control.ts + 1e-6)
         if settings.decision_limit is None and period < limit:  # the next start comes then
             limit, told = period, f"{period} (control.ts)"
-        method = drive.control.method
-        clocks = (mptc_cycles.DRIVE | mptc_cycles.FAMILY)[method]
+        method, rule = drive.control.method, drive.control.duty_rule
+        clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
         if clocks > limit:
             raise ValueError(_never(drive, settings, clocks, limit, told))
         return None

@@ -457,6 +457,27 @@ def cost_of(term, difference, gain):
 
 
 @njit
+def vector_flux(o, j):
+    """Flux at k+2 with a vector for the whole period (Paper B, eq. 13).
+
+    Parameters
+    ----------
+    o : Outlook
+        Of ``outlook``.
+    j : int
+        Number of the vector, 0 to 6.
+
+    Returns
+    -------
+    x, y : int
+        psi_s, MAGNITUDE_FRACTION fractional bits.
+    """
+    x = (abs(VECTOR_ALPHA[j]) * o.step_a) >> (2 - _GUARD)
+    x = (o.base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
+    return x, (o.base_b << _GUARD) + ((VECTOR_BETA[j] * o.step_b) << (_GUARD - 1))
+
+
+@njit
 def vector_cost(c, o, level, along, across, j):
     """Cost of a vector for the whole period (Paper B, eq. 11).
 
@@ -478,9 +499,7 @@ def vector_cost(c, o, level, along, across, j):
     saturated : int
         1 where the error of the flux did not fit.
     """
-    x = (abs(VECTOR_ALPHA[j]) * o.step_a) >> (2 - _GUARD)
-    x = (o.base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
-    y = (o.base_b << _GUARD) + ((VECTOR_BETA[j] * o.step_b) << (_GUARD - 1))
+    x, y = vector_flux(o, j)
     difference, saturated = flux_difference(x, y, o.reference)
     return cost_of(level - torque_change(j, along, across), difference, c.weight), saturated
 

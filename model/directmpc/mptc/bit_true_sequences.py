@@ -1,12 +1,13 @@
 """The bit-true twin of the methods that apply two or three vectors a period.
 
 As `bit_true`, whose state and torque terms it shares. MPTC1, MPTC2 and GTV stand here, the flux
-methods in `bit_true_hexagon`. ``mptc_family_core`` has all of them, the duty rule best excepted. A
-pair is a first vector for the duty and a second for the rest. The difference of two vectors one leg
-apart is an active vector itself, and so is a vector's difference from zero: every pair is a start
-(its second vector) and a direction, an active vector. The torque is linear in the duty, so the duty
-is a quotient of two torque terms, or the root of one. It is found bit by bit. Its part of the way
-is the product of duty and way.
+methods in `bit_true_hexagon`. ``mptc_family_core`` has all of them. A pair is a first vector for
+the duty and a second for the rest. The difference of two vectors one leg apart is an active vector
+itself, and so is a vector's difference from zero: every pair is a start (its second vector) and a
+direction, an active vector. The torque is linear in the duty, so the duty is a quotient of two
+torque terms, or the root of one. It is found bit by bit. Its part of the way is the product of duty
+and way. With the rule best a second duty is the quotient of two errors of a length, and what torque
+either duty leaves is a product too.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ _TORQUE_SHIFT = f.TORQUE_SHIFT
 _TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _DUTY_SHIFT = f.DUTY_SHIFT
 _COMPLEMENT_SHIFT = f.TORQUE_SHIFT - f.DUTY_SHIFT
+_STEP_SHIFT = f.TORQUE_FRACTION - f.FRACTION
 
 
 @njit
@@ -198,6 +200,30 @@ def flux_with(o, second, direction, duty):
 
 
 @njit
+def length_error(o, j):
+    """Error of the flux's length that a vector leaves at the end of the period.
+
+    Parameters
+    ----------
+    o : bit_true.Outlook
+        Of this period.
+    j : int
+        Number of the vector, 0 to 6.
+
+    Returns
+    -------
+    error : int
+        Length less reference, DIFFERENCE_FRACTION fractional bits, times the magnitude's gain.
+    saturated : int
+        1 where it did not fit.
+    """
+    x, y = bit_true.vector_flux(o, j)
+    difference, saturated = bit_true.flux_difference(x, y, o.reference)
+    short = bit_true.magnitude(x, y) < o.reference << (_LENGTH_GUARD + 1)
+    return ~difference if short else difference, saturated
+
+
+@njit
 def flux_duty(o, direction):
     """Duty with zero voltage that makes the flux the reference (docs/specification.md, 3.6).
 
@@ -213,10 +239,8 @@ def flux_duty(o, direction):
     int
         As of `search`.
     """
-    x, y = flux_with(o, 0, direction, TIME_STEPS)
-    without = bit_true.magnitude(o.base_a << _LENGTH_GUARD, o.base_b << _LENGTH_GUARD)
-    wanted = o.reference << (_LENGTH_GUARD + 1)
-    return search(wanted - without, bit_true.magnitude(x, y) - without)[0]
+    without = length_error(o, 0)[0]
+    return search(without, without - length_error(o, direction)[0])[0]
 
 
 class Terms(NamedTuple):
@@ -271,20 +295,40 @@ def pair(c, o, terms, second, direction):
     duty, left = search(error, span)
     if terms.rule == MEAN:
         duty, left = mean_search(error, terms.both, span)
-    cost, saturated = _cost(c, o, second, direction, duty, left)
-    if terms.rule == BEST:
-        other = flux_duty(o, direction)
-        dear, s1 = _cost(c, o, second, direction, other, _left(error, span, other))
-        saturated |= s1
-        if dear < cost:
-            duty, cost = other, dear
-    return duty, cost, saturated
+    if terms.rule != BEST:
+        cost, saturated = _cost(c, o, second, direction, duty, left)
+        return duty, cost, saturated
+    cost, saturated = _cost(c, o, second, direction, duty, torque_left(terms, direction, duty))
+    other = flux_duty(o, direction)
+    dear, s1 = _cost(c, o, second, direction, other, torque_left(terms, direction, other))
+    if dear < cost:
+        duty, cost = other, dear
+    return duty, cost, saturated | s1
 
 
 @njit
-def _left(error, span, duty):
-    """Torque error that a duty leaves, torque terms' format."""
-    return ((error << _TIME_WIDTH) - duty * span) >> (_DUTY_SHIFT + _TIME_WIDTH)
+def torque_left(terms, direction, duty):
+    """Torque error that a duty beside zero voltage leaves, as the multipliers form it.
+
+    Parameters
+    ----------
+    terms : Terms
+        Of this period.
+    direction : int
+        The active vector.
+    duty : int
+        Steps of the period.
+
+    Returns
+    -------
+    int
+        Torque terms' format.
+    """
+    along = (duty * VECTOR_ALPHA[direction]) << _SHARE_ALPHA
+    across = (duty * VECTOR_BETA[direction]) << _SHARE_BETA
+    total = terms.level << _TORQUE_SHIFT
+    total += along * ~(terms.along >> _STEP_SHIFT) + across * (terms.across >> _STEP_SHIFT)
+    return total >> _TORQUE_SHIFT
 
 
 @njit
@@ -319,6 +363,9 @@ def _torque_methods(c, o, method, rule):
         if terms.rule == BEST:
             saturated |= s2
     else:
+        if terms.rule == BEST:
+            for j in range(7):
+                saturated |= length_error(o, j)[1]
         for n in range(len(pairs)):
             duty, cost, s1 = pair(c, o, terms, pairs[n, 1], pairs[n, 2])
             saturated |= s1

@@ -10,7 +10,9 @@ from directmpc.mptc.program import (
     GTV_LAST,
     HEXAGON_LAST,
     MPFC_LAST,
+    MPTC1_BEST_LAST,
     MPTC1_LAST,
+    MPTC2_BEST_LAST,
     MPTC2_LAST,
     MPTC_LAST,
 )
@@ -29,5 +31,30 @@ FAMILY: dict[str, int] = {
     "SVM": HEXAGON_LAST + 1,
 }
 
+#: The same with the duty rule best.
+BEST: dict[str, int] = {"MPTC1": MPTC1_BEST_LAST + 1, "MPTC2": MPTC2_BEST_LAST + 1}
+#: No method of ``mptc_family_core`` may take more.
+LIMIT = 110
+
 #: Of ``mptc_drive``, which registers the decision.
 DRIVE: dict[str, int] = {method: clocks + 1 for method, clocks in CORE.items()}
+
+
+def of(method: str, rule: str) -> int:
+    """Clocks of ``mptc_core`` or, with a method of several vectors, of ``mptc_family_core``.
+
+    Parameters
+    ----------
+    method, rule : str
+        Keys ``control.method`` and ``control.duty_rule`` of the drive file.
+
+    Returns
+    -------
+    int
+        Clock cycles.
+    """
+    return (CORE | FAMILY | (BEST if rule == "best" else {}))[method]
+
+
+if max(*CORE.values(), *FAMILY.values(), *BEST.values()) > LIMIT:
+    raise ValueError(f"a method takes more than {LIMIT} clocks")

@@ -72,6 +72,8 @@ OTHERS = ("difference", "gain", "root3_2", "share_alpha", "share_beta")
 FLUX_OTHERS = ("root_along", "root_across")
 #: Distance of a choice from e, of the flux methods of several vectors.
 FAMILY_OTHERS = ("residue_g", "residue_h", "residue_sum")
+#: Torque terms as words, of the torque that a duty leaves.
+PAIR_OTHERS = ("not_along", "across")
 
 OPERANDS: tuple[str, ...] = (
     *MEASUREMENTS,
@@ -82,6 +84,7 @@ OPERANDS: tuple[str, ...] = (
     *OTHERS,
     *FLUX_OTHERS,
     *FAMILY_OTHERS,
+    *PAIR_OTHERS,
 )
 
 SEEDS: tuple[str, ...] = (
@@ -97,6 +100,7 @@ SEEDS: tuple[str, ...] = (
     "stator_beta",
     "cost",
     "none",
+    "level",
 )
 
 
@@ -274,6 +278,12 @@ DUTY_CLOCKS = TIME_WIDTH
 PAIR_SPACING = 2
 #: Places of the pairs that the second search serves.
 SECOND_SEARCH = (2, 3, FIRST_CROSSED)
+#: Places of the duties by lengths of MPTC2 with the rule best: vector, search. Each begins when one
+#: of the searches is free.
+LENGTH_SLOTS: dict[int, tuple[int, int]] = {
+    9: (1, 1), 14: (2, 0), 15: (3, 1), 20: (4, 0), 21: (5, 1), 26: (6, 0),
+}  # fmt: skip
+LAST_LENGTH = max(LENGTH_SLOTS)
 #: Clocks from looking a pair up to the beginning of its search: a register behind the table, one
 #: behind a vector's torque, one behind the torques' difference, one behind its sign. The first two
 #: need not level, so MPTC2 and GTV look up earlier.
@@ -302,14 +312,17 @@ def pair_clock(slot: int) -> int:
 
 #: Clocks from a pair's product to its flux in the magnitude.
 WAY_LATENCY = SUM_LATENCY + 1
-#: Fluxes and costs of MPTC2 and GTV: behind MPTC's program, which they share. ``share_x`` is that
-#: of the pair then. They are formed for a place without a pair too, and not read.
+#: Fluxes and costs of the pairs, and with the rule best the torques that their duties leave: behind
+#: MPTC's program, which they share. ``share_x`` is that of the pair then. They are formed for a
+#: place without a pair too, and not read.
 PAIRS: tuple[Step, ...] = tuple(
     step
-    for clock in map(pair_clock, range(LAST_CROSSED + 1))
+    for clock in map(pair_clock, range(LAST_LENGTH + 1))
     for step in (
         Step(clock - WAY_LATENCY, FLUX, "step_alpha", "share_alpha", "none", taken=True),
         Step(clock - WAY_LATENCY, ALPHA, "share_beta", "step_beta", "none", taken=True),
+        Step(clock - WAY_LATENCY, BETA, "share_alpha", "not_along", "level"),
+        Step(clock - WAY_LATENCY + 1, BETA, "share_beta", "across", taken=True),
         Step(clock + LENGTH_LATENCY, FLUX, "difference", "c_weight", "cost"),
     )
 )
@@ -326,6 +339,13 @@ MPTC1_LAST = MPTC_LAST + PAIR_AHEAD + DUTY_CLOCKS + 2
 #: The last comparison, then the decision.
 MPTC2_LAST = pair_clock(LAST_ZERO) + STREAM_COMPARE + 2
 GTV_LAST = pair_clock(LAST_CROSSED) + STREAM_COMPARE + 2
+#: With the rule best MPTC1's vector is looked up a clock later, so that its products are in the
+#: clocks of PAIRS: for the torque, then for the length. Both costs are compared.
+FIRST_BEST = MPTC_LAST + 1
+MPTC1_BEST_LAST = (
+    FIRST_BEST + PAIR_AHEAD + PAIR_SPACING + DUTY_CLOCKS + PAIR_REGISTERS + STREAM_COMPARE + 2
+)
+MPTC2_BEST_LAST = pair_clock(LAST_LENGTH) + STREAM_COMPARE + 2
 #: What is added to a clock behind MPTC's last for its address.
 PAIR_OFFSET = MPFC_LAST + FORK_OFFSET - MPTC_LAST
 
@@ -387,7 +407,7 @@ HEXAGON: tuple[Step, ...] = (
 CHOICE_COMPARE = RESIDUE + 1 + SUM_LATENCY
 HEXAGON_LAST = choice_clock(CHOICES - 1) + CHOICE_COMPARE + 2
 #: What is added to a clock from HEXAGON_FORK on for its address.
-HEXAGON_OFFSET = GTV_LAST + PAIR_OFFSET + 1 - HEXAGON_FORK
+HEXAGON_OFFSET = MPTC2_BEST_LAST + PAIR_OFFSET + 1 - HEXAGON_FORK
 #: MPFC's products that the others have too.
 BEFORE_HEXAGON: tuple[Step, ...] = tuple(s for s in MPFC if s.clock < HEXAGON_FORK)
 
@@ -458,6 +478,32 @@ def hexagon_address(clock: int) -> int:
     return clock + HEXAGON_OFFSET if clock >= HEXAGON_FORK else address(clock, True)
 
 
+def check_lengths() -> None:
+    """Check that the searches by lengths meet no other one, and no other pair.
+
+    Of two opposite vectors the second may begin the search by the torque anew. A pair whose duty
+    the length tells has 1 as its second vector.
+
+    Raises
+    ------
+    ValueError
+        Naming the place.
+    """
+    if any(second == 1 for _, second in PAIR_SLOTS):
+        raise ValueError("a pair with u_1 as its second vector stands for a duty by the length")
+    torques = [n for n in range(LAST_ZERO + 1) if not PAIR_SLOTS[n][1]]
+    for unit in range(SEARCHES):
+        ends = max(n for n in torques if (n in SECOND_SEARCH) == bool(unit))
+        for place in sorted(n for n, (_, search) in LENGTH_SLOTS.items() if search == unit):
+            if PAIR_SPACING * (place - ends) < DUTY_CLOCKS:
+                raise ValueError(f"the search at place {place} begins before the last one ends")
+            ends = place
+    if sorted(vector for vector, _ in LENGTH_SLOTS.values()) != list(range(1, VECTORS)):
+        raise ValueError("not every vector has a duty by its length")
+    if (FIRST_BEST - FIRST_PAIR) % PAIR_SPACING:
+        raise ValueError("the pairs of MPTC1 with the rule best are between the products")
+
+
 def check(steps: tuple[Step, ...]) -> None:
     """Check that a method's program does not contradict itself.
 
@@ -503,6 +549,7 @@ def check(steps: tuple[Step, ...]) -> None:
 
 if MPTC_LAST >= FORK + FORK_OFFSET:
     raise ValueError("the addresses of MPFC overlap those of MPTC")
+check_lengths()
 check(COMMON + MPTC)
 check(COMMON + MPTC + OPENING + PAIRS)
 check(COMMON + MPFC)

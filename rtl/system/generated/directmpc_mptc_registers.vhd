@@ -719,7 +719,7 @@ architecture rtl of directmpc_mptc_registers is
     end record;
 
     type \directmpc_mptc.parameters.duty_rule.value_combo_t\ is record
-        next_q : std_logic;
+        next_q : std_logic_vector(1 downto 0);
         load_next : std_logic;
     end record;
 
@@ -1363,7 +1363,7 @@ architecture rtl of directmpc_mptc_registers is
     end record;
 
     type \directmpc_mptc.parameters.duty_rule.value_storage_t\ is record
-        value : std_logic;
+        value : std_logic_vector(1 downto 0);
     end record;
 
     type \directmpc_mptc.parameters.duty_rule_storage_t\ is record
@@ -3917,13 +3917,13 @@ begin
 
     -- Field: directmpc_mptc.parameters.duty_rule.value
     process(all)
-        variable next_c: std_logic;
+        variable next_c: std_logic_vector(1 downto 0);
         variable load_next_c: std_logic;
     begin
         next_c := field_storage.parameters.duty_rule.value.value;
         load_next_c := '0';
         if decoded_reg_strb.parameters.duty_rule and decoded_req_is_wr and hwif_in.parameters.duty_rule.value.swwe then -- SW write
-            next_c := (field_storage.parameters.duty_rule.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
+            next_c := (field_storage.parameters.duty_rule.value.value and not decoded_wr_biten(1 downto 0)) or (decoded_wr_data(1 downto 0) and decoded_wr_biten(1 downto 0));
             load_next_c := '1';
         end if;
         field_combo.parameters.duty_rule.value.next_q <= next_c;
@@ -3931,10 +3931,10 @@ begin
     end process;
     process(clk) begin
         if false then -- async reset
-            field_storage.parameters.duty_rule.value.value <= '0';
+            field_storage.parameters.duty_rule.value.value <= 2x"0";
         elsif rising_edge(clk) then
             if rst then -- sync reset
-                field_storage.parameters.duty_rule.value.value <= '0';
+                field_storage.parameters.duty_rule.value.value <= 2x"0";
             else
                 if field_combo.parameters.duty_rule.value.load_next then
                     field_storage.parameters.duty_rule.value.value <= field_combo.parameters.duty_rule.value.next_q;
@@ -4574,7 +4574,7 @@ begin
             readback_data_var(ad_hi(16#14C#))(0) := field_storage.parameters.sensorless.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#150#) then
-            readback_data_var(ad_hi(16#150#))(0) := field_storage.parameters.duty_rule.value.value;
+            readback_data_var(ad_hi(16#150#))(1 downto 0) := field_storage.parameters.duty_rule.value.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#200#) then
             readback_data_var(ad_hi(16#200#))(15 downto 0) := field_storage.measurements.is_alpha.value.value;

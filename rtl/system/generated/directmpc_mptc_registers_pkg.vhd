@@ -504,7 +504,7 @@ package directmpc_mptc_registers_pkg is
     end record;
 
     type \mptc_parameters.duty_rule.value_out_t\ is record
-        value : std_logic;
+        value : std_logic_vector(1 downto 0);
     end record;
 
     type \mptc_parameters.duty_rule_out_t\ is record

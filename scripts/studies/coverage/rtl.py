@@ -19,7 +19,7 @@ from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mptc import bit_true_sequences, drive_twin
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
-from directmpc.mptc.bit_true_sequences import MEAN
+from directmpc.mptc.bit_true_sequences import BEST, DEADBEAT, MEAN
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import conversion, coverage, mpdcc_rows, mptc_drive_loop, netlist_check
@@ -172,7 +172,7 @@ def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Col
     Parameters
     ----------
     blocks_of_each : int
-        Blocks of states of each method; MPTC1 and MPTC2 by both of their duty rules.
+        Blocks of states of each method; MPTC1 and MPTC2 by each of their duty rules.
     rows : int
         States of each block.
     seed : int
@@ -188,7 +188,7 @@ def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Col
     for code, method in enumerate(("", *FAMILY_METHODS)):
         for number in range(blocks_of_each):
             block = blocks.mptc_block(number, seed, rows)
-            rule = number // 2 % 2
+            rule = number // 2 % 3
             try:
                 drive = block.drive if not code else block.drive.with_control(method=method)
                 register = mptc_coefficients.registers(drive).array()
@@ -200,7 +200,7 @@ def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Col
             if code:
                 told = [
                     bit_true_sequences.decide_words(
-                        register, code - 1, (bit_true_sequences.DEADBEAT, MEAN)[rule], m, before
+                        register, code - 1, (DEADBEAT, MEAN, BEST)[rule], m, before
                     )
                     for m, before in zip(block.measurements, running, strict=True)
                 ]

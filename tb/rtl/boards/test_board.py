@@ -217,18 +217,19 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
     assert set(run.cycles) == {39}
 
 
-#: Method, whether the speed is estimated, whether the gates are let through. An observer that
-#: begins beside a turning machine lets MPTC's current rise above the trip level.
+#: Method with its duty rule, whether the speed is estimated, whether the gates are let through. An
+#: observer that begins beside a turning machine lets MPTC's current rise above the trip level.
 SEVERAL = [
-    ("MPFC3", False, True), ("MPTC2", False, True), ("SVM", True, True), ("MPTC", True, False),
+    ("MPFC3", "deadbeat", False, True), ("MPTC2", "best", False, True),
+    ("SVM", "deadbeat", True, True), ("MPTC", "deadbeat", True, False),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("method", "sensorless", "gates"), SEVERAL)
+@pytest.mark.parametrize(("method", "rule", "sensorless", "gates"), SEVERAL)
 def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
-    tmp_path: Path, method: str, sensorless: bool, gates: bool
+    tmp_path: Path, method: str, rule: str, sensorless: bool, gates: bool
 ) -> None:
-    drive = load_drive(MPTC).with_control(method=method)
+    drive = load_drive(MPTC).with_control(method=method, duty_rule=rule)
     chosen = generics("mptc", family=True, sensorless=True)
     with VirtualBoard(chosen, tmp_path / "board", tmp_path / "gates.csv") as running:
         stream = SerialStream(str(running.port), 3_000_000)
@@ -242,7 +243,7 @@ def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
     assert run.differing == 0
     assert (run.faults, invalid) == (0, 0)
     assert run.running[1:].all() == gates
-    clocks = (cycles.CORE | cycles.FAMILY)[method] + clocks_of("mptc_speed_observer", "speed")
+    clocks = cycles.of(method, rule) + clocks_of("mptc_speed_observer", "speed")
     assert set(run.cycles) == {clocks}
     # several vectors a period: more changes of the gates than a vector a period makes
     if gates:

@@ -260,10 +260,12 @@ def prove(
 
 
 def check_family(board: Board, drive: MptcDrive) -> None:
-    """Three vectors a period, with the speed measured and estimated, through the gates."""
-    several = drive.with_control(method="MPFC3")
-    clocks = clocks_of_mptc.FAMILY["MPFC3"] + clocks_of("mptc_speed_observer", "speed")
-    for sensorless in (False, True):
+    """Three vectors a period, with the speed measured and estimated; two of the cheaper duty."""
+    for method, rule, sensorless in (
+        ("MPFC3", "deadbeat", False), ("MPFC3", "deadbeat", True), ("MPTC2", "best", False),
+    ):  # fmt: skip
+        several = drive.with_control(method=method, duty_rule=rule)
+        clocks = clocks_of_mptc.of(method, rule) + clocks_of("mptc_speed_observer", "speed")
         board.load(several, sensorless=sensorless)
         lockstep.warm_up(several)
         with lockstep.gates_enabled(board):

@@ -11,7 +11,7 @@ from cocotb.triggers import FallingEdge, Timer
 
 from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.host.goal_holder import GoalHolder
-from directmpc.host.registers import BUILT_RULES, GuardSettings
+from directmpc.host.registers import GuardSettings
 from directmpc.host.registers import values as register_values
 from directmpc.mptc import bit_true, closed_loop, cycles, machine, plant
 from directmpc.mptc import bit_true_sequences as twin
@@ -33,7 +33,6 @@ CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
 LEAST_DEAD_TIME = 10
 #: Clocks from the sequencer's start to its first vector.
 PLAYED = clocks_of("vector_sequencer", "latency")
-CLOCKS = cycles.CORE | cycles.FAMILY
 METHODS = ("MPTC", "MPFC", *FAMILY_METHODS)
 #: Settings of the guard, clocks; its limits are none here.
 SETTINGS = {
@@ -253,7 +252,7 @@ class Estimator:
 async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -> None:
     """A drive in closed loop, its gates let through; what is applied is what the guard is told."""
     rng, bus, board = rig.rng, rig.bus, rig.board
-    rule = BUILT_RULES[int(jitter)]
+    rule = "mean" if jitter else "best"
     drive = rows.shipped("induction_2kw2").with_control(method=method, duty_rule=rule)
     known = plant.plant_parameters(drive)
     await rig.reset()
@@ -287,7 +286,7 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
             board.cover("several", int(wanted[0][3] not in (0, TIME_STEPS)))
         clocks = await rig.decide(seen)
         more = clocks_of("mptc_speed_observer", "speed") if rig.sensorless else 0
-        board.check("clocks", clocks, CLOCKS[method] + more, rig.where)
+        board.check("clocks", clocks, cycles.of(method, rule) + more, rig.where)
         # the sequence decided before is the one that plays now
         reference.decided = wanted[0], method == "SVM"
         await decision(rig, wanted)

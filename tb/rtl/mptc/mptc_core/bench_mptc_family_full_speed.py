@@ -30,7 +30,7 @@ _WIDTHS = {
     **dict.fromkeys(("u", "u1", "u2", "u3", "family_method"), 3),
     **dict.fromkeys(_TIMES, TIME_PORT_WIDTH),
     "method_mpfc": 1,
-    "duty_rule": 1,
+    "duty_rule": 2,
 }
 
 
@@ -93,8 +93,12 @@ async def decisions(dut) -> None:
         where = f"decision {k}, method {rows.pairs[k]} after {before}"
         board.check("decision", told, tuple(int(v) for v in wanted[k]), where)
         board.cover(f"method {rows.pairs[k]}")
-        board.cover("mean", int(rows.rules[k] and rows.pairs[k] in (1, 2)))
+        ruled = int(rows.rules[k]) if rows.pairs[k] in (1, 2) else 0
+        board.cover("mean", int(ruled == 1))
+        board.cover("best", int(ruled > 1))
         board.cover("flag", int(dut.saturated.value))
         board.cover("no flag", 1 - int(dut.saturated.value))
     least = {f"method {code}": 20 for code in range(len(mptc_pairs.METHODS) + 1)}
-    board.finish({"decision": len(rows)}, {**least, "flag": 50, "no flag": 50, "mean": 50})
+    board.finish(
+        {"decision": len(rows)}, {**least, "flag": 50, "no flag": 50, "mean": 35, "best": 70}
+    )

@@ -10,8 +10,8 @@ repeated while busy; decisions without a clock between them, of every method aft
 Checks: vectors, times, switch states, flags bit for bit. The twins against float64 in
 test_mptc_sequences.
 Timing: 57, 74 and 86 clocks for MPTC1, MPTC2 and GTV, 110 for MPFC2, MPFC3, MPC2 and SVM, 39 and
-78 for MPTC and MPFC, always; the bench ends a simulation in which a decision takes more than 64,
-80, 90 and 110, or 40 and 80.
+78 for MPTC and MPFC, 74 and 110 for MPTC1 and MPTC2 with the rule best, always; the bench ends a
+simulation in which a decision takes more than 64, 80, 90, 110, 40, 80, 75 and 110.
 Resets: at every edge of a decision of each method; the next one, of any method, is the twin's.
 Faults: in each file that the methods of several vectors add, in the sequencer, in what they share.
 Does not prove: parameters that change between start and valid, which is forbidden.
@@ -72,11 +72,18 @@ def test_rtl_decides_as_the_twins() -> None:
     for code, name in enumerate(mptc_pairs.METHODS, start=1):
         mine = rows.pairs == code
         assert mine.sum() > 80
-        assert set(got[mine, 1].tolist()) == {clocks_of("mptc_family_core", name.lower())}
+        clocks = {clocks_of("mptc_family_core", name.lower())}
+        if name in cycles.BEST:
+            clocks.add(clocks_of("mptc_family_core", f"{name.lower()}_best"))
+        assert set(got[mine, 1].tolist()) == clocks
         t1, t2 = got[mine, 8], got[mine, 9]
         assert ((t1 > 0) & (t1 < 4095)).sum() >= 10
         assert np.isin(t1, (0, 4095, 4096)).sum() >= 10 or name == "SVM"
         assert ((t1 + t2 < 4096).sum() >= 5) == (name in ("MPFC3", "SVM"))
+    for code in (FAMILY_METHODS["MPTC1"], FAMILY_METHODS["MPTC2"]):
+        # the rule best takes the duty by the length, and the one by the torque
+        chosen = [rows.by_length(k) for k in np.flatnonzero((rows.pairs == code) & rows.best())]
+        assert min(sum(chosen), len(chosen) - sum(chosen)) >= 8
     pairs = {name: got[rows.pairs == code] for name, code in FAMILY_METHODS.items()}
     assert ((pairs["GTV"][:, 6] % 7) != 0).sum() >= 5  # pairs of two active vectors
     assert ((pairs["MPFC2"][:, 5] % 7) == 0).sum() >= 10  # after zero voltage
@@ -88,6 +95,8 @@ def test_rtl_decides_as_the_twins() -> None:
 def test_clocks_are_those_of_the_program() -> None:
     for name, clocks in cycles.FAMILY.items():
         assert clocks_of("mptc_family_core", name.lower()) == clocks
+    for name, clocks in cycles.BEST.items():
+        assert clocks_of("mptc_family_core", f"{name.lower()}_best") == clocks
 
 
 FAULTS = {
@@ -166,8 +175,8 @@ FAULTS = {
     ),
     "which search": (
         "mptc_pair_stream",
-        'if (slot(3 downto 2) = "01")',
-        'if (slot(3 downto 2) = "11")',
+        "SECOND_ENDS(to_integer(slot(5 downto 1))) = '1'",
+        "SECOND_ENDS(to_integer(slot(5 downto 1))) = '0'",
     ),
     "pair without a search": (
         "mptc_pair_stream",
@@ -195,6 +204,58 @@ FAULTS = {
         "signed('0' & not tried.rank) <",
     ),
     "rule": ("mptc_sequencer", "FAMILY_MPTC1 or family_method = FAMILY_MPTC2);", "FAMILY_MPTC1);"),
+    "length without voltage": (
+        "mptc_pair_stream",
+        "base  <= resize(far, ERROR_WIDTH) when lengthwise = '1' else",
+        "base  <= shift_left(resize(far, ERROR_WIDTH), 1) when lengthwise = '1' else",
+    ),
+    "length of another vector": (
+        "mptc_pair_stream",
+        "unsigned(pair_1.direction) + LENGTH_LATENCY",
+        "unsigned(pair_1.second) + LENGTH_LATENCY",
+    ),
+    "sign of a length": (
+        "mptc_vector_stream",
+        "signed(distance xor (word_t'range => short and to_std_logic(FAMILY)))",
+        "signed(distance)",
+    ),
+    "lengths of pairs": (
+        "mptc_vector_stream",
+        "length.take  <= length_valid and to_std_logic(stream /= 0);",
+        "length.take  <= length_valid;",
+    ),
+    "difference of lengths": ("mptc_pair_stream", "opposed <= '1';", "opposed <= '0';"),
+    "which length is searched": (
+        "mptc_constants",
+        "(2, 0),\n    (3, 1),",
+        "(2, 0),\n    (3, 0),",
+    ),
+    "which search of MPTC1": (
+        "mptc_pair_stream",
+        "unit := to_integer(slot(1 downto 1));",
+        "unit := 0;",
+    ),
+    "torque along": (
+        "mptc_datapath",
+        "<= not word_of(terms(TERM_ALONG));",
+        "<= word_of(terms(TERM_ALONG));",
+    ),
+    "torque that is left": (
+        "mptc_pair_stream",
+        "signed(delayed) when both_duties = '0' else",
+        "signed(delayed) when true else",
+    ),
+    "costs of MPTC1's duties": ("mptc_vector_stream", "or (pair_length and not pairs);", ";"),
+    "duty of MPTC1": (
+        "mptc_pair_stream",
+        "method = FAMILY_MPTC1 and both_duties = '0' else",
+        "method = FAMILY_MPTC1 else",
+    ),
+    "zero beside a length's duty": (
+        "mptc_pair_stream",
+        'if (winner(2 downto 1) = "00") then',
+        'if (winner(2 downto 0) = "000") then',
+    ),
     "zero": (
         "mptc_pair_stream",
         "zero := (others => zero_is_u_7(winner(5 downto 3)));",
@@ -288,11 +349,12 @@ def resets(rtl: Path = RTL) -> Outcome:
         files=[rtl_simulation.BENCH],
         generics={"FLUX_CONTROL": "true", "FAMILY": "true"},
         rtl=rtl,
+        timeout=400,
     )
 
 
 def test_a_reset_leaves_no_search_behind() -> None:
-    assert resets().checks["decision"] == 657
+    assert resets().checks["decision"] == 841
 
 
 def full_speed(rtl: Path = RTL) -> Outcome:

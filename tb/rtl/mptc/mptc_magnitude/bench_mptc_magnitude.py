@@ -76,6 +76,9 @@ async def random_vectors(dut) -> None:
         context = f"vector {out}, reference {reference}"
         board.check("difference", number(dut.difference), int(difference), context)
         board.check("overflow", number(dut.overflow), int(overflow), context)
+        length = bit_true.magnitude(*out)
+        short = length < reference << (1 + f.MAGNITUDE_FRACTION - f.FRACTION)
+        board.check("short", number(dut.short), int(short), context)
         board.cover("overflow", int(overflow))
         if not overflow:
             length = math.hypot(*out) * f.MAGNITUDE_GAIN
