@@ -1,9 +1,9 @@
 """Ranges of sums: what no register, no measurement and no parameter can make overflow.
 
-The formats of a core are numbers (`directmpc.mpdcc.formats`), and the VHDL gets them from there.
-The program of products says what is added to what. So the least and the largest value of every sum
-follow from the words that it begins with, by arithmetic on intervals, without a sample. A sum that
-may leave its word has to be one that saturates with a flag.
+The formats of a core are numbers (`directmpc.mpdcc.formats`, `directmpc.mptc.formats`), and the
+VHDL gets them from there. The program of products says what is added to what. So the least and the
+largest value of every sum follow from the words that it begins with, by arithmetic on intervals,
+without a sample. A sum that may leave its word has to be one that saturates with a flag.
 
 `CHECKS` lists what is shown. Each check raises `RangeError` where a sum does not fit. Beside it
 stands a fault: a format that is narrower, with which it does not.
@@ -14,12 +14,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc import program as programs
+from directmpc.mptc import formats as mptc_formats
+from directmpc.mptc import program as mptc_programs
 from scripts.shared.tools import ToolError
 
 Interval = tuple[int, int]
@@ -37,13 +40,16 @@ class Fault:
     Attributes
     ----------
     name
-        In `directmpc.mpdcc.formats`.
+        Of the format.
     by
         Bits more; negative: fewer.
+    module
+        Where the format is.
     """
 
     name: str
     by: int
+    module: ModuleType = f
 
 
 @dataclass(frozen=True)
@@ -441,6 +447,49 @@ def search() -> None:
         _search(outside)
 
 
+# --- the two-level cores --------------------------------------------------------------------------
+
+#: Programs of `mptc_core` and `mptc_family_core`, each from the first clock to the last.
+MPTC_PROGRAMS: dict[str, tuple[mptc_programs.Step, ...]] = {
+    "MPTC": (*mptc_programs.COMMON, *mptc_programs.MPTC),
+    "MPFC": (*mptc_programs.COMMON, *mptc_programs.MPFC),
+    "pairs": (
+        *mptc_programs.COMMON, *mptc_programs.MPTC, *mptc_programs.OPENING, *mptc_programs.PAIRS,
+    ),
+    "hexagon": (
+        *mptc_programs.COMMON, *mptc_programs.BEFORE_HEXAGON, *mptc_programs.HEXAGON,
+    ),
+}  # fmt: skip
+
+
+def mptc_sums() -> None:
+    """Sums of products of the two-level cores: the accumulators of `mptc_datapath` hold them.
+
+    A sum begins with a word at the place of a product, with half an LSB, with a cost, or with the
+    term `level`, which is the demand less the two products of the torque. Words saturate and flag.
+
+    Raises
+    ------
+    RangeError
+        If an accumulator is too narrow.
+    """
+    g = mptc_formats
+    product = (1 << (g.WORD_WIDTH - 1)) ** 2
+    word = 1 << (g.WORD_WIDTH - 1 + g.FRACTION)
+    cost = 1 << (g.COST_WIDTH - 1)
+    begins = {"": 0, "none": 0, "half": word >> g.WORD_WIDTH, "cost": cost, "level": 3 * product}
+    begins["torque_half"] = 1 << (g.TORQUE_SHIFT - 1)
+    for name, steps in MPTC_PROGRAMS.items():
+        for block in range(mptc_programs.BLOCKS):
+            largest = 0
+            for step in sorted((s for s in steps if s.block == block), key=lambda s: s.clock):
+                if step.seed:
+                    largest = begins.get(step.seed, word)
+                largest += product
+                what = step.result or f"clock {step.clock}"
+                demand(f"{name}: sum of {what}", (-largest, largest), g.ACCUMULATOR_WIDTH)
+
+
 def shown(check: Check) -> tuple[str, float]:
     """Run a check.
 
@@ -480,5 +529,8 @@ CHECKS: Sequence[Check] = (
     Check("length_search", "search_fits",
           "no margin, slope or threshold of the fast search leaves its word", search,
           Fault("SLOPE_WIDTH", -1)),
+    Check("mptc_datapath", "sums_fit",
+          "no sum of products leaves its accumulator, with any method and duty rule", mptc_sums,
+          Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
 )  # fmt: skip
 """All of it, for any content of registers and any measurement."""
