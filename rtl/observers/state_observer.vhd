@@ -306,7 +306,7 @@ begin
       SEEDS      => SEED_KINDS,
       REGISTERED => true,
       SECOND_AT  => FLUX_PART,
-      THIRD_AT   => SCALING_PART
+      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
     )
     port map (
       clk         => clk,
@@ -336,7 +336,7 @@ begin
       SEEDS      => TAKERS,
       REGISTERED => true,
       SECOND_AT  => FLUX_PART,
-      THIRD_AT   => SCALING_PART
+      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
     )
     port map (
       clk         => clk,

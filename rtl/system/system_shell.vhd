@@ -99,6 +99,7 @@ architecture rtl of system_shell is
   signal ignored      : std_logic;             -- a start, of either kind
   signal taking_over  : std_logic;
   signal pending      : std_logic;
+  signal not_in_force : std_logic; -- a commit waits, or what it took over is not yet in force
   signal commits      : std_logic_vector(15 downto 0);
   signal last_cycles  : std_logic_vector(15 downto 0);
   signal worst_cycles : std_logic_vector(15 downto 0);
@@ -115,6 +116,8 @@ architecture rtl of system_shell is
 
 begin
 
+  not_in_force <= pending or preparing;
+
   ---------------------------------------------------------------------------------------------
   -- Bus writes, start, commit
   ---------------------------------------------------------------------------------------------
@@ -130,7 +133,7 @@ begin
       passed  => passed,
       enabled => written.control.enable.value,
       commit  => written.command.commit.value,
-      pending => pending,
+      pending => not_in_force,
       load    => taking_over,
       hold    => hold,
       refuse  => refuse
@@ -290,7 +293,7 @@ begin
   shown.capabilities <= capabilities;
 
   shown.status.busy.next_q           <= busy;
-  shown.status.commit_pending.next_q <= pending or preparing;
+  shown.status.commit_pending.next_q <= not_in_force;
   shown.status.running.next_q        <= is_running;
   shown.status.commutating.next_q    <= not is_resting;
   shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';

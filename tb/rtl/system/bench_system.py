@@ -361,7 +361,8 @@ async def filtered(system: System) -> None:
     settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
     base = registers.values(drive, settings).words
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
-    more = clocks_of("capacitor_observer", "latency")
+    alone = clocks_of("state_observer", "filters")
+    before_flux = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
     for chosen in FILTERED:
         gains = {name: chosen[name] for name in ("q_midpoint", "q_phase")}
         c = capacitor_observer.coefficients(drive, **gains)
@@ -434,6 +435,7 @@ async def filtered(system: System) -> None:
         board.check("told", await bus.read("system.flags", "observer_saturated"), full, chosen)
         board.cover("full", full)
         if holds and held:
+            more = before_flux if watched else alone
             board.check("later", holds, {count + more for count in held}, chosen)
     await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
 
