@@ -1,7 +1,6 @@
 """Writes the packages with the observers' programs for the RTL.
 
-``rotor_flux_observer_program.vhd``, ``capacitor_observer_program.vhd``,
-``leakage_observer_program.vhd``, ``mptc_observer_program.vhd`` and
+``state_observer_program.vhd``, ``mptc_observer_program.vhd`` and
 ``mptc_speed_observer_program.vhd`` hold the tables that `mac_sequencer` follows, names for the
 places, seeds and events in them, and what else the models alone know.
 """
@@ -11,9 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from directmpc.mac_program import Program, places
-from directmpc.mpdcc import capacitor_program as capacitors
-from directmpc.mpdcc import leakage_program as leakage
-from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mpdcc import state_program as state
 from directmpc.mptc import observer_program as stator_flux
 from directmpc.mptc import speed_observer
@@ -22,11 +18,8 @@ from scripts.shared import tools
 
 _FOLDER = Path(__file__).resolve().parents[2] / "rtl" / "observers"
 
-#: Entity -> its program, and the file the program stands in.
+#: Entity -> its program, and the file the program stands in; ``state_observer`` has more columns.
 PROGRAMS: dict[str, tuple[Program, str]] = {
-    "rotor_flux_observer": (rotor_flux.PROGRAM, "model/directmpc/mpdcc/observer_program.py"),
-    "capacitor_observer": (capacitors.PROGRAM, "model/directmpc/mpdcc/capacitor_program.py"),
-    "leakage_observer": (leakage.PROGRAM, "model/directmpc/mpdcc/leakage_program.py"),
     "mptc_observer": (stator_flux.PROGRAM, "model/directmpc/mptc/observer_program.py"),
     "mptc_speed_observer": (speed.PROGRAM, "model/directmpc/mptc/speed_observer_program.py"),
 }
