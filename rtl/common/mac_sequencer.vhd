@@ -39,8 +39,8 @@ entity mac_sequencer is
     clk         : in    std_logic;                                    -- rising edge
     rst         : in    std_logic;                                    -- synchronous, active high: ends a step
     start       : in    std_logic;                                    -- '1' for one clock: a step; ignored while busy
-    entry       : in    std_logic_vector(1 downto 0) := "00";         -- first clock: 0, SECOND_AT, or THIRD_AT from 2 on
-    leave       : in    std_logic := '0';                             -- '1': this clock of the step is its last
+    entry       : in    std_logic_vector(1 downto 0);                 -- a step begins: 0 first, 1 second, else third
+    leave       : in    std_logic;                                    -- '1': this clock of the step is its last
     -- to the mac_blocks
     enable      : out   std_logic;                                    -- '1': a product is issued
     accumulate  : out   std_logic;                                    -- '1': it is added to the sum so far

@@ -94,8 +94,7 @@ entity state_observer is
     l_voltage_alpha   : in    std_logic_vector(17 downto 0); -- h*xr/(3*D)
     l_voltage_beta    : in    std_logic_vector(17 downto 0); -- h*xr/(sqrt(3)*D)
     l_emf             : in    std_logic_vector(17 downto 0); -- h*xm/D
-    -- coefficients of the current's slopes, signed, word 0 rightmost
-    given             : in    std_logic_vector(STATE_SLOPES * 16 - 1 downto 0);
+    given             : in    std_logic_vector(STATE_SLOPES * 16 - 1 downto 0); -- slopes', signed, word 0 rightmost
     busy              : out   std_logic;                     -- '1': a step or a scaling is under way
     scaling           : out   std_logic;                     -- '1': a scaling is
     -- voltages at k; with filters new with filters_valid and stable until the next start, else those measured
@@ -774,10 +773,13 @@ begin
 
     type states_t is array (0 to 3) of signed(VOLTAGE - 1 downto 0);
 
+    type words_t is array (0 to 3) of std_logic_vector(PORTS - 1 downto 0);
+
     constant BELOW : natural := VOLTAGE - PORTS; -- bits of a state below a word's LSB
 
     signal begun      : std_logic;                               -- there are states to predict from
     signal ring       : states_t;
+    signal words      : words_t;                                 -- the upper bits of the states
     signal lane       : unsigned(1 downto 0);                    -- of the ring's head
     signal turns      : std_logic;
     signal comes_back : std_logic;
@@ -788,6 +790,14 @@ begin
     signal flag       : std_logic;                               -- a voltage did not fit
     signal filters_n  : std_logic;                               -- v_n is filtered in this step
     signal filters_ph : std_logic;
+
+    -- a word with half its range added, or taken away
+    function unsigned_of (value : std_logic_vector) return std_logic_vector is
+    begin
+
+      return (not value(value'high)) & value(value'high - 1 downto 0);
+
+    end function unsigned_of;
 
   begin
 
@@ -898,11 +908,11 @@ begin
 
         when "00" =>
 
-          present <= (not v_ph_b(PORTS - 1)) & v_ph_b(PORTS - 2 downto 0);
+          present <= unsigned_of(v_ph_b);
 
         when "01" =>
 
-          present <= (not v_ph_c(PORTS - 1)) & v_ph_c(PORTS - 2 downto 0);
+          present <= unsigned_of(v_ph_c);
 
         when "10" =>
 
@@ -910,7 +920,7 @@ begin
 
         when others =>
 
-          present <= (not v_ph_a(PORTS - 1)) & v_ph_a(PORTS - 2 downto 0);
+          present <= unsigned_of(v_ph_a);
 
       end case;
 
@@ -986,13 +996,17 @@ begin
 
     filters_saturated <= flag;
 
-    now_b <= (not ring(0)(VOLTAGE - 1)) & std_logic_vector(ring(0)(VOLTAGE - 2 downto BELOW)) when with_filters = '1' else
+    g_words : for i in 0 to 3 generate
+      words(i) <= std_logic_vector(ring(i)(VOLTAGE - 1 downto BELOW));
+    end generate g_words;
+
+    now_b <= unsigned_of(words(0)) when with_filters = '1' else
              v_ph_b;
-    now_c <= (not ring(1)(VOLTAGE - 1)) & std_logic_vector(ring(1)(VOLTAGE - 2 downto BELOW)) when with_filters = '1' else
+    now_c <= unsigned_of(words(1)) when with_filters = '1' else
              v_ph_c;
-    now_n <= std_logic_vector(ring(2)(VOLTAGE - 1 downto BELOW)) when with_filters = '1' else
+    now_n <= words(2) when with_filters = '1' else
              v_n;
-    now_a <= (not ring(3)(VOLTAGE - 1)) & std_logic_vector(ring(3)(VOLTAGE - 2 downto BELOW)) when with_filters = '1' else
+    now_a <= unsigned_of(words(3)) when with_filters = '1' else
              v_ph_a;
 
   end generate g_filters;
@@ -1083,7 +1097,8 @@ begin
         end if;
 
         if (takes(TAKE_SLOPE) = '1') then
-          chain <= std_logic_vector(cut_state(STATE - 1 downto STATE - PORTS)) & chain(STATE_SLOPES * PORTS - 1 downto PORTS);
+          chain <= std_logic_vector(cut_state(STATE - 1 downto STATE - PORTS))
+                   & chain(STATE_SLOPES * PORTS - 1 downto PORTS);
           clips <= clips or full;
         elsif (scales = '1' and marks(0) = '1' and place = 0) then
           clips <= '0';

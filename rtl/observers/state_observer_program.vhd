@@ -85,7 +85,7 @@ package state_observer_program is
   constant SCALING_END : natural := 88; -- its last one
   constant STATE_SLOPES : natural := 13; -- coefficients that are scaled
 
-  -- clock, word of A in bits, word of B, steps of alignment, seed (-1: add to the sum)
+  -- clock, word of A in bits, word of B, alignment, seed (-1: add to the sum)
   constant STATE_PRODUCTS : mac_program_t(0 to 64, 0 to 4) := (
     (0, 1, 17, 0, -1),
     (1, 20, 11, 3, 1),
@@ -154,7 +154,7 @@ package state_observer_program is
     (85, 400, 16, 3, 3)
   );
 
-  -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, what happens with the sum
+  -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, taker
   constant STATE_MOVES : mac_program_t(0 to 61, 0 to 4) := (
     (0, 1, 33, 1, 0),
     (2, 0, 0, 1, 0),

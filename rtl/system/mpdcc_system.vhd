@@ -1,19 +1,17 @@
--- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, estimate of the leakage,
--- core, gate guard.
+-- A complete MPDCC controller with a bus: registers, observer of capacitors, rotor flux and leakage, core, gate guard.
 --
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
--- command.start), and are kept in the registers. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters
--- take their step first, and observer and core get filtered voltages. With control.use_observer the observer takes
--- its step next and its flux replaces psir. The core decides; the guard turns the decision into gates. With l_mode
--- the leakage's estimate takes its step beside the core, on what the core gets and the observer's voltages. Between
--- two decisions it scales the slopes' coefficients for the next one. Parameters
--- and the guard's settings are shadows that take effect together between two decisions. What is common to all
--- systems is in system_shell.
+-- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or f_q_phase is
+-- not 0, it begins with the capacitors, and the core gets filtered voltages. With control.use_observer its flux replaces
+-- psir. The core decides; the guard turns the decision into gates. With l_mode the step goes on with the leakage beside
+-- the core, on what the core gets. Between two decisions the slopes' coefficients are scaled for the next one.
+-- Parameters and the guard's settings are shadows that take effect together between two decisions, once the observer's
+-- step is over. What is common to all systems is in system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start, 11 clocks later with the filters, 15 more with the observer. With
--- LEAKAGE_ESTIMATE a commit is pending for 18 clocks more, in which the core does not start; nor does it, with l_mode,
--- within 46 clocks after its last start or 18 after its last decision.
+-- Latency: the core starts one clock after start, 12 clocks later with the filters, 24 with the flux, 32 with both. With
+-- LEAKAGE_ESTIMATE a commit is pending for 19 clocks more, in which no decision goes on; nor does it, with l_mode,
+-- within 83 clocks after the last one has, 91 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -472,7 +470,7 @@ begin
 
     estimating     <= in_force.l_mode.value.value(0);
     forget_leakage <= loaded and not estimating;
-    scale          <= stale and not observer_busy and not load and not load_waits and not loaded and not observer_rst;
+    scale          <= stale and not observer_busy and not load and not load_waits and not observer_rst;
 
     p_stale : process (clk) is
     begin

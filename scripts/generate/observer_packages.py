@@ -120,6 +120,15 @@ def text(entity: str) -> str:
     )
 
 
+def _table(name: str, rows: list[tuple[int, ...]]) -> list[str]:
+    body = ",\n    ".join("(" + ", ".join(map(str, row)) + ")" for row in rows)
+    return [
+        f"  constant {name} : mac_program_t(0 to {len(rows) - 1}, 0 to 4) := (",
+        f"    {body}",
+        "  );",
+    ]
+
+
 def state_text() -> str:
     """The package of ``state_observer``.
 
@@ -153,14 +162,6 @@ def state_text() -> str:
         )
         for clock in clocks
     ]
-
-    def table(name: str, found: list[tuple[int, ...]]) -> list[str]:
-        body = ",\n    ".join("(" + ", ".join(map(str, row)) + ")" for row in found)
-        return [
-            f"  constant {name} : mac_program_t(0 to {len(found) - 1}, 0 to 4) := (",
-            f"    {body}",
-            "  );",
-        ]
 
     return "\n".join(
         [
@@ -201,19 +202,24 @@ def state_text() -> str:
             *_indices("DUE", ("filters", "flux", "leakage")),
             "  constant DUE_EVENTS : natural := 3;",
             "",
-            f"  constant FILTERS_END : natural := {state.FILTERS_END}; -- last clock of the filters",
-            f"  constant FLUX_PART : natural := {state.FLUX}; -- first clock of the flux",
-            f"  constant FLUX_END : natural := {state.FLUX_END}; -- its last one",
-            f"  constant LEAKAGE_END : natural := {state.LEAKAGE_END}; -- last clock of the leakage",
-            f"  constant SCALING_PART : natural := {state.SCALING}; -- first clock of a scaling",
-            f"  constant SCALING_END : natural := {state.SCALING_END}; -- its last one",
-            f"  constant STATE_SLOPES : natural := {state.SLOPES}; -- coefficients that are scaled",
+            *(
+                f"  constant {name} : natural := {value}; -- {meaning}"
+                for name, value, meaning in (
+                    ("FILTERS_END", state.FILTERS_END, "last clock of the filters"),
+                    ("FLUX_PART", state.FLUX, "first clock of the flux"),
+                    ("FLUX_END", state.FLUX_END, "its last one"),
+                    ("LEAKAGE_END", state.LEAKAGE_END, "last clock of the leakage"),
+                    ("SCALING_PART", state.SCALING, "first clock of a scaling"),
+                    ("SCALING_END", state.SCALING_END, "its last one"),
+                    ("STATE_SLOPES", state.SLOPES, "coefficients that are scaled"),
+                )
+            ),
             "",
-            "  -- clock, word of A in bits, word of B, steps of alignment, seed (-1: add to the sum)",
-            *table("STATE_PRODUCTS", products),
+            "  -- clock, word of A in bits, word of B, alignment, seed (-1: add to the sum)",
+            *_table("STATE_PRODUCTS", products),
             "",
-            "  -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, what happens with the sum",
-            *table("STATE_MOVES", rows),
+            "  -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, taker",
+            *_table("STATE_MOVES", rows),
             "",
             "end package state_observer_program;",
             "",

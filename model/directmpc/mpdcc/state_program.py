@@ -293,8 +293,7 @@ def takings(products: Sequence[Product] = PRODUCTS) -> dict[int, str]:
     return {p.clock + TAKEN: p.taker for p in products if p.taker}
 
 
-#: Sums that must be in a word, or in factor, before it is read: clock of the reading -> clock of the
-#: taking.  Words have to be written by then as well.
+#: Takers that write the register ``result``.
 _RESULTS = ("state", "emf", "step")
 
 
@@ -354,9 +353,9 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
     written = {"m_alpha"}
     for clock in range(SCALING):
         for p in products:
-            if p.clock == clock and p.source in WORDS:
-                if "old " not in p.a and p.source not in written:
-                    raise ValueError(f"clock {clock}: {p.source} has not been written")
+            fresh = p.clock == clock and p.source in WORDS and "old " not in p.a
+            if fresh and p.source not in written:
+                raise ValueError(f"clock {clock}: {p.source} has not been written")
         written |= {m.word for m in moves if m.clock == clock}
 
 

@@ -68,6 +68,11 @@ async def steps(dut) -> None:
         await clock.edge()
     board.finish(
         {"program": given["clocks"]},
-        {f"clock {BUSY - 1}": 20, "start while busy": 20, "reset while busy": 10, "entry": 20,
-         "left": 20},
+        {
+            f"clock {BUSY - 1}": 20,
+            "start while busy": 20,
+            "reset while busy": 10,
+            "entry": 20,
+            "left": 20,
+        },
     )

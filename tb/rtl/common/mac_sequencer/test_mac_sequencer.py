@@ -1,10 +1,12 @@
 """The sequencer of the observers' programs, with its example program.
 
 Sweep: outputs with registers and without; programs and generics that contradict each other.
-Stimulus: starts with every entry and resets at random, also while a step is under way; steps that are left early.
+Stimulus: starts with every entry and resets at random, also while a step is under way; steps that
+are left early.
 Checks: every output in every clock.
 Timing: valid 8 clocks after start, busy for 8 clocks.
-Faults: a step that ends late or is not left, a wrong entry, a row whose seed is lost, an event in the wrong clock.
+Faults: a step that ends late or is not left, a wrong entry, a row whose seed is lost, an event in
+the wrong clock.
 Does not prove: the observers' own programs; their benches do.
 """
 
@@ -22,7 +24,6 @@ from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
-
 
 ENTRIES: dict[str, object] = {"SECOND_AT": 2, "THIRD_AT": 3}
 
@@ -56,7 +57,9 @@ FAULTS = [
         "if (PROGRAM(i, 4) = 0) then",
         "program",
     ),
-    Fault("mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"),
+    Fault(
+        "mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"
+    ),
     Fault("mac_sequencer", "active and (leave or ", "active and (", "(program|due|busy)"),
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),

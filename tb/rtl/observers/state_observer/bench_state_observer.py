@@ -397,9 +397,7 @@ async def one_state_at_a_time(dut) -> None:
         board.cover(f"estimate {axis}", await step(none | {"output_current": MOST}, m + [0] * 6))
     # the voltage along alpha; only capacitors without a dc-link make it too large
     for s in ([1, 2, 2], [2, 1, 1]):
-        board.cover(
-            "voltage", await step(none, [0, 0, -32_768, 65_535, 65_535, 65_535, 0, 0], s)
-        )
+        board.cover("voltage", await step(none, [0, 0, -32_768, 65_535, 65_535, 65_535, 0, 0], s))
     # the angle: one pair of words alone is beyond
     for speed in (-(2**15), 2**15 - 1):
         board.cover("angle", await step(none | {"speed": -MOST - 1}, [0] * 7 + [speed]))
