@@ -1,12 +1,13 @@
 -- A complete MPDCC controller with a bus: registers, observer of capacitors, rotor flux and leakage, core, gate guard.
 --
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
--- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or f_q_phase is
--- not 0, it begins with the capacitors, and the core gets filtered voltages. With control.use_observer its flux replaces
--- psir. The core decides; the guard turns the decision into gates. With l_mode the step goes on with the leakage beside
--- the core, on what the core gets. Between two decisions the slopes' coefficients are scaled for the next one.
--- Parameters and the guard's settings are shadows that take effect together between two decisions, once the observer's
--- step is over. What is common to all systems is in system_shell.
+-- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or
+-- f_q_phase is not 0, it begins with the capacitors, and the core gets filtered voltages. With
+-- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates. With
+-- l_mode the step goes on with the leakage beside the core, on what the core gets. Between two decisions the slopes'
+-- coefficients are scaled for the next one. Parameters and the guard's settings are shadows that take effect together
+-- between two decisions, the parameters once the observer's step is over. What is common to all systems is in
+-- system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, 12 clocks later with the filters, 24 with the flux, 32 with both. With
@@ -484,7 +485,9 @@ begin
           preparing <= '0';
         end if;
 
-        if (taking = '1' or (estimating = '1' and (core_valid = '1' or observer_rst = '1'))) then
+        -- a reset may end a scaling
+        if (taking = '1' or (core_valid = '1' and estimating = '1')
+            or (observer_rst = '1' and (estimating = '1' or scaling = '1'))) then
           stale <= '1';
         elsif (scale = '1') then
           stale <= '0';

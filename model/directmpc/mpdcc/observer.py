@@ -46,7 +46,7 @@ WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
 GUARD = 12  # bits of a state below a word's LSB: a step of the slowest drive adds 1/25 of a word's
 STATE_WIDTH = WORD_WIDTH + GUARD
 
-#: Coefficients of ``rotor_flux_observer`` in port order and what they are.
+#: Coefficients of the flux in port order and what they are.
 COEFFICIENTS: dict[str, str] = {
     "speed": "speed times T_s, 19 fractional bits",
     "voltage_alpha": "2*v_a - v_b - v_c in the stator flux's step, 19 fractional bits",
@@ -75,7 +75,7 @@ ANGLE_SHIFT = 17
 
 
 def coefficients(drive: Drive, crossover: float = CROSSOVER) -> tuple[dict[str, int], list[str]]:
-    """Coefficients of ``rotor_flux_observer`` for a drive.
+    """Coefficients of the flux for a drive.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 @njit
 def voltages(m, s):
-    """Voltages along alpha and beta as ``rotor_flux_observer`` forms them.
+    """Voltages along alpha and beta as ``state_observer`` forms them.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def voltages(m, s):
 
 @njit
 def step_words(coefficient, state, m, s):
-    """One step of ``rotor_flux_observer``.
+    """One step of the flux of ``state_observer``.
 
     Parameters
     ----------

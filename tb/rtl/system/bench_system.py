@@ -374,6 +374,8 @@ async def filtered(system: System) -> None:
             parameters |= {f"f_{name}": value for name, value in filters.items()}
             await system.write_parameters(parameters)
             await bus.write("system.command", commit=1)
+            # this ends a scaling of the slopes
+            await bus.write("system.command", reset_observer=1)
             while await bus.read("system.status", "commit_pending"):
                 pass
             await bus.write(

@@ -107,8 +107,8 @@ BEFORE_THE_CORE = {
 ESTIMATE = {
     "hasty slopes": ("not load_waits and not stale", "not load_waits"),
     "old theta": ("rst or (forget and not deciding)", "rst"),
-    "slopes as before": ("(core_valid = '1' or observer_rst = '1')", "observer_rst = '1'"),
-    "slopes of a theta forgotten": ("(core_valid = '1' or observer_rst = '1')", "core_valid = '1'"),
+    "slopes as before": (" or (core_valid = '1' and estimating = '1')", ""),
+    "slopes of a theta forgotten": ("(estimating = '1' or scaling = '1')", "scaling = '1'"),
     "never frozen": ("=> in_force.l_mode.value.value(1)", "=> '0'"),
     "no flux": ("watching       <= observing or estimating;", "watching       <= observing;"),
 }
