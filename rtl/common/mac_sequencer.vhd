@@ -62,9 +62,7 @@ architecture rtl of mac_sequencer is
   signal active      : std_logic;
   signal address     : natural range 0 to PARKED;
   signal first       : natural range 0 to PARKED; -- of a step that starts now
-  signal coming      : natural range 0 to PARKED; -- of the next clock, if a step is under way in it
   signal shown       : natural range 0 to PARKED; -- clock whose row is read
-  signal ending      : std_logic;
   signal issue       : std_logic;
   signal gathering   : std_logic;
   signal aligned     : std_logic_vector(1 downto 0);
@@ -107,9 +105,6 @@ begin
   first  <= THIRD_AT when entry(1) = '1' else
             SECOND_AT when entry(0) = '1' else
             0;
-  coming <= first when active = '0' else
-            (address + 1) mod (PARKED + 1);
-  ending <= active and (leave or to_std_logic(address = LAST_AT));
 
   p_sequence : process (clk) is
   begin
@@ -117,12 +112,16 @@ begin
     if rising_edge(clk) then
       valid <= to_std_logic(active = '1' and address = VALID_AT);
 
-      if (ending = '1') then
-        active  <= '0';
-        address <= PARKED;
-      elsif (active = '1' or start = '1') then
+      if (active = '1') then
+        if (address = LAST_AT or leave = '1') then
+          active  <= '0';
+          address <= PARKED;
+        else
+          address <= (address + 1) mod (PARKED + 1);
+        end if;
+      elsif (start = '1') then
         active  <= '1';
-        address <= coming;
+        address <= first;
       end if;
 
       if (rst = '1') then
@@ -179,7 +178,14 @@ begin
 
   g_registered : if REGISTERED generate
 
-    shown <= coming;
+    signal idles : std_logic; -- in the next clock
+
+  begin
+
+    shown <= first when active = '0' else
+             (address + 1) mod (PARKED + 1);
+    idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
+             not start;
 
     p_outputs : process (clk) is
     begin
@@ -193,7 +199,7 @@ begin
         seed_select <= seed_choice;
         due         <= happens;
 
-        if (rst = '1' or ending = '1' or (active = '0' and start = '0')) then
+        if (rst = '1' or idles = '1') then
           enable      <= '0';
           accumulate  <= '0';
           alignment   <= (others => '0');

@@ -374,8 +374,6 @@ async def filtered(system: System) -> None:
             parameters |= {f"f_{name}": value for name, value in filters.items()}
             await system.write_parameters(parameters)
             await bus.write("system.command", commit=1)
-            # this ends a scaling of the slopes
-            await bus.write("system.command", reset_observer=1)
             while await bus.read("system.status", "commit_pending"):
                 pass
             await bus.write(
@@ -463,9 +461,13 @@ async def estimated(system: System) -> None:
     c = leakage.array(leakage.coefficients(drive)[0])
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
 
-    async def commit(words: dict[str, int], share: tuple[str, ...] = ()) -> None:
+    async def commit(
+        words: dict[str, int], share: tuple[str, ...] = (), *, reset: bool = False
+    ) -> None:
         await system.write_parameters({n: words[n] for n in share or words})
         await bus.write("system.command", commit=1)
+        if reset:  # which ends a scaling
+            await bus.write("system.command", reset_observer=1)
         while await bus.read("system.status", "commit_pending"):
             pass
 
@@ -480,7 +482,8 @@ async def estimated(system: System) -> None:
             "system.control", registers_as_source=0, own_positions=own, use_observer=watched
         )
         # what was estimated before is forgotten
-        await commit(parameters | {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0})
+        off = {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0}
+        await commit(parameters | off, reset=chosen is ESTIMATED[0])
         if chosen is ESTIMATED[0]:  # the decision before is one that is known
             m = near(system, rng)
             await system.decide(m)
@@ -492,6 +495,7 @@ async def estimated(system: System) -> None:
         voltages = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
         frozen, full = 0, 0
         current, last = np.zeros(2), system.decided()[:3]
+        slopes: dict[str, int] = {}  # of the decision before
         for n in range(ESTIMATES + 8):
             if n == ESTIMATES:
                 frozen = 1
@@ -515,6 +519,8 @@ async def estimated(system: System) -> None:
                 known = np.array([*(m[x] for x in names), m["v_dc"]])
                 volts = rotor_flux_observer.voltages(known, applied)[:2]
                 current = 0.9 * current + 1.5 * np.array(volts) * c[:2] / 2**16
+                if n % 5 == 2:  # decided before the step of the estimate has ended
+                    current = np.array([m["is_alpha"], m["is_beta"]], dtype=float)
                 m |= {"is_alpha": round(current[0]), "is_beta": round(current[1]), "omega_r": 8_000}
                 used = dict(m) | dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), s, strict=True))
                 if q:
@@ -533,8 +539,9 @@ async def estimated(system: System) -> None:
                 inputs = {name: int(used[name]) for name in system.inputs}
                 wanted = system.model(parameters | scaled, inputs)
                 other = wanted != system.model(parameters, inputs)
-                if other:
+                if other or n % 5 == 2 or wanted != system.model(parameters | slopes, inputs):
                     break
+            slopes = scaled
             measured = np.array([*words, used["psir_alpha"], used["psir_beta"]])
             full |= leakage.step_words(c, state, measured, applied, frozen)[1]
             await system.decide(m)

@@ -98,7 +98,7 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
 BEFORE_THE_CORE = {
     "old estimate": ("(forget and not deciding)", "'0'", "observed flux"),
     "kept while off": ("forget_filters <= not filtering;", "forget_filters <= '0';", "filtered"),
-    "wrong voltage": ("=> sample.v_ph_b.value", "=> sample.v_ph_c.value", "observed flux"),
+    "wrong phase": ("=> watched_b", "=> watched_c", "observed flux"),
     "not filtered": ("ready         <= filters_valid", "ready         <= may_begin", "filtered"),
     "another interval": ("watched_a <= earlier_a", "watched_a <= until_a", "observed flux"),
     "untold": ("observer_flag or filters_flag", "observer_flag", "told"),

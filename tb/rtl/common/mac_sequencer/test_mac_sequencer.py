@@ -47,8 +47,8 @@ def test_it_follows_its_program(registered: str) -> None:
 FAULTS = [
     Fault(
         "mac_sequencer",
-        "to_std_logic(address = LAST_AT)",
-        "to_std_logic(address = LAST_AT - 1)",
+        "if (address = LAST_AT or",
+        "if (address = LAST_AT - 1 or",
         "(program|due|busy)",
     ),
     Fault(
@@ -60,7 +60,7 @@ FAULTS = [
     Fault(
         "mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"
     ),
-    Fault("mac_sequencer", "active and (leave or ", "active and (", "(program|due|busy)"),
+    Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
 ]
