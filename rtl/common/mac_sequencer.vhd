@@ -178,12 +178,13 @@ begin
 
   g_registered : if REGISTERED generate
 
-    signal idles : std_logic; -- in the next clock
+    signal following : natural range 0 to PARKED; -- clock behind that of address
+    signal idles     : std_logic;                 -- in the next clock
 
   begin
 
     shown <= first when active = '0' else
-             (address + 1) mod (PARKED + 1);
+             following;
     idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
              not start;
 
@@ -198,6 +199,7 @@ begin
         b_select    <= b_choice;
         seed_select <= seed_choice;
         due         <= happens;
+        following   <= (shown + 1) mod (PARKED + 1);
 
         if (rst = '1' or idles = '1') then
           enable      <= '0';

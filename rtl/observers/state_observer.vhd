@@ -203,6 +203,17 @@ architecture rtl of state_observer is
   signal cut_state    : state_t;                                   -- the sum, cut and saturated
   signal full         : std_logic;                                 -- it did not fit
   signal narrow       : std_logic;                                 -- 16 bits have to hold it
+  signal phase        : unsigned(1 downto 0);
+  signal phase_1      : unsigned(1 downto 0);
+  signal phase_2      : unsigned(1 downto 0);
+  signal forms        : std_logic_vector(3 downto 1);
+  signal applied      : std_logic_vector(2 downto 0);                -- position of the phase
+  signal charged      : std_logic_vector(1 downto 0);                -- the capacitor counts, positive, negative
+  signal storage      : std_logic_vector(PORTS - 1 downto 0);        -- v_ph of the phase
+  signal midpoint     : signed(PHASE_WIDTH - 1 downto 0);            -- without the phase capacitor
+  signal phase_value  : signed(PHASE_WIDTH - 1 downto 0);
+  signal alpha_sum    : signed(PHASE_WIDTH + 2 downto 0);
+  signal beta_sum     : signed(PHASE_WIDTH downto 0);
   signal bent         : std_logic;                                 -- voltage along alpha did not fit
   signal overflow     : std_logic;
   signal flux_taken   : std_logic;                                 -- the sum is one of the flux
@@ -466,7 +477,9 @@ begin
     plain := move(3);
 
     -- a word of 16 bits counts four times in a state's upper bits, and half of the sum is written
-    if (from_result = '1') then
+    if (from_result = '1' and plain = '1') then
+      addend := result & '0';
+    elsif (from_result = '1') then
       addend := resize(result, STATE + 1);
     elsif (plain = '1') then
       addend := shift_left(resize(signed(measured), STATE + 1), STATE + 1 - PORTS);
@@ -476,11 +489,7 @@ begin
 
     value := adjusted(addend, resize(read_state, STATE + 1), not plain and not from_result, not plain and from_result);
 
-    if (plain = '1' and from_result = '1') then
-      write_state <= std_logic_vector(result);
-    else
-      write_state <= std_logic_vector(value(STATE downto 1));
-    end if;
+    write_state <= std_logic_vector(value(STATE downto 1));
 
   end process p_write_state;
 
@@ -687,82 +696,64 @@ begin
   -- (2 v_a - v_b - v_c) and (v_b - v_c) in 1/16003.125 pu
   ---------------------------------------------------------------------------------------------
 
-  g_voltages : block is
+  applied <= s_a when phase = 0 else
+             s_b when phase = 1 else
+             s_c;
+  storage <= now_a when phase_1 = 0 else
+             now_b when phase_1 = 1 else
+             now_c;
 
-    signal phase    : unsigned(1 downto 0);
-    signal phase_1  : unsigned(1 downto 0);
-    signal phase_2  : unsigned(1 downto 0);
-    signal forms    : std_logic_vector(3 downto 1);
-    signal position : std_logic_vector(2 downto 0);
-    signal charged  : std_logic_vector(1 downto 0);              -- the capacitor counts, positive, negative
-    signal storage  : std_logic_vector(PORTS - 1 downto 0);      -- v_ph of the phase
-    signal midpoint : signed(PHASE_WIDTH - 1 downto 0);          -- without the phase capacitor
-    signal value    : signed(PHASE_WIDTH - 1 downto 0);
-    signal alpha    : signed(PHASE_WIDTH + 2 downto 0);
-    signal beta     : signed(PHASE_WIDTH downto 0);
+  p_phases : process (clk) is
+
+    variable half : signed(PHASE_WIDTH - 1 downto 0);
+    variable more : signed(PHASE_WIDTH - 1 downto 0);
 
   begin
 
-    position <= s_a when phase = 0 else
-                s_b when phase = 1 else
-                s_c;
-    storage  <= now_a when phase_1 = 0 else
-                now_b when phase_1 = 1 else
-                now_c;
+    if rising_edge(clk) then
+      forms   <= forms(2 downto 1) & marks(1);
+      phase_1 <= phase;
+      phase_2 <= phase_1;
 
-    p_phases : process (clk) is
+      if (active = '0') then
+        phase <= (others => '0');
+      elsif (marks(1) = '1') then
+        phase <= phase + 1;
+      end if;
 
-      variable half : signed(PHASE_WIDTH - 1 downto 0);
-      variable more : signed(PHASE_WIDTH - 1 downto 0);
+      half     := signed(resize(unsigned(v_dc) & '0', PHASE_WIDTH));
+      midpoint <= adjusted(gated(resize(signed(now_n), PHASE_WIDTH), has(NEUTRAL_VOLTAGE, applied)), half,
+                           has(LINK_POSITIVE, applied), has(LINK_NEGATIVE, applied));
+      charged  <= has(CAPACITOR_POSITIVE, applied) & has(CAPACITOR_NEGATIVE, applied);
 
-    begin
+      more        := signed(resize(unsigned(storage) & '0', PHASE_WIDTH));
+      phase_value <= adjusted(midpoint, more, charged(1), charged(0));
 
-      if rising_edge(clk) then
-        forms   <= forms(2 downto 1) & marks(1);
-        phase_1 <= phase;
-        phase_2 <= phase_1;
+      -- two, to round
+      if (forms(2) = '1') then
+        if (phase_2 = 0) then
+          alpha_sum <= shift_left(resize(phase_value, PHASE_WIDTH + 3), 1) + 2;
+          beta_sum  <= to_signed(2, PHASE_WIDTH + 1);
+        else
+          alpha_sum <= alpha_sum - resize(phase_value, PHASE_WIDTH + 3);
 
-        if (active = '0') then
-          phase <= (others => '0');
-        elsif (marks(1) = '1') then
-          phase <= phase + 1;
-        end if;
-
-        half     := signed(resize(unsigned(v_dc) & '0', PHASE_WIDTH));
-        midpoint <= adjusted(gated(resize(signed(now_n), PHASE_WIDTH), has(NEUTRAL_VOLTAGE, position)), half,
-                             has(LINK_POSITIVE, position), has(LINK_NEGATIVE, position));
-        charged  <= has(CAPACITOR_POSITIVE, position) & has(CAPACITOR_NEGATIVE, position);
-
-        more  := signed(resize(unsigned(storage) & '0', PHASE_WIDTH));
-        value <= adjusted(midpoint, more, charged(1), charged(0));
-
-        -- two, to round
-        if (forms(2) = '1') then
-          if (phase_2 = 0) then
-            alpha <= shift_left(resize(value, PHASE_WIDTH + 3), 1) + 2;
-            beta  <= to_signed(2, PHASE_WIDTH + 1);
+          if (phase_2 = 1) then
+            beta_sum <= beta_sum + resize(phase_value, PHASE_WIDTH + 1);
           else
-            alpha <= alpha - resize(value, PHASE_WIDTH + 3);
-
-            if (phase_2 = 1) then
-              beta <= beta + resize(value, PHASE_WIDTH + 1);
-            else
-              beta <= beta - resize(value, PHASE_WIDTH + 1);
-            end if;
+            beta_sum <= beta_sum - resize(phase_value, PHASE_WIDTH + 1);
           end if;
-        end if;
-
-        if (forms(3) = '1') then
-          voltage_a <= std_logic_vector(clip(alpha(PHASE_WIDTH + 2 downto 2), WORD));
-          bent      <= overflows(alpha(PHASE_WIDTH + 2 downto 2), WORD);
         end if;
       end if;
 
-    end process p_phases;
+      if (forms(3) = '1') then
+        voltage_a <= std_logic_vector(clip(alpha_sum(PHASE_WIDTH + 2 downto 2), WORD));
+        bent      <= overflows(alpha_sum(PHASE_WIDTH + 2 downto 2), WORD);
+      end if;
+    end if;
 
-    voltage_b <= std_logic_vector(beta(WORD + 1 downto 2));
+  end process p_phases;
 
-  end block g_voltages;
+  voltage_b <= std_logic_vector(beta_sum(WORD + 1 downto 2));
 
   ---------------------------------------------------------------------------------------------
   -- Filters: the head of the ring is compared with its measurement and corrected; it comes back

@@ -257,6 +257,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      load_waits         => load_waits,
       preparing          => preparing,
       decided            => core_valid,
       saturated          => core_saturated,

@@ -399,6 +399,8 @@ async def filtered(system: System) -> None:
                 await bus.write("system.command", reset_observer=1)
                 state[:], flux[:] = 0, 0
             m = near(system, rng)
+            if n == 0:  # far from what the filters knew before
+                m |= {"v_n": 3_000, "v_ph_b": 20_000}
             if n in (9, 10):  # at full scale, and the charge drives both beyond
                 m = system.any_measurements() | {"is_alpha": 32_767, "v_ph_a": 65_535}
                 m |= {"v_n": -32_768, "s_prev_a": 2, "s_prev_b": 0, "s_prev_c": 0}
