@@ -4,10 +4,13 @@
 -- accumulate, alignment and the three selects; due has one bit for each of EVENTS, '1' in its clock.  Whoever
 -- uses it connects the first group to one mac_block or several, and writes sums to registers with due.
 --
+-- A program can have parts.  A step begins where entry says.  leave ends it with any clock.
+--
 -- Formats: clocks are counted from 0 in the clock after the edge that accepts start; the tables are explained in
 -- mac_programs.  A row without a product leaves all outputs of the first group at zero.
--- Latency: the outputs of clock n follow the edge that accepts start by n clocks, without a register between
--- counter and outputs.  valid is high in clock VALID_AT + 1, busy in clocks 0 to LAST_AT.
+-- Latency: the outputs of clock n follow the edge that accepts start by n clocks.  Without REGISTERED they follow the
+-- counter without a register; with it they are registers, and the tables are read a clock ahead.  valid is high in
+-- clock VALID_AT + 1, busy in clocks 0 to LAST_AT.
 -- Overflow: none.
 -- Licence: Apache-2.0
 
@@ -27,12 +30,17 @@ entity mac_sequencer is
     LAST_AT   : natural       := 7;               -- last clock of a step
     A_BITS    : positive      := 2;               -- bits of a_select
     B_BITS    : positive      := 2;               -- bits of b_select
-    SEEDS     : positive      := 2                -- number of seeds
+    SEEDS     : positive      := 2;               -- number of seeds
+    REGISTERED : boolean      := false;           -- true: all outputs but valid and busy are registers
+    SECOND_AT : natural       := 0;               -- clock of the second entry
+    THIRD_AT  : natural       := 0                -- clock of the third entry
   );
   port (
     clk         : in    std_logic;                                    -- rising edge
     rst         : in    std_logic;                                    -- synchronous, active high: ends a step
     start       : in    std_logic;                                    -- '1' for one clock: a step; ignored while busy
+    entry       : in    std_logic_vector(1 downto 0);                 -- a step begins: 0 first, 1 second, else third
+    leave       : in    std_logic;                                    -- '1': this clock of the step is its last
     -- to the mac_blocks
     enable      : out   std_logic;                                    -- '1': a product is issued
     accumulate  : out   std_logic;                                    -- '1': it is added to the sum so far
@@ -51,8 +59,17 @@ architecture rtl of mac_sequencer is
 
   constant PARKED : positive := 2 ** selector_width(LAST_AT + 2) - 1; -- address of an idle sequencer
 
-  signal active  : std_logic;
-  signal address : natural range 0 to PARKED;
+  signal active      : std_logic;
+  signal address     : natural range 0 to PARKED;
+  signal first       : natural range 0 to PARKED; -- of a step that starts now
+  signal shown       : natural range 0 to PARKED; -- clock whose row is read
+  signal issue       : std_logic;
+  signal gathering   : std_logic;
+  signal aligned     : std_logic_vector(1 downto 0);
+  signal a_choice    : std_logic_vector(A_BITS - 1 downto 0);
+  signal b_choice    : std_logic_vector(B_BITS - 1 downto 0);
+  signal seed_choice : std_logic_vector(SEEDS - 1 downto 0);
+  signal happens     : std_logic_vector(EVENTS'length - 1 downto 0);
 
   -- whether every number of the tables fits its port and its clock
   function fits (bits_of_a, bits_of_b, seed_count, last : natural) return boolean is
@@ -85,6 +102,10 @@ begin
     report "mac_sequencer: a clock of PROGRAM or EVENTS is behind LAST_AT, or a number has more bits than its port"
     severity failure;
 
+  first  <= THIRD_AT when entry(1) = '1' else
+            SECOND_AT when entry(0) = '1' else
+            0;
+
   p_sequence : process (clk) is
   begin
 
@@ -92,7 +113,7 @@ begin
       valid <= to_std_logic(active = '1' and address = VALID_AT);
 
       if (active = '1') then
-        if (address = LAST_AT) then
+        if (address = LAST_AT or leave = '1') then
           active  <= '0';
           address <= PARKED;
         else
@@ -100,7 +121,7 @@ begin
         end if;
       elsif (start = '1') then
         active  <= '1';
-        address <= 0;
+        address <= first;
       end if;
 
       if (rst = '1') then
@@ -114,26 +135,26 @@ begin
 
   busy <= active;
 
-  p_decode : process (address) is
+  p_decode : process (shown) is
   begin
 
-    enable      <= '0';
-    accumulate  <= '0';
-    alignment   <= (others => '0');
-    a_select    <= (others => '0');
-    b_select    <= (others => '0');
-    seed_select <= (others => '0');
+    issue       <= '0';
+    gathering   <= '0';
+    aligned     <= (others => '0');
+    a_choice    <= (others => '0');
+    b_choice    <= (others => '0');
+    seed_choice <= (others => '0');
 
     for i in PROGRAM'range(1) loop
-      if (address = PROGRAM(i, 0)) then
-        enable     <= '1';
-        accumulate <= to_std_logic(PROGRAM(i, 4) = GATHER);
-        a_select   <= std_logic_vector(to_unsigned(PROGRAM(i, 1), A_BITS));
-        b_select   <= std_logic_vector(to_unsigned(PROGRAM(i, 2), B_BITS));
-        alignment  <= std_logic_vector(to_unsigned(PROGRAM(i, 3), 2));
+      if (shown = PROGRAM(i, 0)) then
+        issue     <= '1';
+        gathering <= to_std_logic(PROGRAM(i, 4) = GATHER);
+        a_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 1), A_BITS));
+        b_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 2), B_BITS));
+        aligned   <= std_logic_vector(to_unsigned(PROGRAM(i, 3), 2));
 
         if (PROGRAM(i, 4) /= GATHER) then
-          seed_select(PROGRAM(i, 4)) <= '1';
+          seed_choice(PROGRAM(i, 4)) <= '1';
         end if;
       end if;
     end loop;
@@ -141,7 +162,58 @@ begin
   end process p_decode;
 
   g_due : for i in EVENTS'range generate
-    due(i) <= to_std_logic(address = EVENTS(i));
+    happens(i) <= to_std_logic(shown = EVENTS(i));
   end generate g_due;
+
+  g_direct : if not REGISTERED generate
+    shown       <= address;
+    enable      <= issue;
+    accumulate  <= gathering;
+    alignment   <= aligned;
+    a_select    <= a_choice;
+    b_select    <= b_choice;
+    seed_select <= seed_choice;
+    due         <= happens;
+  end generate g_direct;
+
+  g_registered : if REGISTERED generate
+
+    signal following : natural range 0 to PARKED; -- clock behind that of address
+    signal idles     : std_logic;                 -- in the next clock
+
+  begin
+
+    shown <= first when active = '0' else
+             following;
+    idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
+             not start;
+
+    p_outputs : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        enable      <= issue;
+        accumulate  <= gathering;
+        alignment   <= aligned;
+        a_select    <= a_choice;
+        b_select    <= b_choice;
+        seed_select <= seed_choice;
+        due         <= happens;
+        following   <= (shown + 1) mod (PARKED + 1);
+
+        if (rst = '1' or idles = '1') then
+          enable      <= '0';
+          accumulate  <= '0';
+          alignment   <= (others => '0');
+          a_select    <= (others => '0');
+          b_select    <= (others => '0');
+          seed_select <= (others => '0');
+          due         <= (others => '0');
+        end if;
+      end if;
+
+    end process p_outputs;
+
+  end generate g_registered;
 
 end architecture rtl;

@@ -162,6 +162,8 @@ begin
       clk         => clk,
       rst         => rst,
       start       => start,
+      entry       => "00",
+      leave       => '0',
       enable      => issue,
       accumulate  => gather,
       alignment   => aligned,

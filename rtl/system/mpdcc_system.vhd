@@ -1,19 +1,18 @@
--- A complete MPDCC controller with a bus: registers, capacitor filters, rotor-flux observer, estimate of the leakage,
--- core, gate guard.
+-- A complete MPDCC controller with a bus: registers, observer of capacitors, rotor flux and leakage, core, gate guard.
 --
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
--- command.start), and are kept in the registers. Where f_q_midpoint or f_q_phase is not 0, the capacitor filters
--- take their step first, and observer and core get filtered voltages. With control.use_observer the observer takes
--- its step next and its flux replaces psir. The core decides; the guard turns the decision into gates. With l_mode
--- the leakage's estimate takes its step beside the core, on what the core gets and the observer's voltages. Between
--- two decisions it scales the slopes' coefficients for the next one. Parameters
--- and the guard's settings are shadows that take effect together between two decisions. What is common to all
--- systems is in system_shell.
+-- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or
+-- f_q_phase is not 0, it begins with the capacitors, and the core gets filtered voltages. With
+-- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates. With
+-- l_mode the step goes on with the leakage beside the core, on what the core gets. Between two decisions the slopes'
+-- coefficients are scaled for the next one. Parameters and the guard's settings are shadows that take effect together
+-- between two decisions, the parameters once the observer's step is over. What is common to all systems is in
+-- system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start, 11 clocks later with the filters, 15 more with the observer. With
--- LEAKAGE_ESTIMATE a commit is pending for 18 clocks more, in which the core does not start; nor does it, with l_mode,
--- within 46 clocks after its last start or 18 after its last decision.
+-- Latency: the core starts one clock after start, 12 clocks later with the filters, 24 with the flux, 32 with both.
+-- With LEAKAGE_ESTIMATE a commit is pending for 19 clocks more, in which no decision goes on; nor does it, with l_mode,
+-- within 83 clocks after the last one has, 91 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -124,43 +123,45 @@ architecture rtl of mpdcc_system is
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
+  signal load_waits     : std_logic; -- they wait until the observer is ready
+  signal taking         : std_logic; -- they are taken over
   signal filtering      : std_logic; -- the capacitor filters take a step before the core
   signal delayed        : std_logic; -- positions take effect with the measurement, not before
-  signal filter_rst     : std_logic;
-  signal filter_start   : std_logic;
-  signal filter_valid   : std_logic;
-  signal filter_full    : std_logic;
-  signal filter_flag    : std_logic; -- filter_full of a step that has ended
-  signal filter_n       : std_logic_vector(15 downto 0);
-  signal filter_a       : std_logic_vector(15 downto 0);
-  signal filter_b       : std_logic_vector(15 downto 0);
-  signal filter_c       : std_logic_vector(15 downto 0);
-  signal used_n         : std_logic_vector(15 downto 0); -- v_n that observer and core get
+  signal waiting        : std_logic; -- a decision waits for the observer
+  signal may_begin      : std_logic; -- it goes on
+  signal watching       : std_logic; -- the rotor flux is observed
+  signal estimating     : std_logic; -- the leakage is estimated, beside the core
+  signal forget_filters : std_logic;
+  signal forget_leakage : std_logic;
+  signal observer_rst   : std_logic;
+  signal observer_start : std_logic;
+  signal observer_busy  : std_logic;
+  signal filters_valid  : std_logic;
+  signal filters_full   : std_logic;
+  signal filters_flag   : std_logic; -- filters_full of a step that has ended
+  signal used_n         : std_logic_vector(15 downto 0); -- v_n that the core gets
   signal used_a         : std_logic_vector(15 downto 0);
   signal used_b         : std_logic_vector(15 downto 0);
   signal used_c         : std_logic_vector(15 downto 0);
   signal ready          : std_logic; -- voltages are there
-  signal observer_rst   : std_logic;
-  signal observer_start : std_logic;
   signal observer_valid : std_logic;
-  signal observer_busy  : std_logic;
   signal observer_alpha : std_logic_vector(15 downto 0);
   signal observer_beta  : std_logic_vector(15 downto 0);
   signal observer_full  : std_logic;
   signal observer_flag  : std_logic; -- observer_full of a step that has ended
-  signal estimate_flag  : std_logic; -- of either
+  signal leakage_valid  : std_logic;
+  signal leakage_full   : std_logic;
+  signal leakage_flag   : std_logic; -- a step that has ended, or a coefficient in use, did not fit
+  signal estimate_flag  : std_logic; -- of any
   signal given          : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- coefficients of the current's slopes
   signal slopes         : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- as the core gets them
-  signal v_alpha        : std_logic_vector(17 downto 0); -- observer's voltages
-  signal v_beta         : std_logic_vector(17 downto 0);
-  signal estimating     : std_logic; -- the leakage's estimate takes a step beside the core
-  signal settled        : std_logic; -- the slopes are those of parameters and estimate
-  signal leakage_flag   : std_logic; -- a step that has ended, or a coefficient in use, did not fit
+  signal stale          : std_logic; -- the slopes are to be scaled anew
+  signal scale          : std_logic;
+  signal scaling        : std_logic;
+  signal clipped        : std_logic;
   signal theta          : std_logic_vector(16 downto 0);
   signal theta_stands   : std_logic;
-  signal preparing      : std_logic; -- slopes are scaled because of a commit
-  signal prepared       : std_logic; -- all that the core needs but for the slopes is there
-  signal waiting        : std_logic; -- it has been there
+  signal preparing      : std_logic; -- parameters taken over are not yet in force
   signal flux_alpha     : std_logic_vector(15 downto 0);
   signal flux_beta      : std_logic_vector(15 downto 0);
   signal core_start     : std_logic;
@@ -256,6 +257,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      load_waits         => load_waits,
       preparing          => preparing,
       decided            => core_valid,
       saturated          => core_saturated,
@@ -277,12 +279,21 @@ begin
 
   busy <= deciding;
 
+  -- the observer still works with those before
+  taking <= (load or load_waits) and not observer_busy;
+
   p_parameters : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (load = '1') then
+      load_waits <= (load or load_waits) and observer_busy;
+
+      if (taking = '1') then
         in_force <= to_hardware.parameters;
+      end if;
+
+      if (rst = '1') then
+        load_waits <= '0';
       end if;
     end if;
 
@@ -325,125 +336,25 @@ begin
   watched_c <= earlier_c when delayed = '1' else
                until_c;
 
-  g_filter : if CAPACITOR_FILTER generate
+  -- A step begins before the decision, once the step before and a scaling are over.
+  filtering <= (in_force.f_q_midpoint.value.value(0) or in_force.f_q_midpoint.value.value(1)
+                or in_force.f_q_midpoint.value.value(2) or in_force.f_q_phase.value.value(0)
+                or in_force.f_q_phase.value.value(1) or in_force.f_q_phase.value.value(2))
+               and to_std_logic(CAPACITOR_FILTER);
 
-    filtering <= in_force.f_q_midpoint.value.value(0) or in_force.f_q_midpoint.value.value(1)
-                 or in_force.f_q_midpoint.value.value(2) or in_force.f_q_phase.value.value(0)
-                 or in_force.f_q_phase.value.value(1) or in_force.f_q_phase.value.value(2);
-
-    filter_rst   <= rst or ((forget or not filtering) and not deciding);
-    filter_start <= go and filtering;
-
-    i_filter : entity work.capacitor_observer
-      port map (
-        clk              => clk,
-        rst              => filter_rst,
-        start            => filter_start,
-        is_alpha         => sample.is_alpha.value.value,
-        is_beta          => sample.is_beta.value.value,
-        v_n              => sample.v_n.value.value,
-        v_ph_a           => sample.v_ph_a.value.value,
-        v_ph_b           => sample.v_ph_b.value.value,
-        v_ph_c           => sample.v_ph_c.value.value,
-        s_a              => until_a,
-        s_b              => until_b,
-        s_c              => until_c,
-        delayed          => delayed,
-        f_midpoint_alpha => in_force.f_midpoint_alpha.value.value,
-        f_midpoint_beta  => in_force.f_midpoint_beta.value.value,
-        f_phase_alpha    => in_force.f_phase_alpha.value.value,
-        f_phase_beta     => in_force.f_phase_beta.value.value,
-        f_q_midpoint     => in_force.f_q_midpoint.value.value,
-        f_q_phase        => in_force.f_q_phase.value.value,
-        valid            => filter_valid,
-        busy             => open,
-        filtered_n       => filter_n,
-        filtered_a       => filter_a,
-        filtered_b       => filter_b,
-        filtered_c       => filter_c,
-        saturated        => filter_full
-      );
-
-  end generate g_filter;
-
-  g_no_filter : if not CAPACITOR_FILTER generate
-    filtering    <= '0';
-    filter_valid <= '0';
-    filter_full  <= '0';
-    filter_n     <= (others => '0');
-    filter_a     <= (others => '0');
-    filter_b     <= (others => '0');
-    filter_c     <= (others => '0');
-  end generate g_no_filter;
-
-  filter_flag <= filter_valid and filter_full;
-  used_n      <= filter_n when filtering = '1' else
-                 sample.v_n.value.value;
-  used_a      <= filter_a when filtering = '1' else
-                 sample.v_ph_a.value.value;
-  used_b      <= filter_b when filtering = '1' else
-                 sample.v_ph_b.value.value;
-  used_c      <= filter_c when filtering = '1' else
-                 sample.v_ph_c.value.value;
-  ready       <= filter_valid when filtering = '1' else
-                 go;
-
+  may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
+  watching       <= observing or estimating;
+  observer_start <= may_begin and (filtering or watching);
   observer_rst   <= rst or (forget and not deciding);
-  observer_flag  <= observer_valid and observer_full and observing;
-  estimate_flag  <= observer_flag or filter_flag or leakage_flag;
-  observer_start <= ready and (observing or estimating);
-
-  i_observer : entity work.rotor_flux_observer
-    port map (
-      clk              => clk,
-      rst              => observer_rst,
-      start            => observer_start,
-      is_alpha         => sample.is_alpha.value.value,
-      is_beta          => sample.is_beta.value.value,
-      v_n              => used_n,
-      v_ph_a           => used_a,
-      v_ph_b           => used_b,
-      v_ph_c           => used_c,
-      v_dc             => sample.v_dc.value.value,
-      omega_r          => sample.omega_r.value.value,
-      s_a              => watched_a,
-      s_b              => watched_b,
-      s_c              => watched_c,
-      o_speed          => in_force.o_speed.value.value,
-      o_voltage_alpha  => in_force.o_voltage_alpha.value.value,
-      o_voltage_beta   => in_force.o_voltage_beta.value.value,
-      o_drop           => in_force.o_drop.value.value,
-      o_pull           => in_force.o_pull.value.value,
-      o_pull_flux      => in_force.o_pull_flux.value.value,
-      o_pull_current   => in_force.o_pull_current.value.value,
-      o_decay          => in_force.o_decay.value.value,
-      o_excitation     => in_force.o_excitation.value.value,
-      o_output_flux    => in_force.o_output_flux.value.value,
-      o_output_current => in_force.o_output_current.value.value,
-      valid            => observer_valid,
-      busy             => observer_busy,
-      psir_alpha       => observer_alpha,
-      psir_beta        => observer_beta,
-      saturated        => observer_full,
-      v_alpha          => v_alpha,
-      v_beta           => v_beta
-    );
-
-  flux_alpha <= observer_alpha when observing = '1' else
-                sample.psir_alpha.value.value;
-  flux_beta  <= observer_beta when observing = '1' else
-                sample.psir_beta.value.value;
-  prepared   <= observer_valid when observing = '1' else
-                ready;
-  core_start <= (prepared or waiting) and settled;
+  forget_filters <= not filtering;
 
   p_waiting : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (core_start = '1') then
+      if (may_begin = '1') then
         waiting <= '0';
-      elsif (prepared = '1') then
+      elsif (go = '1') then
         waiting <= '1';
       end if;
 
@@ -453,6 +364,91 @@ begin
     end if;
 
   end process p_waiting;
+
+  i_observer : entity work.state_observer
+    generic map (
+      FILTERS => CAPACITOR_FILTER,
+      LEAKAGE => ESTIMATES
+    )
+    port map (
+      clk               => clk,
+      rst               => observer_rst,
+      forget_filters    => forget_filters,
+      forget_leakage    => forget_leakage,
+      start             => observer_start,
+      scale             => scale,
+      with_filters      => filtering,
+      with_flux         => watching,
+      with_leakage      => estimating,
+      observed          => observing,
+      is_alpha          => sample.is_alpha.value.value,
+      is_beta           => sample.is_beta.value.value,
+      v_n               => sample.v_n.value.value,
+      v_ph_a            => sample.v_ph_a.value.value,
+      v_ph_b            => sample.v_ph_b.value.value,
+      v_ph_c            => sample.v_ph_c.value.value,
+      v_dc              => sample.v_dc.value.value,
+      omega_r           => sample.omega_r.value.value,
+      s_a               => watched_a,
+      s_b               => watched_b,
+      s_c               => watched_c,
+      psir_alpha        => flux_alpha,
+      psir_beta         => flux_beta,
+      f_midpoint_alpha  => in_force.f_midpoint_alpha.value.value,
+      f_midpoint_beta   => in_force.f_midpoint_beta.value.value,
+      f_phase_alpha     => in_force.f_phase_alpha.value.value,
+      f_phase_beta      => in_force.f_phase_beta.value.value,
+      f_q_midpoint      => in_force.f_q_midpoint.value.value,
+      f_q_phase         => in_force.f_q_phase.value.value,
+      o_speed           => in_force.o_speed.value.value,
+      o_voltage_alpha   => in_force.o_voltage_alpha.value.value,
+      o_voltage_beta    => in_force.o_voltage_beta.value.value,
+      o_drop            => in_force.o_drop.value.value,
+      o_pull            => in_force.o_pull.value.value,
+      o_pull_flux       => in_force.o_pull_flux.value.value,
+      o_pull_current    => in_force.o_pull_current.value.value,
+      o_decay           => in_force.o_decay.value.value,
+      o_excitation      => in_force.o_excitation.value.value,
+      o_output_flux     => in_force.o_output_flux.value.value,
+      o_output_current  => in_force.o_output_current.value.value,
+      frozen            => in_force.l_mode.value.value(1),
+      l_voltage_alpha   => in_force.l_voltage_alpha.value.value,
+      l_voltage_beta    => in_force.l_voltage_beta.value.value,
+      l_emf             => in_force.l_emf.value.value,
+      given             => given,
+      busy              => observer_busy,
+      scaling           => scaling,
+      filters_valid     => filters_valid,
+      used_n            => used_n,
+      used_a            => used_a,
+      used_b            => used_b,
+      used_c            => used_c,
+      filters_saturated => filters_full,
+      valid             => observer_valid,
+      flux_alpha        => observer_alpha,
+      flux_beta         => observer_beta,
+      saturated         => observer_full,
+      leakage_valid     => leakage_valid,
+      theta             => theta,
+      leakage_saturated => leakage_full,
+      scaled            => slopes,
+      clipped           => clipped
+    );
+
+  ready         <= filters_valid when filtering = '1' else
+                   may_begin;
+  filters_flag  <= filters_valid and filters_full;
+  observer_flag <= observer_valid and observer_full and observing;
+  leakage_flag  <= (leakage_valid and leakage_full) or (core_start and clipped);
+  estimate_flag <= observer_flag or filters_flag or leakage_flag;
+
+  flux_alpha   <= observer_alpha when observing = '1' else
+                  sample.psir_alpha.value.value;
+  flux_beta    <= observer_beta when observing = '1' else
+                  sample.psir_beta.value.value;
+  core_start   <= observer_valid when observing = '1' else
+                  ready;
+  theta_stands <= not observer_busy;
 
   given(15 downto 0)  <= in_force.c_stator_alpha.value.value;
   given(31 downto 16)  <= in_force.c_stator_beta.value.value;
@@ -470,100 +466,51 @@ begin
 
   g_leakage : if ESTIMATES generate
 
-    signal estimate_rst : std_logic;
-    signal step_start   : std_logic;
-    signal step_valid   : std_logic;
-    signal scale        : std_logic;
-    signal active       : std_logic; -- a step or a scaling is under way
-    signal loaded       : std_logic; -- parameters have been taken over a clock ago
-    signal stale        : std_logic; -- the slopes are to be scaled anew
-    signal deciding_now : std_logic; -- the core uses them
-    signal full         : std_logic;
-    signal clipped      : std_logic;
+    signal loaded : std_logic; -- parameters have been taken over a clock ago
 
   begin
 
-    estimating   <= in_force.l_mode.value.value(0);
-    estimate_rst <= rst or (forget and estimating and not deciding) or (loaded and not estimating);
-    step_start   <= core_start and estimating;
-    scale        <= stale and not deciding_now and not active and not estimate_rst;
-    settled      <= not stale and not active;
-    leakage_flag <= (step_valid and full) or (core_start and clipped);
-    theta_stands <= not active;
+    estimating     <= in_force.l_mode.value.value(0);
+    forget_leakage <= loaded and not estimating;
+    scale          <= stale and not observer_busy and not load and not load_waits and not observer_rst;
 
     p_stale : process (clk) is
     begin
 
       if rising_edge(clk) then
-        loaded <= load;
+        loaded <= taking;
 
         if (load = '1') then
           preparing <= '1';
-        elsif (settled = '1') then
+        elsif (stale = '0' and scaling = '0' and load_waits = '0') then
           preparing <= '0';
         end if;
 
-        if (load = '1' or estimate_rst = '1' or (core_valid = '1' and estimating = '1')) then
+        -- a reset may end a scaling
+        if (taking = '1' or (core_valid = '1' and estimating = '1')
+            or (observer_rst = '1' and (estimating = '1' or scaling = '1'))) then
           stale <= '1';
         elsif (scale = '1') then
           stale <= '0';
         end if;
 
-        if (core_start = '1') then
-          deciding_now <= '1';
-        elsif (core_valid = '1') then
-          deciding_now <= '0';
-        end if;
-
         if (rst = '1') then
-          loaded       <= '0';
-          preparing    <= '0';
-          stale        <= '1';
-          deciding_now <= '0';
+          loaded    <= '0';
+          preparing <= '0';
+          stale     <= '1';
         end if;
       end if;
 
     end process p_stale;
 
-    i_leakage : entity work.leakage_observer
-      generic map (
-        SLOPES => SLOPE_COUNT
-      )
-      port map (
-        clk             => clk,
-        rst             => estimate_rst,
-        start           => step_start,
-        scale           => scale,
-        is_alpha        => sample.is_alpha.value.value,
-        is_beta         => sample.is_beta.value.value,
-        psir_alpha      => flux_alpha,
-        psir_beta       => flux_beta,
-        omega_r         => sample.omega_r.value.value,
-        v_alpha         => v_alpha,
-        v_beta          => v_beta,
-        frozen          => in_force.l_mode.value.value(1),
-        l_voltage_alpha => in_force.l_voltage_alpha.value.value,
-        l_voltage_beta  => in_force.l_voltage_beta.value.value,
-        l_emf           => in_force.l_emf.value.value,
-        given           => given,
-        valid           => step_valid,
-        busy            => active,
-        theta           => theta,
-        saturated       => full,
-        scaled          => slopes,
-        clipped         => clipped
-      );
-
   end generate g_leakage;
 
   g_no_leakage : if not ESTIMATES generate
-    estimating   <= '0';
-    settled      <= '1';
-    preparing    <= '0';
-    leakage_flag <= '0';
-    theta        <= (16 => '1', others => '0');
-    theta_stands <= '1';
-    slopes       <= given;
+    estimating     <= '0';
+    forget_leakage <= '0';
+    scale          <= '0';
+    stale          <= '0';
+    preparing      <= load_waits;
   end generate g_no_leakage;
 
   i_core : entity work.mpdcc_core

@@ -223,6 +223,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      load_waits         => '0',
       preparing          => '0',
       decided            => core_valid,
       saturated          => core_saturated,

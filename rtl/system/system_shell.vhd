@@ -63,7 +63,8 @@ entity system_shell is
     owning             : out   std_logic;                     -- '1': it goes on from the system's own last decision
     forget             : out   std_logic;                     -- '1': the observer is to begin anew, once not deciding
     load               : out   std_logic;                     -- '1' for one clock: shadows take effect
-    preparing          : in    std_logic;                     -- '1': parameters taken over are not yet in force
+    load_waits         : in    std_logic;                     -- '1': parameters are not taken over yet
+    preparing          : in    std_logic;                     -- '1': they are not yet in force
     decided            : in    std_logic;                     -- '1' for one clock: the core has decided
     saturated          : in    std_logic;                     -- '1' with decided: a value did not fit its word
     deadlock           : in    std_logic;                     -- '1' with decided: no candidate stays inside
@@ -99,6 +100,7 @@ architecture rtl of system_shell is
   signal ignored      : std_logic;             -- a start, of either kind
   signal taking_over  : std_logic;
   signal pending      : std_logic;
+  signal unchanged    : std_logic; -- shadows stay as they are: a commit waits, or is not carried out yet
   signal commits      : std_logic_vector(15 downto 0);
   signal last_cycles  : std_logic_vector(15 downto 0);
   signal worst_cycles : std_logic_vector(15 downto 0);
@@ -115,6 +117,8 @@ architecture rtl of system_shell is
 
 begin
 
+  unchanged <= pending or load_waits;
+
   ---------------------------------------------------------------------------------------------
   -- Bus writes, start, commit
   ---------------------------------------------------------------------------------------------
@@ -130,7 +134,7 @@ begin
       passed  => passed,
       enabled => written.control.enable.value,
       commit  => written.command.commit.value,
-      pending => pending,
+      pending => unchanged,
       load    => taking_over,
       hold    => hold,
       refuse  => refuse

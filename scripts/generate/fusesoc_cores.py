@@ -21,9 +21,8 @@ from scripts.shared.tools import ROOT
 #: Entities that users instantiate.
 PUBLIC = (
     "mpdcc_core", "mpdcc_scheduler", "mpdcc_explorer", "mptc_core", "mptc_family_core",
-    "mptc_drive", "binary_search", "mac_block", "rotor_flux_observer", "capacitor_observer",
-    "leakage_observer", "mptc_speed_observer", "vector_sequencer", "gate_guard", "host_link",
-    "mpdcc_system", "mptc_system", "board_top",
+    "mptc_drive", "binary_search", "mac_block", "state_observer", "mptc_speed_observer",
+    "vector_sequencer", "gate_guard", "host_link", "mpdcc_system", "mptc_system", "board_top",
 )  # fmt: skip
 RTL = ROOT / "rtl"
 #: Nothing drives the ports of an entity alone, so its simulation has nothing to show.

@@ -275,60 +275,30 @@ def _mpdcc_rows(count: int) -> tuple[list[dict[str, int]], list[dict[str, int]]]
     ]
 
 
-def _rotor_flux_observer() -> Scene:
-    drive = states.shipped(states.SHIPPED[0])
-    held = {f"o_{name}": value for name, value in observer.coefficients(drive)[0].items()}
-    clocks: Clocks = [{"rst": 1, **held}, {"rst": 0}]
-    names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r")
-    for row, applied in zip(*_mpdcc_rows(3), strict=True):
-        given = {name: row[name] for name in names} | applied
-        clocks += _pulse("start", given, clocks_of("rotor_flux_observer", "latency") + 3)
-    return Scene(
-        "rotor_flux_observer after a reset: three steps of the 6 kV drive",
-        clocks,
-        ("start", "is_alpha", "is_beta", "v_n", "v_dc", "omega_r", "s_a", "s_b", "s_c", "busy",
-         "valid", "psir_alpha", "psir_beta", "saturated"),
-    )  # fmt: skip
-
-
-def _capacitor_observer() -> Scene:
+def _state_observer() -> Scene:
     drive = states.shipped(states.SHIPPED[0]).with_control(capacitor_filter=4)
     held = {f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()}
+    held |= {f"o_{name}": value for name, value in observer.coefficients(drive)[0].items()}
+    held |= {f"l_{name}": word for name, word in leakage.coefficients(drive)[0].items()}
+    slopes = mpdcc_registers(drive, "fast", ROOM).array()[[INDEX[name] for name in CURRENT_SLOPES]]
+    held["given"] = sum((int(word) & 0xFFFF) << 16 * n for n, word in enumerate(slopes))
+    held |= {f"with_{part}": 1 for part in ("filters", "flux", "leakage")}
     clocks: Clocks = [{"rst": 1, **held}, {"rst": 0}]
-    names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+    names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r",
+             "psir_alpha", "psir_beta")  # fmt: skip
     errors = (0, 300, -300)  # of the measurement of v_n, LSB: the filter lets 1/16 through
+    later = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
     for row, applied, error in zip(*_mpdcc_rows(3), errors, strict=True):
         given = {name: row[name] for name in names} | applied
         given["v_n"] += error
-        clocks += _pulse("start", given, clocks_of("capacitor_observer", "latency") + 2)
+        clocks += _pulse("start", given, clocks_of("state_observer", "leakage") + later + 2)
+    clocks += _pulse("scale", {}, clocks_of("state_observer", "scaling") + 2)
     return Scene(
-        "capacitor_observer, gain 1/16: three steps, the measured v_n errs by 300 LSB in two",
+        "state_observer after a reset: three steps of the 6 kV drive, then theta into the slopes",
         clocks,
-        ("start", "is_alpha", "is_beta", "v_n", "v_ph_a", "s_a", "s_b", "s_c", "busy", "valid",
-         "filtered_n", "filtered_a", "filtered_b", "filtered_c", "saturated"),
-    )  # fmt: skip
-
-
-def _leakage_observer() -> Scene:
-    drive = states.shipped(states.SHIPPED[0])
-    held = {f"l_{name}": word for name, word in leakage.coefficients(drive)[0].items()}
-    slopes = mpdcc_registers(drive, "fast", ROOM).array()[[INDEX[name] for name in CURRENT_SLOPES]]
-    held["given"] = sum((int(word) & 0xFFFF) << 16 * n for n, word in enumerate(slopes))
-    clocks: Clocks = [{"rst": 1, "frozen": 0, **held}, {"rst": 0}]
-    names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "omega_r")
-    sensed = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc")
-    for row, applied in zip(*_mpdcc_rows(3), strict=True):
-        m = np.array([row[name] for name in sensed])
-        v_alpha, v_beta, _ = observer.voltages(m, np.array([applied[f"s_{x}"] for x in "abc"]))
-        given = {name: row[name] for name in names}
-        given |= {"v_alpha": int(v_alpha), "v_beta": int(v_beta)}
-        clocks += _pulse("start", given, clocks_of("leakage_observer", "latency") + 2)
-    clocks += _pulse("scale", {}, clocks_of("leakage_observer", "scaling") + 2)
-    return Scene(
-        "leakage_observer after a reset: three steps of the 6 kV drive, then theta into the slopes",
-        clocks,
-        ("start", "scale", "is_alpha", "is_beta", "v_alpha", "v_beta", "busy", "valid", "theta",
-         "saturated", "clipped"),
+        ("start", "scale", "is_alpha", "is_beta", "v_n", "v_dc", "omega_r", "s_a", "s_b", "s_c",
+         "busy", "filters_valid", "used_n", "used_a", "valid", "flux_alpha", "flux_beta",
+         "leakage_valid", "theta", "saturated", "clipped"),
     )  # fmt: skip
 
 
@@ -485,9 +455,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "mpdcc_explorer": _mpdcc_explorer,
     "mptc_family_core": _mptc_family_core,
     "mptc_drive": _mptc_drive,
-    "rotor_flux_observer": _rotor_flux_observer,
-    "capacitor_observer": _capacitor_observer,
-    "leakage_observer": _leakage_observer,
+    "state_observer": _state_observer,
     "mptc_speed_observer": _mptc_speed_observer,
     "host_link": _host_link,
     "mpdcc_system": _mpdcc_system,

@@ -7,7 +7,7 @@ is that of a filter with this gain; with q = 0 the measurement passes; positions
 step later give the same states; every state stays in its word and says when it would not; loops
 that are compiled and loops in Python are the same one; a controller with filters of its own gets
 the measurements.
-Does not prove: that the VHDL does the same (tb/rtl/observers/capacitor_observer).
+Does not prove: that the VHDL does the same (tb/rtl/observers/state_observer).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Checks: the twin follows the float64 estimate; theta comes to what the machine's
 and stays there; it does not move when frozen and stays within its limits; theta of 1 leaves the
 core's coefficients as they are; scaled ones are those of the machine; every word stays in its
 range and says when it would not.
-Does not prove: anything of the VHDL: the bench of leakage_observer compares it with the twin.
+Does not prove: anything of the VHDL: the bench of state_observer compares it with the twin.
 """
 
 from __future__ import annotations

@@ -181,55 +181,42 @@ VOLTAGES = ("v_ph_a", "v_ph_b", "v_ph_c", "v_dc")
 SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
 
 
-def test_rotor_flux_observer() -> None:
-    found = recorded("rotor_flux_observer")
-    drive, latency = states.shipped(states.SHIPPED[0]), clocks_of("rotor_flux_observer", "latency")
+def test_state_observer() -> None:
+    found = recorded("state_observer")
+    drive = states.shipped(states.SHIPPED[0]).with_control(capacitor_filter=4)
+    voltages = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
+    flux, ratio = np.zeros(observer.STATE_WORDS, dtype=np.int64), leakage.first()
+    f = capacitor_observer.array(capacitor_observer.coefficients(drive))
+    o = observer.array(observer.coefficients(drive)[0])
+    c = leakage.array(leakage.coefficients(drive)[0])
     names = ("is_alpha", "is_beta", "v_n", *VOLTAGES, "omega_r")
-    state = np.zeros(observer.STATE_WORDS, dtype=np.int64)
-    coefficient = observer.array(observer.coefficients(drive)[0])
+    used = ("used_n", "used_a", "used_b", "used_c")
+    later = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
     begun = starts(found.values)
     assert len(begun) == 3
     for start in begun:
         s = np.array([found.values[f"s_{x}"][start] for x in "abc"], dtype=np.int64)
-        wanted = observer.step_words(coefficient, state, seen(found, start, names, *VOLTAGES), s)
-        end = start + latency
-        assert found.values["valid"][start + 1 : end + 1] == [0] * (latency - 1) + [1]
-        got = seen(found, end, ("psir_alpha", "psir_beta", "saturated"), "saturated")
-        assert got.tolist() == [int(v) for v in wanted]
-
-
-def test_capacitor_observer() -> None:
-    found = recorded("capacitor_observer")
-    drive = states.shipped(states.SHIPPED[0]).with_control(capacitor_filter=4)
-    state = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
-    coefficient = capacitor_observer.array(capacitor_observer.coefficients(drive))
-    names = ("is_alpha", "is_beta", "v_n", *VOLTAGES[:3])
-    outputs = ("filtered_n", "filtered_a", "filtered_b", "filtered_c", "saturated")
-    for start in starts(found.values):
-        s = np.array([found.values[f"s_{x}"][start] for x in "abc"], dtype=np.int64)
         m = seen(found, start, names, *VOLTAGES)
-        wanted = capacitor_observer.step_words(coefficient, state, m, s, 0)
-        end = start + clocks_of("capacitor_observer", "latency")
-        assert found.values["valid"][end] == 1
-        assert seen(found, end, outputs, *outputs[1:]).tolist() == [int(v) for v in wanted]
-
-
-def test_leakage_observer() -> None:
-    found = recorded("leakage_observer")
-    drive = states.shipped(states.SHIPPED[0])
-    state = leakage.first()
-    coefficient = leakage.array(leakage.coefficients(drive)[0])
-    names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "omega_r")
-    latency = clocks_of("leakage_observer", "latency")
-    for start in starts(found.values):
-        v = tuple(seen(found, start, ("v_alpha", "v_beta")).tolist())
-        wanted = leakage.step_voltages(coefficient, state, seen(found, start, names), v, 0)
-        end = start + latency
-        assert found.values["valid"][start + 1 : end + 1] == [0] * (latency - 1) + [1]
-        got = seen(found, end, ("theta", "saturated"), "theta", "saturated")
-        assert got.tolist() == [int(word) for word in wanted]
+        wanted = capacitor_observer.step_words(f, voltages, m[:6], s, 0)
+        end = start + clocks_of("state_observer", "filters")
+        assert found.values["filters_valid"][end] == 1
+        got = seen(found, end, (*used, "filters_saturated"), *used[1:], "filters_saturated")
+        assert got.tolist() == [int(v) for v in wanted]
+        m[2:6] = wanted[:4]
+        estimate = observer.step_words(o, flux, m, s)
+        end = start + clocks_of("state_observer", "filtered")
+        assert found.values["valid"][start + 1 : end + 1] == [0] * (end - start - 1) + [1]
+        got = seen(found, end, ("flux_alpha", "flux_beta", "saturated"), "saturated")
+        assert got.tolist() == [int(v) for v in estimate]
+        known = seen(found, start, ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "omega_r"))
+        v = observer.voltages(m, s)[:2]
+        theta = leakage.step_voltages(c, ratio, known, v, 0)
+        end = start + clocks_of("state_observer", "leakage") + later
+        assert found.values["leakage_valid"][end] == 1
+        got = seen(found, end, ("theta", "leakage_saturated"), "theta", "leakage_saturated")
+        assert got.tolist() == [int(word) for word in theta]
     scale = found.values["scale"].index(1)
-    idle = scale + clocks_of("leakage_observer", "scaling") + 1
+    idle = scale + clocks_of("state_observer", "scaling") + 1
     assert found.values["busy"][scale + 1 : idle + 1] == [1] * (idle - scale - 1) + [0]
 
 

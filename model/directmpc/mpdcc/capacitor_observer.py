@@ -43,7 +43,7 @@ FRACTION = 17  # fractional bits of the coefficients
 SHIFT_WIDTH = 3  # bits of q
 MOST_SHIFT = 2**SHIFT_WIDTH - 1
 
-#: Coefficients of ``capacitor_observer`` in port order and what they are.
+#: Coefficients of the filters in port order and what they are.
 COEFFICIENTS: dict[str, str] = {
     "midpoint_alpha": "-(1 - 2^-q) h/xdc: charge along alpha in v_n, 17 fractional bits",
     "midpoint_beta": "-(1 - 2^-q) sqrt(3)/2 h/xdc: charge along beta in v_n, 17 fractional bits",
@@ -71,7 +71,7 @@ STATE_WORDS = 10
 def coefficients(
     drive: Drive, q_midpoint: int | None = None, q_phase: int | None = None
 ) -> dict[str, int]:
-    """Coefficients and gains of ``capacitor_observer`` for a drive.
+    """Coefficients and gains of the filters for a drive.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def _charge(word, factor):
 
 @njit
 def step_words(coefficient, state, m, s, delayed):
-    """One step of ``capacitor_observer``.
+    """One step of the filters of ``state_observer``.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ theta from k-1 to k (per unit, stationary coordinates, h the control period, D =
     theta += mu Re(conj(phi) e)                             least mean squares
 
 psi_r and omega_r are those of k, v is the voltage of the positions applied between, as
-`rotor_flux_observer` forms it. alpha takes its step first, beta follows with the new theta.
+`state_observer` forms it. alpha takes its step first, beta follows with the new theta.
 
 phi has no share of the resistances. It is along i and psi_r, while the step of the current is
 perpendicular to them but for its ripple, so that they change theta little. All terms of phi
@@ -39,7 +39,7 @@ from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mpdcc.observer import VOLTAGE_SCALE, voltages
 from directmpc.mpdcc.trace import IntArray
 
-#: Coefficients of ``leakage_observer`` in port order and what they are; signed, 18 bits.
+#: Coefficients of the estimate in port order and what they are; signed, 18 bits.
 COEFFICIENTS: dict[str, str] = {
     "voltage_alpha": "h*xr/(3*D): 2*v_a - v_b - v_c in the step of the current, 16 fractional bits",
     "voltage_beta": "h*xr/(sqrt(3)*D): v_b - v_c in the step of the current, 16 fractional bits",
@@ -130,7 +130,7 @@ def first() -> IntArray:
 
 @njit
 def step_voltages(coefficient, state, m, v, frozen):
-    """One step of ``leakage_observer``.
+    """One step of the estimate of ``state_observer``.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def step_voltages(coefficient, state, m, v, frozen):
 
 @njit
 def step_words(coefficient, state, m, s, frozen):
-    """One step of ``leakage_observer`` behind the voltages of ``rotor_flux_observer``.
+    """One step of the estimate behind the voltages of ``observer``.
 
     Parameters
     ----------

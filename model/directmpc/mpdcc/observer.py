@@ -46,7 +46,7 @@ WORD_WIDTH = 18  # bits of a multiplier operand, two's complement
 GUARD = 12  # bits of a state below a word's LSB: a step of the slowest drive adds 1/25 of a word's
 STATE_WIDTH = WORD_WIDTH + GUARD
 
-#: Coefficients of ``rotor_flux_observer`` in port order and what they are.
+#: Coefficients of the flux in port order and what they are.
 COEFFICIENTS: dict[str, str] = {
     "speed": "speed times T_s, 19 fractional bits",
     "voltage_alpha": "2*v_a - v_b - v_c in the stator flux's step, 19 fractional bits",
@@ -75,7 +75,7 @@ ANGLE_SHIFT = 17
 
 
 def coefficients(drive: Drive, crossover: float = CROSSOVER) -> tuple[dict[str, int], list[str]]:
-    """Coefficients of ``rotor_flux_observer`` for a drive.
+    """Coefficients of the flux for a drive.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ _CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 @njit
 def voltages(m, s):
-    """Voltages along alpha and beta as ``rotor_flux_observer`` forms them.
+    """Voltages along alpha and beta as ``state_observer`` forms them.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def voltages(m, s):
 
 @njit
 def step_words(coefficient, state, m, s):
-    """One step of ``rotor_flux_observer``.
+    """One step of the flux of ``state_observer``.
 
     Parameters
     ----------
@@ -224,6 +224,7 @@ def step_words(coefficient, state, m, s):
     flux = np.empty(2, dtype=np.int64)
     ahead = np.empty(2, dtype=np.int64)
     out = np.empty(2, dtype=np.int64)
+    late = 0  # told by the next step
     for x in range(2):
         mean, last = (m[x] + state[4 + x]) * 2, state[4 + x] * 4
         psi_c, psi_s = state[x] >> guard, state[2 + x] >> guard
@@ -236,14 +237,15 @@ def step_words(coefficient, state, m, s):
         ahead[x], o1 = rounded(total + (cross * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
         total = (flux[x] >> guard) * c.output_flux + m[x] * 4 * c.output_current
         out[x], o2 = rounded(total << _ALIGN_WHOLE, _PORT_SHIFT, _PORT_WIDTH)
-        over |= o0 | o1 | o2
+        over |= o0 | o2
+        late |= o1
     half_a, half_b = (ahead[0] - state[0]) >> (guard + 1), (ahead[1] - state[1]) >> (guard + 1)
     total = (ahead[0] << _STATE_SHIFT) + half_a * c.decay
     state[0], o0 = rounded(total + (~half_b * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
     total = (ahead[1] << _STATE_SHIFT) + half_b * c.decay
     state[1], o1 = rounded(total + (half_a * q << _ALIGN_COARSE), _STATE_SHIFT, STATE_WIDTH)
     state[2], state[3], state[4], state[5] = flux[0], flux[1], m[0], m[1]
-    state[6] = o0 | o1
+    state[6] = late | o0 | o1
     return out[0], out[1], over
 
 

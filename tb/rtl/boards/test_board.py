@@ -134,7 +134,7 @@ def test_the_boards_capacitor_filters_are_the_models(tmp_path: Path) -> None:
             )
             assert controller.differing == 0
         cycles = controller.column(lambda answer: answer.cycles)
-        extra = clocks_of("capacitor_observer", "latency")
+        extra = clocks_of("state_observer", "filters")
         held = clocks_of("mpdcc_core", "hold", "fast")
         prediction = clocks_of("mpdcc_core", "prediction_held", "sese")
         assert set(cycles[run.decisions.held == 1]) == {held + prediction + extra}

@@ -361,7 +361,8 @@ async def filtered(system: System) -> None:
     settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
     base = registers.values(drive, settings).words
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
-    more = clocks_of("capacitor_observer", "latency")
+    alone = clocks_of("state_observer", "filters")
+    before_flux = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
     for chosen in FILTERED:
         gains = {name: chosen[name] for name in ("q_midpoint", "q_phase")}
         c = capacitor_observer.coefficients(drive, **gains)
@@ -398,6 +399,8 @@ async def filtered(system: System) -> None:
                 await bus.write("system.command", reset_observer=1)
                 state[:], flux[:] = 0, 0
             m = near(system, rng)
+            if n == 0:  # far from what the filters knew before
+                m |= {"v_n": 3_000, "v_ph_b": 20_000}
             if n in (9, 10):  # at full scale, and the charge drives both beyond
                 m = system.any_measurements() | {"is_alpha": 32_767, "v_ph_a": 65_535}
                 m |= {"v_n": -32_768, "s_prev_a": 2, "s_prev_b": 0, "s_prev_c": 0}
@@ -434,6 +437,7 @@ async def filtered(system: System) -> None:
         board.check("told", await bus.read("system.flags", "observer_saturated"), full, chosen)
         board.cover("full", full)
         if holds and held:
+            more = before_flux if watched else alone
             board.check("later", holds, {count + more for count in held}, chosen)
     await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
 
@@ -459,9 +463,13 @@ async def estimated(system: System) -> None:
     c = leakage.array(leakage.coefficients(drive)[0])
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
 
-    async def commit(words: dict[str, int], share: tuple[str, ...] = ()) -> None:
+    async def commit(
+        words: dict[str, int], share: tuple[str, ...] = (), *, reset: bool = False
+    ) -> None:
         await system.write_parameters({n: words[n] for n in share or words})
         await bus.write("system.command", commit=1)
+        if reset:  # which ends a scaling
+            await bus.write("system.command", reset_observer=1)
         while await bus.read("system.status", "commit_pending"):
             pass
 
@@ -476,7 +484,8 @@ async def estimated(system: System) -> None:
             "system.control", registers_as_source=0, own_positions=own, use_observer=watched
         )
         # what was estimated before is forgotten
-        await commit(parameters | {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0})
+        off = {"l_mode": 0, "f_q_midpoint": 0, "f_q_phase": 0}
+        await commit(parameters | off, reset=chosen is ESTIMATED[0])
         if chosen is ESTIMATED[0]:  # the decision before is one that is known
             m = near(system, rng)
             await system.decide(m)
@@ -488,6 +497,7 @@ async def estimated(system: System) -> None:
         voltages = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
         frozen, full = 0, 0
         current, last = np.zeros(2), system.decided()[:3]
+        slopes: dict[str, int] = {}  # of the decision before
         for n in range(ESTIMATES + 8):
             if n == ESTIMATES:
                 frozen = 1
@@ -511,6 +521,8 @@ async def estimated(system: System) -> None:
                 known = np.array([*(m[x] for x in names), m["v_dc"]])
                 volts = rotor_flux_observer.voltages(known, applied)[:2]
                 current = 0.9 * current + 1.5 * np.array(volts) * c[:2] / 2**16
+                if n % 5 == 2:  # decided before the step of the estimate has ended
+                    current = np.array([m["is_alpha"], m["is_beta"]], dtype=float)
                 m |= {"is_alpha": round(current[0]), "is_beta": round(current[1]), "omega_r": 8_000}
                 used = dict(m) | dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), s, strict=True))
                 if q:
@@ -529,8 +541,9 @@ async def estimated(system: System) -> None:
                 inputs = {name: int(used[name]) for name in system.inputs}
                 wanted = system.model(parameters | scaled, inputs)
                 other = wanted != system.model(parameters, inputs)
-                if other:
+                if other or n % 5 == 2 or wanted != system.model(parameters | slopes, inputs):
                     break
+            slopes = scaled
             measured = np.array([*words, used["psir_alpha"], used["psir_beta"]])
             full |= leakage.step_words(c, state, measured, applied, frozen)[1]
             await system.decide(m)

@@ -22,7 +22,7 @@ from tb.helpers.simulation import Outcome, run
 
 GENERICS = [
     # state, guard bits, sum, shift, words
-    (30, 12, 48, 13, 5),  # rotor_flux_observer
+    (30, 12, 48, 13, 5),  # state_observer
     (26, 8, 38, 9, 11),  # mptc_observer, and mptc_speed_observer with two words more
     (18, 3, 38, 17, 2),  # the first summands of mptc_datapath
     (9, 0, 10, 1, 1),

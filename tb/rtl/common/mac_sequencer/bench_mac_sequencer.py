@@ -14,21 +14,28 @@ PROGRAM = {0: (1, 0, 0, 1), 2: (2, 3, 2, 0), 3: (0, 1, 1, None)}
 EVENTS = (3, 6)
 LATENCY = clocks_of("mac_sequencer", "latency")
 BUSY = clocks_of("mac_sequencer", "busy")
+#: First clock of a step by entry; test_mac_sequencer sets the generics.
+ENTRIES = (0, 2, 3, 3)
 
 
 @cocotb.test()
 async def steps(dut) -> None:
-    """Starts at any time, also while busy; resets at any time; every output in every clock."""
+    """Starts at any time, also while busy; resets at any time; every output in every clock.
+
+    Steps begin with any entry, and some of them are left early.
+    """
     given = arguments()
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
-    dut.start.value = 0
+    dut.start.value, dut.entry.value, dut.leave.value = 0, 0, 0
     await clock.reset(2)
     at: int | None = None  # clock of the step, None: idle
     ended = False  # whether the clock before was the one after which valid is high
     for n in range(given["clocks"]):
         reset, start = rng.random() < 0.02, rng.random() < 0.3
+        entry, leave = rng.choice((0, 0, 0, 1, 2, 3)), rng.random() < 0.05
         dut.rst.value, dut.start.value = int(reset), int(start)
+        dut.entry.value, dut.leave.value = entry, int(leave)
         await clock.settle()
         a, b, alignment, seed = PROGRAM.get(at, (0, 0, 0, 0)) if at is not None else (0, 0, 0, 0)
         told = (
@@ -53,11 +60,19 @@ async def steps(dut) -> None:
         if reset:
             at = None
         elif at is None:
-            at = 0 if start else None
+            at = ENTRIES[entry] if start else None
+            board.cover("entry", int(start and entry > 0))
         else:
-            at = at + 1 if at + 1 < BUSY else None
+            board.cover("left", int(leave))
+            at = at + 1 if at + 1 < BUSY and not leave else None
         await clock.edge()
     board.finish(
         {"program": given["clocks"]},
-        {f"clock {BUSY - 1}": 20, "start while busy": 20, "reset while busy": 10},
+        {
+            f"clock {BUSY - 1}": 20,
+            "start while busy": 20,
+            "reset while busy": 10,
+            "entry": 20,
+            "left": 20,
+        },
     )

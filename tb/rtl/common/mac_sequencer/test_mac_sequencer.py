@@ -1,10 +1,12 @@
 """The sequencer of the observers' programs, with its example program.
 
-Sweep: the default generics; programs and generics that contradict each other.
-Stimulus: starts and resets at random, also while a step is under way.
+Sweep: outputs with registers and without; programs and generics that contradict each other.
+Stimulus: starts with every entry and resets at random, also while a step is under way; steps that
+are left early.
 Checks: every output in every clock.
 Timing: valid 8 clocks after start, busy for 8 clocks.
-Faults: a step that ends late, a row whose seed is lost, an event in the wrong clock.
+Faults: a step that ends late or is not left, a wrong entry, a row whose seed is lost, an event in
+the wrong clock.
 Does not prove: the observers' own programs; their benches do.
 """
 
@@ -15,9 +17,6 @@ from pathlib import Path
 import pytest
 
 from directmpc.mac_program import Product, Program, Word, plain
-from directmpc.mpdcc import capacitor_program as capacitors
-from directmpc.mpdcc import leakage_program as leakage
-from directmpc.mpdcc import observer_program as rotor_flux
 from directmpc.mptc import observer_program as stator_flux
 from directmpc.mptc import speed_observer_program as speed
 from scripts.hdl.clocks import clocks_of
@@ -26,27 +25,30 @@ from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
+ENTRIES: dict[str, object] = {"SECOND_AT": 2, "THIRD_AT": 3}
+
 
 def bench(rtl: Path = RTL, generics: dict[str, object] | None = None) -> Outcome:
     return run(
         "mac_sequencer",
         "tb.rtl.common.mac_sequencer.bench_mac_sequencer",
         units=["mac_sequencer"],
-        generics=generics,
+        generics=ENTRIES | (generics or {}),
         arguments={"seed": 3, "clocks": 2000},
         rtl=rtl,
     )
 
 
-def test_it_follows_its_program() -> None:
-    assert bench().checks["program"] == 2000
+@pytest.mark.parametrize("registered", ["false", "true"])
+def test_it_follows_its_program(registered: str) -> None:
+    assert bench(generics={"REGISTERED": registered}).checks["program"] == 2000
 
 
 FAULTS = [
     Fault(
         "mac_sequencer",
-        "if (address = LAST_AT) then",
-        "if (address = LAST_AT - 1) then",
+        "if (address = LAST_AT or",
+        "if (address = LAST_AT - 1 or",
         "(program|due|busy)",
     ),
     Fault(
@@ -55,6 +57,10 @@ FAULTS = [
         "if (PROGRAM(i, 4) = 0) then",
         "program",
     ),
+    Fault(
+        "mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"
+    ),
+    Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
 ]
@@ -73,16 +79,10 @@ def test_impossible_generics_are_refused(generics: dict[str, object]) -> None:
 
 def test_the_programs_take_the_clocks_that_are_promised() -> None:
     for entity, program in (
-        ("rotor_flux_observer", rotor_flux.PROGRAM),
-        ("capacitor_observer", capacitors.PROGRAM),
-        ("leakage_observer", leakage.PROGRAM),
         ("mptc_observer", stator_flux.PROGRAM),
         ("mptc_speed_observer", speed.PROGRAM),
     ):
         assert program.latency == clocks_of(entity, "latency")
-    assert rotor_flux.PROGRAM.last + 1 == clocks_of("rotor_flux_observer", "busy")
-    assert capacitors.PROGRAM.last + 1 == clocks_of("capacitor_observer", "busy")
-    assert leakage.PROGRAM.last + 1 == clocks_of("leakage_observer", "busy")
 
 
 def _program(*products: Product, **changes: object) -> Program:

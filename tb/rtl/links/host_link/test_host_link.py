@@ -91,8 +91,9 @@ def test_no_decision_is_given_up_too_early() -> None:
     # one explorer without a budget, the prediction, the observer and the filters before it
     longest = budgets.load().cycles["mpdcc_core"]["sese"]["worst"][0]
     longest += clocks_of("mpdcc_core", "prediction", "sese")
-    longest += clocks_of("rotor_flux_observer", "busy")
-    longest += clocks_of("capacitor_observer", "latency")
+    # a step under way, a scaling, then the decision's own step
+    longest += 2 * clocks_of("state_observer", "leakage") + clocks_of("state_observer", "scaling")
+    longest += 2 * clocks_of("state_observer", "filters")
     assert longest < protocol.LONGEST_DECISION
 
 
