@@ -616,7 +616,8 @@ def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     one, other : dict
-        Figures; objects that both have are joined.
+        Figures; objects that both have are joined, at every depth. Of other values that both have
+        those of `other` stay.
 
     Returns
     -------
@@ -625,7 +626,9 @@ def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """
     found = dict(one)
     for key, value in other.items():
-        found[key] = found[key] | value if isinstance(found.get(key), dict) else value
+        old = found.get(key)
+        both = isinstance(old, dict) and isinstance(value, dict)
+        found[key] = merged(old, value) if both else value
     return found
 
 

@@ -67,6 +67,15 @@ def test_metrics_have_the_promised_shape(figures: dict) -> None:
         assert abs(tour["end_rpm"] + 1500.0) < 30.0
 
 
+def test_figures_are_joined_at_every_depth() -> None:
+    placed = {"mpfc": {"ecp5": {"fmax_worst_mhz": 107.4, "lut": 1}, "cycles": 78}, "cycles": 39}
+    area = {"mpfc": {"ecp5": {"lut": 2}}, "cycles": 40}
+    assert report.merged(placed, area) == {
+        "mpfc": {"ecp5": {"fmax_worst_mhz": 107.4, "lut": 2}, "cycles": 78},
+        "cycles": 40,
+    }
+
+
 def test_published_resources_are_those_that_are_held(figures: dict) -> None:
     held = budgets.load().resources
     compared = 0
