@@ -536,7 +536,8 @@ def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
     distortion = [["150 r/min, no load", "THD, %"]]
     distortion += [[key, f"{value:.2f}"] for key, value in paper["distortion_pct"].items()]
     origin = (
-        f"Measured at commit `{figures['commit'][:12]}` by `{COMMAND}`. Tools: "
+        f"Runs are measured at commit `{figures['commit'][:12]}` by `{COMMAND}`; "
+        "[metrics.json](../reports/metrics.json) has the commit of the other parts. Tools: "
         + "; ".join(f"{name} {text}" for name, text in tools_.items())
         + f". xc3s is Yosys' estimate without a mapper; clock frequencies are those of {PART}."
     )

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -424,6 +424,7 @@ def _fmax_rows(document: dict[str, Any]) -> list[dict[str, Any]]:
             "routing_ns": run["routing_ns"],
             "levels": run["levels"],
             "critical_path": run["words"],
+            "commit": document["commit"],
         }
         for run in document["runs"]
     ]
@@ -511,6 +512,23 @@ def _column(figures: dict[str, Any], variant: str) -> list[str]:
     ]
 
 
+def _measured_at(
+    document: dict[str, Any], known: Mapping[str, Any], names: Sequence[str]
+) -> dict[str, str]:
+    """Commit of each stage, in their order.
+
+    What was measured before there was a record keeps the commit that metrics.json has of it.
+    """
+    found = document.get("measured", {}) | {name: one["commit"] for name, one in known.items()}
+    return {name: found[name] for name in names if name in found}
+
+
+def _measured(document: dict[str, Any], stages: Iterable[str]) -> str:
+    """Commits at which stages were measured, each once."""
+    known = document["measured"]
+    return ", ".join(f"`{commit}`" for commit in dict.fromkeys(known[one][:12] for one in stages))
+
+
 def page_figures(document: dict[str, Any]) -> str:
     """The table of docs/figures.md, from metrics.json and the budgets alone.
 
@@ -553,11 +571,19 @@ def page_figures(document: dict[str, Any]) -> str:
         for (label, paper), ours in zip(labels, zip(*columns, strict=True), strict=True)
     ]
     table = tables.markdown(("", "Paper A", "fast variant", "paper variant"), rows, "lr")
-    short = document["commit"][:12]
+    clocks = [
+        one.name
+        for one in placements()
+        if one.place[0] in document and one.place[1:] in {("ecp5", str(n)) for n in PLACED["fast"]}
+    ]
+    # decisions and pooled differences come from a command of their own, at its own time
+    fitted = json.loads((REPORTS / "fidelity.json").read_text(encoding="utf-8"))["commit"][:12]
     head = (
-        f"Two explorers. Written at commit `{short}`. [stages.json](../reports/stages.json) has "
-        "the commit at which each part was measured; `make report ARGS=--state` says which of them "
-        "are by the sources of the tree."
+        f"Two explorers. Clock frequency is measured at commit {_measured(document, clocks)}, the "
+        "last two rows at "
+        f"{_measured(document, [f'points-{variant}' for variant in DESIGNS])}, what is compared "
+        f"with the ideal controller above them (`make fidelity`) at `{fitted}`. "
+        "`make report ARGS=--state` says what is by the sources of the tree."
     )
     return f"{head}\n\n{table}"
 
@@ -933,6 +959,7 @@ def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], No
     """
     before = _sources()
     every = stages_of(jobs, seeds, say)
+    names = [stage.name for stage in every]
     chosen = [stage for stage in every if not only or stage.name in only]
     results = {stage.name: result(stage, say) for stage in chosen}
     if _sources() != before:
@@ -960,14 +987,15 @@ def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], No
                 mutation.scores(mutation.stored(mutation.listed()), mutation.arguments())
             ),
         }
-        document["mptc"] |= {key: document[key] for key in ("commit", "tools")}
-        known = record(results)
-        document["measured"] = {stage.name: known[stage.name]["commit"] for stage in every
-                                if stage.name in known}  # fmt: skip
+        document["measured"] = _measured_at(document, record(results), names)
+        document["mptc"] |= {
+            "commit": document["measured"].get("mptc-runs", "unknown"),
+            "tools": document["tools"],
+        }
         if clocks:
             head = [f"part: {PART}, target {TARGET_MHZ} MHz (above reach)",
                     *(f"{name}: {text}" for name, text in document["tools"].items()),
-                    f"commit: {document['commit']}", f"command: {COMMAND}"]  # fmt: skip
+                    f"command: {COMMAND}"]  # fmt: skip
             fmax = REPORTS / "fmax.csv"
             tools.write(fmax, _fmax_csv(clocks, head, fmax))
         if "proofs" in measured:

@@ -201,6 +201,27 @@ def test_every_stage_can_be_asked_for(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert set(metrics["mpdcc"]["sese"]["ecp5"]) == {"1", "4"}
 
 
+def test_a_stage_keeps_its_commit_until_it_is_measured_anew() -> None:
+    document = {"measured": {"a": "1", "b": "1", "gone": "1"}}
+    found = report._measured_at(document, {"b": {"commit": "2"}, "c": {"commit": "2"}}, "abcd")
+    assert found == {"a": "1", "b": "2", "c": "2"}
+
+
+def test_published_figures_have_their_commits() -> None:
+    metrics = json.loads((stages.REPORTS / "metrics.json").read_text(encoding="utf-8"))
+    needed = {f"{kind}-{variant}" for kind in ("cycles", "points") for variant in report.DESIGNS}
+    needed |= {"proofs", "mptc-runs", "mptc-tour", "mptc-methods", "mptc-resources"}
+    for one in report.placements():
+        place = metrics
+        for key in one.place:
+            place = place.get(key, {})
+        needed |= {one.name} if "fmax_worst_mhz" in place else set()
+    assert needed <= set(metrics["measured"])
+    assert metrics["mptc"]["commit"] == metrics["measured"]["mptc-runs"]
+    for name, one in stages.recorded().items():
+        assert metrics["measured"][name] == one["commit"], name
+
+
 def test_the_choice_of_stages_is_handed_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
