@@ -3,7 +3,8 @@
 The formats of a core are numbers (`directmpc.mpdcc.formats`, `directmpc.mptc.formats`), and the
 VHDL gets them from there. The program of products says what is added to what. So the least and the
 largest value of every sum follow from the words that it begins with, by arithmetic on intervals,
-without a sample. A sum that may leave its word has to be one that saturates with a flag.
+without a sample. A sum that may leave its word has to be one that saturates with a flag. Words of
+the second level are not among them, but for its accumulators.
 
 `CHECKS` lists what is shown. Each check raises `RangeError` where a sum does not fit. Beside it
 stands a fault: a format that is narrower, with which it does not.
