@@ -263,8 +263,8 @@ FAULTS = {
     ),
     "cheapest pair": (
         "mptc_vector_stream",
-        "(tried.compare or not pairs)",
-        "(tried.compare or pairs or not pairs)",
+        "(tried.compare or (not pairs and to_std_logic(stream /= 0)))",
+        "(tried.compare or pairs or (not pairs and to_std_logic(stream /= 0)))",
     ),
     "pairs in order": ("mptc_pair_stream", "= '1' and cheaper = '1') then", "= '1') then"),
     "zero for MPTC1": (
@@ -273,7 +273,11 @@ FAULTS = {
         "",
     ),
     "end": ("mptc_sequencer", "address = LAST_MPTC2 - 2 and", "address = LAST_MPTC2 - 3 and"),
-    "result": ("mptc_controller", "to_std_logic(method = FAMILY_NONE);", "'1';"),
+    "result": (
+        "mptc_controller",
+        "to_std_logic(method = FAMILY_NONE);",
+        "to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1);",
+    ),
     "quotient": ("mptc_quotient", "QUOTIENT_RANGE - 1);", "QUOTIENT_RANGE);"),
     "halving": ("mptc_coordinates", "clock < HALVINGS)", "clock < HALVINGS - 1)"),
     "far": ("mptc_controller", "or (far and method(2))", "and method(2)"),
