@@ -20,8 +20,8 @@
 -- Formats: ports as those of mpdcc_core.  Operands have 18 bits; the flux's states 12 more, the voltages' 6 more than
 -- 16, theta's 10 more than 17.  Fractional bits of coefficients stand with the twins.
 -- Twins: model/directmpc/mpdcc/capacitor_observer.py, observer.py, leakage.py.
--- Latency: filters_valid 12 clocks after start.  valid 24 clocks after start, 32 with filters; busy for 41, 49 with
--- filters.  leakage_valid 65 or 73, busy for one less.  busy for 11 where there are filters alone.  A scaling takes
+-- Latency: filters_valid 12 clocks after start.  valid 19 clocks after start, 27 with filters; busy for 36, 44 with
+-- filters.  leakage_valid 60 or 68, busy for one less.  busy for 11 where there are filters alone.  A scaling takes
 -- 17 clocks.  The next start or scale may come when busy has fallen.
 -- Overflow: values saturate and set their part's flag; a state that saturates after valid sets saturated of the next
 -- step, a scaled coefficient sets clipped.  A step that would take theta out of its limits leaves it, and is no
@@ -209,7 +209,9 @@ architecture rtl of state_observer is
   signal forms        : std_logic_vector(3 downto 1);
   signal applied      : std_logic_vector(2 downto 0);                -- position of the phase
   signal charged      : std_logic_vector(1 downto 0);                -- the capacitor counts, positive, negative
-  signal storage      : std_logic_vector(PORTS - 1 downto 0);        -- v_ph of the phase
+  signal storage      : std_logic_vector(PORTS - 1 downto 0);      -- v_ph of the phase, filtered or measured
+  signal given_ph     : std_logic_vector(PORTS - 1 downto 0);      -- measured
+  signal potential    : std_logic_vector(PORTS - 1 downto 0);      -- v_n, likewise
   signal midpoint     : signed(PHASE_WIDTH - 1 downto 0);            -- without the phase capacitor
   signal phase_value  : signed(PHASE_WIDTH - 1 downto 0);
   signal alpha_sum    : signed(PHASE_WIDTH + 2 downto 0);
@@ -223,10 +225,6 @@ architecture rtl of state_observer is
   signal charge_word  : std_logic_vector(PORTS - 1 downto 0);      -- its coefficient
   signal corrected    : signed(VOLTAGE - 1 downto 0);
   signal ratio_state  : unsigned(RATIO - 1 downto 0);              -- theta
-  signal now_n        : std_logic_vector(PORTS - 1 downto 0);      -- v_n, filtered or measured
-  signal now_a        : std_logic_vector(PORTS - 1 downto 0);
-  signal now_b        : std_logic_vector(PORTS - 1 downto 0);
-  signal now_c        : std_logic_vector(PORTS - 1 downto 0);
 
   -- a bit of a table of positions
   function has (mask : positions_mask_t; position : std_logic_vector) return std_logic is
@@ -692,16 +690,17 @@ begin
   end process p_take;
 
   ---------------------------------------------------------------------------------------------
-  -- Voltages along alpha and beta: one phase after the other, in 1/64012.5 pu, then
+  -- Voltages along alpha and beta: phase b, c, a one after the other, in 1/64012.5 pu, then
   -- (2 v_a - v_b - v_c) and (v_b - v_c) in 1/16003.125 pu
   ---------------------------------------------------------------------------------------------
 
-  applied <= s_a when phase = 0 else
-             s_b when phase = 1 else
-             s_c;
-  storage <= now_a when phase_1 = 0 else
-             now_b when phase_1 = 1 else
-             now_c;
+  applied <= s_b when phase = 0 else
+             s_c when phase = 1 else
+             s_a;
+
+  given_ph <= v_ph_b when phase_1 = 0 else
+              v_ph_c when phase_1 = 1 else
+              v_ph_a;
 
   p_phases : process (clk) is
 
@@ -722,7 +721,7 @@ begin
       end if;
 
       half     := signed(resize(unsigned(v_dc) & '0', PHASE_WIDTH));
-      midpoint <= adjusted(gated(resize(signed(now_n), PHASE_WIDTH), has(NEUTRAL_VOLTAGE, applied)), half,
+      midpoint <= adjusted(gated(resize(signed(potential), PHASE_WIDTH), has(NEUTRAL_VOLTAGE, applied)), half,
                            has(LINK_POSITIVE, applied), has(LINK_NEGATIVE, applied));
       charged  <= has(CAPACITOR_POSITIVE, applied) & has(CAPACITOR_NEGATIVE, applied);
 
@@ -732,16 +731,13 @@ begin
       -- two, to round
       if (forms(2) = '1') then
         if (phase_2 = 0) then
-          alpha_sum <= shift_left(resize(phase_value, PHASE_WIDTH + 3), 1) + 2;
-          beta_sum  <= to_signed(2, PHASE_WIDTH + 1);
-        else
+          alpha_sum <= 2 - resize(phase_value, PHASE_WIDTH + 3);
+          beta_sum  <= 2 + resize(phase_value, PHASE_WIDTH + 1);
+        elsif (phase_2 = 1) then
           alpha_sum <= alpha_sum - resize(phase_value, PHASE_WIDTH + 3);
-
-          if (phase_2 = 1) then
-            beta_sum <= beta_sum + resize(phase_value, PHASE_WIDTH + 1);
-          else
-            beta_sum <= beta_sum - resize(phase_value, PHASE_WIDTH + 1);
-          end if;
+          beta_sum  <= beta_sum - resize(phase_value, PHASE_WIDTH + 1);
+        else
+          alpha_sum <= alpha_sum + shift_left(resize(phase_value, PHASE_WIDTH + 3), 1);
         end if;
       end if;
 
@@ -757,7 +753,7 @@ begin
 
   ---------------------------------------------------------------------------------------------
   -- Filters: the head of the ring is compared with its measurement and corrected; it comes back
-  -- at the end of the ring with its charge.  Order: phase b, phase c, v_n, phase a.
+  -- at the end of the ring with its charge.  Order: v_n, phase b, phase c, phase a.
   ---------------------------------------------------------------------------------------------
 
   g_filters : if FILTERS generate
@@ -815,38 +811,38 @@ begin
         neutral    := has(NEUTRAL_CURRENT, s_c) & has(NEUTRAL_CURRENT, s_b) & has(NEUTRAL_CURRENT, s_a);
 
         along_beta := charge(0);
-        of_n       := charge(2) and not charge(1);
+        of_n       := not charge(2) and not charge(1);
         whole_word := charge(0);
 
         case to_integer(charge) is
 
           when 0 =>
 
-            minus  := charges(1);
-            moving := (charges(1) or discharges(1)) and filters_ph;
-
-          when 1 =>
-
-            minus  := discharges(1);
-            moving := (charges(1) or discharges(1)) and filters_ph;
-
-          when 2 | 3 =>
-
-            minus  := charges(2);
-            moving := (charges(2) or discharges(2)) and filters_ph;
-
-          when 4 =>
-
             -- 2 n(s_a) - n(s_b) - n(s_c), halves
             whole_word := not (neutral(1) xor neutral(2));
             minus      := not neutral(0);
             moving     := ((neutral(0) xor neutral(1)) or (neutral(0) xor neutral(2))) and filters_n;
 
-          when 5 =>
+          when 1 =>
 
             -- n(s_b) - n(s_c)
             minus  := neutral(2);
             moving := (neutral(1) xor neutral(2)) and filters_n;
+
+          when 2 =>
+
+            minus  := charges(1);
+            moving := (charges(1) or discharges(1)) and filters_ph;
+
+          when 3 =>
+
+            minus  := discharges(1);
+            moving := (charges(1) or discharges(1)) and filters_ph;
+
+          when 4 | 5 =>
+
+            minus  := charges(2);
+            moving := (charges(2) or discharges(2)) and filters_ph;
 
           when others =>
 
@@ -899,15 +895,15 @@ begin
 
         when "00" =>
 
-          present <= unsigned_of(v_ph_b);
+          present <= v_n;
 
         when "01" =>
 
-          present <= unsigned_of(v_ph_c);
+          present <= unsigned_of(v_ph_b);
 
         when "10" =>
 
-          present <= v_n;
+          present <= unsigned_of(v_ph_c);
 
         when others =>
 
@@ -923,7 +919,7 @@ begin
       q <= (others => '0');
 
       if (begun = '1') then
-        if (lane = "10") then
+        if (lane = "00") then
           q <= f_q_midpoint;
         else
           q <= f_q_phase;
@@ -991,14 +987,23 @@ begin
       words(i) <= std_logic_vector(ring(i)(VOLTAGE - 1 downto BELOW));
     end generate g_words;
 
-    now_b <= unsigned_of(words(0)) when with_filters = '1' else
-             v_ph_b;
-    now_c <= unsigned_of(words(1)) when with_filters = '1' else
-             v_ph_c;
-    now_n <= words(2) when with_filters = '1' else
-             v_n;
-    now_a <= unsigned_of(words(3)) when with_filters = '1' else
-             v_ph_a;
+    used_n <= words(0) when with_filters = '1' else
+              v_n;
+    used_b <= unsigned_of(words(1)) when with_filters = '1' else
+              v_ph_b;
+    used_c <= unsigned_of(words(2)) when with_filters = '1' else
+              v_ph_c;
+    used_a <= unsigned_of(words(3)) when with_filters = '1' else
+              v_ph_a;
+
+    -- the phases begin two clocks before the last voltage is in the ring
+    potential <= v_n when with_filters = '0' else
+                 words(2) when phase = 0 else
+                 words(1);
+
+    storage <= given_ph when with_filters = '0' else
+               unsigned_of(words(2)) when phase_1 = 0 else
+               unsigned_of(words(3));
 
   end generate g_filters;
 
@@ -1009,16 +1014,13 @@ begin
     charge_word       <= (others => '0');
     corrected         <= (others => '0');
     filters_saturated <= '0';
-    now_n             <= v_n;
-    now_a             <= v_ph_a;
-    now_b             <= v_ph_b;
-    now_c             <= v_ph_c;
+    used_n            <= v_n;
+    used_a            <= v_ph_a;
+    used_b            <= v_ph_b;
+    used_c            <= v_ph_c;
+    potential         <= v_n;
+    storage           <= given_ph;
   end generate g_no_filters;
-
-  used_n <= now_n;
-  used_a <= now_a;
-  used_b <= now_b;
-  used_c <= now_c;
 
   ---------------------------------------------------------------------------------------------
   -- Leakage: the sum of a step is the negative of theta's change.  Scaled coefficients join the

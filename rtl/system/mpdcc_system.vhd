@@ -10,9 +10,9 @@
 -- system_shell.
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
--- Latency: the core starts one clock after start, 12 clocks later with the filters, 24 with the flux, 32 with both.
+-- Latency: the core starts one clock after start, 12 clocks later with the filters, 19 with the flux, 27 with both.
 -- With LEAKAGE_ESTIMATE a commit is pending for 19 clocks more, in which no decision goes on; nor does it, with l_mode,
--- within 83 clocks after the last one has, 91 with the filters, or 19 after the last decision.
+-- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

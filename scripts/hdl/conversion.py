@@ -781,8 +781,14 @@ def cached(top: str, generics: Generics | None = None, *, std: str | None = None
     return out
 
 
+_UNNAMED = re.compile(r"\bn\d+(?:_\w+)?\b")
+
+
 def meaning(verilog: str) -> str:
-    """The text without comments: where a line stands in the VHDL is nothing a result depends on.
+    """The text without comments, unnamed nets numbered anew in each module.
+
+    Where a line stands in the VHDL is nothing a result depends on, nor what GHDL numbered before a
+    net, which it does throughout a design.
 
     Parameters
     ----------
@@ -794,17 +800,23 @@ def meaning(verilog: str) -> str:
     str
         The text without lines of comments.
     """
-    return re.sub(r"^\s*(?:/\*.*\*/|//.*)\n", "", verilog, flags=re.M)
+    text = re.sub(r"^\s*(?:/\*.*\*/|//.*)\n", "", verilog, flags=re.M)
+    return re.sub(r"^module .*?^endmodule", _renumbered, text, flags=re.M | re.S)
 
 
-_UNNAMED = re.compile(r"\bn\d+(?:_\w+)?\b")
+def _renumbered(module: re.Match[str]) -> str:
+    """Text of a module with its unnamed nets numbered as they come."""
+    numbers: dict[str, str] = {}
+    return _UNNAMED.sub(
+        lambda name: numbers.setdefault(name.group(0), f"n{len(numbers)}"), module.group(0)
+    )
 
 
 def modules(verilog: str) -> dict[str, str]:
-    """Modules by name, unnamed nets numbered anew in each.
+    """Modules by name, in their meaning.
 
-    GHDL numbers such nets throughout a design. But for that a module is the same text in every
-    design that holds it with the same generics, or its conversion depends on what is around it.
+    A module is the same text in every design that holds it with the same generics, or its
+    conversion depends on what is around it.
 
     Parameters
     ----------
@@ -816,12 +828,4 @@ def modules(verilog: str) -> dict[str, str]:
     dict[str, str]
         Name -> text between ``module`` and ``endmodule``.
     """
-    found = {}
-    for match in _MODULE.finditer(meaning(verilog)):
-        numbers: dict[str, str] = {}
-
-        def _number(name: re.Match[str], numbers: dict[str, str] = numbers) -> str:
-            return numbers.setdefault(name.group(0), f"n{len(numbers)}")
-
-        found[match.group(1)] = _UNNAMED.sub(_number, match.group(2))
-    return found
+    return {match.group(1): match.group(2) for match in _MODULE.finditer(meaning(verilog))}

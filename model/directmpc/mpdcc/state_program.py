@@ -162,8 +162,8 @@ class Move:
 #: First clocks of the parts, and last ones. A step without a part ends before it.
 FILTERS, FILTERS_END = 0, 10
 FLUX = 8
-FLUX_END = FLUX + 40
-LEAKAGE_END = FLUX + 63
+FLUX_END = FLUX + 35
+LEAKAGE_END = FLUX + 58
 SCALING = LEAKAGE_END + 1
 SLOPES = 13
 SCALING_END = SCALING + SLOPES + TAKEN
@@ -181,57 +181,57 @@ _PART_FILTERS = (
     Product(7, "m_alpha", "charge", "corrected", "last_voltage", 3),
 )
 _PART_FLUX = (
-    Product(_F, "old p_beta"),
-    # the voltage is formed meanwhile
-    Product(_F + 1, "old s_beta", "pull", "state", alignment=1),
-    Product(_F + 2, "old p_beta", "pull_current", alignment=1),
+    # the voltage is formed meanwhile; beta comes first, since it needs two phases alone
+    Product(_F, "old s_beta", "pull", "state", alignment=1),
+    Product(_F + 1, "old p_beta", "pull_current", alignment=1),
+    Product(_F + 2, "old r_beta", "pull_flux", alignment=1),
     Product(_F + 3, "m_beta", "drop"),
-    Product(_F + 4, "old r_beta", "pull_flux", alignment=1),
-    Product(_F + 8, "v_beta", "voltage_beta", "", "state", 2),
-    Product(_F + 9, "old s_alpha", "pull", "state", alignment=1),
-    Product(_F + 10, "old p_alpha", "pull_current", alignment=1),
-    Product(_F + 11, "m_alpha", "drop"),
-    Product(_F + 12, "old r_alpha", "pull_flux", alignment=1),
-    Product(_F + 13, "v_alpha", "voltage_alpha", "", "state", 2),
-    Product(_F + 14, "s_beta", "output_flux", "port", alignment=3),
-    Product(_F + 15, "c_beta", "output_current", "", "flux_beta", 3),
-    Product(_F + 16, "half speed", "speed", "word", "angle", 3),
-    Product(_F + 18, "s_alpha", "output_flux", "port", alignment=3),
-    Product(_F + 19, "c_alpha", "output_current", "", "flux_alpha", 3),
+    Product(_F + 4, "v_beta", "voltage_beta", "", "state", 2),
+    Product(_F + 5, "old s_alpha", "pull", "state", alignment=1),
+    Product(_F + 6, "old p_alpha", "pull_current", alignment=1),
+    Product(_F + 7, "m_alpha", "drop"),
+    Product(_F + 8, "old r_alpha", "pull_flux", alignment=1),
+    Product(_F + 9, "v_alpha", "voltage_alpha", "", "state", 2),
+    # the state last, when it has come
+    Product(_F + 10, "c_beta", "output_current", "port", alignment=3),
+    Product(_F + 11, "s_beta", "output_flux", "", "flux_beta", 3),
+    Product(_F + 12, "half speed", "speed", "word", "angle", 3),
+    Product(_F + 13, "c_alpha", "output_current", "port", alignment=3),
+    Product(_F + 14, "s_alpha", "output_flux", "", "flux_alpha", 3),
     # Euler's step
-    Product(_F + 20, "old r_beta", "decay", "state"),
-    Product(_F + 21, "m_beta", "excitation"),
-    Product(_F + 22, "old r_alpha", "factor", "", "state", 2),
-    Product(_F + 23, "old r_alpha", "decay", "state"),
-    Product(_F + 24, "m_alpha", "excitation"),
-    Product(_F + 25, "-old r_beta", "factor", "", "state", 2),
-    Product(_F + 27, "old r_beta"),
-    Product(_F + 30, "old r_alpha"),
+    Product(_F + 15, "old r_beta", "decay", "state"),
+    Product(_F + 16, "m_beta", "excitation"),
+    Product(_F + 17, "old r_alpha", "factor", "", "state", 2),
+    Product(_F + 18, "old r_alpha", "decay", "state"),
+    Product(_F + 19, "m_alpha", "excitation"),
+    Product(_F + 20, "-old r_beta", "factor", "", "state", 2),
+    Product(_F + 22, "old r_beta"),
+    Product(_F + 25, "old r_alpha"),
     # Heun's
-    Product(_F + 31, "e_beta", "zero", "state"),
-    Product(_F + 32, "m_beta", "decay"),
-    Product(_F + 33, "m_alpha", "factor", "", "state", 2),
-    Product(_F + 34, "e_alpha", "zero", "state"),
-    Product(_F + 35, "m_alpha", "decay"),
-    Product(_F + 36, "-m_beta", "factor", "", "state", 2),
+    Product(_F + 26, "e_beta", "zero", "state"),
+    Product(_F + 27, "m_beta", "decay"),
+    Product(_F + 28, "m_alpha", "factor", "", "state", 2),
+    Product(_F + 29, "e_alpha", "zero", "state"),
+    Product(_F + 30, "m_alpha", "decay"),
+    Product(_F + 31, "-m_beta", "factor", "", "state", 2),
     # the leakage's first
-    Product(_F + 37, "speed", "l_emf", "port", "emf", 3),
+    Product(_F + 32, "speed", "l_emf", "port", "emf", 3),
 )
 _PART_LEAKAGE = (
-    Product(_F + 41, "half f_beta", "factor", "word", alignment=2),
-    Product(_F + 42, "v_alpha", "l_voltage_alpha", "", "step", 3),
+    Product(_F + 36, "half f_beta", "factor", "word", alignment=2),
+    Product(_F + 37, "v_alpha", "l_voltage_alpha", "", "step", 3),
     # the complement of half a word is two less than its negative: the factor is added twice
-    Product(_F + 43, "-half f_alpha", "factor", "word", alignment=2),
-    Product(_F + 44, "m_alpha", "two", alignment=2),
-    Product(_F + 45, "v_beta", "l_voltage_beta", "", "step", 3),
-    Product(_F + 46, "old p_alpha", "quarter", "word", alignment=3),
-    Product(_F + 47, "c_alpha", "minus_quarter", alignment=3),
-    Product(_F + 48, "e_alpha", "theta", "", "error", 3),
-    Product(_F + 52, "e_alpha", "factor", "none", "theta"),
-    Product(_F + 53, "old p_beta", "quarter", "word", alignment=3),
-    Product(_F + 54, "c_beta", "minus_quarter", alignment=3),
-    Product(_F + 56, "e_beta", "theta", "", "error", 3),
-    Product(_F + 60, "e_beta", "factor", "none", "theta"),
+    Product(_F + 38, "-half f_alpha", "factor", "word", alignment=2),
+    Product(_F + 39, "m_alpha", "two", alignment=2),
+    Product(_F + 40, "v_beta", "l_voltage_beta", "", "step", 3),
+    Product(_F + 41, "old p_alpha", "quarter", "word", alignment=3),
+    Product(_F + 42, "c_alpha", "minus_quarter", alignment=3),
+    Product(_F + 43, "e_alpha", "theta", "", "error", 3),
+    Product(_F + 47, "e_alpha", "factor", "none", "theta"),
+    Product(_F + 48, "old p_beta", "quarter", "word", alignment=3),
+    Product(_F + 49, "c_beta", "minus_quarter", alignment=3),
+    Product(_F + 51, "e_beta", "theta", "", "error", 3),
+    Product(_F + 55, "e_beta", "factor", "none", "theta"),
 )
 _PART_SCALING = tuple(
     Product(SCALING + 1 + n, "given", "theta", "port", "slope", 3) for n in range(SLOPES)
@@ -245,36 +245,36 @@ MOVES = (
     Move(0, "m_beta", "is_beta", joined=True),
     Move(3, "c_alpha", "is_alpha"),
     Move(4, "c_beta", "is_beta"),
-    Move(_F, "m_beta", "is_beta", joined=True),
+    Move(_F + 1, "m_beta", "is_beta", joined=True),
     Move(_F + 5, "c_alpha", "is_alpha"),
     Move(_F + 6, "c_beta", "is_beta"),
     Move(_F + 7, "speed", "omega_r"),
+    Move(_F + 8, "s_beta", "result"),
     Move(_F + 9, "f_alpha", "psir_alpha"),
     Move(_F + 10, "f_beta", "psir_beta"),
-    Move(_F + 12, "s_beta", "result"),
-    Move(_F + 17, "s_alpha", "result"),
-    Move(_F + 23, "f_alpha", "psir_alpha", observed=True),
-    Move(_F + 24, "f_beta", "psir_beta", observed=True),
-    Move(_F + 26, "e_beta", "result"),
-    Move(_F + 27, "m_beta", "result", joined=True),
-    Move(_F + 29, "e_alpha", "result"),
-    Move(_F + 30, "m_alpha", "result", joined=True),
-    Move(_F + 37, "r_beta", "result"),
-    Move(_F + 40, "r_alpha", "result"),
-    Move(_F + 41, "m_alpha", "result"),
-    Move(_F + 46, "e_alpha", "result"),
-    Move(_F + 49, "e_beta", "result"),
+    Move(_F + 13, "s_alpha", "result"),
+    Move(_F + 18, "f_alpha", "psir_alpha", observed=True),
+    Move(_F + 19, "f_beta", "psir_beta", observed=True),
+    Move(_F + 21, "e_beta", "result"),
+    Move(_F + 22, "m_beta", "result", joined=True),
+    Move(_F + 24, "e_alpha", "result"),
+    Move(_F + 25, "m_alpha", "result", joined=True),
+    Move(_F + 32, "r_beta", "result"),
+    Move(_F + 35, "r_alpha", "result"),
+    Move(_F + 36, "m_alpha", "result"),
+    Move(_F + 41, "e_alpha", "result"),
+    Move(_F + 44, "e_beta", "result"),
 )
 
 #: Clocks in which a voltage leaves the head of the ring, a phase's voltage is formed, a coefficient
 #: that is given is fetched.
 TURNS = (0, 2, 4, 6, 8, 10)
-PHASES = (_F + 3, _F + 4, _F + 5)
+PHASES = (_F, _F + 1, _F + 2)
 FETCHES = tuple(range(SCALING, SCALING + SLOPES))
 
 #: Clock in which the estimate, and theta, are complete.
-FLUX_AT = _F + 22
-LEAKAGE_AT = _F + 63
+FLUX_AT = _F + 17
+LEAKAGE_AT = _F + 58
 
 
 def takings(products: Sequence[Product] = PRODUCTS) -> dict[int, str]:

@@ -85,7 +85,7 @@ architecture rtl of length_search is
   end function start_of;
 
   signal lane_slopes : trajectories_t;
-  signal triple      : slope_set_t; -- three times the curvature
+  signal triple      : slope_set_t; -- three times the curvature; with INWARDS a clock later
   signal lanes       : search_t;    -- of a and b, and of their sum
   signal limit       : limit_stages_t;
   signal short       : length_t;
@@ -147,7 +147,25 @@ begin
   end generate g_lanes;
 
   g_triple : for x in 0 to 2 generate
-    triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+
+    g_now : if not INWARDS generate
+      triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+    end generate g_now;
+
+    -- two more sums follow it: from a register, one clock behind the first slopes and still in time
+    g_registered : if INWARDS generate
+
+      p_triple : process (clk) is
+      begin
+
+        if rising_edge(clk) then
+          triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+        end if;
+
+      end process p_triple;
+
+    end generate g_registered;
+
   end generate g_triple;
 
   g_bits : for m in 0 to LENGTH_WIDTH - 1 generate
@@ -200,7 +218,11 @@ begin
             tail := secant;
 
             if (outside = '0') then
-              rise(TURN_SHIFT - 1 downto 0) := (others => '0');
+              -- with INWARDS those of rise may stay: alone they carry nothing
+              if (not INWARDS) then
+                rise(TURN_SHIFT - 1 downto 0) := (others => '0');
+              end if;
+
               tail(TURN_SHIFT - 1 downto 0) := (others => '0');
             elsif (m = 0) then
               rise := (others => '0');

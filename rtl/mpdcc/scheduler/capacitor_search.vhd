@@ -107,6 +107,39 @@ architecture rtl of capacitor_search is
 
   end function term_of;
 
+  -- which of all current terms that is: the neutral point's of phase a, b, c, then a phase's
+  function select_of (phase : phase_t; single : std_logic_vector(2 downto 0)) return std_logic_vector is
+
+    variable result : std_logic_vector(5 downto 0);
+
+  begin
+
+    for x in 0 to 2 loop
+      result(x)     := to_std_logic(phase = 3) and single(x);
+      result(3 + x) := to_std_logic(phase = x);
+    end loop;
+
+    return result;
+
+  end function select_of;
+
+  -- term_of, decoded before
+  function selected_term (terms : node_t; selects : std_logic_vector(5 downto 0)) return current_term_t is
+
+    variable result : current_term_t;
+
+  begin
+
+    result := (others => '0');
+
+    for x in 0 to 2 loop
+      result := result or gated(terms.neutral_current(x), selects(x)) or gated(terms.phase_current(x), selects(3 + x));
+    end loop;
+
+    return result;
+
+  end function selected_term;
+
   signal line  : natural range 0 to LINES; -- LINES: idle
   signal valid     : std_logic_vector(0 to CAPACITOR_STAGES);
   signal first     : std_logic_vector(0 to 2);     -- '1': a line of s(k-1)
@@ -119,6 +152,7 @@ architecture rtl of capacitor_search is
 
   signal early_0    : current_term_t; -- term of the line, registered
   signal term_0     : current_term_t; -- the same, or selected a clock later
+  signal selects_0  : std_logic_vector(5 downto 0); -- SECOND_LEVEL
   signal moves_0    : std_logic;      -- '0': the line has no slope
   signal opposite_0 : std_logic;      -- '1': the slope is the term's complement
   signal negative_0 : std_logic;      -- '1': and one more
@@ -156,7 +190,7 @@ begin
   end generate g_early;
 
   g_late : if SECOND_LEVEL generate
-    term_0 <= term_of(node, phase_0, single_of(pattern_0));
+    term_0 <= selected_term(node, selects_0);
   end generate g_late;
 
   p_lines : process (clk) is
@@ -250,6 +284,10 @@ begin
       pattern_0 <= pattern;
       kind_0    <= kind;
       early_0   <= term_of(node, phase, single);
+
+      if (SECOND_LEVEL) then
+        selects_0 <= select_of(phase, single);
+      end if;
 
       -- charged, discharged or neither; two phases together are the complement of the third
       if (phase = 3) then

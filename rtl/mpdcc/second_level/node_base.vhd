@@ -12,7 +12,8 @@
 --
 -- Formats: trajectory units; operands of OPERAND_WIDTH bits, errors and slopes b of BASE_WIDTH.
 -- Latency: none from the words and what is kept to base, which common_terms samples operand by operand for 16
--- clocks; one clock from the words and the slope to the secant, from position and steps to lengths, and from keep.
+-- clocks; one clock from the words and the slope to the secant, from position and steps to lengths and to the charge of
+-- v_n, and from keep.
 -- Overflow: a kept error that does not fit BASE_WIDTH is far outside any bound, so that no candidate of
 -- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: a
 -- candidate that stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a
@@ -69,6 +70,7 @@ architecture rtl of node_base is
   signal midpoint      : currents_t;
 
   signal secant   : secants_t; -- registered, a clock after the bend_step that it is made of
+  signal single   : std_logic_vector(2 downto 0); -- term of the neutral point under s1, registered
   signal operands : operands_t;
 
   function term (bus_words : words_t; result : natural) return term_t is
@@ -151,7 +153,7 @@ begin
 
   end process p_secant;
 
-  p_operands : process (words, position, secant, error, natural_slope, phase, midpoint) is
+  p_operands : process (words, single, secant, error, natural_slope, phase, midpoint) is
 
     variable v       : operands_t;
     variable step    : term_t;
@@ -191,7 +193,7 @@ begin
       v(BASE_CHARGE_A + x) := resize(current_of(phase, which), OPERAND_WIDTH);
     end loop;
 
-    v(BASE_NEUTRAL_SLOPE) := resize(current_of(midpoint, single_of(neutral_pattern(position))), OPERAND_WIDTH);
+    v(BASE_NEUTRAL_SLOPE) := resize(current_of(midpoint, single), OPERAND_WIDTH);
     operands              <= v;
 
   end process p_operands;
@@ -219,6 +221,7 @@ begin
 
       -- one phase on the neutral point, or two: the opposite of the third
       pattern     := neutral_pattern(position);
+      single      <= single_of(pattern);
       present(4)  := to_std_logic(pattern /= "000" and pattern /= "111");
       negative(4) := to_std_logic(pattern = "011" or pattern = "101" or pattern = "110") xor single_of(pattern)(2);
 

@@ -113,7 +113,8 @@ begin
 
       -- leaves are compared with the root's candidates' stages, but for what was spent before
       if (follow = '1') then
-        lead_late <= (others => '0');
+        lead_late      <= (others => '0');
+        saturated_last <= '0';
       end if;
 
       if (pulse(BEST_READ) = '1') then
@@ -141,6 +142,6 @@ begin
   reached.second    <= not follow;
   reached.lead      <= lead_late;
   reached.length    <= length_last;
-  reached.saturated <= saturated_last and not follow;
+  reached.saturated <= saturated_last;
 
 end architecture rtl;
