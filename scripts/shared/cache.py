@@ -148,10 +148,15 @@ def key(
     parts: list[str | bytes] = []
     for one in (*closure(*modules, packages=packages), *data):
         if isinstance(one, Path):
-            parts += [".".join(one.parts[-3:]), meaning(one)]
+            parts += [_place(one), meaning(one)]
         else:
             parts.append(one)
     return tools.digest(*parts)[:16]
+
+
+def _place(path: Path) -> str:
+    """A file's place in the project, wherever that lies; of another file the name."""
+    return path.relative_to(tools.ROOT).as_posix() if path.is_relative_to(tools.ROOT) else path.name
 
 
 def kept(path: Path, compute: Callable[[], Any]) -> Any:

@@ -74,6 +74,19 @@ def test_a_key_changes_with_what_made_the_result(packages: Path, name: str, chan
     assert (key(packages) != before) == changes
 
 
+def test_where_the_project_lies_is_no_part_of_a_key(tmp_path: Path, monkeypatch) -> None:
+    found = []
+    for name in ("here", "there"):
+        path = tmp_path / name / "drives" / "one.toml"
+        path.parent.mkdir(parents=True)
+        path.write_text("a = 1\n")
+        monkeypatch.setattr(cache.tools, "ROOT", tmp_path / name)
+        found.append(cache.key([], path))
+    path.rename(path.with_name("two.toml"))
+    found.append(cache.key([], path.with_name("two.toml")))
+    assert found[0] == found[1] != found[2]
+
+
 def test_comments_are_no_part_of_a_key(packages: Path, tmp_path: Path) -> None:
     before = key(packages)
     path = packages / "use" / "made.py"
