@@ -382,7 +382,7 @@ def placements() -> list[Placement]:
     Returns
     -------
     list of Placement
-        Of `mpdcc_core`, then of the two-level entities.
+        Of `mpdcc_core`, its observer, then of the two-level entities.
     """
     found = [
         Placement("mpdcc_core", _generics(variant, n), (DESIGNS[variant].key, "ecp5", str(n)))
@@ -393,6 +393,12 @@ def placements() -> list[Placement]:
     found += [
         Placement("mpdcc_core", {"EXPLORERS": n, "SECOND_LEVEL": True}, (*sese, str(n)))
         for n in PLACED_SECOND_LEVEL
+    ]
+    mpdcc = DESIGNS[DEFAULT_VARIANT].key
+    every_rule = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS": True}
+    found += [
+        Placement("mpdcc_core", {"EXPLORERS": 1, **every_rule}, (mpdcc, "inwards", "ecp5", "1")),
+        Placement("state_observer", {}, (mpdcc, "observer", "ecp5")),
     ]
     return found + [
         Placement(entity, generics, ("mptc", *([key] if key else []), "ecp5"))
