@@ -143,7 +143,11 @@ FAULTS = {
         "turns      <= marks(0);",
     ),
     "measured": (ENTITY, "potential <= v_n when with_filters = '0' else", "potential <="),
-    "potential of a phase": (ENTITY, "words(2) when phase = 0 else", "words(1) when phase = 0 else"),
+    "potential of a phase": (
+        ENTITY,
+        "words(2) when phase = 0 else",
+        "words(1) when phase = 0 else",
+    ),
     "cross term": (PROGRAM, "(28, 71, 12, 2, -1)", "(28, 7, 12, 2, -1)"),
     "flux survives": (ENTITY, "no_flux       <= '1';", "null;"),
     "current survives": (ENTITY, "no_current    <= '1';", "null;"),
