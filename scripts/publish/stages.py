@@ -135,17 +135,20 @@ def in_place(
     Returns
     -------
     callable
-        Runs it, moves what it wrote into reports/ to the folder that it is given, but for
-        metrics.json, and puts everything back.
+        Runs it, moves what it wrote into reports/ to the folder that it is given, the same as
+        before or not, but for metrics.json, and puts everything back.
     """
     reports, *_ = folders = tuple(folders)
 
     def _run(work: Path) -> None:
         before = _watched(folders)
+        written = {path: path.stat().st_mtime_ns for path in before}
         try:
             run()
             for path, content in _watched([reports]).items():
-                if path.name not in (METRICS, RECORD) and content != before.get(path):
+                if path.name not in (METRICS, RECORD) and (
+                    path.stat().st_mtime_ns != written.get(path)
+                ):
                     (work / path.name).write_bytes(content)
         finally:
             _put_back(before, folders)

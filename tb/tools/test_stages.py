@@ -11,6 +11,7 @@ Does not prove: what the stages measure.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -152,9 +153,11 @@ def test_a_command_in_place_publishes_nothing(
     reports, docs = published
     work = tmp_path / "work"
     work.mkdir()
+    (reports / "same.csv").write_text("known")
 
     def run() -> None:
         (reports / "new.csv").write_text("figures")
+        os.utime(reports / "same.csv", ns=(1, 1))
         (reports / "metrics.json").write_text("new")
         (docs / "page.md").write_text("new")
         if fails:
@@ -166,8 +169,13 @@ def test_a_command_in_place_publishes_nothing(
             made(work)
     else:
         made(work)
-        assert [(p.name, p.read_text()) for p in work.iterdir()] == [("new.csv", "figures")]
-    assert sorted(path.name for path in reports.iterdir()) == ["metrics.json", "old.csv"]
+        moved = sorted((p.name, p.read_text()) for p in work.iterdir())
+        assert moved == [("new.csv", "figures"), ("same.csv", "known")]
+    assert sorted(path.name for path in reports.iterdir()) == [
+        "metrics.json",
+        "old.csv",
+        "same.csv",
+    ]
     assert (reports / "metrics.json").read_text() == (docs / "page.md").read_text() == "old"
 
 
