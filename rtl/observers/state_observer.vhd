@@ -731,8 +731,8 @@ begin
       -- two, to round
       if (forms(2) = '1') then
         if (phase_2 = 0) then
-          alpha_sum <= 2 - resize(phase_value, PHASE_WIDTH + 3);
-          beta_sum  <= 2 + resize(phase_value, PHASE_WIDTH + 1);
+          alpha_sum <= to_signed(2, PHASE_WIDTH + 3) - resize(phase_value, PHASE_WIDTH + 3);
+          beta_sum  <= to_signed(2, PHASE_WIDTH + 1) + resize(phase_value, PHASE_WIDTH + 1);
         elsif (phase_2 = 1) then
           alpha_sum <= alpha_sum - resize(phase_value, PHASE_WIDTH + 3);
           beta_sum  <= beta_sum - resize(phase_value, PHASE_WIDTH + 1);
