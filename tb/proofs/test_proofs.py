@@ -19,7 +19,9 @@ import pytest
 from directmpc.mpdcc import formats
 from scripts.__main__ import main
 from scripts.hdl import sources
-from scripts.measure import proofs, ranges
+from scripts.measure import proofs
+from scripts.measure.ranges import intervals, mpdcc
+from scripts.measure.ranges import table as ranges
 from scripts.shared import tables
 from tb.helpers.faults import altered
 
@@ -168,7 +170,7 @@ def test_the_page_has_every_property() -> None:
 
 
 @pytest.mark.parametrize("check", ranges.CHECKS, ids=lambda check: check.name)
-def test_sums_fit_their_words(check: ranges.Check, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sums_fit_their_words(check: intervals.Check, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ranges.shown(check)[0] == ""
     fault = check.fault
     monkeypatch.setattr(fault.module, fault.name, getattr(fault.module, fault.name) + fault.by)
@@ -178,7 +180,7 @@ def test_sums_fit_their_words(check: ranges.Check, monkeypatch: pytest.MonkeyPat
 
 def test_the_dip_of_a_search_is_the_deepest_of_all_lengths() -> None:
     room, start = 40_000, 2**16
-    found = ranges._steepest(room, 40, start)[1]
+    found = mpdcc._steepest(room, 40, start)[1]
     deepest = 0
     for c in range(41):
         for wide in (*range(0, room + 1, 97), *range(room - 69, room + 1)):
@@ -188,13 +190,13 @@ def test_the_dip_of_a_search_is_the_deepest_of_all_lengths() -> None:
 
 
 def test_a_range_that_does_not_fit_is_named() -> None:
-    ranges.demand("sum", (-8, 7), 4)
-    ranges.demand("sum", (0, 15), 4, signed=False)
+    intervals.demand("sum", (-8, 7), 4)
+    intervals.demand("sum", (0, 15), 4, signed=False)
     for low, high in ((-9, 0), (0, 8)):
-        with pytest.raises(ranges.RangeError, match=f"sum: {low} to {high} does not fit 4 bits"):
-            ranges.demand("sum", (low, high), 4)
-    assert ranges.times((-3, 2), (-5, 4)) == (-12, 15)
-    assert ranges.hull([(1, 2), (-4, 0)]) == (-4, 2)
+        with pytest.raises(intervals.RangeError, match=f"sum: {low} to {high} does not fit 4 bits"):
+            intervals.demand("sum", (low, high), 4)
+    assert intervals.times((-3, 2), (-5, 4)) == (-12, 15)
+    assert intervals.hull([(1, 2), (-4, 0)]) == (-4, 2)
 
 
 def test_ranges_are_shown_by_entity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
