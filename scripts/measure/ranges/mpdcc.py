@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
@@ -18,6 +21,10 @@ from scripts.measure.ranges.intervals import (
     times,
     word_range,
 )
+
+IntArray = NDArray[np.int64]
+
+_CELL = 128  # rooms of an error that are looked at together, trajectory units
 
 # --- the common terms -----------------------------------------------------------------------------
 
@@ -108,46 +115,64 @@ def trajectories() -> None:
         for name in may_saturate:
             if name.startswith(("error_", "slope_", "forced_")):
                 raise RangeError(f"{variant}: {name} may saturate")
-        width = f.TRAJECTORY_WIDTH
-        others = [t[f"error_{x}"] for x in ("neutral", "a", "b", "c")]
-        error = hull([*phases(t["error_alpha"], t["error_beta"]), *others])
-        natural = hull(phases(t["slope_alpha"], t["slope_beta"]))
-        demand("error", error, width)
-        demand("natural slope", natural, width)
-        # voltages of one phase: one bit above FORCED_WIDTH; 2*u_x - u_y - u_z: three
-        voltage = hull(
-            plus(
-                scaled(t["forced_link"], int(anpc.HALF_DC[p])),
-                scaled(t["forced_neutral"], int(anpc.NEUTRAL[p])),
-                scaled(hull([t[f"forced_{x}"] for x in "abc"]), int(anpc.CAPACITOR[p])),
-            )
-            for p in range(anpc.POSITIONS)
+        node_words(t, word_range(f.CURVATURE_WIDTH) if variant == "fast" else (0, 0))
+
+
+def node_words(t: Mapping[str, Interval], bend: Interval) -> None:
+    """Words that explorers make of the terms of a node.
+
+    Parameters
+    ----------
+    t : mapping of str to tuple of int
+        Range of each of ``program.TERMS``.
+    bend : tuple of int
+        Range of a curvature, trajectory units.
+
+    Raises
+    ------
+    RangeError
+        If one does not fit its word.
+    """
+    width = f.TRAJECTORY_WIDTH
+    others = [t[f"error_{x}"] for x in ("neutral", "a", "b", "c")]
+    error = hull([*phases(t["error_alpha"], t["error_beta"]), *others])
+    natural = hull(phases(t["slope_alpha"], t["slope_beta"]))
+    demand("error", error, width)
+    demand("natural slope", natural, width)
+    # voltages of one phase: one bit above FORCED_WIDTH; 2*u_x - u_y - u_z: three
+    voltage = hull(
+        plus(
+            scaled(t["forced_link"], int(anpc.HALF_DC[p])),
+            scaled(t["forced_neutral"], int(anpc.NEUTRAL[p])),
+            scaled(hull([t[f"forced_{x}"] for x in "abc"]), int(anpc.CAPACITOR[p])),
         )
-        demand("voltage of a phase", voltage, f.FORCED_WIDTH + 1)
-        difference = plus(scaled(voltage, 2), scaled(voltage, -1), scaled(voltage, -1))
-        rounding = 1 << (f.FORCED_FRACTION - 1)
-        demand("voltages of a slope", plus(difference, (0, rounding)), f.FORCED_WIDTH + 3)
-        forced = (
-            difference[0] >> f.FORCED_FRACTION,
-            (difference[1] + rounding) >> f.FORCED_FRACTION,
-        )
-        current_slope = plus(natural, scaled(forced, -1))
-        demand("slope of a current", current_slope, width)
-        shares = phases(t["midpoint_alpha"], t["midpoint_beta"])
-        charges = phases(t["phase_alpha"], t["phase_beta"])
-        for one in shares + charges:
-            demand("current of a phase", one, f.CURRENT_TERM_WIDTH)
-        neutral_slope = plus(*(hull([r, (0, 0)]) for r in shares))
-        demand("slope of v_n", neutral_slope, f.CURRENT_TERM_WIDTH + 2)
-        slope = hull([current_slope, neutral_slope, *charges, *(scaled(c, -1) for c in charges)])
-        bend = word_range(f.CURVATURE_WIDTH) if variant == "fast" else (0, 0)
-        end = plus(error, slope, bend)
-        demand("end of a step", end, width)
-        bound = word_range(f.BOUND_WIDTH, signed=False)
-        excess = plus((0, max(-end[0], end[1])), scaled(bound, -1))
-        demand("excess of a bound", excess, width)
-        # where the search matters, |error| <= bound: the room is at most twice the largest bound
-        demand("room of a search", (0, 2 * bound[1]), f.SEARCH_WIDTH, signed=False)
+        for p in range(anpc.POSITIONS)
+    )
+    demand("voltage of a phase", voltage, f.FORCED_WIDTH + 1)
+    demand("voltage of two phases", plus(voltage, scaled(voltage, -1)), f.FORCED_WIDTH + 2)
+    difference = plus(scaled(voltage, 2), scaled(voltage, -1), scaled(voltage, -1))
+    rounding = 1 << (f.FORCED_FRACTION - 1)
+    demand("voltages of a slope", plus(difference, (0, rounding)), f.FORCED_WIDTH + 3)
+    forced = (
+        difference[0] >> f.FORCED_FRACTION,
+        (difference[1] + rounding) >> f.FORCED_FRACTION,
+    )
+    current_slope = plus(natural, scaled(forced, -1))
+    demand("slope of a current", current_slope, width)
+    shares = phases(t["midpoint_alpha"], t["midpoint_beta"])
+    charges = phases(t["phase_alpha"], t["phase_beta"])
+    for one in shares + charges:
+        demand("current of a phase", one, f.CURRENT_TERM_WIDTH)
+    neutral_slope = plus(*(hull([r, (0, 0)]) for r in shares))
+    demand("slope of v_n", neutral_slope, f.CURRENT_TERM_WIDTH + 2)
+    slope = hull([current_slope, neutral_slope, *charges, *(scaled(c, -1) for c in charges)])
+    end = plus(error, slope, bend)
+    demand("end of a step", end, width)
+    bound = word_range(f.BOUND_WIDTH, signed=False)
+    excess = plus((0, max(-end[0], end[1])), scaled(bound, -1))
+    demand("excess of a bound", excess, width)
+    # where the search matters, |error| <= bound: the room is at most twice the largest bound
+    demand("room of a search", (0, 2 * bound[1]), f.SEARCH_WIDTH, signed=False)
 
 
 def costs() -> None:
@@ -160,24 +185,47 @@ def costs() -> None:
     """
     for variant in programs.PROGRAMS:
         t, _ = result_ranges(variant)
-        shares = phases(t["weight_alpha"], t["weight_beta"])
-        for one in shares:
-            demand("weight of a phase", one, f.WEIGHT_WIDTH)
-        # b + c = -a + {0, 1} and so on: two shares sum to the third but for one, three to 0 or 1
-        pair = plus(scaled(hull(shares), -1), (0, 1))
-        slope = hull([*shares, pair, (0, 1)])
-        demand("slope of the weight", slope, f.WEIGHT_WIDTH)
-        longest = (0, 2**f.LENGTH_WIDTH - 1)
-        end = plus(scaled(t["weight_start"], 1 << f.WEIGHT_SLOPE_FRACTION), times(slope, longest))
-        demand("weight at the end", end, f.WEIGHT_WIDTH + f.LENGTH_WIDTH + 1)
-        square = (1 << (f.WEIGHT_WIDTH - 1)) ** 2
-        demand("square of the weight", (0, square), 2 * f.WEIGHT_WIDTH)
-        rate = (2**f.EFFORT_WIDTH - 1) * int(f.RECIPROCALS.max())
-        cost = (0, rate + (square >> min(f.WEIGHT_SHIFTS)))
-        demand("cost", cost, f.COST_WIDTH, signed=False)
+        cost_words(t, f.EFFORT_WIDTH)
     effort = (0, 3 * int(anpc.TRANSITION_WEIGHT.max()))
     demand("effort", effort, f.EFFORT_WIDTH, signed=False)
     demand("effort of two", scaled(effort, 2), f.TOTAL_EFFORT_WIDTH, signed=False)
+
+
+def cost_words(t: Mapping[str, Interval], effort_width: int) -> None:
+    """Words of the cost of a candidate.
+
+    Parameters
+    ----------
+    t : mapping of str to tuple of int
+        Range of each of ``program.TERMS``.
+    effort_width : int
+        Bits of its effort.
+
+    Raises
+    ------
+    RangeError
+        If one does not fit its word.
+    """
+    shares = phases(t["weight_alpha"], t["weight_beta"])
+    for one in shares:
+        demand("weight of a phase", one, f.WEIGHT_WIDTH)
+    # b + c = -a + {0, 1} and so on: two shares sum to the third but for one, three to 0 or 1
+    pair = plus(scaled(hull(shares), -1), (0, 1))
+    slope = hull([*shares, pair, (0, 1)])
+    demand("slope of the weight", slope, f.WEIGHT_WIDTH)
+    longest = (0, 2**f.LENGTH_WIDTH - 1)
+    end = plus(scaled(t["weight_start"], 1 << f.WEIGHT_SLOPE_FRACTION), times(slope, longest))
+    demand("weight at the end", end, f.WEIGHT_WIDTH + f.LENGTH_WIDTH + 1)
+    square = (1 << (f.WEIGHT_WIDTH - 1)) ** 2
+    demand("square of the weight", (0, square), 2 * f.WEIGHT_WIDTH)
+    # a table has the multiples of 1/L by two bits of the effort, and by the others
+    unit = int(f.RECIPROCALS.max())
+    multiple = max(2 ** (effort_width - 2) - 1, 3) * unit
+    demand("multiple of 1/L", (0, multiple), f.RECIPROCAL_FRACTION + 4, signed=False)
+    rate = (2**effort_width - 1) * unit
+    demand("f_s/L", (0, rate), f.RECIPROCAL_FRACTION + effort_width, signed=False)
+    cost = (0, rate + (square >> min(f.WEIGHT_SHIFTS)))
+    demand("cost", cost, f.COST_WIDTH, signed=False)
 
 
 def ranks() -> None:
@@ -225,18 +273,31 @@ def _search(outside: int) -> None:
     demand("slope of a search", (-steepest, steepest), slope_high.bit_length() + 1)
 
 
+def _dip(room: IntArray, threshold: IntArray, curvature: int) -> IntArray:
+    """How far an error dips below the far bound at most, by room and threshold at the begin."""
+    last = 2**f.LENGTH_WIDTH - 1
+    # threshold n - c n^2 - room is largest beside n = threshold/(2 c), or at the last length
+    turn = np.minimum(threshold // (2 * curvature), last) if curvature else np.full_like(room, last)
+    ways = [threshold * n - curvature * n * n for n in (turn, np.minimum(turn + 1, last))]
+    return np.maximum(*ways) - room
+
+
 def _steepest(room: int, curvature: int, start_high: int) -> tuple[int, int]:
     """Steepest slope of a search and how far it dips below the far bound, over all curvatures."""
     deepest = steepest = 0
-    ends = np.unique(np.r_[np.arange(0, room + 1, 97), room - np.arange(min(room + 1, 70))])
     last = 2**f.LENGTH_WIDTH - 1
+    least = np.arange(0, room + 1, _CELL)
+    most = np.minimum(least + _CELL - 1, room)
     for c in range(curvature + 1):
-        partial = [(ends >> k) + (c << k) for k in range(f.LENGTH_WIDTH + 1)]
-        threshold = np.min(partial, axis=0)
-        # threshold n - c n^2 - room is largest beside n = threshold/(2 c), or at the last length
-        turn = np.minimum(threshold // (2 * c), last) if c else np.full_like(ends, last)
-        for n in (turn, np.minimum(turn + 1, last)):
-            deepest = max(deepest, int((threshold * n - c * n * n - ends).max()))
+
+        def _threshold(ends: IntArray, c: int = c) -> IntArray:
+            return np.min([(ends >> k) + (c << k) for k in range(f.LENGTH_WIDTH + 1)], axis=0)
+
+        # a threshold rises with the room: where a cell may have more, all its rooms are looked at
+        threshold = _threshold(most)
+        for cell in least[_dip(least, threshold, c) > deepest]:
+            ends = np.arange(cell, min(cell + _CELL, room + 1))
+            deepest = max(deepest, int(_dip(ends, _threshold(ends), c).max()))
         largest = int(threshold.max())
         for n in range(last + 1):
             if c * n * n - largest * n > room:

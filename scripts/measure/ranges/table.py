@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 
 from directmpc.mptc import formats as mptc_formats
-from scripts.measure.ranges import mpdcc, mptc
+from scripts.measure.ranges import mpdcc, mptc, second_level
 from scripts.measure.ranges.intervals import Check, Fault, RangeError
 
 METHOD = "intervals"
@@ -60,6 +60,15 @@ CHECKS: Sequence[Check] = (
     Check("length_search", "search_fits",
           "no margin, slope or threshold of the fast search leaves its word", mpdcc.search,
           Fault("SLOPE_WIDTH", -1)),
+    Check("node_base", "bases_fit",
+          "no operand that a successor starts from leaves its word, but for what unfit tells of",
+          second_level.bases, Fault("BASE_WIDTH", -1)),
+    Check("common_terms", "successors_fit",
+          "no result of a successor leaves its word, up to those that saturate and flag",
+          second_level.successors, Fault("FORCED_WIDTH", -1)),
+    Check("second_level", "leaves_fit",
+          "no trajectory, effort, length or cost of a leaf leaves its word", second_level.leaves,
+          Fault("TOTAL_EFFORT_WIDTH", -1)),
     Check("mptc_datapath", "sums_fit",
           "no sum of products leaves its accumulator, with any method and duty rule", mptc.sums,
           Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),

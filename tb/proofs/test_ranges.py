@@ -1,0 +1,116 @@
+"""Ranges of sums (`scripts/measure/ranges`): every word fits, and a narrower format does not.
+
+Sweep: every check and its fault; ways of errors at random and at the ends of what is said of them.
+Checks: that each check passes and fails with its fault; that the bounds of the search, of a way to
+a successor and of its words hold for the bit-true twins, and are not far above them.
+Does not prove: that the ranges name every sum of the VHDL.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true import fast
+from scripts.__main__ import main
+from scripts.measure.ranges import intervals, mpdcc, second_level
+from scripts.measure.ranges import table as ranges
+
+BOUND = f.BOUND_HIGH["fast"]
+LONGEST = 2**f.LENGTH_WIDTH - 1
+
+
+@pytest.mark.parametrize("check", ranges.CHECKS, ids=lambda check: check.name)
+def test_sums_fit_their_words(check: intervals.Check, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert ranges.shown(check)[0] == ""
+    fault = check.fault
+    monkeypatch.setattr(fault.module, fault.name, getattr(fault.module, fault.name) + fault.by)
+    problem, _ = ranges.shown(check)
+    assert "does not fit" in problem or "may" in problem
+
+
+def test_the_dip_of_a_search_is_the_deepest_of_all_lengths() -> None:
+    room, start = 2_000, 2**16
+    found = mpdcc._steepest(room, 6, start)[1]
+    deepest = 0
+    for c in range(7):
+        for wide in range(room + 1):
+            threshold = min((wide >> k) + (c << k) for k in range(f.LENGTH_WIDTH + 1))
+            deepest = max(deepest, *(threshold * n - c * n * n - wide for n in range(64)))
+    assert found == deepest
+
+
+def test_a_range_that_does_not_fit_is_named() -> None:
+    intervals.demand("sum", (-8, 7), 4)
+    intervals.demand("sum", (0, 15), 4, signed=False)
+    for low, high in ((-9, 0), (0, 8)):
+        with pytest.raises(intervals.RangeError, match=f"sum: {low} to {high} does not fit 4 bits"):
+            intervals.demand("sum", (low, high), 4)
+    assert intervals.times((-3, 2), (-5, 4)) == (-12, 15)
+    assert intervals.hull([(1, 2), (-4, 0)]) == (-4, 2)
+
+
+def test_ranges_are_shown_by_entity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "proofs.json"
+    assert main(["prove", "step_one", "--out", str(out)]) == 0
+    (found,) = json.loads(out.read_text())["proof"]["step_one"].values()
+    assert (found["method"], found["holds"]) == ("intervals", True)
+    assert "step_one" in capsys.readouterr().out
+
+
+def way_length(inwards: int, error: int, slope: int, curvature: int) -> int:
+    """Length of a candidate one of whose currents moves, the longest horizon, by the twin."""
+    words = np.zeros((3, 7), dtype=np.int64)
+    words[0, 0], words[1, 0], words[2, 0] = error, error + curvature, slope
+    bend = np.array([curvature, 0, 0], dtype=np.int64)
+    bound = np.full(7, BOUND, dtype=np.int64)
+    threshold = np.array([fast.turn_threshold(error, curvature, BOUND), 0, 0], dtype=np.int64)
+    rule = fast.Rule(0, inwards)
+    return int(fast.length_of(rule, *words, bend, bound, threshold, LONGEST))
+
+
+@pytest.mark.parametrize("inwards", [0, 1])
+def test_no_error_moves_farther_than_it_reaches(inwards: int) -> None:
+    rng = np.random.default_rng(11 + inwards)
+    outside = (0, 2 ** (f.BASE_WIDTH - 1) - BOUND)[inwards]
+    reach = second_level.reaches(outside)
+    most = BOUND + outside
+    nearest = np.zeros(LONGEST)
+    steps = np.arange(1, LONGEST)
+    for _ in range(15_000):
+        error = int(rng.integers(-most, most))
+        curvature = int(rng.choice([-1, 1]) * min(2 ** rng.uniform(-1, 10), 1023))
+        # to a place near a bound after some steps, or as steep as the threshold
+        end, last = int(rng.choice([-1, 1]) * (BOUND - rng.exponential(300))), rng.integers(1, 64)
+        slope = (end - error) // int(last) - curvature * int(last)
+        if rng.random() < 0.5:
+            sign = -1 if curvature >= 0 else 1
+            threshold = fast.turn_threshold(error, curvature, BOUND)
+            slope = sign * (threshold + int(rng.integers(-3, 4)))
+        length = way_length(inwards, error, slope, curvature)
+        taken = steps[: min(length, LONGEST - 1)]
+        way = np.abs(slope * taken + curvature * taken * taken)
+        allowed = reach[abs(curvature), taken]
+        assert (way <= allowed).all(), (error, slope, curvature)
+        nearest[taken] = np.maximum(nearest[taken], way / reach[:, taken].max(axis=0))
+    assert nearest[2:].min() > 0.75
+
+
+@pytest.mark.parametrize("inwards", [0, 1])
+def test_a_current_without_room_has_no_way(inwards: int) -> None:
+    # the steepest curvature leaves after a few steps, whatever error and slope are
+    reach = second_level.reaches((0, 2 ** (f.BASE_WIDTH - 1) - BOUND)[inwards])
+    steepest = reach[2 ** (f.CURVATURE_WIDTH - 1)]
+    assert steepest[1] > 0
+    assert (steepest[LONGEST // 2 :] == -1).all()
+
+
+def test_a_wider_bound_lets_an_operand_leave_its_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(f.BOUND_HIGH, "fast", 4 * BOUND)
+    monkeypatch.setattr(f, "START_SLOPE_WIDTH", f.START_SLOPE_WIDTH + 2)
+    with pytest.raises(intervals.RangeError, match=r"operand drift_alpha after \d+ steps"):
+        second_level.successors()
