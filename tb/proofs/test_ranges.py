@@ -14,14 +14,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from directmpc.mpdcc import capacitor_observer, leakage, state_program
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
+from directmpc.mptc import formats as g
+from directmpc.mptc import observer
 from scripts.__main__ import main
-from scripts.measure.ranges import intervals, mpdcc, second_level
+from scripts.measure.ranges import intervals, mpdcc, observers, second_level
 from scripts.measure.ranges import table as ranges
 
 BOUND = f.BOUND_HIGH["fast"]
 LONGEST = 2**f.LENGTH_WIDTH - 1
+
+#: Further formats with which a word is too narrow: what is run, and what says so.
+FAULTS = [
+    (second_level.bases, intervals.Fault("START_SLOPE_WIDTH", 1), "slope of a candidate"),
+    (second_level.bases, intervals.Fault("CURVATURE_TERM_WIDTH", 2), "operand secant_"),
+    (second_level.leaves, intervals.Fault("BUDGET_WIDTH", -6), "leaves of a node"),
+    (second_level.leaves, intervals.Fault("INDEX_WIDTH", -1), "place of a candidate"),
+    (observers.states, intervals.Fault("SUM_WIDTH", -3, state_program), "sum of clock"),
+    (observers.states, intervals.Fault("STATE_WIDTH", 6, leakage), "theta moved"),
+    (observers.states, intervals.Fault("GUARD", 1, capacitor_observer), "goal"),
+    (observers.speed, intervals.Fault("GUARD", -2, observer), "half of a state's way"),
+    (observers.stator_flux, intervals.Fault("MEASUREMENT_SHIFT", 1, g), "measurement as a word"),
+]
 
 
 @pytest.mark.parametrize("check", ranges.CHECKS, ids=lambda check: check.name)
@@ -31,6 +47,13 @@ def test_sums_fit_their_words(check: intervals.Check, monkeypatch: pytest.Monkey
     monkeypatch.setattr(fault.module, fault.name, getattr(fault.module, fault.name) + fault.by)
     problem, _ = ranges.shown(check)
     assert "does not fit" in problem or "may" in problem
+
+
+@pytest.mark.parametrize(("run", "fault", "said"), FAULTS, ids=[said for *_, said in FAULTS])
+def test_a_fault_is_named(run, fault: intervals.Fault, said: str, monkeypatch) -> None:
+    monkeypatch.setattr(fault.module, fault.name, getattr(fault.module, fault.name) + fault.by)
+    with pytest.raises(intervals.RangeError, match=f"^{said}.* does not fit"):
+        run()
 
 
 def test_the_dip_of_a_search_is_the_deepest_of_all_lengths() -> None:
@@ -114,3 +137,15 @@ def test_a_wider_bound_lets_an_operand_leave_its_word(monkeypatch: pytest.Monkey
     monkeypatch.setattr(f, "START_SLOPE_WIDTH", f.START_SLOPE_WIDTH + 2)
     with pytest.raises(intervals.RangeError, match=r"operand drift_alpha after \d+ steps"):
         second_level.successors()
+
+
+def test_the_last_half_lsb_of_a_flux_is_limited_without_a_flag() -> None:
+    coefficient = np.zeros(len(observer.COEFFICIENTS), dtype=np.int64)
+    coefficient[observer.COEFFICIENTS.index("voltage_alpha")] = g.WORD_HIGH
+    state = np.zeros(4, dtype=np.int64)
+    for v_dc in (65535, 65535, 1):
+        measured = np.array([0, 0, 0, v_dc], dtype=np.int64)
+        flux, _, saturated = observer.step_words(coefficient, state, measured, 1)
+    port = observer.GUARD + g.MEASUREMENT_SHIFT
+    assert (flux, saturated) == (32767, 0)
+    assert (int(state[2]) + (1 << (port - 1))) >> port == 32768

@@ -14,8 +14,9 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+from directmpc.mpdcc import state_program
 from directmpc.mptc import formats as mptc_formats
-from scripts.measure.ranges import mpdcc, mptc, second_level
+from scripts.measure.ranges import mpdcc, mptc, observers, second_level
 from scripts.measure.ranges.intervals import Check, Fault, RangeError
 
 METHOD = "intervals"
@@ -72,5 +73,14 @@ CHECKS: Sequence[Check] = (
     Check("mptc_datapath", "sums_fit",
           "no sum of products leaves its accumulator, with any method and duty rule", mptc.sums,
           Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
+    Check("state_observer", "states_fit",
+          "no sum, voltage, state or change of theta leaves its word, up to what saturates and "
+          "flags", observers.states, Fault("PHASE_WIDTH", -2, state_program)),
+    Check("mptc_observer", "states_fit",
+          "no sum and no half of a step leaves its word, up to what saturates and flags",
+          observers.stator_flux, Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
+    Check("mptc_speed_observer", "states_fit",
+          "no sum, half of a step or mean share leaves its word, up to what saturates and flags, "
+          "and eps", observers.speed, Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
 )  # fmt: skip
 """All of it, for any content of registers and any measurement."""
