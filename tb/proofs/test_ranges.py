@@ -19,8 +19,9 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mptc import formats as g
 from directmpc.mptc import observer
+from directmpc.mptc.bit_true import magnitude
 from scripts.__main__ import main
-from scripts.measure.ranges import intervals, mpdcc, observers, second_level
+from scripts.measure.ranges import intervals, mpdcc, mptc, observers, second_level
 from scripts.measure.ranges import table as ranges
 
 BOUND = f.BOUND_HIGH["fast"]
@@ -32,6 +33,9 @@ FAULTS = [
     (second_level.bases, intervals.Fault("CURVATURE_TERM_WIDTH", 2), "operand secant_"),
     (second_level.leaves, intervals.Fault("BUDGET_WIDTH", -6), "leaves of a node"),
     (second_level.leaves, intervals.Fault("INDEX_WIDTH", -1), "place of a candidate"),
+    (mptc.magnitude, intervals.Fault("FRACTION", -1, g), "length after rotation 0"),
+    (mptc.vectors, intervals.Fault("TORQUE_WIDTH", -2, g), "MPTC: level"),
+    (mptc.vectors, intervals.Fault("ROOT_WIDTH", -1, g), "radicand that has a root"),
     (observers.states, intervals.Fault("SUM_WIDTH", -3, state_program), "sum of clock"),
     (observers.states, intervals.Fault("STATE_WIDTH", 6, leakage), "theta moved"),
     (observers.states, intervals.Fault("GUARD", 1, capacitor_observer), "goal"),
@@ -149,3 +153,18 @@ def test_the_last_half_lsb_of_a_flux_is_limited_without_a_flag() -> None:
     port = observer.GUARD + g.MEASUREMENT_SHIFT
     assert (flux, saturated) == (32767, 0)
     assert (int(state[2]) + (1 << (port - 1))) >> port == 32768
+
+
+def test_rotations_stay_inside_their_words() -> None:
+    rng = np.random.default_rng(5)
+    most = mptc._fluxes()[0]
+    ends = [(x, y) for x in most for y in most]
+    flux = np.array([*ends, *rng.integers(most[0], most[1] + 1, (20_000, 2))])
+    u, v = np.where(flux[:, 0] < 0, ~flux[:, 0], flux[:, 0]), flux[:, 1].copy()
+    for i in range(g.ITERATIONS):
+        up = v >= 0
+        along, across = v >> i, u >> i
+        u, v = u + np.where(up, along, ~along), v + np.where(up, ~across, across)
+        assert np.abs(v).max() < 2 ** (g.MAGNITUDE_WIDTH - 1 - i)
+    assert u.max() == max(magnitude(x, y) for x, y in ends)
+    assert 0.85 * 2 ** (g.MAGNITUDE_WIDTH - 1) < u.max() < 2 ** (g.MAGNITUDE_WIDTH - 1)

@@ -1,10 +1,24 @@
-"""Ranges in the two-level cores: the sums of products of ``mptc_datapath``."""
+"""Ranges in the two-level cores: sums of products, and what single vectors make of them.
+
+What methods of several vectors form of their pairs, duties and coordinates is not among them.
+"""
 
 from __future__ import annotations
 
+import math
+
 from directmpc.mptc import formats as g
 from directmpc.mptc import program as programs
-from scripts.measure.ranges.intervals import demand
+from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA
+from scripts.measure.ranges.intervals import (
+    Interval,
+    demand,
+    hull,
+    plus,
+    scaled,
+    times,
+    word_range,
+)
 
 #: Programs of `mptc_core` and `mptc_family_core`, each from the first clock to the last.
 PROGRAMS: dict[str, tuple[programs.Step, ...]] = {
@@ -44,3 +58,95 @@ def sums() -> None:
                 largest += product
                 what = step.result or f"clock {step.clock}"
                 demand(f"{name}: sum of {what}", (-largest, largest), g.ACCUMULATOR_WIDTH)
+
+
+def _below(value: Interval, bits: int) -> Interval:
+    """A range without its lowest bits."""
+    return value[0] >> bits, value[1] >> bits
+
+
+def _fluxes() -> list[Interval]:
+    """Ranges of both components of psi_s(k+2) with one vector, as lengths are formed of them."""
+    word = word_range(g.WORD_WIDTH)
+    guard = g.MAGNITUDE_FRACTION - g.FRACTION
+    base = scaled(word, 1 << guard)
+    found = []
+    for table, below in ((VECTOR_ALPHA, 2), (VECTOR_BETA, 1)):
+        step = _below(scaled(word, int(abs(table).max()) << guard), below)
+        found.append(plus(base, hull([step, scaled(step, -1)])))
+    return found
+
+
+def magnitude() -> None:
+    """Words of ``mptc_magnitude``: both components after every micro-rotation.
+
+    A rotation by atan(2**-i) makes the vector longer by sqrt(1 + 4**-i), and cuts less than one LSB
+    of each component. The one across is u 2**-i at most behind it, but for what was cut: before, it
+    was between nothing and twice that. It has a bit less after each rotation. Its sum may be formed
+    without the upper bits, since the result fits.
+
+    Raises
+    ------
+    RangeError
+        If a component does not fit its word.
+    """
+    x, y = _fluxes()
+    width = g.MAGNITUDE_WIDTH
+    demand("flux along alpha", x, width)
+    demand("flux along beta", y, width)
+    length = math.hypot(*(max(-one[0], one[1]) for one in (x, y)))
+    cut = 1.0
+    for i in range(g.ITERATIONS):
+        length = length * math.sqrt(1.0 + 4.0**-i) + math.sqrt(2.0)
+        cut += 1.0 + 2.0**-i
+        along, across = math.ceil(length), math.ceil(length * 2.0**-i + cut)
+        demand(f"length after rotation {i}", (-1, along), width)
+        demand(f"across after rotation {i}", (-across, across), width - i)
+    reference = scaled(
+        word_range(g.REFERENCE_WIDTH, signed=False),
+        1 << (g.MEASUREMENT_SHIFT + 1 + g.MAGNITUDE_FRACTION - g.FRACTION),
+    )
+    demand("distance of a length", plus((-1, along), scaled(reference, -1)), width + 1)
+
+
+def vectors() -> None:
+    """Torque terms and costs of single vectors, with MPTC and MPFC; the radicand of MPFC's root.
+
+    Words may hold anything. The reference's square and |v|^2 are not negative.
+
+    Raises
+    ------
+    RangeError
+        If one does not fit its word, or if a root would have to be limited.
+    """
+    word = word_range(g.WORD_WIDTH)
+    full, half = times(word, word), 1 << (g.TORQUE_SHIFT - 1)
+    # level, along, across; of MPFC along and across are what is missing, level is a length
+    torque = plus(
+        _below(plus(full, (half, half)), g.TORQUE_SHIFT),
+        scaled(_below(plus(full, full, (half, half)), g.TORQUE_SHIFT), -1),
+    )
+    one = _below(plus(full, (half, half)), g.TORQUE_SHIFT)
+    three = _below(plus(full, full, full, (0, 1 << (g.FRACTION - 1))), g.TORQUE_SHIFT)
+    length = _below(plus(full, (half, half)), g.TORQUE_SHIFT + 3)
+    for name, level, along, across in (
+        ("MPTC", torque, one, one),
+        ("MPFC", length, three, one),
+    ):
+        for what, value in (("level", level), ("along", along), ("across", across)):
+            demand(f"{name}: {what}", value, g.TORQUE_WIDTH)
+        part = hull([_below(along, 1), scaled(_below(along, 1), -1)])
+        beside = hull([_below(across, 1), scaled(_below(across, 1), -1)])
+        demand(f"{name}: part of a term", plus(level, part), g.TORQUE_WIDTH)
+        term = plus(level, part, beside)
+        demand(f"{name}: term", term, g.TORQUE_WIDTH)
+        size = hull([term, (~term[1], ~term[0])])
+        distance = (0, word[1])
+        weighted = times(distance, word) if name == "MPTC" else (0, 0)
+        demand(f"{name}: cost", plus(scaled(size, 1 << g.COST_SHIFT), weighted), g.COST_WIDTH)
+    # square of the reference times |v|^2, both words that are not negative, less what is a square
+    size = (0, word[1])
+    smaller = hull([times((~t, ~t), (t, t)) for t in (word[0], -1, 0, word[1])])
+    radicand = plus(times(size, size), smaller)
+    demand("radicand", radicand, g.ACCUMULATOR_WIDTH)
+    demand("radicand that has a root", (0, radicand[1]), 2 * g.ROOT_WIDTH, signed=False)

@@ -73,6 +73,12 @@ CHECKS: Sequence[Check] = (
     Check("mptc_datapath", "sums_fit",
           "no sum of products leaves its accumulator, with any method and duty rule", mptc.sums,
           Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
+    Check("mptc_magnitude", "rotations_fit",
+          "no component of a flux leaves its word, whichever rotation it is behind",
+          mptc.magnitude, Fault("MAGNITUDE_WIDTH", -1, mptc_formats)),
+    Check("mptc_vector_stream", "vectors_fit",
+          "no torque term and no cost of a single vector leaves its word, nor MPFC's radicand",
+          mptc.vectors, Fault("COST_WIDTH", -1, mptc_formats)),
     Check("state_observer", "states_fit",
           "no sum, voltage, state or change of theta leaves its word, up to what saturates and "
           "flags", observers.states, Fault("PHASE_WIDTH", -2, state_program)),
