@@ -17,6 +17,7 @@ import pytest
 from directmpc.mpdcc import capacitor_observer, leakage, state_program
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
+from directmpc.mptc import bit_true_sequences as sequences
 from directmpc.mptc import formats as g
 from directmpc.mptc import observer
 from directmpc.mptc.bit_true import magnitude
@@ -36,6 +37,7 @@ FAULTS = [
     (mptc.magnitude, intervals.Fault("FRACTION", -1, g), "length after rotation 0"),
     (mptc.vectors, intervals.Fault("TORQUE_WIDTH", -2, g), "MPTC: level"),
     (mptc.vectors, intervals.Fault("ROOT_WIDTH", -1, g), "radicand that has a root"),
+    (mptc.pairs, intervals.Fault("COST_WIDTH", -1, g), "cost of a pair"),
     (observers.states, intervals.Fault("SUM_WIDTH", -3, state_program), "sum of clock"),
     (observers.states, intervals.Fault("STATE_WIDTH", 6, leakage), "theta moved"),
     (observers.states, intervals.Fault("GUARD", 1, capacitor_observer), "goal"),
@@ -153,6 +155,29 @@ def test_the_last_half_lsb_of_a_flux_is_limited_without_a_flag() -> None:
     port = observer.GUARD + g.MEASUREMENT_SHIFT
     assert (flux, saturated) == (32767, 0)
     assert (int(state[2]) + (1 << (port - 1))) >> port == 32768
+
+
+def test_a_pair_beyond_its_vectors_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    # u_1 after u_1 would make twice its step
+    monkeypatch.setattr(sequences, "ZERO_PAIRS", np.array([[1, 1, 1]]))
+    with pytest.raises(intervals.RangeError, match="the flux with 1 and 1 may leave its word"):
+        mptc.pairs()
+
+
+def test_a_root_leaves_no_more_than_is_said() -> None:
+    rng = np.random.default_rng(3)
+    for span in (1, 5, 4095, 3 * 2**20, *rng.integers(1, 3 * 2**20, 200).tolist()):
+        for part in (0, span - 1, int(rng.integers(0, span))):
+            rest, unit, taken = part << 1, span, 0
+            for k in range(g.TIME_WIDTH):
+                assert rest < 2 * taken + 2 * unit + 2**k
+                rest = 2 * rest - 2 * taken - unit
+                if rest >= 0:
+                    taken += unit
+                else:
+                    rest += 2 * taken + unit
+                unit >>= 1
+            assert taken <= 2 * span
 
 
 def test_rotations_stay_inside_their_words() -> None:

@@ -1,17 +1,19 @@
-"""Ranges in the two-level cores: sums of products, and what single vectors make of them.
+"""Ranges in the two-level cores: sums of products, and what vectors and pairs make of them.
 
-What methods of several vectors form of their pairs, duties and coordinates is not among them.
+What flux methods of several vectors form of their coordinates and times is not among them.
 """
 
 from __future__ import annotations
 
 import math
 
+from directmpc.mptc import bit_true_sequences as sequences
 from directmpc.mptc import formats as g
 from directmpc.mptc import program as programs
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA
 from scripts.measure.ranges.intervals import (
     Interval,
+    RangeError,
     demand,
     hull,
     plus,
@@ -109,6 +111,15 @@ def magnitude() -> None:
     demand("distance of a length", plus((-1, along), scaled(reference, -1)), width + 1)
 
 
+def _torque() -> tuple[Interval, Interval]:
+    """Ranges of a torque error without voltage, and of the torque of a step."""
+    word = word_range(g.WORD_WIDTH)
+    full, half = times(word, word), 1 << (g.TORQUE_SHIFT - 1)
+    one = _below(plus(full, (half, half)), g.TORQUE_SHIFT)
+    two = _below(plus(full, full, (half, half)), g.TORQUE_SHIFT)
+    return plus(one, scaled(two, -1)), one
+
+
 def vectors() -> None:
     """Torque terms and costs of single vectors, with MPTC and MPFC; the radicand of MPFC's root.
 
@@ -122,11 +133,7 @@ def vectors() -> None:
     word = word_range(g.WORD_WIDTH)
     full, half = times(word, word), 1 << (g.TORQUE_SHIFT - 1)
     # level, along, across; of MPFC along and across are what is missing, level is a length
-    torque = plus(
-        _below(plus(full, (half, half)), g.TORQUE_SHIFT),
-        scaled(_below(plus(full, full, (half, half)), g.TORQUE_SHIFT), -1),
-    )
-    one = _below(plus(full, (half, half)), g.TORQUE_SHIFT)
+    torque, one = _torque()
     three = _below(plus(full, full, full, (0, 1 << (g.FRACTION - 1))), g.TORQUE_SHIFT)
     length = _below(plus(full, (half, half)), g.TORQUE_SHIFT + 3)
     for name, level, along, across in (
@@ -150,3 +157,54 @@ def vectors() -> None:
     radicand = plus(times(size, size), smaller)
     demand("radicand", radicand, g.ACCUMULATOR_WIDTH)
     demand("radicand that has a root", (0, radicand[1]), 2 * g.ROOT_WIDTH, signed=False)
+
+
+def pairs() -> None:
+    """Torque errors, duties, fluxes and costs of the pairs of MPTC1, MPTC2 and GTV.
+
+    The flux with a pair lies between those with its vectors. A quotient's rest stays below its
+    span S. A root's rest after k bits, with r S taken twice, stays below
+    2 taken + 2 unit + 2**k: a bit that is taken adds unit to taken, one that is not leaves a rest
+    below 2 taken + unit, and unit, S first, is halved and cut.
+
+    Raises
+    ------
+    RangeError
+        If one does not fit its word.
+    """
+    level, one = _torque()
+    width = g.TORQUE_WIDTH + g.DUTY_SHIFT
+    cut = _below(word_range(g.WORD_WIDTH), g.TORQUE_SHIFT - g.DUTY_SHIFT)
+    without = plus(scaled(level, 1 << g.DUTY_SHIFT), scaled(cut, -1))
+    demand("error without voltage", without, width)
+    both = plus(scaled(plus(level, level), 1 << g.DUTY_SHIFT), scaled(cut, -2))
+    demand("both errors", both, width)
+    change = hull(
+        plus(scaled(one, int(a)), scaled(one, -2 * int(b)))
+        for a, b in zip(VECTOR_ALPHA, VECTOR_BETA, strict=True)
+    )
+    demand("torque of a vector", change, width)
+    error = plus(without, scaled(change, -1))
+    demand("error with the second vector", error, width)
+    demand("error of both", plus(change, scaled(both, -1)), width)
+    less = plus(error, scaled(change, -1))
+    demand("error less span", less, width + 1)
+    demand("error that is left outside", less, width)
+    span = max(-change[0], change[1])
+    taken = 2 * span
+    rest = 2 * taken + 2 * span + (1 << g.TIME_WIDTH)
+    demand("taken by a root", (0, taken), width, signed=False)
+    demand("rest of a search", (0, rest), width + 1, signed=False)
+    demand("trial of a search", (-2 * taken - span, 2 * rest), width + 3)
+    left = plus(_below(less, g.DUTY_SHIFT), (0, taken >> (g.DUTY_SHIFT + 1)))
+    demand("error of a pair", left, g.TORQUE_WIDTH)
+    size = hull([left, (~left[1], ~left[0])])
+    word = word_range(g.WORD_WIDTH)
+    weighted = times((0, word[1]), word)
+    demand("cost of a pair", plus(scaled(size, 1 << g.COST_SHIFT), weighted), g.COST_WIDTH)
+    for table in (sequences.ZERO_PAIRS, sequences.EDGE_PAIRS):
+        for _, second, direction in table:
+            for axis in (VECTOR_ALPHA, VECTOR_BETA):
+                first = int(axis[second]) + int(axis[direction])
+                if abs(first) > abs(axis).max():
+                    raise RangeError(f"the flux with {second} and {direction} may leave its word")

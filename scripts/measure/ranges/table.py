@@ -79,6 +79,9 @@ CHECKS: Sequence[Check] = (
     Check("mptc_vector_stream", "vectors_fit",
           "no torque term and no cost of a single vector leaves its word, nor MPFC's radicand",
           mptc.vectors, Fault("COST_WIDTH", -1, mptc_formats)),
+    Check("mptc_pair_stream", "pairs_fit",
+          "no torque error, rest of a search, flux or cost of a pair leaves its word", mptc.pairs,
+          Fault("TORQUE_WIDTH", -1, mptc_formats)),
     Check("state_observer", "states_fit",
           "no sum, voltage, state or change of theta leaves its word, up to what saturates and "
           "flags", observers.states, Fault("PHASE_WIDTH", -2, state_program)),
