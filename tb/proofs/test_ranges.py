@@ -38,6 +38,7 @@ FAULTS = [
     (mptc.vectors, intervals.Fault("TORQUE_WIDTH", -2, g), "MPTC: level"),
     (mptc.vectors, intervals.Fault("ROOT_WIDTH", -1, g), "radicand that has a root"),
     (mptc.pairs, intervals.Fault("COST_WIDTH", -1, g), "cost of a pair"),
+    (mptc.coordinates, intervals.Fault("QUOTIENT_FRACTION", -1, g), "way of a vector"),
     (observers.states, intervals.Fault("SUM_WIDTH", -3, state_program), "sum of clock"),
     (observers.states, intervals.Fault("STATE_WIDTH", 6, leakage), "theta moved"),
     (observers.states, intervals.Fault("GUARD", 1, capacitor_observer), "goal"),

@@ -1,12 +1,13 @@
-"""Ranges in the two-level cores: sums of products, and what vectors and pairs make of them.
+"""Ranges in the two-level cores: sums of products, and what becomes of them.
 
-What flux methods of several vectors form of their coordinates and times is not among them.
+The times that flux methods of several vectors form of their coordinates are not among them.
 """
 
 from __future__ import annotations
 
 import math
 
+from directmpc.mptc import bit_true_hexagon as hexagon
 from directmpc.mptc import bit_true_sequences as sequences
 from directmpc.mptc import formats as g
 from directmpc.mptc import program as programs
@@ -208,3 +209,47 @@ def pairs() -> None:
                 first = int(axis[second]) + int(axis[direction])
                 if abs(first) > abs(axis).max():
                     raise RangeError(f"the flux with {second} and {direction} may leave its word")
+
+
+def coordinates() -> None:
+    """What flux methods of several vectors divide, its coordinates, and what a choice leaves of it.
+
+    A coordinate is made of both quotients x and y: g = 2 x - y, h = 2 y, their sum 2 x + y. Turns
+    exchange these and their negatives. The points of choices lie in the hexagon, whose coordinates
+    and their sum are 1 at most. Widths are ``HEXAGON_WIDTH``, ``SIZE_WIDTH`` and ``STEP_WIDTH`` of
+    the generated package. A quotient that is too large becomes the largest; then e was halved
+    before, and ``far`` says so.
+
+    Raises
+    ------
+    RangeError
+        If one does not fit its word.
+    """
+    word = word_range(g.WORD_WIDTH)
+    dropped = g.PRODUCT_FRACTION - g.REST_FRACTION
+    size = g.ACCUMULATOR_WIDTH - dropped
+    whole = g.QUOTIENT_WIDTH - 1 - g.QUOTIENT_FRACTION
+    way = _below(times(word, word), dropped)
+    demand("way of a vector", way, size - whole + 1)
+    dividend = word_range(size, signed=False)
+    demand("trial of a quotient", plus(dividend, scaled(way, -1 << whole)), size + 3)
+    most = 2 ** (g.QUOTIENT_WIDTH - 1) - 1
+    quotient = (-most, most)
+    width = g.QUOTIENT_WIDTH + 2
+    twice = scaled(quotient, 2)
+    coordinate = hull([twice, plus(twice, quotient)])
+    demand("coordinate", coordinate, width)
+    forms = [scaled(quotient, 4), plus(twice, scaled(quotient, 3))]
+    demand("sum of coordinates", hull(forms), width + 1)
+    finer = g.HEXAGON_FRACTION + 2
+    if max(abs(corner) for corner in _corners()) > 1:
+        raise RangeError("a corner of the hexagon may leave its coordinates")
+    point = (-1 << finer, 1 << finer)
+    residue = _below(plus(scaled(coordinate, 4), point), finer - g.RESIDUE_FRACTION)
+    demand("residue", residue, g.WORD_WIDTH)
+
+
+def _corners() -> list[int]:
+    """Coordinates of the vectors along u_1 and u_2, and their sums."""
+    along, beside = hexagon.HEXAGON_G, hexagon.HEXAGON_H
+    return [int(x) for x in (*along, *beside, *(along + beside))]

@@ -82,6 +82,9 @@ CHECKS: Sequence[Check] = (
     Check("mptc_pair_stream", "pairs_fit",
           "no torque error, rest of a search, flux or cost of a pair leaves its word", mptc.pairs,
           Fault("TORQUE_WIDTH", -1, mptc_formats)),
+    Check("mptc_coordinates", "coordinates_fit",
+          "no coordinate and no residue of a choice leaves its word, but for a quotient that far "
+          "tells of", mptc.coordinates, Fault("RESIDUE_FRACTION", 1, mptc_formats)),
     Check("state_observer", "states_fit",
           "no sum, voltage, state or change of theta leaves its word, up to what saturates and "
           "flags", observers.states, Fault("PHASE_WIDTH", -2, state_program)),
