@@ -263,10 +263,16 @@ def _search(outside: int) -> None:
     phase = 3 * 2 ** (f.CURVATURE_TERM_WIDTH - 1) // 2
     demand("curvature of a phase", (-phase - 1, phase), f.CURVATURE_TERM_WIDTH + 1)
     demand("margin at the start", (-room - 1, room), margin_width)
+    # of a voltage, and half of a current's, which a threshold begins with
+    wide = 1 if outside else 0
+    demand("room of a line", (0, room), f.BOUND_WIDTH + wide, signed=False)
+    demand("half of a room", (0, room >> 1), f.MARGIN_WIDTH - 2 + wide, signed=False)
+    nearer = max(largest, largest + outside - 1)
+    demand("limit of step one", (0, nearer), f.BOUND_WIDTH, signed=False)
     # thresholds, all partial ones too, and a slope added to one
     most = max((room >> k) + (curvature << k) for k in range(f.LENGTH_WIDTH + 1))
     demand("threshold of a turn", (-most, most), f.TURN_WIDTH)
-    if not outside and start_high - curvature <= room:
+    if not outside and start_high - 2 * curvature <= room:
         raise RangeError("a start slope that was clipped does not leave in a step")
     steepest, deepest = _steepest(room, curvature, start_high)
     demand("margin of a search", (-room - 1 - deepest, room), margin_width)
