@@ -1,6 +1,7 @@
 """Ranges of sums (`scripts/measure/ranges`): every word fits, and a narrower format does not.
 
-Sweep: every check and its fault; ways of errors at random and at the ends of what is said of them.
+Sweep: every check and its fault; ways of errors at random and at the ends of what is said of them;
+nodes of random registers and measurements.
 Checks: that each check passes and fails with its fault; that the bounds of the search, of a way to
 a successor and of its words hold for the bit-true twins, and are not far above them.
 Does not prove: that the ranges name every sum of the VHDL.
@@ -16,7 +17,9 @@ import pytest
 
 from directmpc.mpdcc import capacitor_observer, leakage, state_program
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc.bit_true import fast
+from directmpc.mpdcc.bit_true import common, fast
+from directmpc.mpdcc.coefficients import INDEX
+from directmpc.mpdcc.program import TERMS
 from directmpc.mptc import bit_true_sequences as sequences
 from directmpc.mptc import formats as g
 from directmpc.mptc import observer
@@ -128,6 +131,59 @@ def test_no_error_moves_farther_than_it_reaches(inwards: int) -> None:
         assert (way <= allowed).all(), (error, slope, curvature)
         nearest[taken] = np.maximum(nearest[taken], way / reach[:, taken].max(axis=0))
     assert nearest[2:].min() > 0.75
+
+
+def any_node(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Registers of any content, and measurements that are often near their references."""
+    register = np.zeros(max(INDEX.values()) + 1, dtype=np.int64)
+    for place in INDEX.values():
+        register[place] = rng.choice([-1, 1]) * min(
+            2 ** rng.uniform(0, rng.choice([6, 10, 15])), 32767
+        )
+    for name in ("bound_current", "bound_neutral", "bound_phase"):
+        register[INDEX[name]] = rng.integers(100, BOUND + 1)
+    register[INDEX["horizon"]] = LONGEST
+    words = {
+        name: int(rng.integers(-32768, 32768)) >> rng.integers(8) if word.signed else 40_000
+        for name, word in f.MEASUREMENTS.items()
+    }
+    for x in ("alpha", "beta"):
+        wanted = words[f"is_{x}"] + (int(rng.integers(-3000, 3000)) >> rng.integers(8))
+        words[f"iref_{x}"] = max(-32768, min(32767, wanted))
+    for x in "abc":
+        words[f"v_ph_{x}"] = 20_000 + (int(rng.integers(-2000, 2000)) >> rng.integers(8))
+    return register, np.array(list(words.values()), dtype=np.int64)
+
+
+def test_no_successor_leaves_what_is_said_of_it() -> None:
+    rng = np.random.default_rng(7)
+    ranges_of = second_level.nodes()[1]
+    least, most = np.array([ranges_of[name] for name in TERMS]).T
+    slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
+    lengths = set()
+    for n in range(1500):
+        register, measurement = any_node(rng)
+        results, t, node = fast._root(register, measurement)
+        reference, bound = fast._reference(register, results), common.options(register).bound
+        first = fast.first_errors(node.error, node.curvature)
+        threshold = np.array(
+            [fast.turn_threshold(node.error[x], node.curvature[x], bound[x]) for x in range(3)]
+        )
+        for s in rng.integers(0, 8, (12, 3)):
+            fast._start_slopes(s, node, slope, start)
+            steps = int(
+                fast.length_of(
+                    fast.Rule(0, n % 2), node.error, first, slope, node.curvature, bound, threshold,
+                    LONGEST,
+                )
+            )  # fmt: skip
+            if not 0 < steps < LONGEST:
+                continue
+            lengths.add(steps)
+            assert fast.has_successors(t, start)
+            found, _ = fast.successor(register, reference, t, start, s, steps)
+            assert ((found >= least) & (found <= most)).all(), (register, measurement, s)
+    assert len(lengths) > 40
 
 
 @pytest.mark.parametrize("inwards", [0, 1])
