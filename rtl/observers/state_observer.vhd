@@ -126,8 +126,8 @@ architecture rtl of state_observer is
   constant GUARD       : natural := STATE - WORD;
   constant PORTS       : natural := 16;                   -- bits of a measurement
   constant CUT         : natural := 13;                   -- bits of a sum below a state
-  constant SUM         : natural := 48;                   -- six products of 45 bits
-  constant PHASE_WIDTH : natural := 20;                   -- bits of a phase voltage, signed, 1/64012.5 pu
+  constant SUM         : natural := STATE_SUM_WIDTH;
+  constant PHASE_WIDTH : natural := STATE_PHASE_WIDTH;    -- bits of a phase voltage, signed, 1/64012.5 pu
   constant VOLTAGE     : natural := PORTS + 6;            -- bits of a filtered voltage
   constant VOLTAGE_CUT : natural := SUM - 5 - VOLTAGE;    -- bits of a sum below it
   constant A_BITS      : natural := 9;                    -- place of a word, not old, half, complement, source

@@ -84,6 +84,8 @@ package state_observer_program is
   constant SCALING_PART : natural := 67; -- first clock of a scaling
   constant SCALING_END : natural := 83; -- its last one
   constant STATE_SLOPES : natural := 13; -- coefficients that are scaled
+  constant STATE_SUM_WIDTH : natural := 48; -- bits of a sum of products, signed
+  constant STATE_PHASE_WIDTH : natural := 20; -- bits of a phase voltage, signed
 
   -- clock, word of A in bits, word of B, alignment, seed (-1: add to the sum)
   constant STATE_PRODUCTS : mac_program_t(0 to 63, 0 to 4) := (

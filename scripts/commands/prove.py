@@ -10,7 +10,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from scripts.measure import proofs, ranges
+from scripts.measure import proofs
+from scripts.measure.ranges import table as ranges
 from scripts.shared import tools
 from scripts.shared.command import Command, UsageError
 

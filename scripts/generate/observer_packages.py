@@ -212,6 +212,8 @@ def state_text() -> str:
                     ("SCALING_PART", state.SCALING, "first clock of a scaling"),
                     ("SCALING_END", state.SCALING_END, "its last one"),
                     ("STATE_SLOPES", state.SLOPES, "coefficients that are scaled"),
+                    ("STATE_SUM_WIDTH", state.SUM_WIDTH, "bits of a sum of products, signed"),
+                    ("STATE_PHASE_WIDTH", state.PHASE_WIDTH, "bits of a phase voltage, signed"),
                 )
             ),
             "",

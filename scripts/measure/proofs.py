@@ -38,7 +38,8 @@ from pathlib import Path
 from typing import Any
 
 from scripts.hdl import conversion, sources
-from scripts.measure import ranges
+from scripts.measure.ranges import intervals
+from scripts.measure.ranges import table as ranges
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
 
@@ -539,7 +540,7 @@ def prove_all(proofs: Sequence[Proof], jobs: int) -> list[Outcome]:
 def document(
     proofs: Sequence[Proof],
     outcomes: Sequence[Outcome],
-    fitting: Sequence[tuple[ranges.Check, str, float]] = (),
+    fitting: Sequence[tuple[intervals.Check, str, float]] = (),
 ) -> dict[str, Any]:
     """Results as JSON can hold them.
 
@@ -549,7 +550,7 @@ def document(
         What was to be proven.
     outcomes : Sequence[Outcome]
         What came of it.
-    fitting : Sequence[tuple[ranges.Check, str, float]]
+    fitting : Sequence[tuple[intervals.Check, str, float]]
         Checks of ranges, with what `ranges.shown` says of each.
 
     Returns

@@ -36,8 +36,9 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT, FIELDS, VARIANTS, served
 from scripts.hdl import conversion, sources, states
 from scripts.hdl.clocks import clocks_of, worst_clocks, worst_cycles
 from scripts.hdl.mpdcc_simulation import simulate_rows
-from scripts.measure import budgets, mutation, proofs, ranges
+from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
+from scripts.measure.ranges import table as ranges
 from scripts.publish import mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (

@@ -193,7 +193,7 @@ def test_decisions_are_those_of_the_documentation(kind: str, rule: int, inwards:
 
 
 def test_the_rank_of_a_deadlock_is_exact_at_its_largest() -> None:
-    # v_n's error and slope, and those of the currents; scripts/measure/ranges.py has their widths
+    # v_n's error and slope, and those of the currents; scripts/measure/ranges has their widths
     neutral = 2 ** (f.TERM_WIDTH - 1) + 2 ** (f.CURRENT_TERM_WIDTH - 1)
     other = 2 ** (f.TRAJECTORY_WIDTH - 1)
     ahead, bound = np.zeros(7, dtype=np.int64), np.zeros(7, dtype=np.int64)

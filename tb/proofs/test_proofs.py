@@ -1,7 +1,6 @@
 """The proofs of `tb/proofs/`: all hold, each fails on a fault, and none holds for a wrong reason.
 
-Sweep: every entity and configuration of proofs.toml; every property's fault; every check of
-ranges and its fault.
+Sweep: every entity and configuration of proofs.toml; every property's fault.
 Checks: that properties and facts are proven; that a fault is noticed by the property or fact that
 should; that facts which contradict one another, a property without a proof and a list with
 mistakes are refused; that the page has every property.
@@ -16,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from directmpc.mpdcc import formats
 from scripts.__main__ import main
 from scripts.hdl import sources
-from scripts.measure import proofs, ranges
+from scripts.measure import proofs
+from scripts.measure.ranges import table as ranges
 from scripts.shared import tables
 from tb.helpers.faults import altered
 
@@ -165,41 +164,3 @@ def test_the_page_has_every_property() -> None:
     said = [one.says for _, one in PROPERTIES] + [check.says for check in ranges.CHECKS]
     assert [row.split(" | ")[1] for row in rows] == said
     assert all(proof.entity in sources.entities() for proof in LISTED)
-
-
-@pytest.mark.parametrize("check", ranges.CHECKS, ids=lambda check: check.name)
-def test_sums_fit_their_words(check: ranges.Check, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert ranges.shown(check)[0] == ""
-    fault = check.fault
-    monkeypatch.setattr(fault.module, fault.name, getattr(fault.module, fault.name) + fault.by)
-    problem, _ = ranges.shown(check)
-    assert "does not fit" in problem or "may" in problem
-
-
-def test_the_dip_of_a_search_is_the_deepest_of_all_lengths() -> None:
-    room, start = 40_000, 2**16
-    found = ranges._steepest(room, 40, start)[1]
-    deepest = 0
-    for c in range(41):
-        for wide in (*range(0, room + 1, 97), *range(room - 69, room + 1)):
-            threshold = min((wide >> k) + (c << k) for k in range(formats.LENGTH_WIDTH + 1))
-            deepest = max(deepest, *(threshold * n - c * n * n - wide for n in range(64)))
-    assert found == deepest
-
-
-def test_a_range_that_does_not_fit_is_named() -> None:
-    ranges.demand("sum", (-8, 7), 4)
-    ranges.demand("sum", (0, 15), 4, signed=False)
-    for low, high in ((-9, 0), (0, 8)):
-        with pytest.raises(ranges.RangeError, match=f"sum: {low} to {high} does not fit 4 bits"):
-            ranges.demand("sum", (low, high), 4)
-    assert ranges.times((-3, 2), (-5, 4)) == (-12, 15)
-    assert ranges.hull([(1, 2), (-4, 0)]) == (-4, 2)
-
-
-def test_ranges_are_shown_by_entity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "proofs.json"
-    assert main(["prove", "step_one", "--out", str(out)]) == 0
-    (found,) = json.loads(out.read_text())["proof"]["step_one"].values()
-    assert (found["method"], found["holds"]) == ("intervals", True)
-    assert "step_one" in capsys.readouterr().out

@@ -66,6 +66,8 @@ TAKERS = (
 MOVED = ("is_alpha", "is_beta", "omega_r", "psir_alpha", "psir_beta", "result")
 
 TAKEN = 3  # clocks from a sum's last product until it is taken
+SUM_WIDTH = 48  # bits of a sum of products
+PHASE_WIDTH = 20  # bits of a phase voltage, signed
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Ranges of sums, shown by arithmetic on intervals; ``table`` lists them."""
