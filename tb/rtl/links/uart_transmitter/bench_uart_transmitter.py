@@ -22,13 +22,14 @@ async def every_clock(dut) -> None:
     age = 0  # clocks since the last reset
     bits: list[int] = []
     tx, taken, valid, data = 1, 0, 0, 0
-    seldom = rng.random() < 0.5
+    pause = 0  # clocks until there is another byte
     for n in range(given["clocks"]):
         reset = 2 <= n < 4 or (n > 4 and rng.random() < seldom_reset)
+        if taken:
+            pause = rng.choice([0, 0, 9, 10, 12]) * PHASES // step
         if taken or not valid:
-            seldom = seldom if rng.random() < 0.99 else not seldom
-            valid = int(rng.random() < (0.01 if seldom else 0.8))
-            data = rng.randrange(256)
+            valid, data = int(pause == 0), rng.randrange(256)
+            pause = max(0, pause - 1)
         dut.rst.value, dut.valid.value, dut.data.value = int(reset), valid, data
         await clock.settle()
         # the line idles before any reset
@@ -48,6 +49,7 @@ async def every_clock(dut) -> None:
             board.cover("reset in a byte", int(bool(bits)))
             age, tx, taken, bits = 0, 1, 0, []
         board.cover("bytes", taken)
+        board.cover("idle", int(begins and not bits and not taken))
         await clock.edge()
     bytes_ = given["clocks"] * step // PHASES // 10
-    board.finish({"tx": given["clocks"]}, {"bytes": bytes_ // 5, "reset in a byte": 1})
+    board.finish({"tx": given["clocks"]}, {"bytes": bytes_ // 5, "idle": 3, "reset in a byte": 1})

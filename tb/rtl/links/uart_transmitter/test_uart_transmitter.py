@@ -22,7 +22,7 @@ from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "uart_transmitter"
-RATES = [(25_000_000, 3_000_000), (25_000_000, 6_250_000), (100_000_000, 921_600)]
+RATES = [(25_000_000, 3_000_000), (25_000_000, 6_250_000), (25_000_000, 921_600)]
 
 
 def bench(
@@ -57,10 +57,11 @@ FAULTS = [
     Fault(NAME, "shift <= '1' & data & '0';", "shift <= '0' & data & '0';", "tx"),
     Fault(NAME, ":= (others => '1');", ":= (others => '0');", "tx"),
     Fault(NAME, "left  <= (others => '0');\n        taken", "taken", "(tx|taken)"),
+    # at this rate rounding goes up
     Fault("uart_timing", "DIVISOR / 2) / DIVISOR", "0) / DIVISOR", "(tx|taken)"),
 ]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, (25_000_000, 921_600)))
