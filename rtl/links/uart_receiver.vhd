@@ -27,7 +27,7 @@ entity uart_receiver is
     rst    : in    std_logic; -- synchronous, active high
     rx     : in    std_logic; -- the line, asynchronous, idle high
     valid  : out   std_logic; -- '1' for one clock: data is a new byte
-    data   : out   byte_t;    -- stable until the next valid
+    data   : out   byte_t;    -- stable until the next byte's first data bit
     broken : out   std_logic  -- '1' for one clock: a byte without stop bit was dropped
   );
 end entity uart_receiver;

@@ -640,8 +640,12 @@ class _Judge:
                 return "uncompiled", ""
             return self._run(self.unit.tests, mutant, changed)
 
-    def judge_on(self, mutant: Mutant) -> tuple[str, str]:
-        """Outcome of a mutant that its own benches do not notice."""
+    def judge_on(self, mutant: Mutant, *, argued: bool) -> tuple[str, str]:
+        """Outcome of a mutant that its own benches do not notice.
+
+        Of one that is argued to do the same only the quick questions are asked: Yosys has been slow
+        to find nothing.
+        """
         with self._changed(mutant) as changed:
             if self.unit.above:
                 # the quick questions come before the benches of what stands above
@@ -649,7 +653,7 @@ class _Judge:
                     return "equivalent", ""
                 if found := self._run(self.unit.above, mutant, changed):
                     return found
-            return ("equivalent" if self._equal() else "survived"), ""
+            return ("equivalent" if self._equal(outputs=not argued) else "survived"), ""
 
     @contextmanager
     def _changed(self, mutant: Mutant) -> Iterator[str]:
@@ -766,6 +770,7 @@ def mutate(
     by_name = {one.name: one for one in everything}
     # comments do not count for the key, but they move lines
     rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
+    argued = {one.name for one in arguments() if one.unit == unit.name}
     counted, left, whole = 0, sample, True
     open_: list[Mutant] = []
     with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:
@@ -798,7 +803,7 @@ def mutate(
             if judge is None or stopped():
                 whole = False
                 break
-            found = judge.judge_on(one)
+            found = judge.judge_on(one, argued=one.name in argued)
             # then it does not count, and the next run has one more
             whole = whole and found[0] != "uncompiled"
             _note(one, found)

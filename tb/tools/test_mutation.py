@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import types
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -525,13 +526,18 @@ def test_what_its_own_benches_do_not_notice_comes_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, asked = project(tmp_path), []
+    # of the first that comes above there is an argument, and one for another unit
+    second = [one.name for one in shuffled(mutants(COUNTER), mutation.SEED)][1]
+    reasons = [mutation.Argument("counter", second, ""), mutation.Argument("other", (), "")]
+    monkeypatch.setattr(mutation, "arguments", lambda: reasons)
 
     class Two(StandIn):
         def judge(self, mutant: Mutant) -> tuple[str, str] | None:
             asked.append(("own", mutant.name))
             return ("killed", COUNTS) if len(asked) % 2 else None
 
-        def judge_on(self, mutant: Mutant) -> tuple[str, str]:
+        def judge_on(self, mutant: Mutant, *, argued: bool) -> tuple[str, str]:
+            assert argued == (mutant.name == reasons[0].name)
             asked.append(("above", mutant.name))
             return ("uncompiled" if len(asked) == 9 else "equivalent"), ""
 
@@ -539,11 +545,32 @@ def test_what_its_own_benches_do_not_notice_comes_last(
     found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
     assert [kind for kind, _ in asked] == ["own"] * 6 + ["above"] * 3
     assert [name for _, name in asked[6:]] == [name for _, name in asked[1:6:2]]
+    assert asked[6][1] == second
     ends = [row["outcome"] for row in found["mutants"]]
     assert sorted(ends) == ["equivalent"] * 2 + ["killed"] * 3 + ["uncompiled"]
     assert found["whole"] is False, "one of six does not count"
     found = mutation.mutate(unit_of(root), None, 6, root / "results", root)
     assert (len(asked), found["whole"]) == (11, True)
+
+
+@pytest.mark.parametrize("argued", [True, False])
+def test_what_is_argued_is_not_asked_at_length(
+    argued: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+
+    def _equal(*_: object, outputs: bool = True) -> bool:
+        asked.append(outputs)
+        return outputs
+
+    monkeypatch.setattr(mutation.equivalence, "equal", _equal)
+    root = project(tmp_path)
+    place = types.SimpleNamespace(root=root)
+    (tmp_path / "judge").mkdir()
+    judge = mutation._Judge(unit_of(root), place, tmp_path / "judge")
+    found = judge.judge_on(mutants(COUNTER)[0], argued=argued)
+    # the slow question is the one whose answer is "equal" here
+    assert (found, asked) == ((("survived" if argued else "equivalent"), ""), [not argued])
 
 
 def test_a_changed_source_or_bench_makes_results_void(

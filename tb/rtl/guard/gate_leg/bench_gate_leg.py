@@ -1,0 +1,176 @@
+"""Cocotb side of ``test_gate_leg``: every output of every clock against the reference."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, field
+
+import cocotb
+
+from directmpc.host.gate_guard import Leg, commutation
+from directmpc.mpdcc import inverter as anpc
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
+
+#: Gates that are never on together, as docs/gate-guard.md has them; of a two-level leg the first.
+REFUSED = [{1, 2}, {3, 4}, {2, 3}, {6, 7}, {1, 4}, {1, 5, 8}, {4, 5, 8}]
+
+
+def following(five_level: bool, position: int) -> list[int]:
+    """Positions that a position may move to."""
+    near = [int(s) for s in anpc.NEXT_POSITIONS[position]] if five_level else [0, 1]
+    return sorted(set(near) - {position})
+
+
+@dataclass
+class Unguarded(Leg):
+    """A leg that nobody keeps from goals which are no edges, or too early: it has the interlock.
+
+    Attributes
+    ----------
+    origin, first : int
+        Position that a move would begin from, and gate that would begin it.
+    tried : set of int
+        Gates that would have been on after the last action.
+    refused : bool
+        Whether the action of this edge was refused.
+    """
+
+    origin: int = 0
+    first: int = 0
+    tried: set[int] = field(default_factory=set)
+    refused: bool = False
+
+    def actions(self, goal: int) -> list[int]:
+        """Gates that change one after the other: the first of g, a and b that differs moves."""
+        if not self.five_level:
+            return [1, 2] if self.origin & 1 else [2, 1]
+        differs = self.origin ^ goal
+        near = self.origin ^ (4 if differs & 4 else 2 if differs & 2 else 1)
+        return [abs(action) for action in commutation(True, self.origin, near)]
+
+    def clock(self, now: int, dead: int, rest: int) -> None:
+        """One rising edge, as `Leg.clock`."""
+        self.refused = False
+        if self.starts_at == now:
+            super().clock(now, dead, rest)
+            self.origin = self.goal
+            return
+        if self.alive and not self.plan and self.goal != self.settled and now >= self.ready_at:
+            gates = [self.first, *self.actions(self.goal)[1:]]
+            self.plan = [(now + i * dead, gate) for i, gate in enumerate(gates)]
+            self.origin = self.settled = self.goal
+            self.ready_at = self.plan[-1][0] + rest
+        if self.plan and self.plan[0][0] == now:
+            self.tried = self.on ^ {self.plan.pop(0)[1]}
+            pairs = REFUSED if self.five_level else REFUSED[:1]
+            self.refused = any(pair <= self.tried for pair in pairs)
+            self.on = self.on if self.refused else self.tried
+
+
+class Bench:
+    """A leg, and the leg as it should be.
+
+    Parameters
+    ----------
+    dut
+        Entity ``gate_leg``.
+    five_level : bool
+        Its generic.
+    """
+
+    def __init__(self, dut, five_level: bool) -> None:
+        self.dut, self.five_level = dut, five_level
+        self.board, self.clock = Scoreboard(), Clock(dut)
+        self.leg, self.now = Leg(five_level), 0
+        self.dead = self.rest = 1
+
+    def times(self, dead: int, rest: int) -> None:
+        """Dead and rest time, clocks; while the leg is stopped only."""
+        self.dead, self.rest = dead, rest
+        self.dut.dead_time.value, self.dut.rest_time.value = dead, rest
+
+    async def step(self, goal: int, *, decided: bool = False, stop: bool = False) -> None:
+        """One clock: all outputs before its edge, which the reference then passes too."""
+        dut, leg, board = self.dut, self.leg, self.board
+        dut.goal.value, dut.decided.value, dut.stop.value = goal, int(decided), int(stop)
+        await self.clock.settle()
+        if self.now > 1:
+            context = f"clock {self.now}, goal {goal}, {leg}"
+            on = sum(1 << (gate - 1) for gate in leg.on)
+            board.check("gates", number(dut.gates), on, context)
+            board.check("legal", number(dut.legal), int(leg.legal(goal)), context)
+            board.check("blocked", number(dut.blocked), int(leg.blocked(goal)), context)
+            board.check("waits", number(dut.waits), int(leg.waits), context)
+            board.check("resting", number(dut.resting), int(leg.resting(self.now)), context)
+            refused = isinstance(leg, Unguarded) and leg.refused
+            board.check("refused", number(dut.refused), int(refused), context)
+            board.cover(f"{leg.goal} to {goal}", int(leg.alive))
+        self.now += 1
+        board.cover("stopped in a move", int(stop and bool(leg.plan)))
+        before = leg.settled
+        first = leg.actions(goal)[0] if decided and isinstance(leg, Unguarded) else 0
+        leg.clock(self.now, self.dead, self.rest)
+        if decided and isinstance(leg, Unguarded):
+            leg.first = first
+        if stop:
+            leg.stop()
+        elif decided:
+            leg.goal = goal
+            if not leg.alive:
+                leg.alive, leg.starts_at, leg.settled = True, self.now + 1, goal
+        elif leg.settled != before:
+            board.cover(f"moved {before} to {leg.settled}")
+        await self.clock.edge()
+
+    async def live(self, rng: random.Random, clocks: int) -> None:
+        """Goals at any time; what a supervisor would not let pass comes with a stop."""
+        leg = self.leg
+        positions = 8 if self.five_level else 2
+        for n in range(clocks):
+            goal, decided, stop = rng.randrange(positions), rng.random() < 0.12, rng.random() < 0.01
+            if n < 2:
+                stop = True
+            if decided and leg.alive and rng.random() < 0.8:
+                goal = leg.goal if leg.waits else rng.choice(following(self.five_level, leg.goal))
+            if decided and leg.alive and (not leg.legal(goal) or leg.blocked(goal)):
+                stop = True
+            if stop:
+                dead, rest = rng.randrange(1, 5), rng.randrange(1, 7)
+                self.times(*rng.choice([(dead, rest), (dead, rest), (dead, 40), (40, rest)]))
+            await self.step(goal, decided=decided, stop=stop)
+
+    async def stray(self, rng: random.Random, clocks: int) -> None:
+        """Goals that are no edges: gates and position part, and the interlock is what is left."""
+        for stop, decided in ((1, 0), (0, 1), (0, 0), (0, 0), (1, 0)):
+            await self.step(0, decided=bool(decided), stop=bool(stop))
+        self.leg = Unguarded(self.five_level)
+        for _ in range(clocks):
+            stop = rng.random() < 0.002
+            decided = rng.random() < (0.1 if self.leg.waits else 0.3)
+            if stop:
+                self.times(rng.randrange(1, 4), rng.randrange(1, 4))
+            await self.step(rng.randrange(8), decided=decided, stop=stop)
+            self.board.cover("refused", int(self.leg.refused))
+            for pair in REFUSED:
+                alone = [one for one in REFUSED if one <= self.leg.tried] == [pair]
+                self.board.cover(f"{pair} alone", int(self.leg.refused and alone))
+
+
+@cocotb.test()
+async def every_clock(dut) -> None:
+    """A random life under a supervisor, then one without."""
+    given = arguments()
+    five_level = given["FIVE_LEVEL"] == "true"
+    rng = random.Random(given["seed"])
+    bench = Bench(dut, five_level)
+    bench.times(1, 1)
+    await bench.live(rng, given["clocks"])
+    await bench.stray(rng, given["clocks"])
+    positions = range(8 if five_level else 2)
+    looked = [f"{a} to {b}" for a in positions for b in positions]
+    moved = [f"moved {a} to {b}" for a in positions for b in following(five_level, a)]
+    refused = [f"{pair} alone" for pair in (REFUSED if five_level else REFUSED[:1])]
+    bench.board.finish(
+        {"gates": 2 * given["clocks"] - 1},
+        dict.fromkeys([*looked, *moved, *refused], 1) | {"stopped in a move": 10, "refused": 50},
+    )

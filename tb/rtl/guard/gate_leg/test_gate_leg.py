@@ -1,0 +1,60 @@
+"""One leg against the reference's, clock by clock, and its interlock.
+
+Sweep: ANPC and two-level legs.
+Stimulus: goals at any time, of any value, and stops; a goal that is no edge or comes too early
+comes with a stop, as gate_supervisor sees to it; dead and rest times that change while the leg is
+off. Then goals of any value and nobody who stops: gates and position part, and actions lead to
+patterns that may not be.
+Checks: all outputs in every clock; that every pair of positions has been judged and every edge
+commuted; that each pattern of docs/gate-guard.md alone has been refused, and told.
+Timing: gates move two clocks after a decision, and are off one clock after a stop.
+Faults: edges that are none, an interlock that lets a pattern pass or says nothing, times, a goal
+that survives a stop, a leg that is off and judges.
+Does not prove: that a supervisor stops in time, see test_gate_guard.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "gate_leg"
+
+
+def bench(rtl: Path = RTL, clocks: int = 6000, *, five_level: bool = True) -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.guard.{NAME}.bench_{NAME}",
+        units=[NAME],
+        generics={"FIVE_LEVEL": "true" if five_level else "false"},
+        arguments={"seed": 4, "clocks": clocks},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
+def test_every_clock_is_the_reference_s(five_level: bool) -> None:
+    assert bench(five_level=five_level).covered["refused"] >= 50
+
+
+FAULTS = [
+    Fault("anpc5l_leg", "(0, 1, 3, 3),", "(0, 1, 3, 2),", "legal"),
+    Fault("gate_tables", "or (s(0) and s(3)) ", "", "(refused|gates)"),
+    Fault("gate_tables", "(s(0) or s(3)) and s(4)", "s(0) and s(4)", "(refused|gates)"),
+    Fault(NAME, "refused <= act and forbidden;", "refused <= '0';", "refused"),
+    Fault(NAME, "refused <= act and forbidden;", "refused <= forbidden;", "refused"),
+    Fault(NAME, "if (forbidden = '0') then", "if (true) then", "gates"),
+    Fault(NAME, "legal   <= '1' when phase = STOPPED else", "legal <=", "legal"),
+    Fault(NAME, "phase  <= STOPPED;", "null;", "(gates|legal|resting)"),
+    Fault(NAME, "unsigned(rest_time) - 1)", "unsigned(rest_time) - 2)", "(resting|gates|waits)"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
