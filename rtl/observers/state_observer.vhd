@@ -53,7 +53,7 @@ entity state_observer is
     start             : in    std_logic;                     -- '1' for one clock: a step; ignored while busy
     scale             : in    std_logic;                     -- '1' for one clock: scale; start goes first
     -- parts of the step, sampled with start
-    with_filters      : in    std_logic;                     -- '1': filters
+    with_filters      : in    std_logic;                     -- '1': filters; stable while busy
     with_flux         : in    std_logic;                     -- '1': flux
     with_leakage      : in    std_logic;                     -- '1': leakage
     observed          : in    std_logic;                     -- '1': psir is the estimate, given with valid
@@ -126,7 +126,7 @@ architecture rtl of state_observer is
   constant GUARD       : natural := STATE - WORD;
   constant PORTS       : natural := 16;                   -- bits of a measurement
   constant CUT         : natural := 13;                   -- bits of a sum below a state
-  constant SUM         : natural := STATE_SUM_WIDTH;
+  constant SUM         : natural := STATE_SUM_WIDTH;      -- six products of 45 bits
   constant PHASE_WIDTH : natural := STATE_PHASE_WIDTH;    -- bits of a phase voltage, signed, 1/64012.5 pu
   constant VOLTAGE     : natural := PORTS + 6;            -- bits of a filtered voltage
   constant VOLTAGE_CUT : natural := SUM - 5 - VOLTAGE;    -- bits of a sum below it
@@ -209,9 +209,9 @@ architecture rtl of state_observer is
   signal forms        : std_logic_vector(3 downto 1);
   signal applied      : std_logic_vector(2 downto 0);                -- position of the phase
   signal charged      : std_logic_vector(1 downto 0);                -- the capacitor counts, positive, negative
-  signal storage      : std_logic_vector(PORTS - 1 downto 0);      -- v_ph of the phase, filtered or measured
-  signal given_ph     : std_logic_vector(PORTS - 1 downto 0);      -- measured
-  signal potential    : std_logic_vector(PORTS - 1 downto 0);      -- v_n, likewise
+  signal storage      : std_logic_vector(PORTS - 1 downto 0);        -- v_ph of the phase, measured or filtered
+  signal given_ph     : std_logic_vector(PORTS - 1 downto 0);        -- v_ph of the phase, measured
+  signal potential    : std_logic_vector(PORTS - 1 downto 0);        -- v_n, measured or filtered
   signal midpoint     : signed(PHASE_WIDTH - 1 downto 0);            -- without the phase capacitor
   signal phase_value  : signed(PHASE_WIDTH - 1 downto 0);
   signal alpha_sum    : signed(PHASE_WIDTH + 2 downto 0);

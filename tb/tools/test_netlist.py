@@ -546,6 +546,25 @@ def test_conversion_does_not_depend_on_its_surroundings(tmp_path, top) -> None:
         assert netlist.modules(netlist._unpadded(text, top)) == alone, padding
 
 
+NETS = """module a (clk, y);
+  // line 7
+  assign n12_o = n9;
+  assign y = n12_o & n9;
+endmodule
+module b (y);
+  assign y = n12_o;
+endmodule
+"""
+
+
+def test_a_net_without_a_name_means_the_same_with_any_number() -> None:
+    moved = NETS.replace("n12_o", "n40_q").replace("n9", "n12").replace("line 7", "line 8")
+    assert netlist.meaning(moved) == netlist.meaning(NETS)
+    # but not if it is another net, or drives another one
+    for old, new in (("y = n12_o &", "y = n9 &"), ("& n9", "| n9"), ("(clk, y)", "(ck, y)")):
+        assert netlist.meaning(NETS.replace(old, new)) != netlist.meaning(NETS), old
+
+
 #: A vector that is taken from a number. GHDL 2.0 converts it to the vector less the number.
 FROM_A_NUMBER = re.compile(
     r"(?:<=|:=|=>|[(,]|\b(?:return|when|else|and|or)\b)\s*\d[\d_]*\s*-\s*"

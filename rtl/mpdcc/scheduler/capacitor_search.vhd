@@ -152,7 +152,7 @@ architecture rtl of capacitor_search is
 
   signal early_0    : current_term_t; -- term of the line, registered
   signal term_0     : current_term_t; -- the same, or selected a clock later
-  signal selects_0  : std_logic_vector(5 downto 0); -- SECOND_LEVEL
+  signal selects_0  : std_logic_vector(5 downto 0); -- which term, with SECOND_LEVEL alone
   signal moves_0    : std_logic;      -- '0': the line has no slope
   signal opposite_0 : std_logic;      -- '1': the slope is the term's complement
   signal negative_0 : std_logic;      -- '1': and one more

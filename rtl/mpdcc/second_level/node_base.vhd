@@ -15,9 +15,9 @@
 -- clocks; one clock from the words and the slope to the secant, from position and steps to lengths and to the charge of
 -- v_n, and from keep.
 -- Overflow: a kept error that does not fit BASE_WIDTH is far outside any bound, so that no candidate of
--- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: a
--- candidate that stays inside its bound for L1 steps has |d_x| * L1 below three times the bound, and a
--- prediction takes one step with slopes that fit.
+-- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: how far a
+-- candidate can have moved in L1 steps is bounded, with the rule inwards too, and a prediction takes one step with
+-- slopes that fit (docs/proofs.md, Ranges).
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 

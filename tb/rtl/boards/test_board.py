@@ -4,7 +4,7 @@ Sweep: both controllers as build options of the same top; UART and SPI; both pos
 switch; MPTC at 100 MHz too.
 Stimulus: closed loops of 200 and 2,000 control steps of the 6 kV drive, of 300 of it with two
 switchings and a budget, of 120 with capacitor filters and noise, of 300 with
-the estimate of the leakage, and of 300 of a two-level drive,
+the estimate of the leakage, of 120 with the rotor-flux observer, and of 300 of a two-level drive,
 over the pseudo-terminal of the virtual board; 100,000 corrupted, random, replayed, oversized and
 cut off frames over SPI, 200 over UART, with the gates let through; good requests in between.
 Checks: decisions against the bit-true model, and against the files that replay writes from the
@@ -34,10 +34,12 @@ from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
-from directmpc.mpdcc import closed_loop, trace
+from directmpc.mpdcc import closed_loop, formats, observer, trace
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import Decisions, IntArray
 from directmpc.mptc import cycles
+from directmpc.states import MpdccState
 from scripts.generate.protocol_examples import MEASUREMENTS
 from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
@@ -55,6 +57,8 @@ from tb.rtl.boards.board_steps import (
 STEPS = 2000
 BUDGET = 300  # candidates of SESE's second level: enough for some searches
 HOSTILE = 100_000
+#: What the rotor-flux observer takes of a measurement, in its order.
+OBSERVED = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r")
 
 
 def without_cycles(rows: list[list[str]]) -> list[list[str]]:
@@ -175,6 +179,51 @@ def test_the_boards_estimate_of_the_leakage_is_the_models(tmp_path: Path) -> Non
         blind.leakage.coefficient[:] = 0
         run(blind)
         assert blind.differing > 0
+
+
+class _Watched(lockstep.BoardController):
+    """Counts the steps after which the board's rotor flux is not its observer's twin's."""
+
+    def __init__(self, board: Board, drive: Drive) -> None:
+        super().__init__(board, drive)
+        self.coefficients = observer.array(observer.coefficients(drive)[0])
+        self.state = np.zeros(observer.STATE_WORDS, dtype=np.int64)
+        self.other = 0
+        self.fluxes: set[tuple[int, int]] = set()
+
+    def decide(self, state: MpdccState) -> lockstep.Decision:
+        words, *_ = self._encoder.words(state)
+        measured = dict(zip(formats.MEASUREMENTS, words, strict=True))
+        found = super().decide(state)
+        flux = observer.step_words(
+            self.coefficients,
+            self.state,
+            np.array([measured[name] for name in OBSERVED]),
+            np.array(state.applied),
+        )[:2]
+        shown = self.board.read("result.rotor_flux")
+        wanted = {
+            name: int(value) & 0xFFFF for name, value in zip(("alpha", "beta"), flux, strict=True)
+        }
+        self.other += {name: value & 0xFFFF for name, value in shown.items()} != wanted
+        self.fluxes.add((int(flux[0]), int(flux[1])))
+        return found
+
+
+def test_the_boards_rotor_flux_is_the_observers(tmp_path: Path) -> None:
+    drive = load_drive(MPDCC).with_control(capacitor_filter=0)
+    profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), 120)
+    with (
+        VirtualBoard(generics("mpdcc"), tmp_path / "board") as running,
+        Board(running.port) as board,
+    ):
+        board.load(drive)
+        board.write("system.command", reset_observer=1)
+        board.write("system.control", use_observer=1)
+        watched = _Watched(board, drive)
+        closed_loop.drive_controller(drive, watched, profile, 120)
+    assert watched.other == 0
+    assert len(watched.fluxes) > 100
 
 
 def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "uart_transmitter"
-RATES = [(25_000_000, 3_000_000), (25_000_000, 6_250_000), (25_000_000, 921_600)]
+RATES = [(25_000_000, n) for n in (3_000_000, 6_250_000, 921_600, 400_000)]
 
 
 def bench(
