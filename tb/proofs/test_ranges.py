@@ -1,9 +1,11 @@
 """Ranges of sums (`scripts/measure/ranges`): every word fits, and a narrower format does not.
 
 Sweep: every check and its fault; ways of errors at random and at the ends of what is said of them;
-nodes of random registers and measurements.
+nodes of random registers and measurements; coordinates, running sequences and radicands at random
+and at their ends.
 Checks: that each check passes and fails with its fault; that the bounds of the search, of a way to
-a successor and of its words hold for the bit-true twins, and are not far above them.
+a successor and of its words, and of times, residues, roots and shares hold for the bit-true twins,
+and are not far above them.
 Does not prove: that the ranges name every sum of the VHDL.
 """
 
@@ -20,12 +22,14 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mpdcc.program import TERMS
+from directmpc.mptc import bit_true_hexagon as hexagon
 from directmpc.mptc import bit_true_sequences as sequences
 from directmpc.mptc import formats as g
-from directmpc.mptc import observer
-from directmpc.mptc.bit_true import magnitude
+from directmpc.mptc import observer, vector_sequencer
+from directmpc.mptc.bit_true import VECTOR_ALPHA, magnitude, square_root
+from directmpc.mptc.sequence import TIME_STEPS
 from scripts.__main__ import main
-from scripts.measure.ranges import intervals, mpdcc, mptc, observers, second_level
+from scripts.measure.ranges import intervals, mpdcc, mptc, mptc_times, observers, second_level
 from scripts.measure.ranges import table as ranges
 
 BOUND = f.BOUND_HIGH["fast"]
@@ -42,6 +46,22 @@ FAULTS = [
     (mptc.vectors, intervals.Fault("ROOT_WIDTH", -1, g), "radicand that has a root"),
     (mptc.pairs, intervals.Fault("COST_WIDTH", -1, g), "cost of a pair"),
     (mptc.coordinates, intervals.Fault("QUOTIENT_FRACTION", -1, g), "way of a vector"),
+    (mptc_times.quotients, intervals.Fault("HEXAGON_FRACTION", 8, g), "SVM's divisor"),
+    (
+        mptc_times.flux_reference,
+        intervals.Fault("REFERENCE_WIDTH", 1, g),
+        "length of the reference",
+    ),
+    (mptc_times.duties, intervals.Fault("TORQUE_WIDTH", -8, g), "span of a length"),
+    (mptc_times.duties, intervals.Fault("LINK_SHIFT", 1, g), "dc link as a word"),
+    (mptc_times.choices, intervals.Fault("QUOTIENT_FRACTION", -1, g), "coordinate"),
+    (mptc_times.choices, intervals.Fault("RESIDUE_FRACTION", 1, g), "residue along"),
+    (mptc_times.hexagon, intervals.Fault("TIME_PORT_WIDTH", -1, g), "both times inside"),
+    (mptc_times.shares, intervals.Fault("WORD_WIDTH", -1, g), "share of a sequence"),
+    (mptc_times.running_shares, intervals.Fault("TIME_WIDTH", -1, g), "time of the third"),
+    (mptc_times.segments, intervals.Fault("TIME_PORT_WIDTH", 2, g), "invalid: second end"),
+    (mptc_times.segments, intervals.Fault("RATE_WIDTH", 9, vector_sequencer), "phase of the next"),
+    (mptc_times.preexcitation, intervals.Fault("MEASUREMENT_WIDTH", 3, g), "measurement as a word"),
     (observers.states, intervals.Fault("SUM_WIDTH", -3, state_program), "sum of clock"),
     (observers.states, intervals.Fault("STATE_WIDTH", 6, leakage), "theta moved"),
     (observers.states, intervals.Fault("GUARD", 1, capacitor_observer), "goal"),
@@ -250,3 +270,115 @@ def test_rotations_stay_inside_their_words() -> None:
         assert np.abs(v).max() < 2 ** (g.MAGNITUDE_WIDTH - 1 - i)
     assert u.max() == max(magnitude(x, y) for x, y in ends)
     assert 0.85 * 2 ** (g.MAGNITUDE_WIDTH - 1) < u.max() < 2 ** (g.MAGNITUDE_WIDTH - 1)
+
+
+def coordinates_of(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Quotients of any size, and both of them at their ends."""
+    most = 2 ** (g.QUOTIENT_WIDTH - 1) - 1
+    size = (2 ** rng.uniform(0, g.QUOTIENT_WIDTH - 1, (n, 2))).astype(np.int64)
+    ends = [(x, y) for x in (-most, most) for y in (-most, most)]
+    return np.array([*ends, *(rng.choice([-1, 1], (n, 2)) * np.minimum(size, most))])
+
+
+def test_times_and_residues_of_choices_are_those_of_the_twin() -> None:
+    whole, shift = 4 << g.HEXAGON_FRACTION, g.HEXAGON_FRACTION + 2 - g.RESIDUE_FRACTION
+    both = coordinates_of(np.random.default_rng(13), 150)
+    least, most, allowed = np.zeros(3), np.zeros(3), []
+    for e in mptc_times.leaders():
+        for line in mptc_times.lines():
+            kind, turn = line.name.split()
+            find = hexagon.spoke if kind == "spoke" else hexagon.edge
+            bounds = np.array(mptc_times.residues(line, e))
+            allowed.append(bounds)
+            for along, beside in (both @ np.array(e).T).tolist():
+                time, at_g, at_h = find(along, beside, int(turn))
+                told = line.of_g * along + line.of_h * beside + line.offset
+                complement = 2 * (kind == "spoke" and turn in "234")
+                assert time == min(max(told - complement, 0), whole)
+                left = [(4 * along - at_g) >> shift, (4 * beside - at_h) >> shift]
+                left.append(sum(left))
+                assert (bounds[:, 0] <= left).all()
+                assert (left <= bounds[:, 1]).all()
+                squares = np.abs(bounds).max(axis=1) ** 2
+                assert 2 * hexagon.square(along, beside, at_g, at_h) <= squares.sum()
+                least, most = np.minimum(least, left), np.maximum(most, left)
+    assert (least < 0.9 * np.min(allowed, axis=0)[:, 0]).all()
+    assert (most > 0.9 * np.max(allowed, axis=0)[:, 1]).all()
+
+
+def test_a_time_that_is_not_exact_is_named() -> None:
+    with pytest.raises(intervals.RangeError, match="far: a time may not be exact"):
+        mptc_times._line("far", (0, 0), (2, 1))
+
+
+def any_times(rng: np.random.Generator) -> np.ndarray:
+    """A sequence whose times make one period, or less."""
+    t1 = int(rng.choice([0, TIME_STEPS, rng.integers(TIME_STEPS + 1)]))
+    t2 = int(rng.choice([0, TIME_STEPS - t1, rng.integers(TIME_STEPS - t1 + 1)]))
+    return np.array([*rng.integers(0, 8, 3), t1, t2])
+
+
+def test_both_times_of_a_flux_method_are_one_period_at_most() -> None:
+    rng = np.random.default_rng(17)
+    methods = (hexagon.mpfc2, hexagon.mpfc3, hexagon.mpc2, lambda *given: hexagon.svm(*given[:2]))
+    met = [set() for _ in methods]
+    e = next(iter(mptc_times.leaders()))
+    for along, beside in (coordinates_of(rng, 4000) @ np.array(e).T).tolist():
+        applied = any_times(rng)
+        for n, method in enumerate(methods):
+            t1, t2 = method(along, beside, applied)[3:]
+            assert min(t1, t2) >= 0
+            assert t1 + t2 <= TIME_STEPS
+            met[n] |= {t1, t2}
+    for times in met:
+        assert {0, TIME_STEPS} <= times
+        assert len(times) > 500
+
+
+def test_no_share_of_times_of_one_period_leaves_its_word() -> None:
+    rng = np.random.default_rng(19)
+    found, sums = set(), set()
+    for _ in range(3000):
+        applied = any_times(rng)
+        found |= set(sequences.shares(applied))
+        # as mptc_shares forms them
+        u1, u2, u3 = (int(VECTOR_ALPHA[u]) for u in applied[:3])
+        total = TIME_STEPS * u3
+        for part, time in ((u1, 3), (-u3, 3), (u2, 4), (-u3, 4)):
+            total += part * int(applied[time])
+            sums.add(total)
+    assert (min(found), max(found)) == (-(2 ** (g.FRACTION - 1)), 2 ** (g.FRACTION - 1))
+    assert (min(sums), max(sums)) == (-4 * TIME_STEPS, 4 * TIME_STEPS)
+    # what is taken for granted
+    beyond = np.array([1, 1, 4, TIME_STEPS, TIME_STEPS])
+    assert sequences.shares(beyond)[0] > g.WORD_HIGH
+
+
+def test_the_rest_of_a_root_is_twice_the_root_at_most() -> None:
+    rng = np.random.default_rng(23)
+    most = mptc_times._radicand()[1]
+    widest = 0
+    for radicand in (0, most, *rng.integers(0, most, 500).tolist()):
+        rest, root = 0, 0
+        for k in range(g.ROOT_WIDTH - 1, -1, -1):
+            rest = 4 * rest + (radicand >> 2 * k & 3)
+            bit = rest >= 4 * root + 1
+            rest, root = rest - (4 * root + 1) * bit, 2 * root + bit
+            assert rest <= 2 * root
+            widest = max(widest, rest)
+        assert root == square_root(radicand)
+    assert widest > 0.9 * 2 ** (g.ROOT_WIDTH + 1)
+
+
+def test_no_end_of_a_segment_leaves_its_word() -> None:
+    rng = np.random.default_rng(29)
+    high = 2**g.TIME_PORT_WIDTH - 1
+    rows = [(u, 0, 0, t1, t2) for u in (1, 2) for t1 in (0, high) for t2 in (0, high)]
+    rows += [(*rng.integers(0, 8, 3), *any_times(rng)[3:]) for _ in range(500)]
+    last: dict[bool, int] = {False: 0, True: 0}
+    for row in rows:
+        for segmented in (False, True):
+            _, ends, invalid = vector_sequencer.plan(row, segmented)
+            last[invalid] = max(last[invalid], *ends)
+    assert last[False] == 2**vector_sequencer.POSITION_WIDTH
+    assert 0.4 < last[True] / 2 ** (vector_sequencer.POSITION_WIDTH + 3) < 1.0

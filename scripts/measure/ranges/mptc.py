@@ -1,6 +1,6 @@
 """Ranges in the two-level cores: sums of products, and what becomes of them.
 
-The times that flux methods of several vectors form of their coordinates are not among them.
+Times and shares stand in ``mptc_times``.
 """
 
 from __future__ import annotations

@@ -16,7 +16,8 @@ from collections.abc import Sequence
 
 from directmpc.mpdcc import state_program
 from directmpc.mptc import formats as mptc_formats
-from scripts.measure.ranges import mpdcc, mptc, observers, second_level
+from directmpc.mptc import vector_sequencer
+from scripts.measure.ranges import mpdcc, mptc, mptc_times, observers, second_level
 from scripts.measure.ranges.intervals import Check, Fault, RangeError
 
 METHOD = "intervals"
@@ -85,6 +86,34 @@ CHECKS: Sequence[Check] = (
     Check("mptc_coordinates", "coordinates_fit",
           "no coordinate and no residue of a choice leaves its word, but for a quotient that far "
           "tells of", mptc.coordinates, Fault("RESIDUE_FRACTION", 1, mptc_formats)),
+    Check("mptc_quotient", "quotients_fit",
+          "no dividend, rest or trial of a quotient leaves its word, SVM's included",
+          mptc_times.quotients, Fault("QUOTIENT_FRACTION", -1, mptc_formats)),
+    Check("mptc_root", "roots_fit", "no rest and no trial of a root leaves its word",
+          mptc_times.roots, Fault("ROOT_WIDTH", -1, mptc_formats)),
+    Check("mptc_flux_reference", "references_fit",
+          "no length, shift or part of MPFC's reference leaves its word, up to what saturates and "
+          "flags", mptc_times.flux_reference, Fault("ROOT_WIDTH", 1, mptc_formats)),
+    Check("mptc_duty", "duties_fit",
+          "no error of a length, rest or duty leaves its word, nor a torque that goes on from it",
+          mptc_times.duties, Fault("TORQUE_FRACTION", -1, mptc_formats)),
+    Check("mptc_choices", "choices_fit",
+          "no time, residue or square of a choice leaves its word, whichever vector leads",
+          mptc_times.choices, Fault("WORD_WIDTH", -1, mptc_formats)),
+    Check("mptc_hexagon", "times_fit",
+          "no time of a flux method is below zero, and both are one period at most",
+          mptc_times.hexagon, Fault("TIME_WIDTH", -1, mptc_formats)),
+    Check("mptc_shares", "shares_fit",
+          "no sum of times and no share leaves its word, with times of one period at most",
+          mptc_times.shares, Fault("TIME_WIDTH", -1, mptc_formats)),
+    Check("mptc_mean_share", "shares_fit",
+          "no sum of times and no share leaves its word, with times of one period at most",
+          mptc_times.running_shares, Fault("FRACTION", 1, mptc_formats)),
+    Check("vector_sequencer", "ends_fit",
+          "no end of a segment leaves its word, with any times; the phase stops at its end",
+          mptc_times.segments, Fault("POSITION_WIDTH", -1, vector_sequencer)),
+    Check("mptc_preexcitation", "squares_fit", "no sum of squares leaves its accumulator",
+          mptc_times.preexcitation, Fault("ACCUMULATOR_WIDTH", -6, mptc_formats)),
     Check("state_observer", "states_fit",
           "no sum, voltage, state or change of theta leaves its word, up to what saturates and "
           "flags", observers.states, Fault("PHASE_WIDTH", -2, state_program)),
