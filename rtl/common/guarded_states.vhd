@@ -14,6 +14,10 @@ package guarded_states is
   -- a state without its guard bits
   function coarse (value : signed; guard : natural) return std_logic_vector;
 
+  -- the nearest word to a state whose last bits are cut off; of two, the larger; a bit longer than the rest of the
+  -- state, which the largest states need
+  function rounded (value : signed; cut : positive) return signed;
+
   -- half of what a state has moved from origin, without guard bits; as long as coarse
   function half_of (value, origin : signed; guard : natural) return std_logic_vector;
 
@@ -42,6 +46,17 @@ package body guarded_states is
     return std_logic_vector(bits(value'length - 1 downto guard));
 
   end function coarse;
+
+  function rounded (value : signed; cut : positive) return signed is
+
+    variable sum : signed(value'length downto 0);
+
+  begin
+
+    sum := resize(value, value'length + 1) + 2 ** (cut - 1);
+    return sum(value'length downto cut);
+
+  end function rounded;
 
   function half_of (value, origin : signed; guard : natural) return std_logic_vector is
 

@@ -63,6 +63,7 @@ architecture rtl of mptc_controller is
   signal sum_alpha  : sum_t;
   signal sum_beta   : sum_t;
   signal far        : std_logic;
+  signal long       : std_logic; -- '1': the times of what is being applied are more than the period
   signal leader     : vector_t;
   signal cheaper    : std_logic;
   signal mean_alpha : word_t;
@@ -203,7 +204,8 @@ begin
 
       if rising_edge(clk) then
         if (accept = '1') then
-          applied <= running;
+          applied <= fitted(running);
+          long    <= too_long(running);
         end if;
 
         if (events.last = '1') then
@@ -286,6 +288,7 @@ begin
     tried      <= NOTHING_TRIED;
     residues   <= NO_RESIDUES;
     far        <= '0';
+    long       <= '0';
     u_next     <= number;
     chosen.u1  <= number;
     chosen.u2  <= number;
@@ -299,7 +302,7 @@ begin
 
     if rising_edge(clk) then
       if (events.last = '1') then
-        decision.saturated <= overflow or (far and method(2));
+        decision.saturated <= overflow or (far and method(2)) or long;
         decision.clamped   <= target.beyond and mpfc;
       end if;
     end if;

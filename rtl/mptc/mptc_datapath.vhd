@@ -318,7 +318,7 @@ begin
         end if;
       end loop;
 
-      -- MPFC: bring w and the torque reference to full size; no shift makes |w|**2 one half or more
+      -- MPFC: bring w and the torque reference to full size; no shift makes |w|**2 more than one half
       if (FLUX_CONTROL and events.normalise = '1') then
         if (overflows(results(RESULT_ROTOR_ALPHA), WORD_WIDTH - 3) = '0'
             and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 3) = '0') then

@@ -92,6 +92,12 @@ package mptc_types is
 
   constant NO_VOLTAGE : mptc_sequence_t := ("000", "000", "000", (others => '0'), (others => '0'));
 
+  -- '1': the first two times of a sequence are more than the period
+  function too_long (given : mptc_sequence_t) return std_logic;
+
+  -- a sequence as it is used: where they are, the third vector has all of the period
+  function fitted (given : mptc_sequence_t) return mptc_sequence_t;
+
   subtype error_t is signed(ERROR_WIDTH - 1 downto 0); -- quarters of a torque term
 
   subtype mptc_rest_t is unsigned(ERROR_WIDTH downto 0); -- rest of a search of a duty: up to four times a span
@@ -249,6 +255,34 @@ package body mptc_types is
     end if;
 
   end function counted;
+
+  function too_long (given : mptc_sequence_t) return std_logic is
+
+    variable sum : unsigned(TIME_WIDTH + 1 downto 0);
+
+  begin
+
+    sum := resize(unsigned(given.t1), TIME_WIDTH + 2) + unsigned(given.t2);
+    return sum(TIME_WIDTH + 1) or (sum(TIME_WIDTH) and to_std_logic(sum(TIME_WIDTH - 1 downto 0) /= 0));
+
+  end function too_long;
+
+  function fitted (given : mptc_sequence_t) return mptc_sequence_t is
+
+    variable result : mptc_sequence_t;
+
+  begin
+
+    result := given;
+
+    if (too_long(given) = '1') then
+      result.t1 := (others => '0');
+      result.t2 := (others => '0');
+    end if;
+
+    return result;
+
+  end function fitted;
 
   function moved (value, step : signed; negative : std_logic) return signed is
 

@@ -14,7 +14,7 @@
 -- Formats: ports and words as in mptc_core (model/directmpc/mptc/formats.py).  A state has 26 bits, 8 more than a
 -- word: the innovation adds a few millionths of the state in a step.
 -- Latency: valid 39 clocks after start, always.  One multiplier.
--- Overflow: states and words saturate and set saturated; nothing wraps.  A reset clears the state.
+-- Overflow: states, words and ports saturate and set saturated; nothing wraps.  A reset clears the state.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -67,6 +67,7 @@ architecture rtl of mptc_observer is
   constant STATE_WIDTH : natural := WORD_WIDTH + GUARD;
   constant STATE_SHIFT : natural := FRACTION - GUARD;
   constant PORT_SHIFT  : natural := GUARD + MEASUREMENT_SHIFT;
+  constant PORT_WIDTH  : natural := STATE_WIDTH - PORT_SHIFT;
   constant A_BITS      : natural := selector_width(A_PLACES);
   constant B_BITS      : natural := selector_width(B_PLACES);
 
@@ -308,19 +309,14 @@ begin
   end process p_results;
 
   p_output : process (clk) is
-
-    variable alpha : signed(STATE_WIDTH downto 0);
-    variable beta  : signed(STATE_WIDTH downto 0);
-
   begin
 
     if rising_edge(clk) then
       if (due(DUE_OUTPUT) = '1') then
-        alpha      := resize(state(2), STATE_WIDTH + 1) + 2 ** (PORT_SHIFT - 1);
-        beta       := resize(state(3), STATE_WIDTH + 1) + 2 ** (PORT_SHIFT - 1);
-        psis_alpha <= std_logic_vector(clip(alpha(STATE_WIDTH downto PORT_SHIFT), 16));
-        psis_beta  <= std_logic_vector(clip(beta(STATE_WIDTH downto PORT_SHIFT), 16));
-        saturated  <= overflow;
+        psis_alpha <= std_logic_vector(clip(rounded(state(2), PORT_SHIFT), PORT_WIDTH));
+        psis_beta  <= std_logic_vector(clip(rounded(state(3), PORT_SHIFT), PORT_WIDTH));
+        saturated  <= overflow or overflows(rounded(state(2), PORT_SHIFT), PORT_WIDTH)
+                      or overflows(rounded(state(3), PORT_SHIFT), PORT_WIDTH);
       end if;
     end if;
 

@@ -18,7 +18,8 @@
 -- word: the error of the current is small beside its base.  Halves of steps have no offset: half an LSB would be seen
 -- in the speed at a few r/min.
 -- Latency: speed_valid 22, valid 48 clocks after start, always.  One multiplier.
--- Overflow: states and words saturate and set saturated; nothing wraps.  eps is limited without a flag: an error of
+-- Overflow: states, words and ports saturate and set saturated; nothing wraps.  So do times above one period, of which
+-- u3 has all then.  eps is limited without a flag: an error of
 -- the current that is so large is that of an estimate that has just begun.  A reset clears the states.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -82,6 +83,7 @@ architecture rtl of mptc_speed_observer is
   constant STATE_WIDTH : natural := WORD_WIDTH + GUARD;
   constant STATE_SHIFT : natural := FRACTION - GUARD;
   constant PORT_SHIFT  : natural := GUARD + MEASUREMENT_SHIFT;
+  constant PORT_WIDTH  : natural := STATE_WIDTH - PORT_SHIFT;
   constant ERROR_CUT   : natural := FRACTION - ERROR_SHIFT;
   constant A_BITS      : natural := selector_width(A_PLACES);
   constant B_BITS      : natural := selector_width(B_PLACES);
@@ -117,7 +119,9 @@ architecture rtl of mptc_speed_observer is
   signal sample_is_alpha : std_logic_vector(15 downto 0);
   signal sample_is_beta  : std_logic_vector(15 downto 0);
   signal sample_v_dc     : std_logic_vector(15 downto 0);
-  signal applied         : mptc_sequence_t;
+  signal given           : mptc_sequence_t; -- what is applied, as it is on the ports
+  signal applied         : mptc_sequence_t; -- as it is used
+  signal long            : std_logic;       -- '1': its times are more than the period
   signal mean_alpha      : word_t;
   signal mean_beta       : word_t;
 
@@ -177,6 +181,8 @@ begin
 
   busy <= active;
 
+  given <= (u1, u2, u3, t1, t2);
+
   p_sample : process (clk) is
   begin
 
@@ -185,11 +191,8 @@ begin
         sample_is_alpha <= is_alpha;
         sample_is_beta  <= is_beta;
         sample_v_dc     <= v_dc;
-        applied.u1      <= u1;
-        applied.u2      <= u2;
-        applied.u3      <= u3;
-        applied.t1      <= t1;
-        applied.t2      <= t2;
+        applied         <= fitted(given);
+        long            <= too_long(given);
       end if;
     end if;
 
@@ -362,6 +365,10 @@ begin
         as_one   := overflows(state_sum, STATE_WIDTH);
       end if;
 
+      if (found = '1') then
+        as_one := as_one or overflows(rounded(following(4), PORT_SHIFT), PORT_WIDTH);
+      end if;
+
       if (active = '0') then
         overflow <= '0';
       elsif (as_one = '1') then
@@ -376,19 +383,6 @@ begin
   end process p_results;
 
   p_output : process (clk) is
-
-    -- a state as a port has it
-    function port_of (value : state_t) return std_logic_vector is
-
-      variable rounded : signed(STATE_WIDTH downto 0);
-
-    begin
-
-      rounded := resize(value, STATE_WIDTH + 1) + 2 ** (PORT_SHIFT - 1);
-      return std_logic_vector(clip(rounded(STATE_WIDTH downto PORT_SHIFT), 16));
-
-    end function port_of;
-
   begin
 
     if rising_edge(clk) then
@@ -396,13 +390,14 @@ begin
       speed_valid <= found;
 
       if (found = '1') then
-        omega_r <= port_of(following(4));
+        omega_r <= std_logic_vector(clip(rounded(following(4), PORT_SHIFT), PORT_WIDTH));
       end if;
 
       if (due(DUE_OUTPUT) = '1') then
-        psis_alpha <= port_of(state(2));
-        psis_beta  <= port_of(state(3));
-        saturated  <= overflow;
+        psis_alpha <= std_logic_vector(clip(rounded(state(2), PORT_SHIFT), PORT_WIDTH));
+        psis_beta  <= std_logic_vector(clip(rounded(state(3), PORT_SHIFT), PORT_WIDTH));
+        saturated  <= overflow or long or overflows(rounded(state(2), PORT_SHIFT), PORT_WIDTH)
+                      or overflows(rounded(state(3), PORT_SHIFT), PORT_WIDTH);
       end if;
 
       if (rst = '1') then

@@ -11,6 +11,10 @@ from scripts.shared.command import Command
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=report.SEEDS, help="of placement")
+    parser.add_argument(
+        "--one-commit", action="store_true",
+        help="measure again what was measured at another commit, though of the same sources",
+    )  # fmt: skip
     part = parser.add_mutually_exclusive_group()
     part.add_argument(
         "--only", nargs="+", default=(), metavar="STAGE",
@@ -36,6 +40,7 @@ def _run(given: argparse.Namespace) -> int | None:
     report.regenerate(
         given.jobs, given.seeds,
         only=given.only, tables_only=given.tables, resources_only=given.resources,
+        one_commit=given.one_commit,
     )  # fmt: skip
     return 0
 

@@ -495,6 +495,7 @@ Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 74 for
 110 for MPFC2, MPFC3, MPC2 and SVM, always; with the rule best 74 for MPTC1, 110 for MPTC2. One
 decision at a time; the next start may come with valid.
 Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
+Where t1 + t2 is above 4096, u3 counts for the whole period and saturated is set.
 Considered and rejected: docs/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
     generics=(),

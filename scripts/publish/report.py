@@ -956,19 +956,26 @@ def _merge(document: dict[str, Any], name: str, figures: Any) -> None:
         document["mptc"] = mptc_report.merged(document.get("mptc", {}), figures)
 
 
-def _build(jobs: int, seeds: int, only: Collection[str], say: Callable[[str], None]) -> None:
+def _build(
+    jobs: int, seeds: int, only: Collection[str], one_commit: bool, say: Callable[[str], None]
+) -> None:
     """Measure all stages, or those that are named, then write everything.
 
     Raises
     ------
     ReportError
         If a figure cannot be had, or sources changed meanwhile: figures would not belong together.
+        If all are to be of one commit, and the tree is none.
     """
+    commit, dirty = tools.git_state()
+    if one_commit and dirty:
+        raise ReportError("files of the tree are not committed; figures would be of no commit")
     before = _sources()
     every = stages_of(jobs, seeds, say)
     names = [stage.name for stage in every]
     chosen = [stage for stage in every if not only or stage.name in only]
-    results = {stage.name: result(stage, say) for stage in chosen}
+    mine = commit if one_commit else None
+    results = {stage.name: result(stage, say, commit=mine) for stage in chosen}
     if _sources() != before:
         raise ReportError("rtl/, model/ or drives/ changed while this was measuring; run it again")
     say("everything is measured; writing")
@@ -1051,7 +1058,7 @@ def _cocotb_version() -> str:
 
 def regenerate(
     jobs: int, seeds: int, *, only: Collection[str] = (), tables_only: bool = False,
-    resources_only: bool = False,
+    resources_only: bool = False, one_commit: bool = False,
 ) -> None:  # fmt: skip
     """Regenerate the reports, or only the tables that show them.
 
@@ -1067,11 +1074,14 @@ def regenerate(
         Whether only tables are written, from the files in reports/.
     resources_only : bool
         Whether only resources are written, from the budgets.
+    one_commit : bool
+        Whether what was measured at another commit is measured again, of the same sources too.
 
     Raises
     ------
     ReportError
-        If a figure cannot be had, or sources changed meanwhile.
+        If a figure cannot be had, or sources changed meanwhile; with `one_commit` also if files are
+        not committed.
     UsageError
         If there is no stage of a name.
     MarkerError
@@ -1095,5 +1105,5 @@ def regenerate(
             wrong = ", ".join(sorted(unknown))
             raise UsageError(f"{wrong}: no stage; there are {', '.join(names)}")
         with terminable():
-            _build(jobs, seeds, only, say)
+            _build(jobs, seeds, only, one_commit, say)
     say("done")

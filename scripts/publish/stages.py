@@ -157,7 +157,12 @@ def in_place(
 
 
 def result(
-    stage: Stage, say: Callable[[str], None], folder: Path = FOLDER, reports: Path = REPORTS
+    stage: Stage,
+    say: Callable[[str], None],
+    folder: Path = FOLDER,
+    reports: Path = REPORTS,
+    *,
+    commit: str | None = None,
 ) -> Path:
     """Results of a stage; it is run if there are none of its key.
 
@@ -171,6 +176,8 @@ def result(
         Of all stages.
     reports : Path
         Where results may have been published.
+    commit : str, optional
+        Results of another commit do not count.
 
     Returns
     -------
@@ -184,17 +191,19 @@ def result(
     """
     name = f"{stage.name}-{stage.key()}"
     done, work = folder / name, folder / f".{name}"
+    if done.is_dir() and commit not in (None, _commit_of(done)):
+        shutil.rmtree(done)
     if done.is_dir():
         say(f"{stage.says}: known, nothing that it depends on has changed")
         return done
-    if _restored(stage, done, reports):
+    if _restored(stage, done, reports, commit):
         say(f"{stage.says}: published, nothing that it depends on has changed")
         return done
     say(stage.says)
     work.mkdir(parents=True, exist_ok=True)
-    commit, dirty = tools.git_state()
+    now, dirty = tools.git_state()
     stage.run(work)
-    tools.write(work / _COMMIT, commit + "-dirty" * dirty)
+    tools.write(work / _COMMIT, now + "-dirty" * dirty)
     work.rename(done)
     for other in folder.glob(f"{stage.name}-*"):  # of older sources
         if other != done and other.is_dir() and len(other.name) == len(name):
@@ -238,7 +247,7 @@ def record(results: dict[str, Path], reports: Path = REPORTS) -> dict[str, Any]:
     for name, done in results.items():
         known[name] = {
             "key": done.name.removeprefix(f"{name}-"),
-            "commit": (done / _COMMIT).read_text(encoding="utf-8"),
+            "commit": _commit_of(done),
             "files": {path.name: _digest(path) for path in _published(done)},
             "figures": figures(done) if has_figures(done) else None,
         }
@@ -268,11 +277,13 @@ def is_current(stage: Stage, reports: Path = REPORTS) -> bool:
     )
 
 
-def _restored(stage: Stage, done: Path, reports: Path) -> bool:
+def _restored(stage: Stage, done: Path, reports: Path, commit: str | None) -> bool:
     """Whether a stage's results could be taken from where they are published."""
     if not is_current(stage, reports):
         return False
     known = recorded(reports)[stage.name]
+    if commit not in (None, known["commit"]):
+        return False
     work = done.with_name(f".{done.name}.part")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
@@ -283,6 +294,10 @@ def _restored(stage: Stage, done: Path, reports: Path) -> bool:
     tools.write(work / _COMMIT, known["commit"])
     work.rename(done)
     return True
+
+
+def _commit_of(done: Path) -> str:
+    return (done / _COMMIT).read_text(encoding="utf-8")
 
 
 def _digest(path: Path) -> str:

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -97,7 +98,9 @@ def run(
 
 @functools.cache
 def version(name: str) -> str:
-    """First line a tool prints about its version.
+    """First line with a version that a tool prints about itself.
+
+    Tools that are compiled at their first run say so before.
 
     Parameters
     ----------
@@ -115,7 +118,8 @@ def version(name: str) -> str:
         If the program is missing or fails.
     """
     done = run([*tool(name), "--version"])
-    return (done.stdout.strip() or done.stderr.strip()).splitlines()[0]
+    lines = (done.stdout.strip() or done.stderr.strip()).splitlines()
+    return next((line for line in lines if re.search(r"\d\.\d", line)), lines[0])
 
 
 def digest(*parts: str | bytes | Path) -> str:

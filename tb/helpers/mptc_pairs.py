@@ -95,13 +95,20 @@ class PairRows:
 
 
 def any_sequences(rng: np.random.Generator, n: int) -> IntArray:
-    """Sequences of any content, times of zero and of the whole period among them."""
+    """Sequences of any content, times of zero and of the whole period among them; few longer."""
     t1 = np.where(
         rng.random(n) < 0.2, rng.choice([0, TIME_STEPS], n), rng.integers(0, TIME_STEPS + 1, n)
     )
     left = TIME_STEPS - t1
     share = np.where(rng.random(n) < 0.3, rng.choice([0.0, 1.0], n), rng.random(n))
-    return np.column_stack([rng.integers(0, 8, (n, 3)), t1, (share * left).astype(np.int64)])
+    t2 = (share * left).astype(np.int64)
+    most = 2 * TIME_STEPS - 1
+    long = rng.random(n) < 0.04
+    t1, t2 = (
+        np.where(long, rng.choice([t1, np.full(n, most)]), t1),
+        np.where(long, rng.choice([left + 1, rng.integers(left + 1, most + 1)]), t2),
+    )
+    return np.column_stack([rng.integers(0, 8, (n, 3)), t1, t2])
 
 
 def mixed(seed: int, n: int) -> PairRows:
@@ -163,6 +170,18 @@ def nothing_missing(seed: int, n: int) -> PairRows:
     rows.rows.measurements[:, core.V_DC] = 2**15
     rows.applied[:, :3] = 0
     return rows
+
+
+def longer_by_an_lsb() -> PairRows:
+    """MPFC3 with times of the two vectors whose sum is a period and one LSB of e."""
+    register = [40786, -90278, -1396, -887, -1049, -3371, -2322, 6554, 15099, 13076, 13595, 3225, 0]
+    seen = [
+        [3828, -323, 18597, -15276, -5814, 32768, 4259, 19831],
+        [-3459, 2666, -22459, 6959, 13724, 32768, -2564, 19451],
+    ]
+    applied = np.array([[1, 0, 5, 2947, 141], [5, 7, 6, 2471, 807]])
+    rows = core.Rows(np.array([register] * 2), np.array(seen), applied[:, 0])
+    return PairRows(rows, np.full(2, FAMILY_METHODS["MPFC3"]), applied, np.zeros(2, dtype=int))
 
 
 def together(*parts: PairRows) -> PairRows:

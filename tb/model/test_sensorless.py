@@ -259,7 +259,7 @@ def test_the_program_computes_what_the_twin_does(drive) -> None:
         m = [saturated(x + int(rng.integers(-300, 300)), 16) for x in seen] + [32768]
         shares = [int(x) for x in rng.integers(-(2**17), 2**17, 2)]
         after = np.array(state)
-        port, _, _, _ = speed_observer.step_words(array, after, np.array(m), *shares)
+        port, _, _, _ = speed_observer.step_shares(array, after, np.array(m), *shares)
         assert executed(words, state, m, shares) == [*after, port], trial
         moved += abs(int(after[4]) - state[4]) > 1
     assert moved > 200

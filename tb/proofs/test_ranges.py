@@ -222,7 +222,7 @@ def test_a_wider_bound_lets_an_operand_leave_its_word(monkeypatch: pytest.Monkey
         second_level.successors()
 
 
-def test_the_last_half_lsb_of_a_flux_is_limited_without_a_flag() -> None:
+def test_the_last_half_lsb_of_a_flux_is_limited_and_flagged() -> None:
     coefficient = np.zeros(len(observer.COEFFICIENTS), dtype=np.int64)
     coefficient[observer.COEFFICIENTS.index("voltage_alpha")] = g.WORD_HIGH
     state = np.zeros(4, dtype=np.int64)
@@ -230,7 +230,7 @@ def test_the_last_half_lsb_of_a_flux_is_limited_without_a_flag() -> None:
         measured = np.array([0, 0, 0, v_dc], dtype=np.int64)
         flux, _, saturated = observer.step_words(coefficient, state, measured, 1)
     port = observer.GUARD + g.MEASUREMENT_SHIFT
-    assert (flux, saturated) == (32767, 0)
+    assert (flux, saturated) == (32767, 1)
     assert (int(state[2]) + (1 << (port - 1))) >> port == 32768
 
 
@@ -349,9 +349,11 @@ def test_no_share_of_times_of_one_period_leaves_its_word() -> None:
             sums.add(total)
     assert (min(found), max(found)) == (-(2 ** (g.FRACTION - 1)), 2 ** (g.FRACTION - 1))
     assert (min(sums), max(sums)) == (-4 * TIME_STEPS, 4 * TIME_STEPS)
-    # what is taken for granted
+    # why longer times are not used
     beyond = np.array([1, 1, 4, TIME_STEPS, TIME_STEPS])
     assert sequences.shares(beyond)[0] > g.WORD_HIGH
+    used, too_long = sequences.fitted(beyond)
+    assert (used.tolist(), too_long) == ([1, 1, 4, 0, 0], 1)
 
 
 def test_the_rest_of_a_root_is_twice_the_root_at_most() -> None:

@@ -1,7 +1,8 @@
 """A tool of the user's own is the one that is started, cocotb's simulator too.
 
 Stimulus: GHDL set to a script that notes its arguments and starts the GHDL of this machine.
-Checks: that analysis and simulation reach the script; the message when a tool is not there.
+Checks: that analysis and simulation reach the script; which line is the version; the
+message when a tool is not there.
 Does not prove: that another version of a tool will do; the set-up checks versions.
 """
 
@@ -45,6 +46,18 @@ def test_without_a_choice_it_is_the_path_s(tmp_path, monkeypatch) -> None:
     with ghdl.chosen_ghdl(tmp_path):
         done = subprocess.run(["ghdl", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith(tools.run(["ghdl", "--version"]).stdout.splitlines()[0])
+
+
+@pytest.mark.parametrize("stream", ["1", "2"])
+def test_a_version_stands_behind_what_a_first_run_says(tmp_path, monkeypatch, stream) -> None:
+    script = tmp_path / "compiled"
+    script.write_text(
+        f"#!/bin/sh\necho 'Preparing to run nextpnr-ecp5. This might take a while...' >&{stream}\n"
+        f"echo 'nextpnr-0.11.1 (Version 7)' >&{stream}\necho 'Compiled with 12.0' >&{stream}\n"
+    )
+    script.chmod(0o755)
+    monkeypatch.setenv("GHDL", str(script))
+    assert tools.version("ghdl") == "nextpnr-0.11.1 (Version 7)"
 
 
 @pytest.mark.parametrize(

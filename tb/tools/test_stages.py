@@ -4,7 +4,8 @@ Stimulus: made-up stages in a folder, some of which fail; commands that write in
 Checks: a stage runs once for a key, another key runs it anew and the old result goes; one that was
 stopped finds its rows again; a failure leaves reports and pages as they were, and a later failure
 too; files for the report alone are not published; what is published by the same sources is taken
-from there, unless a file of it was changed; every stage has a name that can be asked for.
+from there, unless a file of it was changed, or all has to be of one commit; every stage has a name
+that can be asked for.
 Does not prove: what the stages measure.
 """
 
@@ -83,6 +84,40 @@ def test_figures_are_kept_beside_the_files_and_not_published(tmp_path: Path) -> 
     (tmp_path / "reports").mkdir()
     stages.copy([done], tmp_path / "reports")
     assert [path.name for path in (tmp_path / "reports").iterdir()] == ["a.png"]
+
+
+def test_what_is_of_another_commit_is_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = []
+
+    def run(work: Path) -> None:
+        runs.append(work)
+        (work / "a.csv").write_text(f"run {len(runs)}")
+
+    def at(commit: str, folder: str, *, only: bool) -> str:
+        monkeypatch.setattr(tools, "git_state", lambda: (commit, False))
+        mine = commit if only else None
+        done = stages.result(stage(run), silent, tmp_path / folder, reports, commit=mine)
+        stages.copy([done], reports)
+        stages.record({"made-up": done}, reports)
+        return (done / "a.csv").read_text()
+
+    reports = tmp_path / "reports"
+    reports.mkdir()
+    assert at("first", "here", only=True) == "run 1"
+    assert at("first", "here", only=True) == "run 1"
+    assert at("second", "here", only=False) == "run 1"
+    assert at("second", "here", only=True) == "run 2"
+    assert stages.recorded(reports)["made-up"]["commit"] == "second"
+    assert at("second", "there", only=True) == "run 2", "taken from what is published"
+    assert at("third", "elsewhere", only=True) == "run 3"
+
+
+def test_a_report_of_one_commit_needs_a_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tools, "git_state", lambda: ("any", True))
+    with pytest.raises(report.ReportError, match="not committed"):
+        report.regenerate(1, 1, only=["proofs"], one_commit=True)
 
 
 def test_what_is_published_is_not_measured_again(tmp_path: Path) -> None:
@@ -259,7 +294,9 @@ def test_a_failing_stage_writes_no_report(monkeypatch: pytest.MonkeyPatch, tmp_p
 
     made = [stage(stages.keep_json(kept), name="proofs"), stage(fail, name="run-fast")]
     monkeypatch.setattr(report, "stages_of", lambda *_: made)
-    monkeypatch.setattr(report, "result", lambda one, say: stages.result(one, say, tmp_path))
+    monkeypatch.setattr(
+        report, "result", lambda one, say, commit: stages.result(one, say, tmp_path, commit=commit)
+    )
     with pytest.raises(report.ReportError, match="no placement"):
         report.regenerate(1, 1)
     assert {p: p.read_bytes() for p in stages.REPORTS.glob("*") if p.is_file()} == before

@@ -228,8 +228,7 @@ def test_mptc_speed_observer() -> None:
     for start in starts(found.values):
         m = seen(found, start, ("is_alpha", "is_beta", "v_dc"), "v_dc")
         applied = np.array([found.values[name][start] for name in SEQUENCE], dtype=np.int64)
-        shares = bit_true_sequences.shares(applied)
-        speed, *rest = map(int, speed_observer.step_words(coefficient, state, m, *shares))
+        speed, *rest = map(int, speed_observer.step_words(coefficient, state, m, applied))
         early = start + clocks_of("mptc_speed_observer", "speed")
         assert found.values["speed_valid"][start : early + 1] == [0] * (early - start) + [1]
         assert signed(found.values["omega_r"][early], 16) == speed

@@ -224,7 +224,7 @@ def scaled_reference(w_a, w_b, q, reference, t):
     """Reference vector of the stator flux times N (Paper B, eqs. 18 to 21).
 
     w is brought to full size first: shifts by two bits until a component is an eighth or more, then
-    one by one bit if none is a quarter. No shift brings |w|^2 to one half or more.
+    one by one bit if none is a quarter. No shift makes |w|^2 more than one half.
 
     Parameters
     ----------

@@ -54,13 +54,36 @@ _STEP_SHIFT = f.TORQUE_FRACTION - f.FRACTION
 
 
 @njit
+def fitted(applied):
+    """A running sequence as it is used: with times above one period, u3 has all of it.
+
+    Parameters
+    ----------
+    applied : ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2; times in steps of the period.
+
+    Returns
+    -------
+    used : ndarray of int64, shape (5,)
+        The same, times of zero where t1 + t2 is more than a period.
+    too_long : int
+        1 where it is, else 0.
+    """
+    if applied[3] + applied[4] <= TIME_STEPS:
+        return applied, 0
+    used = applied.copy()
+    used[3:] = 0
+    return used, 1
+
+
+@njit
 def shares(applied):
     """Mean share of a running sequence in the steps along alpha and beta.
 
     Parameters
     ----------
     applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2; times in steps of the period.
+        u1, u2, u3, t1, t2; times in steps of the period, their sum 4096 at most.
 
     Returns
     -------
@@ -388,22 +411,25 @@ def decide_words(register, method, rule, m, applied):
     m : ndarray of int64, shape (8,)
         In the order of ``formats.MEASUREMENTS``.
     applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied; times in steps, their sum 4096 at most.
+        u1, u2, u3, t1, t2 that are being applied, see `fitted`; times in steps.
 
     Returns
     -------
     chosen : tuple of 5 int
         u1, u2, u3, t1, t2 to apply; vectors 0 to 7, times in steps of the period.
     saturated, clamped : int
-        1 where a word did not hold its value; where the arcsine's argument was clamped.
+        1 where a word did not hold its value, or times are above one period; where the arcsine's
+        argument was clamped.
     """
     c = words(register)
-    share_a, share_b = shares(applied)
+    used, too_long = fitted(applied)
+    share_a, share_b = shares(used)
     o = bit_true.outlook(c, m, share_a, share_b)
     if method >= bit_true_hexagon.MPFC2:
-        return bit_true_hexagon.decide_words(c, o, method, applied)
+        chosen, saturated, clamped = bit_true_hexagon.decide_words(c, o, method, used)
+        return chosen, saturated | too_long, clamped
     first, second, duty, saturated = _torque_methods(c, o, method, rule)
-    return (first, second, second, duty, TIME_STEPS - duty), saturated, 0
+    return (first, second, second, duty, TIME_STEPS - duty), saturated | too_long, 0
 
 
 @njit

@@ -214,9 +214,9 @@ def advance_words(c, state, q, e_a, e_b, step_a, step_b, balanced=False):
     state[2], s2 = to_state((pn_a << up) + dw_a * c.drop + dp_a * c.drop_flux)
     state[3], s3 = to_state((pn_b << up) + dw_b * c.drop + dp_b * c.drop_flux)
     saturated |= s0 | s1 | s2 | s3
-    out_a, _ = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
-    out_b, _ = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
-    return out_a, out_b, saturated
+    out_a, s0 = rounded(state[2], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
+    out_b, s1 = rounded(state[3], _PORT_SHIFT, f.MEASUREMENT_WIDTH)
+    return out_a, out_b, saturated | s0 | s1
 
 
 @njit

@@ -154,9 +154,8 @@ def _estimates_words(p, measured):
 def _advance_words(p, measured, omega, applied, vdc):
     """``_advance`` bit by bit, and whether a word did not hold its value."""
     m, clipped = _encoded(p, measured, vdc)
-    share_a, share_b = bit_true_sequences.shares(bit_true_sequences.in_steps(applied))
     _, psi_a, psi_b, saturated = speed_observer.step_words(
-        p.coefficient, p.state, m, share_a, share_b
+        p.coefficient, p.state, m, bit_true_sequences.in_steps(applied)
     )
     p.flux[0] = complex(psi_a / p.scales[2], psi_b / p.scales[3])
     return saturated | clipped

@@ -32,6 +32,7 @@ from directmpc.fixed_point import rounded
 from directmpc.mptc import formats as f
 from directmpc.mptc import observer
 from directmpc.mptc.bit_true import to_word
+from directmpc.mptc.bit_true_sequences import fitted, shares
 from directmpc.mptc.coefficients import Registers, registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.ideal import IdealParameters, ideal_parameters
@@ -343,13 +344,13 @@ def speed_words(coefficient, state, i_alpha, i_beta):
     eps, _ = rounded(e_b * w_a + e_a * ~w_b, _ERROR_SHIFT, _WORD_WIDTH)
     omega, s2 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_speed)
     integral, s3 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_integral)
-    port, _ = rounded(omega, _PORT_SHIFT, _PORT_WIDTH)
-    return SpeedWords(omega >> _GUARD, port, integral, e_a, e_b, s0 | s1 | s2 | s3)
+    port, s4 = rounded(omega, _PORT_SHIFT, _PORT_WIDTH)
+    return SpeedWords(omega >> _GUARD, port, integral, e_a, e_b, s0 | s1 | s2 | s3 | s4)
 
 
 @njit
-def step_words(coefficient, state, m, share_a, share_b):
-    """One step (Paper B, eqs. 5, 8, 9 and 23).
+def step_shares(coefficient, state, m, share_a, share_b):
+    """One step with the mean share of what is applied (Paper B, eqs. 5, 8, 9 and 23).
 
     Parameters
     ----------
@@ -360,7 +361,7 @@ def step_words(coefficient, state, m, share_a, share_b):
     m : ndarray of int64, shape (3,)
         is_alpha, is_beta, v_dc as the core's ports take them.
     share_a, share_b : int
-        Mean share of what is applied from k to k+1, as ``bit_true_sequences.shares`` has it.
+        Of the voltage's step from k to k+1, as ``bit_true_sequences.shares`` has it.
 
     Returns
     -------
@@ -381,3 +382,29 @@ def step_words(coefficient, state, m, share_a, share_b):
     )
     state[4] = now.integral
     return now.port, psis_alpha, psis_beta, s0 | s1 | s2 | s3 | now.saturated
+
+
+@njit
+def step_words(coefficient, state, m, applied):
+    """One step of ``mptc_speed_observer``: `step_shares` with the share of a sequence.
+
+    Parameters
+    ----------
+    coefficient : ndarray of int64, shape (13,)
+        Of ``array``.
+    state : ndarray of int64, shape (5,)
+        As in ``speed_words``; replaced by the next.
+    m : ndarray of int64, shape (3,)
+        is_alpha, is_beta, v_dc as the core's ports take them.
+    applied : ndarray of int64, shape (5,)
+        u1, u2, u3, t1, t2 from k to k+1, see ``bit_true_sequences.fitted``.
+
+    Returns
+    -------
+    omega, psis_alpha, psis_beta, saturated : int
+        As in `step_shares`; saturated also where times are above one period.
+    """
+    used, too_long = fitted(applied)
+    share_a, share_b = shares(used)
+    omega, psis_alpha, psis_beta, saturated = step_shares(coefficient, state, m, share_a, share_b)
+    return omega, psis_alpha, psis_beta, saturated | too_long

@@ -85,7 +85,8 @@ architecture rtl of length_search is
   end function start_of;
 
   signal lane_slopes : trajectories_t;
-  signal triple      : slope_set_t; -- three times the curvature; with INWARDS a clock later
+  signal curvature   : curvatures_t; -- the node's; with INWARDS a clock later
+  signal triple      : slope_set_t; -- three times the curvature, likewise
   signal lanes       : search_t;    -- of a and b, and of their sum
   signal limit       : limit_stages_t;
   signal short       : length_t;
@@ -149,17 +150,20 @@ begin
   g_triple : for x in 0 to 2 generate
 
     g_now : if not INWARDS generate
-      triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+      curvature(x) <= node.curvature(x);
+      triple(x)    <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
     end generate g_now;
 
-    -- two more sums follow it: from a register, one clock behind the first slopes and still in time
+    -- a choice and two more sums follow: from registers near by, one clock behind the first slopes and still in time
     g_registered : if INWARDS generate
 
       p_triple : process (clk) is
       begin
 
         if rising_edge(clk) then
-          triple(x) <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
+          curvature(x) <= node.curvature(x);
+          triple(x)    <= resize(node.curvature(x), SLOPE_WIDTH)
+                          + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
         end if;
 
       end process p_triple;
@@ -201,7 +205,7 @@ begin
         for x in 0 to 2 loop
           if (valid(start_of(x) + DECIDED - 1) = '1') then
             secant := lanes(DECIDED - 1)(x).secant;
-            curve  := shift_left(resize(node.curvature(x), SLOPE_WIDTH), m);
+            curve  := shift_left(resize(curvature(x), SLOPE_WIDTH), m);
             side   := lanes(DECIDED - 1)(x).side_up;
 
             outside := lanes(DECIDED - 1)(x).outside and to_std_logic(INWARDS);
@@ -224,19 +228,23 @@ begin
               end if;
 
               tail(TURN_SHIFT - 1 downto 0) := (others => '0');
-            elsif (m = 0) then
-              rise := (others => '0');
             elsif (m = 1) then
-              rise := resize(node.curvature(x), SLOPE_WIDTH);
+              rise := resize(curvature(x), SLOPE_WIDTH);
             elsif (m = 2) then
               rise := triple(x);
             end if;
 
-            tail   := tail + rise;
-            turned := tail(tail'high) xnor node.curvature(x)(CURVATURE_WIDTH - 1);
+            -- of one step it is the mean slope; only an error outside asks
+            if (m = 0) then
+              tail := secant;
+            else
+              tail := tail + rise;
+            end if;
+
+            turned := tail(tail'high) xnor curvature(x)(CURVATURE_WIDTH - 1);
 
             -- the bound on the curvature's side is left unless the error leaves before it turns
-            exceeds := side xnor node.curvature(x)(CURVATURE_WIDTH - 1);
+            exceeds := side xnor curvature(x)(CURVATURE_WIDTH - 1);
             within  := trial(SLOPE_WIDTH) xnor side;
             fits    := not overflows(secant, SLOPE_WIDTH - m);
             accept  := fits and within and not (exceeds and turned and to_std_logic(m > 0));

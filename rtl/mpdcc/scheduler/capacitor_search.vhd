@@ -6,7 +6,7 @@
 -- Those of s(k-1) come first, so that the hold test has its answer early.
 --
 --   stage 0    which line, and the current term that it is made of
---   stage 1    slope and error at k of the line
+--   stage 1    slope of the line, but for the one that a complement lacks; error at k
 --   stage 2    room in the slope's direction, error at k+1
 --   stage 3-5  two bits of the length each: room - 2**m * abs(slope) >= 0
 --
@@ -157,7 +157,8 @@ architecture rtl of capacitor_search is
   signal opposite_0 : std_logic;      -- '1': the slope is the term's complement
   signal negative_0 : std_logic;      -- '1': and one more
 
-  signal slope_1 : signed(CURRENT_TERM_WIDTH downto 0);
+  signal slope_1 : signed(CURRENT_TERM_WIDTH downto 0); -- the slope, or one less
+  signal more_1  : std_logic;                           -- '1': one less
   signal error_1 : trajectory_t;
   signal row_1   : capacitor_row_t;
   signal bound_1 : bound_t; -- by the row
@@ -306,8 +307,7 @@ begin
   -- stage 1
   p_slope : process (clk) is
 
-    variable term  : signed(CURRENT_TERM_WIDTH downto 0);
-    variable carry : unsigned(0 downto 0);
+    variable term : signed(CURRENT_TERM_WIDTH downto 0);
 
   begin
 
@@ -315,14 +315,14 @@ begin
       first(1) <= first(0);
 
       if (valid(0) = '1') then
-        term     := resize(term_0, term'length);
-        carry(0) := negative_0;
+        term := resize(term_0, term'length);
 
         for i in term'range loop
           term(i) := (term(i) xor opposite_0) and moves_0;
         end loop;
 
-        slope_1 <= signed(unsigned(term) + carry);
+        slope_1 <= term;
+        more_1  <= negative_0;
 
         if (phase_0 = 3) then
           error_1 <= node.error(3);
@@ -351,9 +351,12 @@ begin
     variable bound   : signed(TRAJECTORY_WIDTH downto 0);
     variable ahead   : signed(TRAJECTORY_WIDTH downto 0); -- room in the slope's direction
     variable behind  : signed(TRAJECTORY_WIDTH downto 0);
+    variable sum     : signed(TRAJECTORY_WIDTH downto 0);
     variable error   : trajectory_t;
     variable steep   : unsigned(CURRENT_TERM_WIDTH downto 0);
-    variable falls   : std_logic;
+    variable carry   : unsigned(0 downto 0);
+    variable falls   : std_logic; -- either value where the slope is zero: nothing depends on it
+    variable moves   : std_logic;
     variable follows : std_logic; -- what is outside behind the slope is on its way in
 
   begin
@@ -369,15 +372,23 @@ begin
         room_2 <= unsigned(ahead(ROOM_WIDTH - 1 downto 0));
 
         -- at most 2 ** (CURRENT_TERM_WIDTH - 1)
-        steep  := magnitude(slope_1);
-        pace_2 <= resize(steep, BOUND_WIDTH);
+        moves := '0';
 
-        error    := error_1 + slope_1;
+        for i in slope_1'range loop
+          steep(i) := slope_1(i) xor falls;
+          moves    := moves or (slope_1(i) xor more_1);
+        end loop;
+
+        carry(0) := falls xor more_1;
+        pace_2   <= resize(steep + carry, BOUND_WIDTH);
+
+        -- both with the carry behind them: one adder
+        sum      := (error_1 & more_1) + (slope_1 & more_1);
+        error    := sum(TRAJECTORY_WIDTH downto 1);
         excess_2 <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
         inside_2 <= not (ahead(TRAJECTORY_WIDTH) or behind(TRAJECTORY_WIDTH));
 
-        follows := to_std_logic(INWARDS) and limits.outside_inwards and to_std_logic(slope_1 /= 0)
-                   and not overflows(error_1, BASE_WIDTH);
+        follows := to_std_logic(INWARDS) and limits.outside_inwards and moves and not overflows(error_1, BASE_WIDTH);
         alive_2 <= not ahead(TRAJECTORY_WIDTH) and (not behind(TRAJECTORY_WIDTH) or follows);
         row_2    <= row_1;
       end if;

@@ -100,6 +100,7 @@ architecture rtl of second_level is
   signal queue_entry : entry_t;
   signal queue_taken : std_logic;
   signal queue_empty : std_logic;
+  signal leaf_count  : unsigned(BUDGET_WIDTH - 1 downto 0); -- candidates of the entry, registered: due once it is valid
 
   signal launch        : std_logic;
   signal leaves_ready  : std_logic;
@@ -136,7 +137,7 @@ begin
   -- Which node is begun, which is handed out
   ---------------------------------------------------------------------------------------------
 
-  p_next : process (r, phase, since, origin, queue_valid, queue_entry, leaves_ready, leaves_ending) is
+  p_next : process (r, phase, since, origin, queue_valid, leaf_count, leaves_ready, leaves_ending) is
 
     variable v    : state_t;
     variable rest : unsigned(BUDGET_WIDTH downto 0);
@@ -146,7 +147,7 @@ begin
     v      := r;
     begins <= '0';
     load   <= '0';
-    rest   := ('0' & r.left) - combinations(queue_entry.position, 3);
+    rest   := ('0' & r.left) - leaf_count;
 
     if (phase.idle = '1') then
       v.cut       := '0';
@@ -204,6 +205,15 @@ begin
     end if;
 
   end process p_state;
+
+  p_leaf_count : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      leaf_count <= combinations(queue_entry.position, 3);
+    end if;
+
+  end process p_leaf_count;
 
   ---------------------------------------------------------------------------------------------
   -- The nodes under way

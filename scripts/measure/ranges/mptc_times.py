@@ -4,8 +4,8 @@ Quotients and roots are found bit by bit; what is left behind each bit is bounde
 before. Coordinates of e are multiples of two quotients, so every time and residue of a choice is
 one, and its range follows from its two factors.
 
-Taken for granted: the times of a running sequence are one period at most. Those of every decision
-are, see `hexagon`. vector_sequencer takes any.
+The times of a running sequence are one period at most. Those of every decision are, see `hexagon`;
+other ones are not used (`directmpc.mptc.bit_true_sequences.fitted`). vector_sequencer takes any.
 """
 
 from __future__ import annotations
@@ -411,7 +411,7 @@ def hexagon() -> None:
     Inside a triangle both coordinates are not negative and their sum is one at most. Each is cut,
     so the sum of both times is what one is cut to at most. On a spoke or an edge there is one time,
     limited to the period, and the rest of it. SVM's outside the hexagon is g/(g + h), and the rest.
-    With that the running sequence of the next decision has what is taken for granted.
+    So the running sequence of the next decision is used as it is.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 Every sum of products begins with a seed and goes on with products of two words. What is cut out of
 it saturates and flags, but for theta's change, for the voltage along beta, for halves of what
 states have moved and for eps. The first three always fit. eps is limited without a flag, as its
-entity says, and an output's rounding may go half an LSB beyond its port and is limited to it.
+entity says.
 """
 
 from __future__ import annotations

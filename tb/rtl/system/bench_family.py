@@ -241,9 +241,8 @@ class Estimator:
         """Measurements with the estimates in their place; the step is taken."""
         used = words.copy()
         used[2:4] = self.flux
-        share = twin.shares(applied)
         m = np.array([words[0], words[1], words[5]])
-        used[4], *flux, full = speed_twin.step_words(self.coefficient, self.state, m, *share)
+        used[4], *flux, full = speed_twin.step_words(self.coefficient, self.state, m, applied)
         self.flux = int(flux[0]), int(flux[1])
         self.saturated |= int(full)
         return used

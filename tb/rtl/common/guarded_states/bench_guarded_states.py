@@ -34,6 +34,9 @@ async def random_states(dut) -> None:
         context = f"value {value}, origin {origin}"
         # Python's // rounds towards minus infinity, as cutting off bits of two's complement does
         board.check("coarse", signed(number(dut.coarse_out), short), value // 2**guard, context)
+        near = (value + 2**guard) // 2 ** (guard + 1)
+        board.check("nearest", signed(number(dut.round_out), short), near, context)
+        board.cover("rounded beyond a word", int(2 * near == 1 << (short - 1)))
         moved = (value - origin) // 2 ** (guard + 1)
         board.check("half", signed(number(dut.half_out), short), moved, context)
         board.cover("moved further than a state is wide", int(not low <= value - origin <= high))
@@ -49,9 +52,12 @@ async def random_states(dut) -> None:
         board.check("chosen", number(dut.chosen_out), want, f"word {chosen} of {candidates}")
         board.cover("no word" if chosen is None else f"word {chosen}")
     board.finish(
-        dict.fromkeys(("coarse", "half", "seed", "half LSB", "rounded", "chosen"), given["sets"]),
+        dict.fromkeys(
+            ("coarse", "nearest", "half", "seed", "half LSB", "rounded", "chosen"), given["sets"]
+        ),
         {
             "moved further than a state is wide": 2,
+            "rounded beyond a word": 2 if short > 1 else 0,
             "no word": 3,
             "word 0": 3,
             f"word {words - 1}": 3,

@@ -24,6 +24,7 @@ entity guarded_states_flat is
     candidates : in    std_logic_vector(WORDS * SUM_WIDTH - 1 downto 0); -- words, word 0 rightmost
     choice     : in    std_logic_vector(WORDS - 1 downto 0);             -- '1': take this word
     coarse_out : out   std_logic_vector(WIDTH - GUARD - 1 downto 0);     -- state without guard bits
+    round_out  : out   std_logic_vector(WIDTH - GUARD - 1 downto 0);     -- state, GUARD + 1 bits rounded off
     half_out   : out   std_logic_vector(WIDTH - GUARD - 1 downto 0);     -- half of what it has moved
     seed_out   : out   std_logic_vector(SUM_WIDTH - 1 downto 0);         -- state as first summand
     lsb_out    : out   std_logic_vector(SUM_WIDTH - 1 downto 0);         -- half an LSB as first summand
@@ -42,6 +43,7 @@ begin
   before <= signed(origin);
 
   coarse_out <= coarse(state, GUARD);
+  round_out  <= std_logic_vector(rounded(state, GUARD + 1));
   half_out   <= half_of(state, before, GUARD);
   seed_out   <= seed_of(state, SUM_WIDTH, SHIFT);
   lsb_out    <= half_lsb(SUM_WIDTH, SHIFT);

@@ -53,6 +53,15 @@ def test_functions_are_exact(values: tuple[int, ...]) -> None:
 FAULTS = [
     # rounds a state where it has to cut
     Fault("guarded_states", "bits := value;", "bits := value + 2 ** (guard - 1);", r"coarse:"),
+    # rounds without room for the largest state
+    Fault(
+        "guarded_states",
+        "sum := resize(value, value'length + 1) + 2 ** (cut - 1);",
+        "sum := resize(value + 2 ** (cut - 1), value'length + 1);",
+        r"nearest:",
+    ),
+    # cuts where it has to round
+    Fault("guarded_states", "+ 2 ** (cut - 1)", "", r"nearest:"),
     # a difference without its carry
     Fault(
         "guarded_states",

@@ -45,7 +45,9 @@ def test_rows_are_straight_lines(throttle: bool, inwards: bool) -> None:
 FAULTS = [
     Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
     Fault("capacitor_search", "excess_2 > 0", "excess_2 >= 0", r"held:"),
-    Fault("capacitor_search", "and to_std_logic(slope_1 /= 0)", "", r"row:"),
+    Fault("capacitor_search", "and moves and", "and", r"row:"),
+    Fault("capacitor_search", "carry(0) := falls xor more_1;", "carry(0) := falls;", r"row:"),
+    Fault("capacitor_search", "(slope_1 & more_1)", "(slope_1 & '0')", r"row:"),
     Fault(
         "capacitor_search",
         "not ahead(TRAJECTORY_WIDTH) and (not behind(TRAJECTORY_WIDTH) or follows)",

@@ -4,7 +4,7 @@ Sweep: MPTC, MPFC and the seven methods of several vectors, and the duty rule, c
 decision; both drives that ship.
 Stimulus: states out of closed loops; states whose references a period reaches; measurements and
 registers of any content, with corners, zero flux and zero torque; running sequences of any content,
-with times of zero and of a whole period; hardly any dc-link voltage, and none; flux at its
+with times of zero, of a whole period and of more; hardly any dc-link voltage, and none; flux at its
 reference; all inputs random on every clock but the start's, `start`
 repeated while busy; decisions without a clock between them, of every method after every other.
 Checks: vectors, times, switch states, flags bit for bit. The twins against float64 in
@@ -63,12 +63,16 @@ def test_rtl_decides_as_the_twins() -> None:
         mptc_pairs.near(seed=2, n=40),
         mptc_pairs.hardly_any_voltage(seed=3, n=6),
         mptc_pairs.nothing_missing(seed=4, n=3),
+        mptc_pairs.longer_by_an_lsb(),
     )
     got = ghdl(rows)
-    assert len(got) == 843
+    assert len(got) == 845
     assert wrong(rows, got) == 0
     assert got[:, 2].sum() >= 20
     assert got[:, 3].sum() >= 20
+    long = rows.applied[:, 3:].sum(axis=1) > 4096
+    assert long.sum() >= 15
+    assert got[long, 2].all()
     for code, name in enumerate(mptc_pairs.METHODS, start=1):
         mine = rows.pairs == code
         assert mine.sum() > 80
@@ -120,6 +124,17 @@ FAULTS = {
         "mptc_pair_stream",
         "outside <= trial(ERROR_WIDTH - 1 downto 0);",
         "outside <= error;",
+    ),
+    "long times": ("mptc_controller", "fitted(running);", "running;"),
+    "flag of long times": (
+        "mptc_controller",
+        "(far and method(2)) or long;",
+        "(far and method(2));",
+    ),
+    "longer by an LSB": (
+        "mptc_types",
+        "bits(HEXAGON_FRACTION - 1 downto 0) /= 0)",
+        "bits(HEXAGON_FRACTION - 1 downto 1) /= 0)",
     ),
     "last bit": ("mptc_duty", "duty  <= bits & one;", "duty  <= bits & '0';"),
     "subtraction": (
@@ -335,6 +350,8 @@ def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> Non
         tries = [mptc_pairs.nothing_missing(seed=7, n=10)]
     elif name == "powerless":
         tries = [mptc_pairs.hardly_any_voltage(seed=7, n=10)]
+    elif name == "longer by an LSB":
+        tries = [mptc_pairs.longer_by_an_lsb()]
     else:  # few rows find most faults, and a third of many nearly all the others
         few, many = (
             mptc_pairs.together(mptc_pairs.mixed(seed=5, n=n), mptc_pairs.near(seed=6, n=2 * n))

@@ -69,6 +69,23 @@ async def observe(dut, given, latency: int) -> None:
     words = observer.coefficients(core.shipped("motulator_2kw2"))
     dut.start.value = 0
     state = np.zeros(4, dtype=np.int64)
+
+    async def step(c: dict[str, int], m: np.ndarray, u: int, place: str) -> int:
+        for key, value in c.items():
+            getattr(dut, f"c_{key}").value = bits(value, f.WORD_WIDTH)
+        names = ("is_alpha", "is_beta", "omega_r", "v_dc")
+        rows = {key: (int(m[i]), 16) for i, key in enumerate(names)} | {"u": (u, 3)}
+        wanted = observer.step_words(observer.array(c), state, m, u)
+        clocks = await transaction(dut, clock, rng, rows)
+        got = (
+            signed(number(dut.psis_alpha), 16),
+            signed(number(dut.psis_beta), 16),
+            number(dut.saturated),
+        )
+        board.check("estimate", got, tuple(int(v) for v in wanted), place)
+        board.check("clocks", clocks, latency, place)
+        return int(wanted[2])
+
     for n in range(given["steps"]):
         wild = n % 3 == 2
         if n % 40 == 0 or n == 0:
@@ -84,27 +101,18 @@ async def observe(dut, given, latency: int) -> None:
         if n % 40 > 30:
             # states that double with every step
             c |= dict.fromkeys(("rotor", "drop_flux"), f.WORD_HIGH)
-        for key, value in c.items():
-            getattr(dut, f"c_{key}").value = bits(value, f.WORD_WIDTH)
         u = int(recorded.u[n]) if not wild else rng.randrange(8)
-        rows = {
-            "is_alpha": (int(m[0]), 16),
-            "is_beta": (int(m[1]), 16),
-            "omega_r": (int(m[2]), 16),
-            "v_dc": (int(m[3]), 16),
-            "u": (u, 3),
-        }
-        wanted = observer.step_words(observer.array(c), state, m, u)
-        clocks = await transaction(dut, clock, rng, rows)
-        got = (
-            signed(number(dut.psis_alpha), 16),
-            signed(number(dut.psis_beta), 16),
-            number(dut.saturated),
-        )
-        board.check("estimate", got, tuple(int(v) for v in wanted), f"step {n}")
-        board.check("clocks", clocks, latency, f"step {n}")
-        board.cover("saturated", int(wanted[2]))
-    board.finish({"estimate": given["steps"]}, {})
+        board.cover("saturated", await step(c, m, u, f"step {n}"))
+    # a flux at its end stays there, half an LSB beyond its port
+    none = dict.fromkeys(observer.COEFFICIENTS, 0)
+    pushed = none | dict.fromkeys(("current", "gain_stator"), f.WORD_HIGH)
+    for alpha, beta in ((2**15 - 1, 0), (0, 2**15 - 1)):
+        await clock.reset(2)
+        state[:] = 0
+        for _ in range(3):
+            await step(pushed, np.array([alpha, beta, 0, 0]), 0, "to its end")
+        board.cover("port alone", await step(none, np.zeros(4, dtype=np.int64), 0, "at its end"))
+    board.finish({"estimate": given["steps"]}, {"port alone": 2})
 
 
 async def excite(dut, given, latency: int) -> None:

@@ -9,8 +9,8 @@ the estimate converges, stays with the flux and survives wrong resistances; the 
 estimate alone; pre-excitation keeps the current at its limit and hands over with the flux at its
 level.
 Timing: 39, 11 and 40 (MPFC 79) clocks from start to valid, always.
-Faults: a gain in the wrong place of the program, half steps taken late, a voltage of the wrong
-sign, a comparison turned round: each must turn the bench red.
+Faults: a gain in the wrong place of the program, half steps taken late, a port's overflow untold, a
+voltage of the wrong sign, a comparison turned round: each must turn the bench red.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def bench(entity: str, steps: int, rtl: Path = RTL) -> Outcome:
 
 def test_observer_steps_as_its_twin() -> None:
     found = bench("mptc_observer", 240)
-    assert found.checks["estimate"] == 240
+    assert found.checks["estimate"] == 240 + 2 * 4
     assert found.covered["saturated"] >= 10
 
 
@@ -119,6 +119,16 @@ FAULTS = {
     ),
     "gain": ("mptc_observer_program", "(10, 9, 9, 0, -1)", "(10, 10, 9, 0, -1)"),
     "half step": ("mptc_observer", "due(DUE_HALF_W) = '1'", "due(DUE_W_ALPHA) = '1'"),
+    "flag of alpha's port": (
+        "mptc_observer",
+        "or overflows(rounded(state(2), PORT_SHIFT), PORT_WIDTH)",
+        "",
+    ),
+    "flag of beta's port": (
+        "mptc_observer",
+        "or overflows(rounded(state(3), PORT_SHIFT), PORT_WIDTH)",
+        "",
+    ),
     "share": (
         "mptc_vectors",
         'to_std_logic(number = "101" or number = "110");',

@@ -7,8 +7,8 @@ import random
 import cocotb
 import numpy as np
 
-from directmpc.mptc import bit_true_sequences, sequence_loop, speed_observer
 from directmpc.mptc import formats as f
+from directmpc.mptc import sequence_loop, speed_observer
 from directmpc.mptc.closed_loop import constant
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl.clocks import clocks_of
@@ -54,8 +54,7 @@ class Bench:
         self.count += 1
         array = speed_observer.array(c)
         now = speed_observer.speed_words(array, self.state, m[0], m[1])
-        shares = bit_true_sequences.shares(applied)
-        port, *flux, saturated = map(int, speed_observer.step_words(array, self.state, m, *shares))
+        port, *flux, saturated = map(int, speed_observer.step_words(array, self.state, m, applied))
         for name in speed_observer.COEFFICIENTS:
             getattr(dut, f"c_{name}").value = bits(c[name], f.WORD_WIDTH)
         self.put(m, applied)
@@ -94,9 +93,14 @@ def any_measurement(rng: random.Random) -> np.ndarray:
 
 
 def any_sequence(rng: random.Random) -> np.ndarray:
-    """Vectors of any kind, times that fill the period at most; whole periods often."""
+    """Vectors of any kind, times that fill the period; whole periods often, longer ones rarely."""
     first = rng.choice([0, TIME_STEPS, rng.randint(0, TIME_STEPS)])
     second = rng.choice([0, TIME_STEPS - first, rng.randint(0, TIME_STEPS - first)])
+    if rng.random() < 0.05:
+        # longer than a period, by a step or by any
+        first, second = rng.choice(
+            [(first, TIME_STEPS - first + 1), (2 * TIME_STEPS - 1,) * 2, (2 * TIME_STEPS - 1, 0)]
+        )
     return np.array([*(rng.randrange(8) for _ in range(3)), first, second], dtype=np.int64)
 
 
@@ -111,7 +115,7 @@ def near(words: dict[str, int], state: np.ndarray, rng: random.Random) -> np.nda
 
 
 async def one_at_a_time(bench: Bench) -> None:
-    """A word leaves its range alone: the innovation, the speed, the integral of the speed."""
+    """A word leaves its range alone: the innovation, the speed, its integral, a port."""
     board, none = bench.board, dict.fromkeys(speed_observer.COEFFICIENTS, 0)
     at_rest = np.array([0, 0, 0, TIME_STEPS, 0])
 
@@ -126,11 +130,18 @@ async def one_at_a_time(bench: Bench) -> None:
             await bench.reset()
             board.check("fits", await step(-alpha, -beta, "gain_rotor"), 0, "w at its end")
             board.cover("error alone", await step(alpha, beta))
+    # a state at its end stays there, half an LSB beyond its port
+    for measured in ((1, 0), (0, 1)):
+        await bench.reset()
+        for _ in range(3):
+            await step(*measured, "gain_stator")
+        board.cover("flux's port alone", await step(0, 0))
     for name in ("speed", "integral"):
         await bench.reset()
         board.check("fits", await step(1, 0, "gain_rotor"), 0, "w at its end")
         board.check("fits", await step(1, 1, "gain_integral"), 0, "integral at its end")
         board.cover(f"{name} alone", await step(1, 1, f"gain_{name}"))
+    board.cover("speed's port alone", await step(0, 0))
 
 
 @cocotb.test(skip=arguments()["resets"])
@@ -172,7 +183,8 @@ async def steps(dut) -> None:
         {"estimate": count, "speed": count, "saturated": count},
         {"reset": 2, "saturated": count // 12, "moved": count // 4, "fits": count // 4}
         | ({"speed saturated": count // 60} if count > 200 else {})
-        | {"error alone": 4, "speed alone": 1, "integral alone": 1},
+        | {"error alone": 4, "speed alone": 1, "integral alone": 1}
+        | {"flux's port alone": 2, "speed's port alone": 1},
     )
 
 

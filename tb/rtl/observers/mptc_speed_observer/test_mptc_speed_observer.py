@@ -6,8 +6,8 @@ while busy, steps without and with pauses; a reset at every clock of a step.
 Checks: speed, flux and flag bit for bit; valid, speed_valid and busy in every clock.
 Timing: speed_valid 22, valid 48 clocks after start, always.
 Faults: a sign, a place, a gain and a clock of the program, the position of eps, the speed in place
-of its integral, an overflow untold, a vector's time, half steps taken late, what survives a reset:
-each must turn the bench red.
+of its integral, an overflow and each port's untold, a vector's time, times longer than a period,
+half steps taken late, what survives a reset: each must turn the bench red.
 Does not prove: that the estimate is good for a drive (tb/model/test_sensorless.py).
 """
 
@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.mptc import bit_true_sequences, speed_observer
 from directmpc.mptc import formats as f
+from directmpc.mptc import speed_observer
 from scripts.hdl import netlist_check
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import CheckError
@@ -69,8 +69,7 @@ def test_the_netlist_steps_as_the_twin() -> None:
         m = np.array([*rng.integers(-3000, 3000, 2), rng.integers(30_000, 35_000)])
         t1 = int(rng.integers(0, 4097))
         applied = np.array([*rng.integers(0, 8, 3), t1, rng.integers(0, 4097 - t1)])
-        shares = bit_true_sequences.shares(applied)
-        got = speed_observer.step_words(speed_observer.array(c), state, m, *shares)
+        got = speed_observer.step_words(speed_observer.array(c), state, m, applied)
         row = dict(zip(("is_alpha", "is_beta", "v_dc"), m, strict=True))
         row |= dict(zip(("u1", "u2", "u3", "t1", "t2"), applied, strict=True))
         row |= {f"c_{name}": value for name, value in c.items()}
@@ -107,11 +106,20 @@ FAULTS = {
     ),
     "offset of a half step": (ENTITY, "- resize(origin(", "- 1 - resize(origin("),
     "half step": (ENTITY, "due(DUE_HALF_W) = '1'", "due(DUE_W_ALPHA) = '1'"),
-    "time": (ENTITY, "applied.t2      <= t2;", "applied.t2      <= t1;"),
+    "time": (ENTITY, "(u1, u2, u3, t1, t2);", "(u1, u2, u3, t1, t1);"),
+    "long times": (ENTITY, "fitted(given);", "given;"),
+    "flag of long times": (ENTITY, "or long or", "or"),
     "late start": (ENTITY, "(active = '0' and start = '1')", "(start = '1')"),
     "share": ("mptc_mean_share", "- t1 - t2;", "- t1;"),
-    "port": (ENTITY, "2 ** (PORT_SHIFT - 1)", "0"),
-    "flag": (ENTITY, "saturated  <= overflow;", "saturated  <= '0';"),
+    "port": (ENTITY, "clip(rounded(state(2), PORT_SHIFT), PORT_WIDTH)", "state(2)(25 downto 10)"),
+    "flag": (ENTITY, "saturated  <= overflow or", "saturated  <= '0' or"),
+    "flag of alpha's port": (ENTITY, "or overflows(rounded(state(2), PORT_SHIFT), PORT_WIDTH)", ""),
+    "flag of beta's port": (ENTITY, "or overflows(rounded(state(3), PORT_SHIFT), PORT_WIDTH)", ""),
+    "flag of the speed's port": (
+        ENTITY,
+        "as_one or overflows(rounded(following(4), PORT_SHIFT), PORT_WIDTH);",
+        "as_one;",
+    ),
     "survives a reset": (ENTITY, "state <= (others => (others => '0'));", "null;"),
 }
 
