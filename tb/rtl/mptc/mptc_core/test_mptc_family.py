@@ -295,7 +295,7 @@ FAULTS = {
     ),
     "quotient": ("mptc_quotient", "QUOTIENT_RANGE - 1);", "QUOTIENT_RANGE);"),
     "halving": ("mptc_coordinates", "clock < HALVINGS)", "clock < HALVINGS - 1)"),
-    "far": ("mptc_controller", "or (far and method(2))", "and method(2)"),
+    "far": ("mptc_controller", "or (far and method(2))", ""),
     "sign of e": ("mptc_coordinates", "negative_y <= not sum_beta", "negative_y <= sum_beta"),
     "turn": ("mptc_coordinates", "e.h       <= turned_h;", "e.h       <= e.g;"),
     "turn of a sum": ("mptc_coordinates", "e.by_next <= -e.apart;", "e.by_next <= e.apart;"),
