@@ -129,6 +129,23 @@ def _read_lines(path: PathLike) -> list[str]:
     return [line.removesuffix("\r") for line in lines]
 
 
+def shown(text: str) -> str:
+    """A text of a file as it may stand in a message: one line, not long.
+
+    Parameters
+    ----------
+    text : str
+        Of any content.
+
+    Returns
+    -------
+    str
+        40 characters at most before what cannot be printed is escaped.
+    """
+    short = text if len(text) <= 40 else text[:37] + "..."
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in short)
+
+
 def _read_header(path: PathLike, line: str, columns: Sequence[Column]) -> list[Column]:
     """Match a header line with the known columns, in the order of the file."""
     known = {column.name: column for column in columns}
@@ -137,8 +154,8 @@ def _read_header(path: PathLike, line: str, columns: Sequence[Column]) -> list[C
     for index, name in enumerate(names, start=1):
         if name not in known:
             raise TraceError(
-                f'{path}, line 1, column {index}: unknown column "{name}"; the header must name '
-                f"{allowed} ('?' marks an optional one), in any order"
+                f'{path}, line 1, column {index}: unknown column "{shown(name)}"; the header must '
+                f"name {allowed} ('?' marks an optional one), in any order"
             )
         if name in names[: index - 1]:
             raise TraceError(
@@ -158,9 +175,8 @@ def _row_error(path: PathLike, number: int, row: str, header: Sequence[Column]) 
     fields = row.split(",")
     for index, (column, field) in enumerate(zip(header, fields, strict=False), start=1):
         if not column.accepts(field):
-            shown = field if len(field) <= 40 else field[:37] + "..."
             return TraceError(
-                f'{path}, line {number}, column {index} ({column.name}): got "{shown}"; '
+                f'{path}, line {number}, column {index} ({column.name}): got "{shown(field)}"; '
                 f"it must be {column.allowed}"
             )
     if len(fields) < len(header):

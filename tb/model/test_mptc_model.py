@@ -15,6 +15,7 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
+import re
 import time
 from pathlib import Path
 
@@ -377,3 +378,36 @@ def test_our_shaft_is_motulators() -> None:
     # after the first tie that falls the other way they are two runs of one drive
     assert np.abs(ours.trace.omega_r - theirs.trace.omega_r).max() < 0.2
     assert abs(ours.torque[50:].mean() - theirs.torque[50:].mean()) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("control", "ts", 1e-2),
+        ("control", "psi_max", 0.01),
+        ("control", "current_max", 1e6),
+        ("control", "torque_max", 1e8),
+        ("control", "speed_max", 1e5),
+        ("inverter", "vdc", 1e5),
+        ("machine", "rs", 1000.0),
+        ("machine", "rr", 1000.0),
+    ],
+)
+def test_what_is_said_to_be_allowed_is(section: str, key: str, value: float) -> None:
+    drive = core.shipped("induction_2kw2").changed(**{section: {key: value}})
+    pattern = rf"{section}\.{key}: got {re.escape(f'{value:g}')}; it must be at (most|least) (\S+) "
+    with pytest.raises(ValueError, match=pattern) as refused:
+        registers(drive)
+    direction, end = re.search(pattern, str(refused.value)).groups()
+    far = 1.001 if direction == "most" else 0.999
+    (coefficient,) = _beyond(drive.changed(**{section: {key: far * float(end)}}))
+    assert coefficient not in _beyond(drive.changed(**{section: {key: float(end)}}))
+
+
+def _beyond(drive: MptcDrive) -> set[str]:
+    """Message of what does not fit without the values in it, or nothing."""
+    try:
+        registers(drive)
+    except ValueError as error:
+        return {" ".join(re.findall(r"\w+\.\w+", str(error)))}
+    return set()

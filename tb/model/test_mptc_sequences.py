@@ -762,9 +762,9 @@ def test_sequences_survive_the_file(tmp_path: Path) -> None:
         (lambda t: t.replace(",t2\n", ",t3\n", 1), ["line 1", "t3"]),
         (lambda t: "\n".join(x.rsplit(",", 1)[0] for x in t.splitlines()) + "\n",
          ["line 1", "t2", "together"]),
-        (lambda t: _last(t, 3, ["0.7", "0.4"]), ["line 3", "t2", "0.3"]),
+        (lambda t: _last(t, 3, ["0.7", "0.4"]), ["line 3", "column 13 (t2)", "0.3"]),
         (lambda t: _last(t, 4, ["1.1", "0.0"]), ["line 4", "t1", "0 to 1"]),
-        (lambda t: _last(t, 5, ["0.1", "-0.1"]), ["line 5", "t2", "0 to 1"]),
+        (lambda t: _last(t, 5, ["0.1", "-0.1"]), ["line 5", "column 13 (t2)", "0 to 1"]),
         (lambda t: _last(t, 6, ["8", "0.5", "0.5"]), ["line 6", "u3", "0 to 7"]),
     ],
 )  # fmt: skip

@@ -90,20 +90,25 @@ def words(register):
 _UNIT = 2**f.FRACTION
 _FULL = 2.0 ** (f.MEASUREMENT_WIDTH - 1) / (2.0 ** (f.MEASUREMENT_WIDTH - 1) - 1.0)
 
-#: Which keys of the drive file a coefficient that does not fit depends on.
-_KEYS = {
-    "current": "control.psi_max (psi_max/(sigma*L_s) must not be negligible beside current_max)",
-    "flux": "control.current_max (it must not be negligible beside psi_max/(sigma*L_s))",
-    "rotor": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
-    "rotor_flux": "control.ts (T_s*R_r/(sigma*L_r) must be below 1)",
-    "drop_current": "control.ts or control.psi_max (T_s*R_s*current_max must be below psi_max)",
-    "drop": "control.ts or control.psi_max (T_s*R_s times current_max + psi_max/(sigma*L_s) "
-    "must be below psi_max)",
-    "drop_flux": "control.ts (T_s*R_s/(sigma*L_s) must be below 1)",
-    "speed": "control.ts or control.speed_max (T_s*speed_max must be below 1)",
-    "voltage_alpha": "control.ts or control.psi_max (8/3*T_s*vdc must be below psi_max)",
-    "voltage_beta": "control.ts or control.psi_max (8/3*T_s*vdc must be below psi_max)",
-}
+#: Keys that a coefficient depends on as a power, and which.
+_KEYS: dict[str, dict[str, int]] = {
+    "rotor": {"control.ts": 1, "machine.rr": 1},
+    "rotor_flux": {"control.ts": 1, "machine.rr": 1},
+    "drop_current": {
+        "control.ts": 1, "machine.rs": 1, "control.current_max": 1,
+        "control.psi_max": -1,
+    },
+    "drop": {"control.ts": 1, "machine.rs": 1},
+    "drop_flux": {"control.ts": 1, "machine.rs": 1},
+    "speed": {"control.ts": 1, "control.speed_max": 1},
+    "voltage_alpha": {"control.ts": 1, "inverter.vdc": 1, "control.psi_max": -1},
+    "voltage_beta": {"control.ts": 1, "inverter.vdc": 1, "control.psi_max": -1},
+}  # fmt: skip
+
+_UNITS = {
+    "ts": "s", "rs": "Ohm", "rr": "Ohm", "current_max": "A", "psi_max": "Wb", "speed_max": "rad/s",
+    "vdc": "V", "torque_max": "N*m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -178,6 +183,27 @@ def _round_the_pair(rounded: dict[str, int], values: dict[str, float], ratio: fl
     )
 
 
+def _too_large(drive: MptcDrive, name: str, value: float, by_torque: bool) -> ValueError:
+    """What is allowed where a coefficient does not fit its word; by_torque: torque_max makes it."""
+    keys = _KEYS.get(name)
+    if name == "drop" and by_torque:
+        keys = {"control.torque_max": 1, "control.psi_max": -2}
+    if keys is None:
+        return ValueError(
+            "control.psi_max, control.current_max: psi_max/(sigma*L_s) and current_max must not be "
+            f"negligible beside each other; the coefficient {name} is {value:.6g} and cannot be "
+            "represented"
+        )
+    room = (f.WORD_HIGH - 1) / _UNIT / abs(value)  # what is allowed stays so when it is printed
+    parts = []
+    for key, power in keys.items():
+        section, word = key.split(".")
+        got = getattr(getattr(drive, section), word)
+        end = f"{'most' if power > 0 else 'least'} {got * room ** (1.0 / power):.6g}"
+        parts.append(f"{key}: got {got:g}; it must be at {end} {_UNITS[word]}")
+    return ValueError(f"{', or '.join(parts)}, with this drive's other values")
+
+
 def registers(drive: MptcDrive) -> Registers:
     """Register values of a drive.
 
@@ -201,7 +227,8 @@ def registers(drive: MptcDrive) -> Registers:
     current, flux = c.current_max * _FULL, c.psi_max * _FULL
     speed, torque = c.speed_max * _FULL, c.torque_max * _FULL
     per_rotor = 1.5 * m.pole_pairs * flux
-    smallest = max(current + lam * m.lr * flux, torque / per_rotor * _UNIT / (_UNIT - 1))
+    of_torque = torque / per_rotor * _UNIT / (_UNIT - 1)
+    smallest = max(current + lam * m.lr * flux, of_torque)
     exact = math.floor(torque / (per_rotor * smallest) * _UNIT)
     if exact < 1:
         raise ValueError(
@@ -225,10 +252,7 @@ def registers(drive: MptcDrive) -> Registers:
     rounded = {name: round(value * _UNIT) for name, value in values.items()}
     for name, word in rounded.items():
         if abs(word) > f.WORD_HIGH:
-            raise ValueError(
-                f"{_KEYS[name]}: the coefficient {name} is {values[name]:.4g} and "
-                "cannot be represented"
-            )
+            raise _too_large(drive, name, values[name], smallest == of_torque)
     if c.method == "SVM":
         _round_the_pair(rounded, values, (1.0 / m.ls - lam * m.lr) * flux / rotor)
     for name in ("rotor", "drop_flux"):

@@ -20,6 +20,7 @@ from directmpc.csv_table import (
     integers,
     read_cycles,
     read_table,
+    shown,
     write_table,
 )
 from directmpc.mptc.sequence import TIME_STEPS
@@ -168,8 +169,13 @@ class MptcDecisions:
         return len(self.u)
 
 
-def _time_error(path: PathLike, line: int, name: str, got: str, allowed: str) -> TraceError:
-    return TraceError(f'{path}, line {line}, column {name}: got "{got}"; it must be {allowed}')
+def _time_error(
+    path: PathLike, table: dict[str, list[str]], line: int, name: str, allowed: str
+) -> TraceError:
+    got, column = shown(table[name][line - 2]), list(table).index(name) + 1
+    return TraceError(
+        f'{path}, line {line}, column {column} ({name}): got "{got}"; it must be {allowed}'
+    )
 
 
 def _read_sequences(path: PathLike, table: dict[str, list[str]]) -> Sequences:
@@ -177,16 +183,14 @@ def _read_sequences(path: PathLike, table: dict[str, list[str]]) -> Sequences:
     for name in _TIMES:
         for line, field in enumerate(table[name], start=2):
             if not 0.0 <= float(field) <= 1.0:
-                raise _time_error(path, line, name, field, "a fraction of the period, 0 to 1")
+                raise _time_error(path, table, line, name, "a fraction of the period, 0 to 1")
     steps = np.rint(floats(table, _TIMES) * TIME_STEPS).astype(np.int64)
     # each of the two may have been rounded up
     over = steps.sum(axis=1) > TIME_STEPS + 1
     if over.any():
         row = int(np.argmax(over))
         left = 1.0 - float(table["t1"][row])
-        raise _time_error(
-            path, row + 2, "t2", table["t2"][row], f"at most {left:g}: t1 + t2 is 1 at most"
-        )
+        raise _time_error(path, table, row + 2, "t2", f"at most {left:g}: t1 + t2 is 1 at most")
     steps[:, 1] = np.minimum(steps[:, 1], TIME_STEPS - steps[:, 0])
     vectors = np.column_stack([integers(table, name) for name in _VECTORS])
     return Sequences(vectors, steps / TIME_STEPS)
