@@ -39,7 +39,7 @@ from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.measure.ranges import table as ranges
-from scripts.publish import mptc_report, paper_b, sensorless
+from scripts.publish import kept, mptc_report, paper_b, sensorless
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (
     Stage,
@@ -1099,6 +1099,7 @@ def regenerate(
             for stage in studies(jobs):
                 if stage.publish is not None:
                     stage.publish()
+            kept.write_pages()
     else:
         names = [*STAGES, *(one.name for one in placements())]
         if unknown := set(only) - set(names):
