@@ -39,9 +39,10 @@ from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.measure.ranges import table as ranges
-from scripts.publish import kept, mptc_report, paper_b, sensorless
+from scripts.publish import kept, mptc_report, paper_b, sensorless, study_figures
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (
+    METRICS,
     Stage,
     all_or_nothing,
     copy,
@@ -1021,6 +1022,7 @@ def _build(
         default["sese"] = default.get("sese", {}) | horizon_study.figures()
         for variant, design in DESIGNS.items():
             document[design.key]["fidelity"] |= accuracy.figures(variant)
+        document |= study_figures.sections()
         tools.write(path, json.dumps(document, indent=1) + "\n")
         write_resources()
         mptc_report.write_texts(document["mptc"])
@@ -1092,8 +1094,10 @@ def regenerate(
         with all_or_nothing():
             write_resources()
     elif tables_only:
-        document = json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
+        path = REPORTS / METRICS
+        document = json.loads(path.read_text(encoding="utf-8")) | study_figures.sections()
         with all_or_nothing():
+            tools.write(path, json.dumps(document, indent=1) + "\n")
             write_tables(document)
             mptc_report.write_texts(document["mptc"])
             for stage in studies(jobs):
