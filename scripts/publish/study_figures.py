@@ -62,6 +62,22 @@ def _put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) -
 # --- robustness -----------------------------------------------------------------------------------
 
 
+def label(rule: str, gain: float) -> str:
+    """Rule and filters as the tables of the page name them.
+
+    Parameters
+    ----------
+    rule, gain
+        As of `robustness.REMEDIES`.
+
+    Returns
+    -------
+    str
+        Such as "inwards, filters 1/16".
+    """
+    return f"{rule}, filters 1/{round(1 / gain)}" if gain < 1 else rule
+
+
 def remedy(noise: float, rule: str, gain: float) -> str:
     """Noise and what is done about it, as a key.
 
@@ -75,8 +91,7 @@ def remedy(noise: float, rule: str, gain: float) -> str:
     str
         Such as "noise 1, inwards, filters 1/16".
     """
-    filters = f", filters 1/{round(1 / gain)}" if gain < 1 else ""
-    return f"noise {noise:g}, {rule}{filters}"
+    return f"noise {noise:g}, {label(rule, gain)}"
 
 
 def _near(one: float, other: float) -> bool:
@@ -95,7 +110,19 @@ def _compared(chosen: Any, base: Any) -> dict[str, float]:
     }
 
 
-def _shipped(found: Mapping[robustness.Setting, Any]) -> Section:
+def shipped(found: Mapping[robustness.Setting, Any]) -> Section:
+    """What noise and remedies change on the shipped drives.
+
+    Parameters
+    ----------
+    found : mapping
+        As of `robustness.read`.
+
+    Returns
+    -------
+    dict
+        Figures by drive, bound, noise and remedy, horizon and speed.
+    """
     section: Section = {}
     places = itertools.product(robustness.DRIVES, robustness.BOUNDS, _points())
     for drive, bound, (kind, speed) in places:
@@ -209,7 +236,7 @@ def of_robustness(reports: Path = REPORTS) -> Section:
     found = robustness.read(reports / robustness.REPORT.name)
     two_level = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
     return {
-        "shipped": _shipped(found), "random": _random(found), "mismatch": _mismatch(found),
+        "shipped": shipped(found), "random": _random(found), "mismatch": _mismatch(found),
         "two_level": _two_level(two_level),
     }  # fmt: skip
 
@@ -236,7 +263,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
     for drive, speed in itertools.product(pwm.DRIVES, pwm.SPEEDS):
         at: dict[str, object] = {"drive": drive, "speed": speed}
         control = states.shipped(drive).control
-        shipped = {"bound_vn": control.bound_vn, "bound_vph": control.bound_vph}
+        usual = {"bound_vn": control.bound_vn, "bound_vph": control.bound_vph}
         for pulses in pwm.COMPARED[speed]:
             chosen = pwm.select(found, scheme="PWM", capacitors="real", value=pulses, **at)
             fsw = _mean(chosen, "fsw_hz")
@@ -246,7 +273,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
                 "pwm_thd_pct": _mean(chosen, "thd_pct"),
             }  # fmt: skip
             for name, kind in (
-                ("same", {"bound_vn": neutral, "bound_vph": phase}), ("shipped", shipped),
+                ("same", {"bound_vn": neutral, "bound_vph": phase}), ("shipped", usual),
             ):  # fmt: skip
                 for scheme in HORIZONS:
                     points = pwm.curve(
@@ -266,7 +293,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
             _put(section, ("ideal", drive, speed, pulses), figures)
         for bound, scheme in itertools.product(pwm.BALANCED, HORIZONS):
             real, still = (
-                pwm.select(found, scheme=scheme, capacitors=kind, value=bound, **shipped, **at)
+                pwm.select(found, scheme=scheme, capacitors=kind, value=bound, **usual, **at)
                 for kind in ("real", "ideal")
             )
             figures = {
