@@ -673,9 +673,10 @@ def test_every_number_of_the_readme_is_accounted_for() -> None:
     assert re.findall(r"\S*\d\S*", text) == []
 
 
-def test_a_falsified_number_is_found() -> None:
-    text = plain(pages()["README.md"])
-    for sentence, make in SAID["README.md"]:
+@pytest.mark.parametrize("name", SAID)
+def test_a_falsified_number_is_found(name: str) -> None:
+    text = plain(pages()[name])
+    for sentence, make in SAID[name]:
         for k, value in itertools.product(range(sentence.count("{}")), (" 7", "x")):
             wrong = list(map(str, make()))
             wrong[k] += value
