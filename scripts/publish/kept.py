@@ -94,7 +94,11 @@ def keep_scaling(
 
     Parameters
     ----------
-    rows, loops, steps, load
+    rows : sequence of mapping
+        As of `scaling.table`.
+    loops, steps : int
+        As of `scaling.table`.
+    load : float
         As of `scaling.table`.
     path : Path
         The file.
@@ -142,8 +146,12 @@ def keep_linear(
 
     Parameters
     ----------
-    differences, mismatch, rows
+    differences : sequence of Difference
         As `linear_comparison.compare` returns them.
+    mismatch : sequence of float
+        As `linear_comparison.compare` returns it.
+    rows : int
+        As `linear_comparison.compare` returns it.
     path : Path
         The file.
     """

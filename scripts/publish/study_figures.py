@@ -67,7 +67,9 @@ def label(rule: str, gain: float) -> str:
 
     Parameters
     ----------
-    rule, gain
+    rule : str
+        As of `robustness.REMEDIES`.
+    gain : float
         As of `robustness.REMEDIES`.
 
     Returns
@@ -83,7 +85,11 @@ def remedy(noise: float, rule: str, gain: float) -> str:
 
     Parameters
     ----------
-    noise, rule, gain
+    noise : float
+        As of `robustness.REMEDIES`.
+    rule : str
+        As of `robustness.REMEDIES`.
+    gain : float
         As of `robustness.REMEDIES`.
 
     Returns
