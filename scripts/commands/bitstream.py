@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 
 from rich.console import Console
 
 from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.measure import bitstream
+from scripts.publish import kept
 from scripts.shared.command import Command, UsageError
 
 
@@ -28,7 +30,10 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.seeds < 1:
         raise UsageError(f"argument --seeds: got {given.seeds}; at least 1 is needed")
     if given.page:
-        bitstream.write_page()
+        # the board of the last name first, as on the page
+        files = sorted(bitstream.FOLDER.glob("*.result.json"), reverse=True)
+        kept.keep_bitstreams(json.loads(path.read_text(encoding="utf-8")) for path in files)
+        kept.bitstreams_page()
         return 0
     if given.board is None:
         raise UsageError("--board is needed")

@@ -9,7 +9,8 @@ from typing import Any
 
 from directmpc.host.console import terminable
 from scripts.hdl import replay
-from scripts.shared import progress, tables, tools
+from scripts.publish import kept
+from scripts.shared import progress, tools
 from scripts.shared.command import Command
 from scripts.studies import field_bench as study
 
@@ -47,9 +48,10 @@ def _run(given: argparse.Namespace) -> int | None:
         manifest = study.build(given.out, given.steps)
         print(f"{given.out}: {len(manifest['sets'])} sets of {given.steps} rows")
         if given.publish:
-            text = study.page_tables(_own(given.out, manifest["sets"]))
-            tables.rewrite(study.PAGE, {study.MARKS: text})
-            print(text)
+            found = _own(given.out, manifest["sets"])
+            kept.keep_field_bench(found)
+            kept.field_bench_page()
+            print(study.page_tables(found))
     return 0
 
 

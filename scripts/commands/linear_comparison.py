@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from scripts.shared import progress, tables
+from scripts.publish import kept
+from scripts.shared import progress
 from scripts.shared.command import Command
 from scripts.studies import linear_comparison as study
 
@@ -16,10 +17,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     with progress.busy("closed loops, and six controllers on each"):
-        text = study.table(*study.compare(study.traces(given.steps)))
+        found = study.compare(study.traces(given.steps))
     if given.write:
-        tables.rewrite(study.TABLE, {(study.BEGIN, study.END): text})
-    print(text)
+        kept.keep_linear(*found)
+        kept.linear_page()
+    print(study.table(*found))
     return 0
 
 

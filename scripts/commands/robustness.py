@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from scripts.publish import noise
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
 from scripts.studies import mptc_robustness, robustness
@@ -23,6 +24,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="file of the loops of two-level drives",
     )  # fmt: skip
     parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
+    parser.add_argument(
+        "--tables", action="store_true",
+        help="rewrite tables and picture from the stored files only",
+    )  # fmt: skip
     workers.add_arguments(parser)
 
 
@@ -30,6 +35,10 @@ def _run(given: argparse.Namespace) -> int | None:
     for name in ("jobs", "steps", "starts", "random"):
         if getattr(given, name) < 1:
             raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
+    if given.tables:
+        _publish(robustness.read(given.out), given)
+        mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)
+        return 0
     rows = robustness.study(
         given.out,
         given.jobs,
@@ -39,12 +48,18 @@ def _run(given: argparse.Namespace) -> int | None:
         anew=given.anew,
         scheduler=given.scheduler,
     )
-    robustness.publish(rows, given.page)
+    _publish(rows, given)
     two_level = mptc_robustness.study(
         given.two_level_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
     )
     mptc_robustness.publish(two_level, given.page)
     return 0
+
+
+def _publish(rows: dict[robustness.Setting, dict[str, float]], given: argparse.Namespace) -> None:
+    """Tables of the five-level drives, and the picture beside the file of the loops."""
+    robustness.publish(rows, given.page)
+    noise.draw(rows, given.out.with_suffix(".png"))
 
 
 COMMAND = Command("robustness", __doc__.splitlines()[0], _arguments, _run)

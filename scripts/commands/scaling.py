@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
+from scripts.publish import kept
 from scripts.shared.command import Command, UsageError
 from scripts.studies import scaling
 
@@ -19,7 +21,9 @@ def _run(given: argparse.Namespace) -> int | None:
     for name in ("loops", "steps"):
         if getattr(given, name) < 1:
             raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
-    scaling.publish(given.loops, given.steps, given.page)
+    load = os.getloadavg()[0]
+    kept.keep_scaling(scaling.measure(given.loops, given.steps), given.loops, given.steps, load)
+    kept.scaling_page(given.page)
     return 0
 
 

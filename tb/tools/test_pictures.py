@@ -16,9 +16,10 @@ from typing import Any
 import pytest
 
 from scripts.measure import sweep
+from scripts.publish import noise
 from scripts.shared import figures, rows
 from scripts.shared.tools import ROOT
-from scripts.studies import bounds, horizon, lengths, pwm
+from scripts.studies import bounds, horizon, lengths, pwm, robustness
 from scripts.studies.fidelity import plots, study
 
 DRIVE = ROOT / "drives" / "anpc5l_6kv.toml"
@@ -40,12 +41,17 @@ def _pwm(out: Path) -> None:
     pwm.draw(rows.read(pwm.REPORT, pwm.Setting, pwm.FIGURES), out / "pwm.png")
 
 
+def _robustness(out: Path) -> None:
+    noise.draw(robustness.read(robustness.REPORT), out / "x.png")
+
+
 DRAWN: dict[str, tuple[ModuleType, Callable[[Path], None], int]] = {
     "fidelity": (plots, lambda out: study.draw_stored(out=out), 3),
     "sese": (horizon, _horizon, 2),
     "bounds": (bounds, _bounds, 2),
     "lengths": (lengths, lambda out: lengths.draw(lengths.read(lengths.REPORT), out / "x.png"), 1),
     "pwm": (pwm, _pwm, 1),
+    "robustness": (noise, _robustness, 1),
     "sweep": (sweep, lambda out: sweep.draw(sweep.stored_rows(), "0" * 12, out / "x.png"), 1),
 }
 """Name -> module that saves, what draws into a folder, number of pictures."""

@@ -1,0 +1,223 @@
+"""Sections of reports/metrics.json that closed-loop studies fill.
+
+Stimulus: the files in reports/ and the pages that are checked in.
+Checks: each section is what the study's CSV gives; the tables of the pages, which the studies write
+by themselves, have the same figures.
+Does not prove: that a figure is right; the commands that write the CSV files measure it.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from scripts.publish import study_figures
+from scripts.shared.tools import ROOT
+from scripts.studies import bounds, deadlocks, lengths, mptc_robustness, robustness, sensorless
+
+METRICS: dict[str, Any] = json.loads((ROOT / "reports" / "metrics.json").read_text("utf-8"))
+POINTS = ("SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
+
+
+def table(page: str, name: str) -> list[list[str]]:
+    """Rows of a table between marks, without its head."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    inside = text.partition(f"<!-- {name}: begin")[2].partition(f"<!-- {name}: end")[0]
+    lines = [line.strip() for line in inside.splitlines() if line.startswith("| ")]
+    return [
+        [cell.strip() for cell in line[1:-1].split("|")]
+        for line in lines[1:]
+        if not line.startswith("| ---")
+    ]
+
+
+@pytest.mark.parametrize("name", study_figures.SECTIONS)
+def test_a_section_is_what_the_file_gives(name: str) -> None:
+    made = study_figures.sections()[name]
+    assert METRICS[name] == json.loads(json.dumps(made)), "make report ARGS=--tables"
+    assert len(made) > 1
+
+
+def _compared(one: dict[str, float], form: str = "+.0f") -> str:
+    return (
+        f"{one['fsw_change_pct']:+.0f} ({one['thd_change_pct']:{form}}, "
+        f"{one['deadlocks_per_1000']:.0f})"
+    )
+
+
+def test_robustness_of_the_shipped_drives() -> None:
+    found = table("robustness.md", "shipped")
+    assert len(found) == 40
+    shipped = METRICS["robustness"]["shipped"]
+    for drive, bound, noise, rule, *cells in found:
+        by = {float(key): value for key, value in shipped[drive].items()}[float(bound)]
+        one = by[f"noise {noise}, {rule}"]
+        assert cells == [_compared(one[point]) for point in POINTS]
+
+
+def test_robustness_against_another_machine() -> None:
+    found = table("robustness.md", "mismatch")
+    assert len(found) == 2 * sum(how != robustness.KNOWN for _, how in robustness.MISMATCHES)
+    for drive, plant, knows, theta, *cells in found:
+        one = METRICS["robustness"]["mismatch"][drive][plant][knows]
+        assert cells == [_compared(one[point], "+.1f") for point in POINTS]
+        thetas = [one[point]["theta"] for point in POINTS]
+        assert theta in ("-", f"{min(thetas):.2f} to {max(thetas):.2f}")
+
+
+def _spread(one: dict[str, float]) -> str:
+    return f"{one['median']:+.0f} ({one['p05']:+.0f} to {one['p95']:+.0f})"
+
+
+def _high(one: dict[str, float], form: str) -> str:
+    return f"{one['median']:{form}} ({one['p95']:{form}})"
+
+
+def test_robustness_of_random_drives() -> None:
+    section = METRICS["robustness"]["random"]
+    for noise, rule, *cells in table("robustness.md", "random"):
+        one = section[f"noise {noise}, {rule}"]
+        assert cells == [
+            _spread(one["fsw_change_pct"]), _high(one["deadlocks_per_1000"], ".0f"),
+            _high(one["excess_current_pu"], ".3f"), _high(one["voltage_outside_pct"], ".1f"),
+        ]  # fmt: skip
+    two_level = METRICS["robustness"]["two_level"]
+    found = table("robustness.md", "two-level")
+    assert len(found) == 2 * (len(mptc_robustness.CASES) - 1)
+    for method, case, *cells in found:
+        one = two_level[method][case]
+        names = ("torque_ripple", "flux_ripple", "thd", "fsw")
+        assert cells == [
+            *(_spread(one[f"{name}_change_pct"]) for name in names),
+            _high(one["torque_off_nm"], ".2f"),
+        ]
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f}"
+
+
+def _of_speed(section: dict[str, Any], drive: str, speed: str) -> dict[str, Any]:
+    return {float(key): value for key, value in section[drive].items()}[float(speed)]
+
+
+def test_pwm() -> None:
+    section = METRICS["pwm"]
+    for name, columns in (
+        ("equal", ("pwm_thd_pct", "se_same_thd_pct", "sese_same_thd_pct", "se_shipped_thd_pct",
+                   "sese_shipped_thd_pct", "pwm_ideal_thd_pct")),
+        ("ideal", ("pwm_thd_pct", "se_thd_pct", "sese_thd_pct")),
+    ):  # fmt: skip
+        for drive, speed, fsw, *cells in table("pwm.md", name):
+            (one,) = (
+                one
+                for one in _of_speed(section[name], drive, speed).values()
+                if f"{one['fsw_hz']:.0f}" == fsw
+            )
+            assert cells[-len(columns) :] == [_percent(one[column]) for column in columns]
+    for drive, speed, bound, *cells in table("pwm.md", "balance"):
+        by = _of_speed(section["balance"], drive, speed)
+        one = {float(key): value for key, value in by.items()}[float(bound)]
+        assert cells == [
+            f"{one[s]['fsw_hz']:.0f} / {one[s]['fsw_still_hz']:.0f} Hz, "
+            f"{one[s]['balance_pct']:.0f} % "
+            f"(THD {one[s]['thd_pct']:.1f} / {one[s]['thd_still_pct']:.1f} %)"
+            for s in ("SE", "SESE")
+        ]
+    page = (ROOT / "docs" / "pwm.md").read_text(encoding="utf-8")
+    said = (f"{one['vn_pu']:.3f} / {one['vph_pu']:.3f} pu" for one in section["excess"].values())
+    assert all(one in page for one in said)
+
+
+def test_bounds_and_lengths() -> None:
+    section = METRICS["bounds"]
+    found = table("bounds.md", "distortion")
+    assert len(found) == len(bounds.BOUNDS)
+    for bound, *cells in found:
+        key = str(float(bound))
+        ideal = section["ideal"][key]
+        assert cells == [
+            f"{ideal['fsw_hz']:.0f}", f"{ideal['thd_pct']:.2f}",
+            *(f"{section[name][key][column]:+.1f}" for name in ("paper", "fast")
+              for column in ("fsw_diff_pct", "thd_diff_pct")),
+        ]  # fmt: skip
+    for name, row in zip(("paper", "fast"), table("bounds.md", "largest")[1:], strict=True):
+        one = section["largest"][name]
+        assert row[1:] == [
+            f"{one['fsw_diff_pct']:.1f}", f"{one['thd_diff_pct']:.1f}",
+            f"{one['rtl_differing']} of {one['rtl_rows']} differ",
+        ]  # fmt: skip
+    for (name, rule), row in zip(bounds.SETTINGS, table("bounds.md", "capacitors"), strict=True):
+        one = section["capacitors"][name][rule]
+        assert row[2].startswith(f"{one['vn_largest_pu']:.3f} of")
+        assert row[4].startswith(f"{one['vph_largest_pu']:.3f} of")
+        outside = [one[key] for key in ("vn_outside_pct", "vph_outside_pct")]
+        assert [row[3], row[5]] == [f"{value:.2f}" for value in outside]
+        assert row[6] == f"{one['deadlocks_pct']:.1f}"
+    for name, row in zip(lengths.VARIANTS, table("bounds.md", "lengths"), strict=True):
+        one = METRICS["lengths"][name]
+        assert row[1:] == [
+            f"{one['searches']}", f"{one['exact_pct']:.2f}", f"{one['one_step_pct']:.2f}",
+            f"{one['more_pct']:.2f}", f"{one['least_steps']:+d} to {one['largest_steps']:+d}",
+        ]  # fmt: skip
+
+
+def _worst(one: dict[str, float]) -> str:
+    return ", ".join(f"{one[f'{key}_pu']:.3f}" for key in study_figures.EXCESS) + " pu"
+
+
+def test_deadlocks() -> None:
+    section = METRICS["deadlocks"]
+    for name, part in (("low speeds", "low"), ("high speeds", "high")):
+        for rule, horizon, *cells in table("deadlocks.md", name):
+            one = section[part][rule][horizon]
+            assert cells == [
+                f"{one['thd_per_bound']:.0f} %/pu", f"{one['fsw_hz']:.0f} Hz",
+                f"{one['deadlocks_pct']:.1f} %", _worst(one),
+            ]  # fmt: skip
+    found = table("deadlocks.md", "points")
+    assert len(found) == 48
+    for place, rule, *cells in found:
+        horizon, speed, bound = place.split(", ")
+        by = section["points"][horizon][str(float(speed))][str(float(bound))]
+        one = by[deadlocks.BUILT_IN[rule]]
+        assert cells == [
+            f"{one['thd_pct']:.1f} ± {one['thd_pct_interval']:.1f} %",
+            f"{one['fsw_hz']:.0f} ± {one['fsw_hz_interval']:.0f} Hz",
+            f"{one['deadlocks_pct']:.0f} ± {one['deadlocks_pct_interval']:.0f} %",
+            _worst(one),
+        ]
+    for place, steps, *_, correctable in table("deadlocks.md", "what happens"):
+        horizon, speed = place.split(", ")
+        one = section["steps"][horizon][str(float(speed))]["0.1"]
+        assert steps == f"{one['deadlock_steps']:.0f}"
+        wanted = (one["vn_correctable_pct"], one["vn_and_current_pct"])
+        assert correctable == "{:.0f} / {:.0f} %".format(*wanted)
+
+
+def test_sensorless() -> None:
+    section = METRICS["sensorless"]
+
+    def shown(value: float | None, form: str) -> str:
+        return "lost" if value is None else f"{value:{form}}"
+
+    found = table("sensorless.md", "cases")
+    for name, row, column, form in (
+        ("start", 0, "to_1400_rpm_ms", ".0f"), ("start", 1, "estimate_error_rpm", ".1f"),
+        ("reversal", 2, "to_1400_rpm_ms", ".0f"), ("reversal", 3, "estimate_error_rpm", ".1f"),
+        ("crawl", 4, "speed_error_rpm", ".2f"), ("crawl", 5, "estimate_error_rpm", ".2f"),
+        ("full speed", 6, "speed_error_rpm", ".2f"),
+        ("full speed", 7, "estimate_error_rpm", ".2f"),
+    ):  # fmt: skip
+        for case, cell in zip(sensorless.CASES, found[row][1:], strict=True):
+            ((one,),) = (list(at.values()) for at in section[name][case].values())
+            assert cell == shown(one[column], form), (name, case)
+    for mark, region in zip(("region", "skewed"), sensorless.REGIONS, strict=True):
+        (by,) = section[region].values()
+        for load, *cells in table("sensorless.md", mark):
+            assert cells == [
+                shown(by[f"{rpm:g} r/min"][f"{load} N m"]["speed_error_rpm"], ".1f")
+                for rpm in sensorless.REGION_SPEEDS
+            ]
