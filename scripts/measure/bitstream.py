@@ -26,7 +26,7 @@ from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS, BUILDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
 from scripts.shared import progress, tables, tools
-from scripts.shared.tools import BUILD, ROOT, ToolError
+from scripts.shared.tools import BUILD, ToolError
 
 FOLDER = BUILD / "bitstream"
 PACKAGE, SPEED = "CABGA381", "6"
@@ -561,13 +561,3 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
     versions = sorted({", ".join(found["tools"].values()) for found in results})
     body = "\n".join([tables.markdown(head, rows.values(), align), "", *versions])
     return tables.between(text, body, *_MARKS)
-
-
-def write_page() -> None:
-    """Table of bitstreams, anew for those built since the last `make clean`."""
-    results = [
-        json.loads(path.read_text(encoding="utf-8"))
-        for path in sorted(FOLDER.glob("*.result.json"), reverse=True)
-    ]
-    path = ROOT / "docs" / "boards.md"
-    tools.write(path, page(path.read_text(encoding="utf-8"), results))

@@ -170,24 +170,3 @@ def table(rows: list[dict[str, Any]], loops: int, steps: int, load: float) -> st
         "All figures of all loops were the same in the four runs.\n\n"
         + tables.markdown(head, shown)
     )
-
-
-def publish(loops: int = LOOPS, steps: int = STEPS, page: Path = PAGE) -> None:
-    """Measure and write the table of the page.
-
-    Parameters
-    ----------
-    loops, steps : int
-        As of `measure`.
-    page : Path
-        The page; its markers stay.
-
-    Raises
-    ------
-    ToolError
-        As of `measure`.
-    MarkerError
-        If the page lacks the markers.
-    """
-    load = os.getloadavg()[0]
-    tables.rewrite(page, {(BEGIN, END): table(measure(loops, steps), loops, steps, load)})
