@@ -50,7 +50,8 @@ WRITTEN = {
 
 #: Programs beside those of the project.
 NOTED = (
-    "sudo", "ghdl", "pip", "openFPGALoader", "directmpc-host", "apt-get", "mmdebstrap", "git",
+    "sudo", "ghdl", "pip", "directmpc", "directmpc-host", "openFPGALoader", "apt-get", "mmdebstrap",
+    "git",
 )  # fmt: skip
 
 FILE = re.compile(r"[\w./-]*\w\.(?:toml|csv|json|xml|vhd|h|sh|py|md)$")
@@ -209,6 +210,8 @@ def _python(arguments: Call) -> None:
 def _other(name: str, arguments: Call) -> None:
     """Check a call of another program."""
     match [name, *arguments]:
+        case ["directmpc", *rest]:
+            _python(["-m", "scripts", *rest])
         case ["directmpc-host", *rest]:
             _accepts(host, rest, name)
         case ["pip", "install", "." | ".[board]" as what]:
@@ -314,6 +317,7 @@ def test_commands_that_simulate_run(page: str, copy: Path) -> None:
         ".venv/bin/python -m scripts bound",
         ".venv/bin/python -m directmpc.host --port p runs",
         "make check ARGS='--baselines own.toml'",
+        ".venv/bin/directmpc check --baseline",
         "make -s sources TOP=none",
         "directmpc-hosts --help",
         "pip install directmpc",
