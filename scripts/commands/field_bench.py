@@ -15,13 +15,16 @@ from scripts.studies import field_bench as study
 
 OUT = tools.BUILD / "field-bench"
 
+ON_RTL = ("mpdcc-6kv-se-full-speed", "two-level-mptc")
+"""Sets that our RTL decides on too, one of each controller; a simulation of half a minute each."""
+
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder to make or to make anew")
     parser.add_argument("--steps", type=int, default=study.STEPS, help="rows of each set")
     parser.add_argument(
         "--publish", action="store_true",
-        help=f"score our bit-true models on it, and write {study.PAGE.name}",
+        help=f"score our bit-true models and our RTL on it, and write {study.PAGE.name}",
     )  # fmt: skip
 
 
@@ -42,12 +45,35 @@ def _own(bench: Path, sets: dict[str, Any]) -> list[tuple[str, str, dict[str, An
     return found
 
 
+def _on_rtl(bench: Path) -> str:
+    """A table with the scores of our RTL, simulated, and its cycles."""
+    keys = ("rows", "unlike", "unlike_pct", "ties", "lost_mean_pct", "saturated", "cycles_worst")
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ON_RTL:
+            out = Path(folder) / "decisions.csv"
+            drive, states = bench / name / "drive.toml", bench / name / "trace.csv"
+            replay.replay(
+                replay.Request(drive, states, out, "rtl", replay.DEFAULT_EXPLORERS, "fast")
+            )
+            found = study.score(bench, name, out)
+            which = ", fast, 2 explorers" if name.startswith("mpdcc") else ""
+            shown = [
+                f"{found[key]:.3g}" if isinstance(found[key], float) else str(found[key])
+                for key in keys
+            ]
+            rows.append([f"`{name}`", f"directmpc, RTL{which}", *shown])
+    head = ["set", "implementation", *(f"`{key}`" for key in keys)]
+    return tables.markdown(head, rows).rstrip("\n")
+
+
 def _run(given: argparse.Namespace) -> int | None:
     with terminable():
         manifest = study.build(given.out, given.steps)
         print(f"{given.out}: {len(manifest['sets'])} sets of {given.steps} rows")
         if given.publish:
             text = study.page_tables(_own(given.out, manifest["sets"]))
+            text = f"{text}\n\n{_on_rtl(given.out)}"
             tables.rewrite(study.PAGE, {study.MARKS: text})
             print(text)
     return 0
