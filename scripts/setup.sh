@@ -201,6 +201,20 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   printf '%s\n' "$root/model" "$root" >"$site/directmpc.pth"
 fi
 
+# The project's commands from any folder. It finds the clone by its own place, so a clone may be moved.
+cat >"$venv/bin/directmpc" <<'END'
+#!/bin/sh
+# The commands of the directmpc project: what `python -m scripts` is in its folder. setup.sh writes this file.
+here="$(readlink -f -- "$0")" && root="${here%/.venv/bin/directmpc}"
+if [ "$root" = "$here" ] || [ ! -f "$root/scripts/__main__.py" ]; then
+  echo "directmpc: $here is not in a clone of directmpc; run .venv/bin/directmpc of a clone, after 'make setup' there" >&2
+  exit 2
+fi
+# -P: a folder 'scripts' of whoever calls is another one
+PYTHONPATH="$root/model:$root${PYTHONPATH:+:$PYTHONPATH}" exec "$root/.venv/bin/python" -P -m scripts "$@"
+END
+chmod +x "$venv/bin/directmpc"
+
 # cocotb embeds Python into the simulator and so needs its shared library, which Debian splits off too.
 if ! "$python" -c 'import sys, find_libpython; sys.exit(not find_libpython.find_libpython())' 2>/dev/null; then
   apt_install "$(of_python 'libpython%d.%d')"

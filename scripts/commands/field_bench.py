@@ -16,13 +16,16 @@ from scripts.studies import field_bench as study
 
 OUT = tools.BUILD / "field-bench"
 
+ON_RTL = ("mpdcc-6kv-se-full-speed", "two-level-mptc")
+"""Sets that our RTL decides on too, one of each controller; a simulation of half a minute each."""
+
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=OUT, help="folder to make or to make anew")
     parser.add_argument("--steps", type=int, default=study.STEPS, help="rows of each set")
     parser.add_argument(
         "--publish", action="store_true",
-        help=f"score our bit-true models on it, and write {study.PAGE.name}",
+        help=f"score our bit-true models and our RTL on it, and write {study.PAGE.name}",
     )  # fmt: skip
 
 
@@ -43,15 +46,28 @@ def _own(bench: Path, sets: dict[str, Any]) -> list[tuple[str, str, dict[str, An
     return found
 
 
+def _on_rtl(bench: Path) -> list[tuple[str, str, dict[str, Any]]]:
+    """Scores of our RTL, simulated, with its cycles."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ON_RTL:
+            out = Path(folder) / "decisions.csv"
+            drive, states = bench / name / "drive.toml", bench / name / "trace.csv"
+            replay.replay(
+                replay.Request(drive, states, out, "rtl", replay.DEFAULT_EXPLORERS, "fast")
+            )
+            which = ", fast, 2 explorers" if name.startswith("mpdcc") else ""
+            found.append((name, f"directmpc, RTL{which}", study.score(bench, name, out)))
+    return found
+
+
 def _run(given: argparse.Namespace) -> int | None:
     with terminable():
         manifest = study.build(given.out, given.steps)
         print(f"{given.out}: {len(manifest['sets'])} sets of {given.steps} rows")
         if given.publish:
-            found = _own(given.out, manifest["sets"])
-            kept.keep_field_bench(found)
-            kept.field_bench_page()
-            print(study.page_tables(found))
+            kept.keep_field_bench(_own(given.out, manifest["sets"]), _on_rtl(given.out))
+            print(kept.field_bench_page())
     return 0
 
 

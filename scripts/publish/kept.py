@@ -183,23 +183,30 @@ def linear_page(page: Path = linear_comparison.TABLE, path: Path = LINEAR) -> No
 # --- bench of a field -----------------------------------------------------------------------------
 
 
-def keep_field_bench(
-    entries: Iterable[tuple[str, str, Mapping[str, Any]]], path: Path = FIELD_BENCH
-) -> None:
-    """Store the scores of our models.
+Scores = Sequence[tuple[str, str, Mapping[str, Any]]]
+"""Set, implementation, and what `field_bench.score` finds."""
+
+ON_RTL = ("rows", "unlike", "unlike_pct", "ties", "lost_mean_pct", "saturated", "cycles_worst")
+
+
+def keep_field_bench(models: Scores, rtl: Scores, path: Path = FIELD_BENCH) -> None:
+    """Store the scores of our models and of our RTL.
 
     Parameters
     ----------
-    entries : iterable of (str, str, mapping)
-        As of `field_bench.page_tables`.
+    models, rtl : Scores
+        Those of the RTL have cycles.
     path : Path
         The file.
     """
-    known = [{"set": name, "implementation": whose, **score} for name, whose, score in entries]
-    _write(path, known)
+
+    def rows(scores: Scores) -> list[dict[str, Any]]:
+        return [{"set": name, "implementation": whose, **score} for name, whose, score in scores]
+
+    _write(path, {"models": rows(models), "rtl": rows(rtl)})
 
 
-def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) -> None:
+def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) -> str:
     """Write the tables of docs/field-bench.md.
 
     Parameters
@@ -207,13 +214,31 @@ def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) ->
     page, path : Path
         The page, and the file.
 
+    Returns
+    -------
+    str
+        The tables.
+
     Raises
     ------
     MarkerError
         If the page lacks the markers.
     """
-    entries = [(one.pop("set"), one.pop("implementation"), one) for one in _read(path)]
-    tables.rewrite(page, {field_bench.MARKS: field_bench.page_tables(entries)})
+    known = _read(path)
+    models = [(one.pop("set"), one.pop("implementation"), one) for one in known["models"]]
+    head = ["set", "implementation", *(f"`{key}`" for key in ON_RTL)]
+    cells = [
+        [f"`{one['set']}`", one["implementation"], *(_cell(one[key]) for key in ON_RTL)]
+        for one in known["rtl"]
+    ]
+    on_rtl = tables.markdown(head, cells).rstrip("\n")
+    text = f"{field_bench.page_tables(models)}\n\n{on_rtl}"
+    tables.rewrite(page, {field_bench.MARKS: text})
+    return text
+
+
+def _cell(value: float | str) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 # --- bitstreams -----------------------------------------------------------------------------------

@@ -233,7 +233,7 @@ def pages(out: Path, time: int) -> None:
 
 
 def bitstreams(out: Path, time: int) -> None:
-    """Bitstreams of both controllers for the board that open tools serve.
+    """Every bitstream of the board that open tools serve: both controllers, and the family.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def bitstreams(out: Path, time: int) -> None:
         If a design does not fit or misses its clock.
     """
     del time
-    for controller in ("mpdcc", "mptc"):
+    for controller in BOARDS[BOARD].controllers:
         _, bit = bitstream.build_all(BOARDS[BOARD], controller, 1, SEEDS)
         shutil.copy(bit, out / f"directmpc-{VERSION}-{BOARD}-{controller}.bit")
 

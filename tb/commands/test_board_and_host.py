@@ -227,29 +227,64 @@ def test_a_value_that_was_made_safer_is_a_warning() -> None:
         board.load(MPTC, GuardSettings(clock=25e6, watchdog=1e4))
 
 
-@pytest.mark.parametrize(
-    ("settings", "clocks"),
-    [("SESE", 3470), ("SESE 2000", cycles.bound(1, 2000)), ("SESE 400", 0), ("SE", 0)],
-)
-def test_registers_say_that_a_search_can_outlast_the_guard(
-    tmp_path: Path, capsys: pytest.CaptureFixture, settings: str, clocks: int
-) -> None:
+def file_with(tmp_path: Path, settings: str) -> Path:
+    """A drive file with a horizon and, if it is given, a budget."""
     horizon, *budget = settings.split()
     path = tmp_path / "drive.toml"
-    text = plain_text("anpc5l_6kv")
-    text = text.replace("switching_horizon", "# switching_horizon")
+    text = plain_text("anpc5l_6kv").replace("switching_horizon", "# switching_horizon")
     lines = [f'switching_horizon = "{horizon}"', *(f"budget = {number}" for number in budget)]
-    text = text.replace("[control]", "\n".join(["[control]", *lines]))
-    path.write_text(text, encoding="utf-8")
-    assert registers_module.main([str(path)]) == 0
+    path.write_text(text.replace("[control]", "\n".join(["[control]", *lines])), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("settings", "options", "clocks"),
+    [
+        ("SESE", "", 3470),
+        ("SESE 2000", "", cycles.bound(1, 2000)),
+        ("SESE", "--explorers 4", 1191),
+        ("SESE", "--clock 75e6", 3470),
+        ("SESE", "--clock 75e6 --explorers 2", 0),
+        ("SESE", "--clock 80e6", 0),
+        ("SESE", "--decision-limit 4", 0),
+        ("SESE 400", "", 0),
+        ("SE", "", 0),
+        ("SE", "--variant paper", cycles.decision(1, "paper")),
+        ("SE", "--variant paper --explorers 2", 0),
+    ],
+)
+def test_registers_refuse_a_search_that_can_outlast_the_guard(
+    tmp_path: Path, capsys: pytest.CaptureFixture, settings: str, options: str, clocks: int
+) -> None:
+    path = file_with(tmp_path, settings)
+    code = registers_module.main([str(path), *options.split()])
     shown = capsys.readouterr()
-    assert shown.out.startswith("register,address,word,value\n")
     if not clocks:
-        assert shown.err == ""
+        assert (code, shown.err) == (0, "")
+        assert shown.out.startswith("register,address,word,value\n")
         return
-    assert shown.err.startswith(f"registers: {path}: control.budget: got ")
-    assert f"takes up to {clocks} clocks" in shown.err
-    assert "trips after 1125 (guard.decision_limit)" in shown.err
+    assert (code, shown.out) == (2, "")
+    key = "control.budget" if settings.startswith("SESE") else "control.ts"
+    assert shown.err.startswith(f"registers: {path}: {key}: got ")
+    assert f"up to {clocks} clocks" in shown.err
+    limit = 3375 if "75e6" in options else 1125
+    assert f"trips after {limit} (guard.decision_limit)" in shown.err
+
+
+def test_what_registers_say_that_serves_does(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    given = [str(file_with(tmp_path, "SESE"))]
+    assert registers_module.main(given) == 2
+    said = capsys.readouterr().err
+    found = re.search(r"a budget of at most (\d+), a clock of ([\d.]+) MHz|$", said)
+    assert found is not None
+    assert found[0], said
+    most, clock = int(found[1]), float(found[2])
+    file_with(tmp_path, f"SESE {most}")
+    assert registers_module.main(given) == 0
+    assert cycles.bound(1, most) <= 1125 < cycles.bound(1, most + 1)
+    file_with(tmp_path, "SESE")
+    assert registers_module.main([*given, "--clock", f"{clock}e6"]) == 0
+    assert registers_module.main([*given, "--clock", f"{0.99 * clock}e6"]) == 2
 
 
 def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:

@@ -132,6 +132,23 @@ def test_the_command_says_and_writes_the_score(
     assert "unlike_pct" in capsys.readouterr().out
 
 
+def test_the_rtl_has_an_entry_of_each_controller() -> None:
+    page = study.PAGE.read_text(encoding="utf-8")
+    table = page[page.index(study.MARKS[0]) : page.index(study.MARKS[1])].split("\n\n")[-1]
+    head, _, *rows = [line.strip("| ").split("|") for line in table.strip().splitlines()]
+    column = [cell.strip() for cell in head].index("`cycles_worst`")
+    found = {row[0].strip(" `"): int(row[column]) for row in rows}
+    assert set(found) == set(field_bench.ON_RTL) <= {setting.name for setting in study.SETTINGS}
+    assert all(cycles > 0 for cycles in found.values())
+    for name in found:  # the RTL decides as the model does
+        (model,) = [line for line in page.splitlines() if f"`{name}`" in line and "RTL" not in line
+                    and "paper" not in line]  # fmt: skip
+        (rtl,) = [row for row in rows if name in row[0]]
+        assert [cell.strip() for cell in model.strip("| ").split("|")][2:5] == [
+            cell.strip() for cell in rtl
+        ][2:5]
+
+
 def test_what_cannot_be_scored_is_told(
     bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,10 +1,12 @@
 """Code that stands in pages runs: Python of the library, settings, the host of the first page.
 
+Commands of a shell are those of tb/tools/test_page_commands.py.
+
 Stimulus: blocks of Python and TOML as the pages have them; a stand-in for a board, for the loop
 of README.
 Checks: every block runs as it stands, in the order of the page and in a folder of its own; settings
-are valid in a shipped drive; a block with a fault fails; no block is left out but those that other
-tests run or that are no program.
+are valid in a shipped drive; a block with a fault fails; every block says its language, and none is
+left out but those that other tests run or that are no program.
 Does not prove: what a block computes.
 """
 
@@ -21,16 +23,18 @@ from directmpc import load_drive
 from directmpc.host.board import Board
 from scripts.shared.tools import ROOT
 
-BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
+BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
 PYTHON = ("docs/library.md", "docs/robustness.md")
 SETTINGS = ("docs/deadlocks.md", "docs/pwm.md", "docs/robustness.md", "docs/sese.md")
 #: Blocks of other tests and kinds: page and language, and what runs or checks it.
 OTHER = {
     ("README.md", "python"): "below",
-    ("docs/check.md", "yaml"): "a workflow of another repository",
+    ("docs/check.md", "yaml"): "tb/tools/test_page_commands.py",
+    ("docs/check.md", "text"): "what a failing check prints",
     ("docs/drive-file.md", "python"): "tb/tools/test_documents.py",
     ("docs/hil.md", "python"): "tb/model/test_examples.py",
     ("docs/processor.md", "c"): "tb/rtl/system/processor_system",
+    ("docs/replay.md", "csv"): "tb/tools/test_documents.py",
     ("docs/using-the-core.md", "vhdl"): "tb/tools/test_documents.py",
 }  # fmt: skip
 
@@ -120,14 +124,25 @@ def test_a_block_with_a_fault_fails() -> None:
         load_drive("anpc5l_6kv").with_control(deadlock_rule="heaviest")
 
 
-def test_no_block_is_left_out() -> None:
+def found() -> set[tuple[str, str]]:
+    """Pages and the languages of their blocks; "" where a block does not say its language."""
     pages = ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
-    found = {
+    return {
         (page, language)
         for page in pages
         for language, _ in BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
     }
+
+
+def test_every_block_says_its_language() -> None:
+    assert BLOCK.findall("1. So:\n\n   ```\n   make run\n   ```\n")[0][0] == ""
+    assert not [page for page, language in found() if not language]
+
+
+def test_no_block_is_left_out() -> None:
     run = {(page, "python") for page in PYTHON} | {(page, "toml") for page in SETTINGS}
-    assert found == run | set(OTHER)
+    commands = {(page, language) for page, language in found() if language == "sh"}
+    assert len(commands) > 15
+    assert found() == run | commands | set(OTHER)
     for test in OTHER.values():
         assert not test.startswith("tb/") or (ROOT / test).exists(), test

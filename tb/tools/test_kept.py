@@ -97,10 +97,12 @@ def test_scores_are_written_as_they_are_stored(tmp_path: Path) -> None:
         "rows": 9, "unlike": 1, "unlike_pct": 11.111, "time_mean_lsb": 2.0, "time_max_lsb": 3.0,
         "saturated": 0,
     }  # fmt: skip
-    kept.keep_field_bench([("one-set", "someone", score)], path)
+    of_rtl = score | {"ties": 0, "lost_mean_pct": 0.5, "cycles_worst": 74}
+    kept.keep_field_bench([("one-set", "someone", score)], [("a-set", "somebody", of_rtl)], path)
     kept.field_bench_page(page, path)
     text = page.read_text("utf-8")
     assert "| `one-set` | someone | 9 | 1 | 11.1 | 2 | 3 | 0 |" in text
+    assert "| `a-set` | somebody | 9 | 1 | 11.1 | 0 | 0.5 | 0 | 74 |" in text
     assert "directmpc, fast" not in text
 
 

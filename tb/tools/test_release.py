@@ -23,6 +23,7 @@ import yaml
 
 import directmpc
 from scripts import __main__ as program
+from scripts.hdl.boards import Board
 from scripts.publish import release
 from scripts.shared.tools import ROOT, ToolError
 
@@ -187,3 +188,22 @@ def test_the_netlists_are_those_of_the_public_entities(tmp_path: Path) -> None:
                 text = archive.extractfile(name).read().decode()
                 assert f"module {Path(name).stem}" in text
         assert len(archive.getnames()) == len(release.PUBLIC)  # without board_top, with the licence
+
+
+def test_every_bitstream_of_the_board_is_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bit = tmp_path / "made.bit"
+
+    def _build(board: Board, controller: str, explorers: int, seeds: int) -> tuple[dict, Path]:
+        assert (board.name, explorers, seeds) == (release.BOARD, 1, release.SEEDS)
+        bit.write_text(controller, encoding="utf-8")
+        return {}, bit
+
+    monkeypatch.setattr(release.bitstream, "build_all", _build)
+    out = tmp_path / "out"
+    out.mkdir()
+    release.bitstreams(out, TIME)
+    found = {path.name: path.read_text(encoding="utf-8") for path in out.iterdir()}
+    names = ("mpdcc", "mptc", "family")
+    assert found == {f"directmpc-{VERSION}-ulx3s-85f-{name}.bit": name for name in names}

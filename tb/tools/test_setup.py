@@ -139,6 +139,35 @@ def machine(tmp_path):
     return Machine(tmp_path)
 
 
+def test_the_command_of_the_project(machine: Machine) -> None:
+    """`directmpc check` is `python -m scripts check`, wherever it is called."""
+    machine.has(*VERSIONS, "python3")
+    (machine.bin / "readlink").symlink_to(str(shutil.which("readlink")))
+    assert machine.run().returncode == 0
+    commands = machine.project / "scripts"
+    (commands / "__init__.py").touch()
+    (commands / "__main__.py").write_text(
+        "import sys\nprint(sys.argv[1:])\nsys.exit(len(sys.argv) - 2)\n"
+    )
+    other = machine.project.parent / "caller"
+    (other / "scripts").mkdir(parents=True)  # is not what is meant
+    (other / "scripts" / "__main__.py").write_text("raise SystemExit(9)\n")
+    link = machine.bin / "directmpc"
+    link.symlink_to(machine.project / ".venv" / "bin" / "directmpc")
+    done = machine.run("sh", "-c", f"cd '{other}' && directmpc check 'own file.toml'")
+    assert (done.returncode, done.stdout) == (1, "['check', 'own file.toml']\n"), done.stderr
+
+    copied = machine.project.parent / "directmpc"
+    shutil.copy(link, copied)
+    (commands / "__main__.py").unlink()
+    for command in (copied, link):
+        done = machine.run(str(command), "check")
+        assert done.returncode == 2
+        assert done.stderr.startswith("directmpc: /")
+        assert "is not in a clone of directmpc" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
 OF_PYTHON = "{}.{}".format(*sys.version_info[:2])
 
 

@@ -534,10 +534,14 @@ def _clocks(drive: Drive, variant: str, explorers: int, budget: int) -> int:
     )
 
 
-def too_slow(
-    drive: Drive | MptcDrive, settings: GuardSettings, found: RegisterValues, variant: str = "fast"
-) -> str | None:
-    """Say that a decision can outlast the guard's decision limit on one explorer, if it can.
+def refuse_slow(
+    drive: Drive | MptcDrive,
+    settings: GuardSettings,
+    found: RegisterValues,
+    variant: str = "fast",
+    explorers: int = 1,
+) -> None:
+    """Refuse values with which a decision can outlast the guard's decision limit.
 
     Parameters
     ----------
@@ -549,16 +553,13 @@ def too_slow(
         The values.
     variant : str
         "fast" or "paper", for MPDCC.
-
-    Returns
-    -------
-    str or None
-        A sentence; None where every decision is in time.
+    explorers : int
+        1 to 8, of the core; for MPDCC.
 
     Raises
     ------
     ValueError
-        If no core is in time, whatever it is built with; names the key and what would serve.
+        If a decision can be late; names the key and what would serve.
     """
     limit = found.words["guard.decision_limit"]
     told = f"{limit} (guard.decision_limit)"
@@ -570,26 +571,51 @@ def too_slow(
         clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
         if clocks > limit:
             raise ValueError(_never(drive, settings, clocks, limit, told))
-        return None
+        return
     budget = drive.control.budget
-    clocks = _clocks(drive, variant, 1, budget)
+    clocks = _clocks(drive, variant, explorers, budget)
     if clocks <= limit:
-        return None
-    serving = next((n for n in range(2, 9) if _clocks(drive, variant, n, budget) <= limit), None)
+        return
     least = _clocks(drive.with_control(switching_horizon="SE"), variant, 8, 0)
-    if serving is None and least > limit:
+    if least > limit:
         raise ValueError(_never(drive, settings, least, limit, told))
+    ways = []
     sese = drive.control.switching_horizon == "SESE"
-    ways = [] if serving is None else [f"{serving} explorers at least"]
-    if sese and (smaller := _clocks(drive, variant, 1, 400)) <= limit and not 0 < budget <= 400:
-        ways.append(f"control.budget = 400 ({smaller} clocks)")
-    if not ways:
-        ways.append("a smaller control.budget" if sese else "a faster clock")
-    key = f"control.budget: got {budget or 'none'}" if sese else f"variant {variant}"
-    return (
-        f"{key}; one explorer takes up to {clocks} clocks then, and the gate guard trips after "
-        f"{told}; in real time it needs {' or '.join(ways)}"
+    if sese and (most := _largest_budget(drive, variant, explorers, limit)):
+        ways.append(f"a budget of at most {most}")
+    # rounded up, so that what is said serves
+    ways.append(f"a clock of {math.ceil(1e-4 * settings.clock * clocks / limit) / 100:g} MHz")
+    if explorers < 8:
+        ways.append("a core with more explorers (--explorers)")
+    key = f"control.budget: got {budget or 'none'}" if sese else f"control.ts: got {_ts(drive)}"
+    whose = "one explorer takes" if explorers == 1 else f"{explorers} explorers take"
+    paper = " in the variant paper" if variant == "paper" else ""
+    raise ValueError(
+        f"{key}; {whose} up to {clocks} clocks to decide{paper}, and the gate guard trips after "
+        f"{told} at {settings.clock / 1e6:g} MHz; {', '.join(ways[:-1])}{' or ' * (len(ways) > 1)}"
+        f"{ways[-1]} is needed; in lock-step, which is not real time, a longer --decision-limit"
     )
+
+
+def _largest_budget(drive: Drive, variant: str, explorers: int, limit: int) -> int:
+    """A budget with which every decision takes ``limit`` clocks at most; 0 where there is none.
+
+    It is the largest one for one explorer; some more may serve for several.
+    """
+    each = min(explorers, 4)  # candidates that are taken in a clock
+    budget, best = 400, 0
+    for _ in range(4):  # nearly a straight line, and some seconds for each
+        clocks = _clocks(drive, variant, explorers, budget)
+        best = max(best, budget) if clocks <= limit else best
+        following = min(budget + each * (limit - clocks), 4095)
+        if following in (budget, best) or following <= 0:
+            break
+        budget = following
+    return best
+
+
+def _ts(drive: Drive | MptcDrive) -> str:
+    return f"{1e6 * drive.control.ts:g} us"
 
 
 def _never(
@@ -598,7 +624,7 @@ def _never(
     """The sentence for a control period that no core keeps."""
     ts, clock = drive.control.ts, settings.clock
     return (
-        f"control.ts: got {1e6 * ts:g} us; the quickest core takes up to {clocks} clocks to "
+        f"control.ts: got {_ts(drive)}; the quickest core takes up to {clocks} clocks to "
         f"decide, and the limit is {told} at {clock / 1e6:g} MHz; a control period of "
         f"{1e6 * ts * clocks / limit:.4g} us or a clock of {clock / 1e6 * clocks / limit:.4g} MHz "
         "is needed at least; in lock-step, which is not real time, a longer decision limit"
@@ -606,7 +632,7 @@ def _never(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the register values of a drive file; 2 when it cannot be used.
+    """Print the register values of a drive file; 2 when it cannot be used or is too slow.
 
     Parameters
     ----------
@@ -627,6 +653,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     layout.add_argument("--c", action="store_true", help="a C array, and the measurements' scales")
     layout.add_argument("--table", action="store_true", help="columns for people")
     parser.add_argument("--variant", choices=("fast", "paper"), default="fast", help="MPDCC only")
+    parser.add_argument(
+        "--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8",
+        help="MPDCC only: of the core, which has to decide in time; 1 by default",
+    )  # fmt: skip
     defaults = GuardSettings()
     unset = {"current": "1.8 pu, or 0.95 of full scale", "decision_limit": "0.9, MPTC 1.1"}
     for name, unit in (
@@ -655,7 +685,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         drive = load_drive(given.drive)
         found = values(drive, settings, given.variant)
-        slow = too_slow(drive, settings, found, given.variant)
+        refuse_slow(drive, settings, found, given.variant, given.explorers)
         if given.c:
             text = format_c(drive, found, os.path.basename(given.drive))
         else:
@@ -670,8 +700,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     for problem in found.saturated:
         print(f"registers: saturated: {problem}", file=sys.stderr)
-    if slow:
-        print(f"registers: {given.drive}: {slow}", file=sys.stderr)
     return 0
 
 

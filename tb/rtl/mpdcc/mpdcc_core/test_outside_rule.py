@@ -3,8 +3,8 @@
 Sweep: one to five explorers; SE and SESE, with and without a budget and the prediction of k + 1;
 the rule's bit set and not, row by row; the core without the option.
 Stimulus: states that start outside in one or several variables, a little and far, random drives,
-full ranges and beyond them, words and parameters of any content; states of closed loops with noise;
-a closed loop at 0.3 pu around the RTL.
+full ranges and beyond them, words and parameters of any content; recorded states of closed loops
+without noise; a closed loop at 0.3 pu around the RTL.
 Checks: all fields of every decision; that the rule decides otherwise than "dead" often, and that it
 takes no clock more; that without the option its bit means nothing; every state of the closed loop
 against the model's own.
