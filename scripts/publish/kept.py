@@ -199,11 +199,11 @@ def keep_field_bench(models: Scores, rtl: Scores, path: Path = FIELD_BENCH) -> N
     path : Path
         The file.
     """
+    _write(path, {"models": _rows(models), "rtl": _rows(rtl)})
 
-    def rows(scores: Scores) -> list[dict[str, Any]]:
-        return [{"set": name, "implementation": whose, **score} for name, whose, score in scores]
 
-    _write(path, {"models": rows(models), "rtl": rows(rtl)})
+def _rows(scores: Scores) -> list[dict[str, Any]]:
+    return [{"set": name, "implementation": whose, **score} for name, whose, score in scores]
 
 
 def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) -> str:
