@@ -57,7 +57,8 @@ def test_a_version_stands_behind_what_a_first_run_says(tmp_path, monkeypatch, st
     )
     script.chmod(0o755)
     monkeypatch.setenv("GHDL", str(script))
-    assert tools.version("ghdl") == "nextpnr-0.11.1 (Version 7)"
+    # behind the cache, which holds the version of this machine
+    assert tools.version.__wrapped__("ghdl") == "nextpnr-0.11.1 (Version 7)"
 
 
 @pytest.mark.parametrize(
