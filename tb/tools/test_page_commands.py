@@ -21,7 +21,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -176,10 +176,10 @@ def only_parse(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
-def _accepts(main: object, arguments: Call, whose: str) -> None:
+def _accepts(main: Callable[[Call], object], arguments: Call, whose: str) -> None:
     """Let a command read its arguments."""
     try:
-        main(arguments)  # type: ignore[operator]
+        main(arguments)
     except _ParsedError:
         return
     except SystemExit as left:

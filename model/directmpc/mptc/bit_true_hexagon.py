@@ -333,6 +333,7 @@ def three(g, h, turn):
                 time, at_g, at_h = spoke(g, h, 0)
                 t1 = time >> _TIME_SHIFT
                 return t1, TIME_STEPS - t1, square(g, h, at_g, at_h)
+            # compared exactly: beside_l is one less than -h
             if beside_v + (h if turn < 3 else -h) > _ONE:
                 time, at_g, at_h = edge(g, h, turn)
                 return time >> _TIME_SHIFT, 0, square(g, h, at_g, at_h)

@@ -154,7 +154,7 @@ begin
       triple(x)    <= resize(node.curvature(x), SLOPE_WIDTH) + shift_left(resize(node.curvature(x), SLOPE_WIDTH), 1);
     end generate g_now;
 
-    -- a choice and two more sums follow: from registers near by, one clock behind the first slopes and still in time
+    -- a choice and two more sums follow, so both are registered here: a clock behind the first slopes, still in time
     g_registered : if INWARDS generate
 
       p_triple : process (clk) is

@@ -6,8 +6,8 @@
 -- Those of s(k-1) come first, so that the hold test has its answer early.
 --
 --   stage 0    which line, and the current term that it is made of
---   stage 1    slope of the line, but for the one that a complement lacks; error at k
---   stage 2    room in the slope's direction, error at k+1
+--   stage 1    slope of the line, one less where it is a complement; error at k
+--   stage 2    the slope itself; room in its direction, error at k+1
 --   stage 3-5  two bits of the length each: room - 2**m * abs(slope) >= 0
 --
 -- Formats: trajectory units; rows of the table as capacitor_t says.
@@ -382,7 +382,7 @@ begin
         carry(0) := falls xor more_1;
         pace_2   <= resize(steep + carry, BOUND_WIDTH);
 
-        -- both with the carry behind them: one adder
+        -- more_1 is the last bit of both summands: one adder
         sum      := (error_1 & more_1) + (slope_1 & more_1);
         error    := sum(TRAJECTORY_WIDTH downto 1);
         excess_2 <= signed(magnitude(error)) - signed(resize(bound_1, TRAJECTORY_WIDTH));
