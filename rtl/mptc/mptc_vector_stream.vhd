@@ -137,14 +137,14 @@ begin
   -- Lengths
   ---------------------------------------------------------------------------------------------
 
+  -- a clock ahead: the flux is registered
+  length_number <= std_logic_vector(stream(2 downto 0) + 1);
+
   g_single_length : if not FAMILY generate
-    length_number <= std_logic_vector(stream(2 downto 0));
     length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
   end generate g_single_length;
 
-  -- a clock ahead: the flux is registered
   g_family_length : if FAMILY generate
-    length_number <= std_logic_vector(stream(2 downto 0) + 1);
     length_enable <= (to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0')
                       and (to_std_logic(method = FAMILY_NONE or method = FAMILY_MPTC1) or both_duties)) or pair_length;
   end generate g_family_length;
@@ -182,25 +182,16 @@ begin
 
   end process p_lengths;
 
-  g_single_bits : if not FAMILY generate
-    x_bits <= std_logic_vector(x);
-    y_bits <= std_logic_vector(y);
-  end generate g_single_bits;
+  p_flux : process (clk) is
+  begin
 
-  g_family_bits : if FAMILY generate
+    if rising_edge(clk) then
+      pair_length <= tried.enable and to_std_logic(FAMILY);
+      x_bits      <= std_logic_vector(x);
+      y_bits      <= std_logic_vector(y);
+    end if;
 
-    p_flux : process (clk) is
-    begin
-
-      if rising_edge(clk) then
-        pair_length <= tried.enable;
-        x_bits      <= std_logic_vector(x);
-        y_bits      <= std_logic_vector(y);
-      end if;
-
-    end process p_flux;
-
-  end generate g_family_bits;
+  end process p_flux;
 
   half_length <= as_word('0' & psi_ref);
 

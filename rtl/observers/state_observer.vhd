@@ -139,11 +139,11 @@ architecture rtl of state_observer is
   constant FIRST_CLOCK : natural := choose(FILTERS, 0, FLUX_PART);
   constant LAST_CLOCK  : natural := choose(LEAKAGE, SCALING_END, FLUX_END);
 
-  -- clocks of the events; what a build does not have ends with the flux
+  -- clocks of the events, each the last but one of a part; what a build does not have ends with the flux
   constant ENDS : mac_clocks_t(0 to DUE_EVENTS - 1) := (
-    DUE_FILTERS => FILTERS_END,
-    DUE_FLUX    => FLUX_END,
-    DUE_LEAKAGE => choose(LEAKAGE, LEAKAGE_END, FLUX_END)
+    DUE_FILTERS => FILTERS_END - 1,
+    DUE_FLUX    => FLUX_END - 1,
+    DUE_LEAKAGE => choose(LEAKAGE, LEAKAGE_END, FLUX_END) - 1
   );
 
   subtype word_t is std_logic_vector(WORD - 1 downto 0);
@@ -156,10 +156,11 @@ architecture rtl of state_observer is
 
   signal active       : std_logic;
   signal entry        : std_logic_vector(1 downto 0);
-  signal leaving      : std_logic;
+  signal leaving      : std_logic;                                 -- this clock of the step is its last
+  signal estimated    : std_logic;                                 -- and the leakage's part of it ends
   signal begins       : std_logic;                                 -- a step does
   signal begins_any   : std_logic;                                 -- a step or a scaling does
-  signal due          : std_logic_vector(DUE_EVENTS - 1 downto 0); -- ends of parts
+  signal due          : std_logic_vector(DUE_EVENTS - 1 downto 0); -- parts end in the next clock
   signal issue        : std_logic;
   signal gathering    : std_logic;
   signal aligned      : std_logic_vector(1 downto 0);
@@ -301,7 +302,6 @@ begin
               '0';
   entry(0) <= not with_filters when FILTERS else
               '1';
-  leaving  <= (due(DUE_FILTERS) and not flux_on) or (due(DUE_FLUX) and not leakage_on) or due(DUE_LEAKAGE);
 
   i_products : entity work.mac_sequencer
     generic map (
@@ -378,6 +378,9 @@ begin
         filters_on <= '0';
       end if;
 
+      leaving   <= (due(DUE_FILTERS) and not flux_on) or (due(DUE_FLUX) and not leakage_on) or due(DUE_LEAKAGE);
+      estimated <= due(DUE_LEAKAGE);
+
       if (leaving = '1') then
         turned     <= not turned;
         no_current <= '0';
@@ -389,9 +392,11 @@ begin
 
       filters_valid <= takes(TAKE_LAST_VOLTAGE) and filters_on;
       valid         <= takes(TAKE_FLUX_ALPHA);
-      leakage_valid <= due(DUE_LEAKAGE) and to_std_logic(LEAKAGE);
+      leakage_valid <= estimated and to_std_logic(LEAKAGE);
 
       if (rst = '1') then
+        leaving       <= '0';
+        estimated     <= '0';
         filters_on    <= '0';
         turned        <= '0';
         no_current    <= '1';
@@ -1060,7 +1065,7 @@ begin
           bad <= bad or (full and begun);
         end if;
 
-        if (due(DUE_LEAKAGE) = '1') then
+        if (estimated = '1') then
           begun <= '1';
         end if;
 

@@ -83,7 +83,7 @@ entity mpdcc_system is
     s_axil_wready  : out   std_logic;                     -- '1': data taken
     s_axil_wvalid  : in    std_logic;                     -- '1': data there
     s_axil_wdata   : in    std_logic_vector(31 downto 0); -- data
-    s_axil_wstrb   : in    std_logic_vector(3 downto 0);  -- '1': byte is written
+    s_axil_wstrb   : in    std_logic_vector(3 downto 0);  -- '1': byte is written; all four, or the write is refused
     s_axil_bready  : in    std_logic;                     -- '1': response taken
     s_axil_bvalid  : out   std_logic;                     -- '1': response there
     s_axil_bresp   : out   std_logic_vector(1 downto 0);  -- "00" or "10", SLVERR
@@ -123,6 +123,7 @@ architecture rtl of mpdcc_system is
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
+  signal load_at_rest   : std_logic; -- they do while no decision is under way; a short path
   signal load_waits     : std_logic; -- they wait until the observer is ready
   signal taking         : std_logic; -- they are taken over
   signal filtering      : std_logic; -- the capacitor filters take a step before the core
@@ -200,7 +201,7 @@ begin
       s_axil_wready  => gated_wready,
       s_axil_wvalid  => gated_wvalid,
       s_axil_wdata   => s_axil_wdata,
-      s_axil_wstrb   => s_axil_wstrb,
+      s_axil_wstrb   => "1111",
       s_axil_bready  => gated_bready,
       s_axil_bvalid  => gated_bvalid,
       s_axil_bresp   => gated_bresp,
@@ -257,6 +258,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      load_at_rest       => load_at_rest,
       load_waits         => load_waits,
       preparing          => preparing,
       decided            => core_valid,
@@ -472,7 +474,8 @@ begin
 
     estimating     <= in_force.l_mode.value.value(0);
     forget_leakage <= loaded and not estimating;
-    scale          <= stale and not observer_busy and not load and not load_waits and not observer_rst;
+    -- under a decision of the core nothing is stale: a load at its end need not be waited for
+    scale          <= stale and not observer_busy and not load_at_rest and not load_waits and not observer_rst;
 
     p_stale : process (clk) is
     begin

@@ -73,7 +73,7 @@ entity mptc_system is
     s_axil_wready  : out   std_logic;                     -- '1': data taken
     s_axil_wvalid  : in    std_logic;                     -- '1': data there
     s_axil_wdata   : in    std_logic_vector(31 downto 0); -- data
-    s_axil_wstrb   : in    std_logic_vector(3 downto 0);  -- '1': byte is written
+    s_axil_wstrb   : in    std_logic_vector(3 downto 0);  -- '1': byte is written; all four, or the write is refused
     s_axil_bready  : in    std_logic;                     -- '1': response taken
     s_axil_bvalid  : out   std_logic;                     -- '1': response there
     s_axil_bresp   : out   std_logic_vector(1 downto 0);  -- "00" or "10", SLVERR
@@ -166,7 +166,7 @@ begin
       s_axil_wready  => gated_wready,
       s_axil_wvalid  => gated_wvalid,
       s_axil_wdata   => s_axil_wdata,
-      s_axil_wstrb   => s_axil_wstrb,
+      s_axil_wstrb   => "1111",
       s_axil_bready  => gated_bready,
       s_axil_bvalid  => gated_bvalid,
       s_axil_bresp   => gated_bresp,
@@ -223,6 +223,7 @@ begin
       owning             => owning,
       forget             => forget,
       load               => load,
+      load_at_rest       => open,
       load_waits         => '0',
       preparing          => '0',
       decided            => core_valid,

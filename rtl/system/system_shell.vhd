@@ -63,6 +63,7 @@ entity system_shell is
     owning             : out   std_logic;                     -- '1': it goes on from the system's own last decision
     forget             : out   std_logic;                     -- '1': the observer is to begin anew, once not deciding
     load               : out   std_logic;                     -- '1' for one clock: shadows take effect
+    load_at_rest       : out   std_logic;                     -- '1': they do while no decision is under way
     load_waits         : in    std_logic;                     -- '1': parameters are not taken over yet
     preparing          : in    std_logic;                     -- '1': they are not yet in force
     decided            : in    std_logic;                     -- '1' for one clock: the core has decided
@@ -94,7 +95,7 @@ architecture rtl of system_shell is
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
-  signal sets         : std_logic;             -- bit 0 of its word
+  signal whole        : std_logic;             -- all bytes of its word
   signal begun        : std_logic;
   signal busy         : std_logic;
   signal ignored      : std_logic;             -- a start, of either kind
@@ -123,14 +124,16 @@ begin
   -- Bus writes, start, commit
   ---------------------------------------------------------------------------------------------
 
-  sets <= m_wdata(0) and m_wstrb(0);
+  whole <= '1' when m_wstrb = "1111" else
+           '0';
 
   i_rules : entity work.write_rules
     port map (
       clk     => clk,
       rst     => rst,
       address => m_awaddr,
-      sets    => sets,
+      whole   => whole,
+      sets    => m_wdata(0),
       passed  => passed,
       enabled => written.control.enable.value,
       commit  => written.command.commit.value,
@@ -183,6 +186,7 @@ begin
       owning         => owning,
       forget         => forget,
       load           => taking_over,
+      load_at_rest   => load_at_rest,
       pending        => pending,
       commits        => commits
     );

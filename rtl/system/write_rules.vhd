@@ -1,6 +1,7 @@
 -- Says which register writes are refused.
 --
 -- Refused are
+--   writes of some bytes of a word, not all;
 --   shadows (guard and parameters) while a commit waits: they stay as they were when it was asked for;
 --   the guard's limits and times while control.enable is set: they are locked;
 --   control with enable set while the guard has settings that no commit has brought into force.
@@ -27,7 +28,8 @@ entity write_rules is
     clk     : in    std_logic;                    -- rising edge
     rst     : in    std_logic;                    -- synchronous, active high
     address : in    std_logic_vector(9 downto 0); -- of the write that is there, bytes
-    sets    : in    std_logic;                    -- bit 0 of its word, '0' where that byte is not written
+    whole   : in    std_logic;                    -- '1': all bytes of the word are written
+    sets    : in    std_logic;                    -- bit 0 of its word
     passed  : in    std_logic;                    -- '1': it goes to the registers
     enabled : in    std_logic;                    -- control.enable
     commit  : in    std_logic;                    -- '1' for one clock: a commit is asked for
@@ -55,7 +57,7 @@ begin
                 '0';
 
   hold   <= commit or load;
-  refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and uncommitted);
+  refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and uncommitted) or not whole;
 
   p_settings : process (clk) is
   begin

@@ -76,6 +76,7 @@ under way; `commits.count` counts the commits done.
 
 **Refused writes.** These writes are answered with SLVERR and change nothing:
 
+- part of a word: a write whose four strobes are not all 1;
 - a register marked [committed], while a commit waits. Wait until `status.commit_pending` is 0;
 - a register of the guard, while `control.enable` is 1. Limits and times are locked while the gates
   may be on;

@@ -4,14 +4,14 @@
 // Licence: Apache-2.0
 
 module proof (
-  input clk, input rst, input [9:0] address, input sets, input passed, input enabled, input commit, input pending,
-  input load
+  input clk, input rst, input [9:0] address, input whole, input sets, input passed, input enabled, input commit,
+  input pending, input load
 );
 
   wire hold, refuse;
 
   write_rules i_dut (
-    .clk(clk), .rst(rst), .address(address), .sets(sets), .passed(passed), .enabled(enabled), .commit(commit),
+    .clk(clk), .rst(rst), .address(address), .whole(whole), .sets(sets), .passed(passed), .enabled(enabled), .commit(commit),
     .pending(pending), .load(load), .hold(hold), .refuse(refuse)
   );
 
@@ -38,6 +38,7 @@ module proof (
   wire prove_settings_in_force_while_enabled = !(enabled && differs);
   wire prove_settings_are_locked = !(passed && of_guard && enabled);
   wire prove_shadows_stay_while_a_commit_waits = !(passed && of_shadows && pending);
+  wire prove_whole_words = !(passed && !whole);
   wire prove_no_write_with_a_load = !(passed && load);
 
 endmodule

@@ -1,7 +1,7 @@
 """Shadows take effect together, and never while a decision uses them.
 
 Stimulus: requests, starts, decisions under way and their ends in any order, resets.
-Checks: load, pending and count in every clock, against a model in Python.
+Checks: load, at rest or not, pending and count in every clock, against a model in Python.
 Faults: a commit in the clock of a start, one that is forgotten, one that never ends.
 """
 
@@ -33,6 +33,7 @@ def test_shadows_take_effect_between_decisions() -> None:
 FAULTS = [
     Fault("commit_control", "not (busy or start)", "not busy", "load"),
     Fault("commit_control", "(ending or not", "(not", "load"),
+    Fault("commit_control", "not busy and not start", "not busy", "at_rest"),
     Fault("commit_control", "waiting <= '0';", "null;", "(load|pending)"),
     Fault(
         "commit_control",

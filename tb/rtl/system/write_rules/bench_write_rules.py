@@ -25,6 +25,8 @@ class Rules:
     def refused(self, given: Mapping[str, int]) -> bool:
         """Whether the write that is there is."""
         name = self.name(given)
+        if not given["whole"]:
+            return True
         if name.startswith("guard."):
             return bool(given["enabled"] or given["pending"])
         if name.startswith("parameters."):
@@ -57,7 +59,7 @@ async def random_writes(dut) -> None:
             "rst": int(k < 2 or rng.random() < 0.005),
         }
         for name, share in {
-            "sets": 0.6, "passed": 0.3, "enabled": 0.3, "commit": 0.1, "pending": 0.3, "load": 0.1,
+            "whole": 0.8, "sets": 0.6, "passed": 0.3, "enabled": 0.3, "commit": 0.1, "pending": 0.3, "load": 0.1,
         }.items():  # fmt: skip
             values[name] = int(rng.random() < share)
         for name, value in values.items():

@@ -4,7 +4,7 @@ Sweep: the maps of both controllers.
 Stimulus: writes to every register, the guard's and control more often, while commits wait and take
 effect, enabled and not; resets.
 Checks: refusal and hold in every clock, against the names of the register map.
-Faults: a setting that is not locked, one that is forgotten, a shadow that changes under a commit.
+Faults: part of a word that is written, a setting that is not locked, one that is forgotten, a shadow that changes under a commit.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ FAULTS = [
     Fault(NAME, "(of_shadows and pending)", "(of_guard and pending)", "refuse"),
     Fault(NAME, "(enables and uncommitted)", "enables", "refuse"),
     Fault(NAME, "enables    <= sets when", "enables    <= '1' when", "refuse"),
+    Fault(NAME, " or not whole;", ";", "refuse"),
     Fault(NAME, "elsif (load = '1') then", "elsif (pending = '1') then", "refuse"),
     Fault(NAME, "passed = '1' and of_guard = '1'", "of_guard = '1'", "refuse"),
     Fault(NAME, "hold   <= commit or load;", "hold   <= commit;", "hold"),
