@@ -8,9 +8,8 @@
 --
 -- Formats: clocks are counted from 0 in the clock after the edge that accepts start; the tables are explained in
 -- mac_programs.  A row without a product leaves all outputs of the first group at zero.
--- Latency: the outputs of clock n follow the edge that accepts start by n clocks.  Without REGISTERED they follow the
--- counter without a register; with it they are registers, and the tables are read a clock ahead.  valid is high in
--- clock VALID_AT + 1, busy in clocks 0 to LAST_AT.
+-- Latency: the outputs of clock n follow the edge that accepts start by n clocks.  They are registers: the tables are
+-- read a clock ahead.  valid is high in clock VALID_AT + 1, busy in clocks 0 to LAST_AT.
 -- Overflow: none.
 -- Licence: Apache-2.0
 
@@ -31,7 +30,6 @@ entity mac_sequencer is
     A_BITS    : positive      := 2;               -- bits of a_select
     B_BITS    : positive      := 2;               -- bits of b_select
     SEEDS     : positive      := 2;               -- number of seeds
-    REGISTERED : boolean      := false;           -- true: all outputs but valid and busy are registers
     SECOND_AT : natural       := 0;               -- clock of the second entry
     THIRD_AT  : natural       := 0                -- clock of the third entry
   );
@@ -70,6 +68,8 @@ architecture rtl of mac_sequencer is
   signal b_choice    : std_logic_vector(B_BITS - 1 downto 0);
   signal seed_choice : std_logic_vector(SEEDS - 1 downto 0);
   signal happens     : std_logic_vector(EVENTS'length - 1 downto 0);
+  signal following   : natural range 0 to PARKED; -- clock behind that of address
+  signal idles       : std_logic;                 -- in the next clock
 
   -- whether every number of the tables fits its port and its clock
   function fits (bits_of_a, bits_of_b, seed_count, last : natural) return boolean is
@@ -135,6 +135,11 @@ begin
 
   busy <= active;
 
+  shown <= first when active = '0' else
+           following;
+  idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
+           not start;
+
   p_decode : process (shown) is
   begin
 
@@ -165,55 +170,30 @@ begin
     happens(i) <= to_std_logic(shown = EVENTS(i));
   end generate g_due;
 
-  g_direct : if not REGISTERED generate
-    shown       <= address;
-    enable      <= issue;
-    accumulate  <= gathering;
-    alignment   <= aligned;
-    a_select    <= a_choice;
-    b_select    <= b_choice;
-    seed_select <= seed_choice;
-    due         <= happens;
-  end generate g_direct;
-
-  g_registered : if REGISTERED generate
-
-    signal following : natural range 0 to PARKED; -- clock behind that of address
-    signal idles     : std_logic;                 -- in the next clock
-
+  p_outputs : process (clk) is
   begin
 
-    shown <= first when active = '0' else
-             following;
-    idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
-             not start;
+    if rising_edge(clk) then
+      enable      <= issue;
+      accumulate  <= gathering;
+      alignment   <= aligned;
+      a_select    <= a_choice;
+      b_select    <= b_choice;
+      seed_select <= seed_choice;
+      due         <= happens;
+      following   <= (shown + 1) mod (PARKED + 1);
 
-    p_outputs : process (clk) is
-    begin
-
-      if rising_edge(clk) then
-        enable      <= issue;
-        accumulate  <= gathering;
-        alignment   <= aligned;
-        a_select    <= a_choice;
-        b_select    <= b_choice;
-        seed_select <= seed_choice;
-        due         <= happens;
-        following   <= (shown + 1) mod (PARKED + 1);
-
-        if (rst = '1' or idles = '1') then
-          enable      <= '0';
-          accumulate  <= '0';
-          alignment   <= (others => '0');
-          a_select    <= (others => '0');
-          b_select    <= (others => '0');
-          seed_select <= (others => '0');
-          due         <= (others => '0');
-        end if;
+      if (rst = '1' or idles = '1') then
+        enable      <= '0';
+        accumulate  <= '0';
+        alignment   <= (others => '0');
+        a_select    <= (others => '0');
+        b_select    <= (others => '0');
+        seed_select <= (others => '0');
+        due         <= (others => '0');
       end if;
+    end if;
 
-    end process p_outputs;
-
-  end generate g_registered;
+  end process p_outputs;
 
 end architecture rtl;

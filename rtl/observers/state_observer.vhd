@@ -312,7 +312,6 @@ begin
       A_BITS     => A_BITS,
       B_BITS     => B_BITS,
       SEEDS      => SEED_KINDS,
-      REGISTERED => true,
       SECOND_AT  => FLUX_PART,
       THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
     )
@@ -342,7 +341,6 @@ begin
       A_BITS     => target'length,
       B_BITS     => MOVE_BITS,
       SEEDS      => TAKERS,
-      REGISTERED => true,
       SECOND_AT  => FLUX_PART,
       THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
     )
