@@ -17,8 +17,8 @@
 -- or 3 clocks after the last result is taken.
 -- With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755 with one to three
 -- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
--- Overflow: saturation of a common term, or of the chosen candidate's weight, is flagged with the
--- decision.
+-- Overflow: saturation of a common term or of the chosen candidate's weight, and with the rule inwards an error too
+-- far outside to be followed, are flagged with the decision.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -101,6 +101,7 @@ architecture rtl of mpdcc_scheduler is
   signal level       : level_report_t;
   signal leaf_valid  : std_logic_vector(EXPLORERS - 1 downto 0);
   signal leaf        : leaves_t(0 to EXPLORERS - 1);
+  signal far         : std_logic; -- '1': the rule inwards meets what is too far outside, the last root
   signal two_levels  : std_logic; -- '1': SESE
 
   -- events of Algorithm 1, each '1' for one clock
@@ -262,6 +263,37 @@ begin
     broadcast.band.negative    <= negative;
     broadcast.capacitor        <= CAPACITOR_NONE;
   end generate g_paper;
+
+  g_no_far : if not INWARDS generate
+    far <= '0';
+  end generate g_no_far;
+
+  -- what is too far outside to be followed counts as dead: of the root, before candidates are searched
+  g_far : if INWARDS generate
+
+    p_far : process (clk) is
+
+      variable beyond : std_logic;
+
+    begin
+
+      if rising_edge(clk) then
+        beyond := '0';
+
+        for i in node.error'range loop
+          beyond := beyond or overflows(node.error(i), BASE_WIDTH);
+        end loop;
+
+        if (r.phase = IDLE) then
+          far <= '0';
+        elsif (r.phase = AWAIT) then
+          far <= beyond and limits.outside_inwards;
+        end if;
+      end if;
+
+    end process p_far;
+
+  end generate g_far;
 
   g_fast : if not FOLDED generate
     -- the probe needs the node a few stages down its pipeline
@@ -449,7 +481,8 @@ begin
   -- The decision
   ---------------------------------------------------------------------------------------------
 
-  decision_flag <= terms.saturated or level.saturated or (options.compensate and level.unfit and not r.predicted);
+  decision_flag <= terms.saturated or level.saturated or (far and not hold)
+                   or (options.compensate and level.unfit and not r.predicted);
   decide        <= stopped or to_std_logic(r.phase = FINISH);
   choice        <= results(0) when stopped = '1' else
                    best;

@@ -434,6 +434,15 @@ def _fits(value, width):
     return not saturate(value, width)[1]
 
 
+@njit
+def _far(error):
+    """Whether an error is too far outside for the rule "inwards" to follow it."""
+    for j in range(7):
+        if not _fits(error[j], f.BASE_WIDTH):
+            return True
+    return False
+
+
 # --- the rule of the specification ----------------------------------------------------------------
 
 
@@ -767,6 +776,7 @@ def search(
             held = False
     if held:
         return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, int(saturated), 0, 0
+    saturated |= bool(o.outside_inwards) and _far(error)
 
     feasible = False
     best_cost = 0

@@ -120,6 +120,12 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
 
 
 FAULTS = [
+    Fault(
+        "mpdcc_scheduler",
+        "far <= beyond and limits.outside_inwards;",
+        "far <= '0';",
+        r"decisions differ",
+    ),
     Fault("mpdcc_core", "<= outside_inwards;", "<= '0';", r"decisions differ"),
     Fault(
         "node_preparation",
