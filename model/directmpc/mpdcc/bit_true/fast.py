@@ -437,10 +437,10 @@ def _fits(value, width):
 @njit
 def _far(error):
     """Whether an error is too far outside for the rule "inwards" to follow it."""
+    far = False
     for j in range(7):
-        if not _fits(error[j], f.BASE_WIDTH):
-            return True
-    return False
+        far = far or not _fits(error[j], f.BASE_WIDTH)
+    return far
 
 
 # --- the rule of the specification ----------------------------------------------------------------

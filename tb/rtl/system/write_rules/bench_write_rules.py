@@ -59,7 +59,8 @@ async def random_writes(dut) -> None:
             "rst": int(k < 2 or rng.random() < 0.005),
         }
         for name, share in {
-            "whole": 0.8, "sets": 0.6, "passed": 0.3, "enabled": 0.3, "commit": 0.1, "pending": 0.3, "load": 0.1,
+            "whole": 0.8, "sets": 0.6, "passed": 0.3, "enabled": 0.3, "commit": 0.1,
+            "pending": 0.3, "load": 0.1,
         }.items():  # fmt: skip
             values[name] = int(rng.random() < share)
         for name, value in values.items():

@@ -4,7 +4,8 @@ Sweep: the maps of both controllers.
 Stimulus: writes to every register, the guard's and control more often, while commits wait and take
 effect, enabled and not; resets.
 Checks: refusal and hold in every clock, against the names of the register map.
-Faults: part of a word that is written, a setting that is not locked, one that is forgotten, a shadow that changes under a commit.
+Faults: part of a word that is written, a setting that is not locked, one that is forgotten, a
+shadow that changes under a commit.
 """
 
 from __future__ import annotations
