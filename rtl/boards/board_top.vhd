@@ -61,7 +61,11 @@ architecture rtl of board_top is
 
   -- clock: oscillator of the board; core_clock: CLOCK_HZ; locked: '1': core_clock is as it should be, asynchronous;
   -- oscillator: of the part, 2.42 MHz within 15 %
+  -- CORE_MHZ: CLOCK_HZ in MHz
   component board_clock is
+    generic (
+      CORE_MHZ : positive
+    );
     port (
       clock      : in    std_logic;
       core_clock : out   std_logic;
@@ -141,6 +145,9 @@ begin
   begin
 
     i_board_clock : component board_clock
+      generic map (
+        CORE_MHZ => CLOCK_HZ / 1_000_000
+      )
       port map (
         clock      => clock,
         core_clock => core_clock,

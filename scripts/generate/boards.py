@@ -69,6 +69,7 @@ def _xdc(board: Board) -> str:
 def _ucf(board: Board) -> str:
     """Constraints for ISE."""
     lines = _head(board, "#")
+    core_ns = 1000 * board.divide / board.clock_mhz
     if board.family == "xc6s":
         lines.append('CONFIG VCCAUX = "3.3";')
     for name, pin in board.pins.items():
@@ -84,7 +85,7 @@ def _ucf(board: Board) -> str:
         f'TIMESPEC "TS_spi_sck" = PERIOD "spi_sck" {1000 / SCK_MHZ:g} ns HIGH 50%;',
         'NET "spi_sck" CLOCK_DEDICATED_ROUTE = FALSE;',
         'NET "core_clock" TNM_NET = "core_clock";',
-        f'TIMESPEC "TS_core_clock" = PERIOD "core_clock" {1000 / board.core_mhz:g} ns HIGH 50%;',
+        f'TIMESPEC "TS_core_clock" = PERIOD "core_clock" {core_ns:g} ns HIGH 50%;',
         'TIMESPEC "TS_in" = FROM "spi_sck" TO "core_clock" TIG;',
         'TIMESPEC "TS_out" = FROM "core_clock" TO "spi_sck" TIG;',
     ]

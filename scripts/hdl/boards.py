@@ -35,7 +35,7 @@ class Board:
     clock_mhz, divide
         Oscillator, and by how much board_top divides it for the core.
     pll_mhz
-        What its PLL makes of the oscillator for the core; 0 without one.
+        What its PLL makes of the oscillator for the core, by controller; empty without one.
     baud
         UART rate it is built for.
     controllers
@@ -69,20 +69,24 @@ class Board:
     notes: tuple[str, ...] = ()
     clock_standard: str = "LVCMOS33"
     tail: tuple[str, ...] = ()
-    pll_mhz: int = 0
+    pll_mhz: dict[str, int] = field(default_factory=dict)
     pulls: dict[str, str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
-    @property
-    def core_mhz(self) -> float:
+    def core_mhz(self, controller: str) -> float:
         """Clock of the core.
+
+        Parameters
+        ----------
+        controller : str
+            One of `BUILDS`.
 
         Returns
         -------
         float
             MHz.
         """
-        return self.pll_mhz or self.clock_mhz / self.divide
+        return self.pll_mhz.get(controller) or self.clock_mhz / self.divide
 
     def generics(self, controller: str, explorers: int = 1) -> Generics:
         """Generics of board_top.
@@ -106,7 +110,7 @@ class Board:
         """
         found: Generics = {
             "CONTROLLER": {"mpdcc": 1, "mptc": 2, "family": 2}[controller],
-            "CLOCK_HZ": int(self.core_mhz * 1e6),
+            "CLOCK_HZ": int(self.core_mhz(controller) * 1e6),
             "DIVIDE": self.divide,
             "BAUD": self.baud,
         }
@@ -177,7 +181,7 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         part=f"LFE5U-{size.upper()}-6BG381C",
         clock_mhz=25,
         divide=1,
-        pll_mhz=75,
+        pll_mhz={"mpdcc": 75, "mptc": 100, "family": 75},
         baud=3_000_000,
         controllers=controllers,
         pins=_ULX3S_PINS,

@@ -2,7 +2,9 @@
 // thirtieth of its frequency (see rtl/boards/ecp5_clock.v for the real one).
 // Licence: Apache-2.0
 
-module board_clock (
+module board_clock #(
+  parameter CORE_MHZ = 75 // without effect
+) (
   input      clock,      // what the simulation drives, once per clock of the core
   output     core_clock, // clock
   output     locked,     // 1

@@ -366,7 +366,7 @@ def build(
         "controller": controller,
         "explorers": explorers if controller == "mpdcc" else 0,
         "part": board.part,
-        "clock_mhz": board.core_mhz,
+        "clock_mhz": board.core_mhz(controller),
         "seeds": seeds,
         "fmax_worst_mhz": round(min(c["clock"]["achieved"] for c in clocks), 2),
         "sck_worst_mhz": round(min(c["spi_sck"]["achieved"] for c in clocks), 2),
