@@ -9,7 +9,7 @@ from pathlib import Path
 from scripts.publish import noise
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
-from scripts.studies import mptc_robustness, robustness
+from scripts.studies import mptc_robustness, noise_decisions, robustness
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +22,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--two-level-out", type=Path, default=mptc_robustness.REPORT,
         help="file of the loops of two-level drives",
+    )  # fmt: skip
+    parser.add_argument(
+        "--decisions-out", type=Path, default=noise_decisions.REPORT,
+        help="file of the decisions beside the ideal controller's",
     )  # fmt: skip
     parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
     parser.add_argument(
@@ -38,6 +42,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.tables:
         _publish(robustness.read(given.out), given)
         mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)
+        noise_decisions.publish(noise_decisions.read(given.decisions_out), given.page)
         return 0
     rows = robustness.study(
         given.out,
@@ -53,6 +58,10 @@ def _run(given: argparse.Namespace) -> int | None:
         given.two_level_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
     )
     mptc_robustness.publish(two_level, given.page)
+    decided = noise_decisions.study(
+        given.decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
+    )
+    noise_decisions.publish(decided, given.page)
     return 0
 
 

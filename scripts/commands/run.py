@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
+from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS
 from directmpc.host.console import check_output, terminable
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
@@ -36,7 +37,7 @@ OUTPUTS = {
 }
 """Arguments that name a file to write, and what it is; `view` follows from `waves`."""
 
-MPDCC_ONLY = ("explorers", "variant", "errors")
+MPDCC_ONLY = ("explorers", "variant", "errors", "plant", "flux_observer")
 """Arguments that a two-level drive has no use for."""
 
 Outputs = dict[str, Path]
@@ -62,6 +63,32 @@ def _errors(text: str) -> DriveErrors:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def _factors(text: str) -> dict[str, float]:
+    """Factors of the plant as a user writes them: ``rs=1.5,leakage=0.8``."""
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if name not in MPDCC_FACTORS:
+            raise argparse.ArgumentTypeError(
+                f"got {name!r:.40}; it may hold {', '.join(MPDCC_FACTORS)}, each with = and a "
+                f"factor from {LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+            )
+        if name in found:
+            raise argparse.ArgumentTypeError(f"{name}: given twice; one factor is needed")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise argparse.ArgumentTypeError(
+                f"{name}: got {value!r:.40}; it must be a number from {LEAST_FACTOR:g} to "
+                f"{MOST_FACTOR:g}"
+            ) from None
+        if not LEAST_FACTOR <= found[name] <= MOST_FACTOR:
+            raise argparse.ArgumentTypeError(
+                f"{name}: got {value}; it must be a number from {LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+            )
+    return found
+
+
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument(
@@ -84,6 +111,20 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         type=_errors,
         metavar="NAME=VALUE,...",
         help="MPDCC: errors of sensors and switches, see directmpc.DriveErrors",
+    )
+    parser.add_argument(
+        "--plant",
+        type=_factors,
+        metavar="NAME=FACTOR,...",
+        help="MPDCC: factors on the machine and the capacitors of the plant, which the controller "
+        f"does not know: {', '.join(MPDCC_FACTORS)}, each from {LEAST_FACTOR:g} to {MOST_FACTOR:g}",
+    )
+    parser.add_argument(
+        "--flux-observer",
+        action="store_true",
+        default=None,
+        help="MPDCC: the controller sees the rotor flux of the observer's bit-true model, not the "
+        "plant's",
     )
     parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
     parser.add_argument("--trace", type=Path, help="what was measured: a trace for replay (CSV)")
@@ -124,7 +165,7 @@ def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
     drive, note = served(drive, variant)
     run = rtl_loop.simulate(
         drive, given.speed, given.steps, given.explorers or 2, variant,
-        given.errors or NO_ERRORS, new.get("waves"),
+        given.errors or NO_ERRORS, new.get("waves"), given.plant, bool(given.flux_observer),
     )  # fmt: skip
     rtl_loop.draw(run, new["out"])
     if "trace" in new:
@@ -175,7 +216,10 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
     """Refuse what a two-level run cannot have."""
     for name in MPDCC_ONLY:
         if getattr(given, name) is not None:
-            raise UsageError(f"argument --{name}: it is for MPDCC; {given.drive} is an mptc drive")
+            option = name.replace("_", "-")
+            raise UsageError(
+                f"argument --{option}: it is for MPDCC; {given.drive} is an mptc drive"
+            )
     try:
         mptc_loop.Point.of(drive, given.speed)
     except ValueError as error:

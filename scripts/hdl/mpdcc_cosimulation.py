@@ -18,6 +18,7 @@ from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.errors import measure, sensors, split, switched_step
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
+from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_simulation import Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
@@ -199,6 +200,8 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     dead_time = loop.errors.dead_time * plant.data.ts / loop.drive.control.ts
     dead, rest = split(plant.data, dead_time)
     filters = CapacitorFilter(loop.drive)
+    first = plant.state
+    observer = FluxObserver(loop.drive, complex(*first[:2]), complex(*first[2:4]))
     estimate = LeakageEstimate(loop.drive) if loop.drive.control.leakage_estimate else None
     given = np.atleast_2d(job.registers)[0]
     for k in range(steps):
@@ -208,6 +211,8 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         states[k] = plant.state
         measure(sensed, k, plant.state, seen)
         filters.row(seen, before)
+        if loop.flux_observer and k > 0:
+            observer.row(seen, float(loop.vdc[k]), float(loop.omega_r[k]), before)
         measurement, clipped = common.encode_row(
             seen[:4], seen[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k], loop.omega_r[k],
         )  # fmt: skip

@@ -38,7 +38,7 @@ class Loop:
     Attributes
     ----------
     drive : Drive
-        Plant parameters.
+        What the controller is set up for.
     state : (8,)
         Plant state at the first step, see `plant`.
     s_start : (3,)
@@ -51,6 +51,11 @@ class Loop:
         Whether a decision takes effect one step after the state it is based on.
     errors : DriveErrors
         Of sensors and switches; `vdc` has the ripple already.
+    plant_drive : Drive or None
+        Machine and inverter of the plant if they are not the drive's.
+    flux_observer : bool
+        Whether the controller sees the rotor flux of the observer's bit-true model, which goes on
+        from the plant's in the first step, in place of the plant's.
     """
 
     drive: Drive
@@ -62,6 +67,8 @@ class Loop:
     iref: FloatArray
     delay: bool = False
     errors: DriveErrors = NO_ERRORS
+    plant_drive: Drive | None = None
+    flux_observer: bool = False
 
     def plant(self) -> Plant:
         """The plant in its first state.
@@ -71,7 +78,8 @@ class Loop:
         Plant
             At the speed and dc-link voltage of the first step.
         """
-        return Plant(self.drive, float(self.omega_r[0]), float(self.vdc[0]), self.state)
+        real = self.plant_drive or self.drive
+        return Plant(real, float(self.omega_r[0]), float(self.vdc[0]), self.state)
 
 
 @dataclass

@@ -65,6 +65,7 @@ from scripts.studies import (
     deadlocks,
     lengths,
     mptc_robustness,
+    noise_decisions,
     pwm,
     robustness,
 )
@@ -99,7 +100,7 @@ SEEDS = 5
 """Of placement, where figures are published."""
 STUDIES = (
     "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "deadlocks",
-    "robustness", "robustness-two-level", "fidelity",
+    "robustness", "robustness-two-level", "noise-decisions", "fidelity",
 )  # fmt: skip
 """Names of `studies`."""
 STAGES = (
@@ -851,6 +852,11 @@ def studies(jobs: int) -> list[Stage]:
             mptc_robustness.read(mptc_robustness.REPORT), robustness.PAGE
         ),
     )
+    decided, decided_page = _rows_and_page(
+        lambda out: noise_decisions.study(out, jobs),
+        noise_decisions.REPORT.name,
+        lambda: noise_decisions.publish(noise_decisions.read(), robustness.PAGE),
+    )
     modulated, modulated_page = _rows_and_page(
         lambda out: pwm.study(out, pwm.STEPS, pwm.PERIODS, pwm.STARTS),
         pwm.REPORT.name,
@@ -902,6 +908,8 @@ def studies(jobs: int) -> list[Stage]:
               _modules("studies.robustness"), noisy, (*drives,), noisy_page),
         Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
               _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
+        Stage("noise-decisions", "decisions under noise beside the ideal controller",
+              _modules("studies.noise_decisions"), decided, (*drives,), decided_page),
         Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
               _modules("studies.fidelity.study"), in_place(_fidelity), (*rtl, *drives),
               accuracy.write_page),

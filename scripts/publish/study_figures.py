@@ -24,6 +24,7 @@ from scripts.studies import (
     horizon,
     lengths,
     mptc_robustness,
+    noise_decisions,
     pwm,
     robustness,
 )
@@ -237,13 +238,17 @@ def of_robustness(reports: Path = REPORTS) -> Section:
     Returns
     -------
     dict
-        `shipped`, `random`, `mismatch` and `two_level`, as docs/robustness.md has them.
+        `shipped`, `random`, `mismatch`, `two_level` and `decisions`, as docs/robustness.md has
+        them.
     """
     found = robustness.read(reports / robustness.REPORT.name)
     two_level = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
     return {
         "shipped": shipped(found), "random": _random(found), "mismatch": _mismatch(found),
         "two_level": _two_level(two_level),
+        "decisions": noise_decisions.shares(
+            noise_decisions.read(reports / noise_decisions.REPORT.name)
+        ),
     }  # fmt: skip
 
 

@@ -71,9 +71,18 @@ MACHINES: dict[str, dict[str, dict[str, float]]] = {
     "capacitances x 0.9": {"inverter": {"xdc": 0.9, "xph": 0.9}},
     "capacitances x 1.1": {"inverter": {"xdc": 1.1, "xph": 1.1}},
     "resistances x 1.5, sensors, dead time": {"machine": {"rs": 1.5, "rr": 1.5}},
+    "gain of the currents 1 %": {},
+    "dc-link ripple 5 %": {},
 }
-SENSORS = {"bits": 12, "offset_current": 0.005, "offset_voltage": 0.005, "dead_time": 2e-6}
-"""Of the last machine."""
+#: Errors of sensors and switches of a machine besides the noise, as of `DriveErrors`. The ripple is
+#: a share of the drive's v_dc.
+FLAWS: dict[str, dict[str, Any]] = {
+    "resistances x 1.5, sensors, dead time": {
+        "bits": 12, "offset_current": 0.005, "offset_voltage": 0.005, "dead_time": 2e-6,
+    },
+    "gain of the currents 1 %": {"gain_current": 0.01},
+    "dc-link ripple 5 %": {"ripple": 0.05},
+}  # fmt: skip
 
 KNOWN, GIVEN, THETA, OBSERVER = "known", "not known", "theta", "theta, observer"
 """Whether the controller knows the machine, estimates its leakage, and its rotor flux besides."""
@@ -84,6 +93,8 @@ MISMATCHES = (
     *[(f"leakage x {x}", how) for x in (0.8, 1.2) for how in (KNOWN, GIVEN, THETA, OBSERVER)],
     *[(f"capacitances x {x}", how) for x in (0.9, 1.1) for how in (KNOWN, THETA)],
     ("resistances x 1.5, sensors, dead time", OBSERVER),
+    *[(f, how) for f in ("gain of the currents 1 %", "dc-link ripple 5 %")
+      for how in (THETA, OBSERVER)],
 )  # fmt: skip
 REPORT = ROOT / "reports" / "robustness.csv"
 PAGE = ROOT / "docs" / "robustness.md"
@@ -213,11 +224,14 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
     )
     if setting.knows == KNOWN:
         drive = real
+    flaws = dict(FLAWS.get(setting.machine, {}))
+    if "ripple" in flaws:
+        flaws["ripple"] *= drive.inverter.vdc
     errors = DriveErrors(
         noise_current=setting.noise * NOISE_CURRENT,
         noise_voltage=setting.noise * NOISE_VOLTAGE,
         seed=1000 + setting.start,
-        **(SENSORS if "sensors" in setting.machine else {}),
+        **flaws,
     )
     estimate = setting.knows in (THETA, OBSERVER)
     result = closed_loop.simulate(
@@ -438,6 +452,48 @@ def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
     return tables.markdown(head, lines)
 
 
+def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What the gain of the filters is worth by the noise, over all points of the shipped drives.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table: change of the switching frequency against exact measurements, rule
+        "inwards".
+    """
+    lines = []
+    for noise in (1.0, 2.0):
+        for gain in (1.0, GAIN, LOWER_GAIN):
+            changes = []
+            for name, bound, horizon, speed in itertools.product(
+                DRIVES, BOUNDS, ("SE", "SESE"), SPEEDS
+            ):
+                chosen, exact = (
+                    [
+                        v
+                        for k, v in rows.items()
+                        if (k.drive, k.horizon, k.speed, k.bound) == (name, horizon, speed, bound)
+                        and not k.knows
+                        and (k.noise, k.rule, k.gain) == _rounded_remedy(remedy)
+                    ]
+                    for remedy in ((noise, "inwards", gain), REMEDIES[0])
+                )
+                changes.append(100 * (_mean(chosen, "fsw_hz") / _mean(exact, "fsw_hz") - 1))
+            filters = f"{-round(math.log2(gain))}"
+            name = f"{100 * noise * NOISE_CURRENT:g} % and {100 * noise * NOISE_VOLTAGE:g} %"
+            lines.append((name, filters, f"{np.mean(changes):+.1f}", f"{max(changes):+.1f}"))
+    head = (
+        "noise of currents and voltages, rms", "`capacitor_filter`", "f_sw, %: mean",
+        "f_sw, %: worst point",
+    )  # fmt: skip
+    return tables.markdown(head, lines)
+
+
 def _label(rule: str, gain: float) -> str:
     """Rule and filters in a table."""
     return f"{rule}, filters 1/{round(1 / gain)}" if gain < 1 else rule
@@ -502,6 +558,7 @@ def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
         page,
         {
             (BEGIN.format("shipped"), END.format("shipped")): shipped_table(rows),
+            (BEGIN.format("gain"), END.format("gain")): gain_table(rows),
             (BEGIN.format("random"), END.format("random")): random_table(rows),
             (BEGIN.format("mismatch"), END.format("mismatch")): mismatch_table(rows),
         },

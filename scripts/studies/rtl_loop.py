@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from directmpc.api.simulation import plant_with
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import ideal, metrics
+from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.closed_loop import (
     ClosedLoopResult,
@@ -28,8 +31,10 @@ from directmpc.mpdcc.closed_loop import (
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
+from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.machine import CLARKE_INVERSE
-from directmpc.mpdcc.trace import MpdccTrace
+from directmpc.mpdcc.observer import FluxObserver
+from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
 from scripts.hdl import mpdcc_simulation
 from scripts.hdl.clocks import worst_cycles
@@ -37,6 +42,7 @@ from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
 from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
+from scripts.studies import robustness
 
 PERIODS = 2
 """Fundamental periods run unless the number of steps is given."""
@@ -55,6 +61,12 @@ MANY_EXCESSES = 0.02
 EXCESS = 0.1
 """Share of a bound by which it has to be exceeded for an excess that counts."""
 
+NOISE_FILTER, HIGH_NOISE_FILTER = 4, 5
+"""Advised `capacitor_filter`, and that from `HIGH_NOISE` on: see docs/robustness.md."""
+
+HIGH_NOISE = 2 * robustness.NOISE_VOLTAGE
+"""Rms of the noise of the capacitor voltages from which on it is high, per unit."""
+
 _LANE = 11.0
 """Height of the lane of a phase's positions, 0 to 7, in the picture."""
 
@@ -66,7 +78,7 @@ class Run:
     Attributes
     ----------
     drive
-        Plant and controller.
+        What the controller is set up for, and the plant unless `plant` says otherwise.
     explorers, variant
         Configuration of the core.
     result
@@ -75,6 +87,12 @@ class Run:
         Steps in which the RTL and its bit-true model differ in any field.
     seconds
         Time the simulation took.
+    factors
+        Of the plant's machine and capacitors, as of `plant_with`.
+    flux_observer
+        Whether the rotor flux was the observer's.
+    errors
+        Of sensors and switches.
     """
 
     drive: Drive
@@ -83,6 +101,9 @@ class Run:
     result: ClosedLoopResult
     differing: int
     seconds: float
+    factors: Mapping[str, float] = field(default_factory=dict)
+    flux_observer: bool = False
+    errors: DriveErrors = NO_ERRORS
 
     @property
     def cycles(self) -> NDArray[np.int64]:
@@ -105,13 +126,18 @@ def simulate(
     variant: str,
     errors: DriveErrors = NO_ERRORS,
     waves: Path | None = None,
+    factors: Mapping[str, float] | None = None,
+    flux_observer: bool = False,
 ) -> Run:
     """Run the RTL in closed loop at rated current, from the steady state.
+
+    Capacitor filters, observer and estimate of the leakage are the bit-true models in front of the
+    core's RTL, as the drive and `flux_observer` ask for them.
 
     Parameters
     ----------
     drive : Drive
-        Plant and controller.
+        What the controller is set up for; the plant's too, but for `factors`.
     speed : float
         Stator frequency, per unit, signed.
     steps : int | None
@@ -124,6 +150,10 @@ def simulate(
         Of sensors and switches; none unless given.
     waves : Path | None
         File for every signal of the simulation (FST); none is written if None.
+    factors : mapping of str to float, optional
+        Of the plant's machine and capacitors, from 0.5 to 1.5, as of `plant_with`.
+    flux_observer : bool
+        Whether the controller sees the rotor flux of the observer in place of the plant's.
 
     Returns
     -------
@@ -133,10 +163,14 @@ def simulate(
     Raises
     ------
     ValueError
-        If the variant does not serve the drive, or the drive cannot be represented.
+        If the variant does not serve the drive, the drive cannot be represented, or a factor is
+        none.
     SimulationError
         If the simulation fails.
     """
+    factors = dict(factors or {})
+    real = plant_with(drive, factors)
+    assert isinstance(real, Drive)
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)
@@ -146,8 +180,9 @@ def simulate(
     delay = drive.control.delay_compensation
     link = rippled(drive, profile, errors)
     loop = Loop(
-        drive, state, positions, link, profile.omega_s, profile.omega_r, iref, delay, errors
-    )
+        drive, state, positions, link, profile.omega_s, profile.omega_r, iref, delay, errors,
+        real, flux_observer,
+    )  # fmt: skip
     values = VARIANTS[variant].registers(drive).array()
     began = time.perf_counter()
     with progress_bar("RTL in closed loop", count) as progress:
@@ -162,8 +197,11 @@ def simulate(
     before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
     if delay:
         applied = np.vstack([positions, before])
-    # the filters stand in front of the core here too
+    # filters and observer stand in front of the core here too
     sensed = CapacitorFilter(drive).rows(measured(errors, states[:-1]), applied[:-1])
+    if flux_observer:
+        observer = FluxObserver(drive, complex(*state[:2]), complex(*state[2:4]))
+        sensed[1:] = observer.rows(sensed[1:], link[1:], profile.omega_r[1:], applied[1:-1])
     seen = MpdccTrace(
         sensed[:, :4], sensed[:, 4:], link, iref, profile.omega_s, profile.omega_r, before
     )
@@ -182,9 +220,28 @@ def simulate(
             shadow=ideal.run(drive, seen),
             profile=profile,
         ),
-        differing=count_differences(decisions, VARIANTS[variant].run(drive, seen)),
+        differing=count_differences(decisions, _of_model(drive, variant, seen, applied)),
         seconds=seconds,
+        factors=factors,
+        flux_observer=flux_observer,
+        errors=errors,
     )
+
+
+def _of_model(drive: Drive, variant: str, seen: MpdccTrace, applied: IntArray) -> Decisions:
+    """Decisions of the bit-true model, with the estimate of the leakage where the drive has it."""
+    if not drive.control.leakage_estimate:
+        return VARIANTS[variant].run(drive, seen)
+    given = VARIANTS[variant].registers(drive).array()
+    estimate, words = LeakageEstimate(drive), common.encode(seen)[0]
+    rows = []
+    for k in range(len(seen)):
+        values = estimate.scaled(given)[0]
+        rows.append(common.run_rows(fast.run_words, values, seen.rows(slice(k, k + 1))))
+        estimate.step(words[k], applied[k])
+    names = ("s", "held", "deadlock", "length", "saturated")
+    found = {name: np.concatenate([getattr(row, name) for row in rows]) for name in names}
+    return Decisions(**found, cycles=None)
 
 
 def signals() -> dict[str, list[Signal]]:
@@ -215,7 +272,7 @@ def signals() -> dict[str, list[Signal]]:
 
 
 def advice(run: Run) -> str:
-    """What the drive file could hold instead where deadlocks or excesses are many.
+    """What the drive file could hold instead.
 
     Parameters
     ----------
@@ -225,8 +282,22 @@ def advice(run: Run) -> str:
     Returns
     -------
     str
-        One sentence that names the key; empty where neither is frequent.
+        A sentence that names the key where deadlocks or excesses are many, and one that names the
+        capacitor filters where the voltages are noisy and there is no filter; else empty.
     """
+    said = [_of_deadlocks(run)]
+    noise = run.errors.noise_voltage
+    if noise > 0.0 and run.drive.control.capacitor_filter == 0:
+        q = HIGH_NOISE_FILTER if noise >= HIGH_NOISE else NOISE_FILTER
+        said.append(
+            f"the capacitor voltages are noisy; control.capacitor_filter = {q} filters them: "
+            "docs/robustness.md"
+        )
+    return ". ".join(one for one in said if one)
+
+
+def _of_deadlocks(run: Run) -> str:
+    """The advice against deadlocks and excesses; empty where neither is frequent."""
     control, result, bounds = run.drive.control, run.result, run.drive.bounds
     decisions = result.decisions
     dead = decisions.deadlock == 1
@@ -292,6 +363,15 @@ def outcome(run: Run) -> Table:
         f"{count.differing} of {count.steps} decisions on the same states differ "
         f"({100 * count.differing / count.steps:.1f} %)",
     )
+    if run.factors:
+        said = ", ".join(f"{name} x {factor:g}" for name, factor in run.factors.items())
+        table.add_row("plant", f"{said}; the controller does not know")
+    if run.flux_observer:
+        flux = _flux_error(result)
+        table.add_row(
+            "rotor flux",
+            f"of the observer (its bit-true model); {100 * flux:.1f} % off the plant's (rms)",
+        )
     table.add_row("held", f"{count.held}; searched {count.searched}; deadlocks {count.deadlocks}")
     if said := advice(run):
         table.add_row("advice", said)
@@ -316,6 +396,12 @@ def outcome(run: Run) -> Table:
     )
     table.add_row("saturated", f"{int(result.decisions.saturated.sum())} decisions")
     return table
+
+
+def _flux_error(result: ClosedLoopResult) -> float:
+    """Rms of what the rotor flux seen is off the plant's, a share of that one's rms."""
+    plant = result.state[:-1, 2:4]
+    return float(np.sqrt(np.sum((result.shown[:, 2:4] - plant) ** 2) / np.sum(plant**2)))
 
 
 def latency(run: Run) -> Table:

@@ -18,8 +18,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from directmpc import simulate
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from directmpc.mptc import closed_loop as mptc_closed_loop
@@ -151,6 +153,35 @@ def test_the_rtl_makes_the_same_loop(modelled: rtl_loop.Run) -> None:
     assert found.result.shadow_count() == modelled.result.shadow_count()
 
 
+def test_the_rtl_controls_another_machine_with_the_flux_of_the_observer() -> None:
+    drive = states.shipped("anpc5l_6kv").with_control(capacitor_filter=4)
+    errors = DriveErrors(noise_current=0.005, noise_voltage=0.0025, ripple=0.05, seed=3)
+    factors = {"rr": 1.5, "leakage": 0.7, "xph": 0.9}
+    found = rtl_loop.simulate(drive, 1.0, 30, 2, "fast", errors, None, factors, True)
+    assert found.differing == 0
+    wanted = simulate(
+        drive, "model", steps=30, errors=errors, plant_factors=factors, flux_observer=True
+    )
+    np.testing.assert_allclose(found.result.state[:-1, 0], wanted.current.real, atol=1e-9)
+    np.testing.assert_allclose(found.result.seen.x_m[:, 2:], wanted.trace.x_m[:, 2:], atol=1e-9)
+    plant = found.result.state[:-1, 2:4]
+    assert np.abs(found.result.seen.x_m[:, 2:] - plant).max() > 1e-3
+    console = Console(file=io.StringIO(), width=200)
+    console.print(rtl_loop.outcome(found))
+    shown = console.file.getvalue()
+    assert "rr x 1.5, leakage x 0.7, xph x 0.9; the controller does not know" in shown
+    assert "of the observer (its bit-true model)" in shown
+
+
+def test_the_model_of_a_run_has_the_estimate_of_the_leakage() -> None:
+    drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
+    found = rtl_loop.simulate(drive, 1.0, 120, 2, "fast", NO_ERRORS, None, {"leakage": 0.6}, True)
+    assert found.differing == 0
+    # theta matters: with theta = 1 another step would have been decided
+    alone = VARIANTS["fast"].run(drive, found.result.seen)
+    assert count_differences(found.result.decisions, alone) > 0
+
+
 def test_what_the_paper_variant_cannot_do_is_an_error() -> None:
     drive = states.shipped("anpc5l_6kv")
     for setting in ({"switching_horizon": "SESE"}, {"delay_compensation": True}):
@@ -220,6 +251,36 @@ def test_many_deadlocks_or_excesses_name_the_key_that_helps(
     assert ("in the fast variant" in shown) is (said is not None and not settings)
 
 
+@pytest.mark.parametrize(
+    ("noise", "q", "said"),
+    [
+        (0.0, 0, None),
+        (0.0025, 0, "control.capacitor_filter = 4"),
+        (0.005, 0, "control.capacitor_filter = 5"),
+        (0.0025, 4, None),
+    ],
+)
+def test_noise_without_a_filter_names_the_filter(
+    modelled: rtl_loop.Run, noise: float, q: int, said: str | None
+) -> None:
+    given = dataclasses.replace(
+        modelled,
+        drive=modelled.drive.with_control(capacitor_filter=q),
+        errors=DriveErrors(noise_current=0.005, noise_voltage=noise),
+    )
+    found = rtl_loop.advice(given)
+    assert ("capacitor_filter" in found) is (said is not None)
+    assert said is None or said in found
+    # what is said of deadlocks is said beside it
+    decisions = dataclasses.replace(
+        modelled.result.decisions, held=np.zeros(30, np.int64), deadlock=np.ones(30, np.int64)
+    )
+    dead = dataclasses.replace(given, result=dataclasses.replace(given.result, decisions=decisions))
+    both = rtl_loop.advice(dead)
+    assert 'control.deadlock_rule = "weighted"' in both
+    assert said is None or said in both
+
+
 def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
     decisions = modelled.result.decisions
     assert count_differences(decisions, decisions) == 0
@@ -242,6 +303,27 @@ def test_errors_are_one_line(
     errors = capsys.readouterr().err
     assert errors.startswith("run: ")
     assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("plant", "words"),
+    [
+        ("rs=1.6", "rs: got 1.6; it must be a number from 0.5 to 1.5"),
+        ("xm=nan", "xm: got nan; it must be a number from 0.5 to 1.5"),
+        ("rs=much", "rs: got 'much'; it must be a number from 0.5 to 1.5"),
+        ("lm=1.2", "got 'lm'; it may hold rs, rr, leakage, xm, xdc, xph"),
+        ("rs=1.2,rs=1.3", "rs: given twice"),
+    ],
+)
+def test_a_plant_out_of_range_is_refused(
+    plant: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.png"
+    with pytest.raises(SystemExit) as left:
+        run.COMMAND.main(["--plant", plant, "--out", str(out)])
+    assert left.value.code == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists()
 
 
 # --- two-level drives -----------------------------------------------------------------------------
@@ -341,6 +423,8 @@ def test_full_scales_that_were_exceeded_are_named() -> None:
         (["--variant", "paper"], "--variant: it is for MPDCC"),
         (["--explorers", "2"], "--explorers: it is for MPDCC"),
         (["--errors", "bits=12"], "--errors: it is for MPDCC"),
+        (["--plant", "rs=1.5"], "--plant: it is for MPDCC"),
+        (["--flux-observer"], "--flux-observer: it is for MPDCC"),
     ],
 )
 def test_what_a_two_level_run_cannot_have_is_one_line(

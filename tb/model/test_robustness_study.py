@@ -85,6 +85,7 @@ def test_the_page_shows_the_file() -> None:
     rows = robustness.read(robustness.REPORT)
     page = robustness.PAGE.read_text(encoding="utf-8")
     for name, text in (
+        ("gain", robustness.gain_table(rows)),
         ("shipped", robustness.shipped_table(rows)),
         ("random", robustness.random_table(rows)),
         ("mismatch", robustness.mismatch_table(rows)),

@@ -95,6 +95,16 @@ def test_robustness_of_random_drives() -> None:
         ]
 
 
+def test_decisions_under_noise() -> None:
+    section = METRICS["robustness"]["decisions"]
+    found = table("robustness.md", "decisions")
+    assert len(found) == 4
+    for rule, horizon, points, steps, share, worst in found:
+        one = section[rule][horizon]
+        assert (points, steps) == (f"{one['points']}", f"{one['steps']:,.0f}")
+        assert (share, worst) == (f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}")
+
+
 def _percent(value: float | None) -> str:
     return "–" if value is None else f"{value:.1f}"
 

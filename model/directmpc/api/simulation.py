@@ -6,6 +6,7 @@ import cmath
 import functools
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from directmpc.api.controllers import ENGINES, check_drive, check_engine, make_controller
 from directmpc.distortion import thd
+from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
@@ -192,6 +194,78 @@ def _sequence_columns(prefix: str, vectors: IntArray, times: FloatArray) -> dict
     return {f"{prefix}{n}": c for n, c in zip(VectorSequence._fields, columns, strict=True)}
 
 
+LEAST_FACTOR, MOST_FACTOR = 0.5, 1.5
+"""Range of the factors of `plant_with`."""
+
+#: What `plant_with` may scale: factor -> table and keys of the drive.
+MPDCC_FACTORS = {
+    "rs": ("machine", ("rs",)), "rr": ("machine", ("rr",)), "leakage": ("machine", ("xls", "xlr")),
+    "xm": ("machine", ("xm",)), "xdc": ("inverter", ("xdc",)), "xph": ("inverter", ("xph",)),
+}  # fmt: skip
+#: The same of a two-level drive; its leakages are ls - lm and lr - lm.
+MPTC_FACTORS = ("rs", "rr", "leakage", "lm")
+
+
+def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive | MptcDrive:
+    """A drive whose machine and capacitors are not those that a controller knows.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the controller knows.
+    factors : mapping of str to float
+        From 0.5 to 1.5, on the drive's values. MPDCC: `rs`, `rr`, `leakage` (both, xls and xlr),
+        `xm`, `xdc`, `xph`. MPTC: `rs`, `rr`, `leakage` (both, ls - lm and lr - lm), `lm` (the
+        leakages stay).
+
+    Returns
+    -------
+    Drive or MptcDrive
+        Of the same kind, with all other values as they are.
+
+    Raises
+    ------
+    TypeError
+        If `factors` are no mapping.
+    ValueError
+        If there is no such factor, it is out of its range, or the drive that comes of it is none
+        (a `DriveError` then, which names the key).
+    """
+    if not isinstance(factors, Mapping):
+        raise TypeError(
+            f"plant_factors: got {_named(factors)}; a mapping of names to factors is needed"
+        )
+    known = MPDCC_FACTORS if isinstance(drive, Drive) else MPTC_FACTORS
+    for name, factor in factors.items():
+        if name not in known:
+            raise ValueError(
+                f"plant_factors: got {name!r:.40}; a drive of {drive.controller} has "
+                f"{', '.join(known)}"
+            )
+        number = _is_finite(factor) and not isinstance(factor, bool)
+        if not number or not LEAST_FACTOR <= factor <= MOST_FACTOR:
+            raise ValueError(
+                f"plant_factors: {name}: got {factor!r:.40}; it must be a number from "
+                f"{LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+            )
+    tables: dict[str, dict[str, float]] = {}
+    if isinstance(drive, Drive):
+        for name, factor in factors.items():
+            table, keys = MPDCC_FACTORS[name]
+            found = tables.setdefault(table, {})
+            found |= {key: float(factor) * getattr(getattr(drive, table), key) for key in keys}
+    else:
+        m = drive.machine
+        rs, rr, leakage, mutual = (float(factors.get(name, 1.0)) for name in MPTC_FACTORS)
+        lm = mutual * m.lm
+        tables["machine"] = {"rs": rs * m.rs, "rr": rr * m.rr, "lm": lm}
+        tables["machine"] |= {k: lm + leakage * (getattr(m, k) - m.lm) for k in ("ls", "lr")}
+    try:
+        return drive.changed(**tables)
+    except DriveError as error:
+        raise DriveError(f"plant_factors: {error}") from None
+
+
 def simulate(
     drive: Drive | MptcDrive,
     controller: str | Controller = "ideal",
@@ -203,8 +277,10 @@ def simulate(
     settle: int = 0,
     angle: float = 0.0,
     plant: Drive | MptcDrive | None = None,
+    plant_factors: Mapping[str, float] | None = None,
     variant: str = DEFAULT_VARIANT,
     errors: DriveErrors = NO_ERRORS,
+    flux_observer: bool = False,
     sensorless: bool = False,
 ) -> SimulationResult:
     """Run a controller in closed loop with the exact plant, from a steady state on.
@@ -238,12 +314,21 @@ def simulate(
         Angle of the stator current at the start, rad.
     plant : Drive or MptcDrive, optional
         Drive whose machine and inverter the plant has, if they are others than the controller's.
+    plant_factors : mapping of str to float, optional
+        Factors from 0.5 to 1.5 on the values of the plant, as of `plant_with`; the controller does
+        not know them. MPDCC: `rs`, `rr`, `leakage`, `xm`, `xdc`, `xph`; MPTC: `rs`, `rr`,
+        `leakage`, `lm`. References and speeds are still those of the controller's drive.
     variant : str
         "fast" or "paper", for "model" of MPDCC.
     errors : DriveErrors
         MPDCC: errors of sensors and switches; none unless given. The result's `current` and `flux`
         are the plant's, its `trace` is what the sensors said, with the voltages of the capacitor
         filters where the drive has them.
+    flux_observer : bool
+        MPDCC: the controller sees the rotor flux of the bit-true observer (docs/observer.md) in
+        place of the plant's, whatever the controller. It is set up for `drive` and goes on from
+        the plant's flux in the first step. The result's `flux` is the plant's, its `trace` has the
+        observer's.
     sensorless : bool
         MPTC: the controller sees the flux and the speed that a speed-adaptive observer estimates
         from the stator currents (docs/sensorless.md), bit-true for "model". The result's `flux` and
@@ -258,10 +343,11 @@ def simulate(
     ------
     TypeError
         If `drive` is no drive, `plant` not of its kind, `controller` has no `decide`, or `errors`
-        are given that are no `DriveErrors` or are for MPTC, or `sensorless` for MPDCC.
+        are given that are no `DriveErrors` or are for MPTC, or `flux_observer` for MPTC, or
+        `sensorless` for MPDCC, or `plant_factors` are no mapping.
     ValueError
-        If a number makes no sense, there is no such steady state, the model cannot represent the
-        drive, or an own controller's decision is none.
+        If a number makes no sense, a factor is unknown or out of its range, there is no such steady
+        state, the model cannot represent the drive, or an own controller's decision is none.
     """
     check_drive(drive)
     if isinstance(controller, str):
@@ -281,6 +367,16 @@ def simulate(
         raise TypeError("errors: given for a drive of MPTC; only those of MPDCC have them")
     if sensorless and isinstance(drive, Drive):
         raise TypeError("sensorless: given for a drive of MPDCC; only those of MPTC have it")
+    if not isinstance(flux_observer, bool):
+        raise TypeError(f"flux_observer: got {_named(flux_observer)}; True or False is needed")
+    if flux_observer and not isinstance(drive, Drive):
+        raise TypeError(
+            "flux_observer: given for a drive of MPTC; only those of MPDCC have it "
+            "(sensorless=True lets MPTC work on an observer)"
+        )
+    real = plant or drive
+    if plant_factors is not None:
+        real = plant_with(real, plant_factors)
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
@@ -295,7 +391,7 @@ def simulate(
         controller = make_controller(drive, controller, variant)
     run = functools.partial(_run_mptc, sensorless=sensorless)
     if isinstance(drive, Drive):
-        run = functools.partial(_run_mpdcc, errors=errors)
+        run = functools.partial(_run_mpdcc, errors=errors, flux_observer=flux_observer)
     return run(
         drive,
         controller,
@@ -306,7 +402,7 @@ def simulate(
         flux,
         settle,
         angle,
-        plant or drive,
+        real,
         variant,
     )
 
@@ -332,6 +428,7 @@ def _run_mpdcc(
     plant: Drive,
     variant: str,
     errors: DriveErrors,
+    flux_observer: bool,
 ) -> SimulationResult:
     """`simulate` for MPDCC, per unit."""
     omega_s = 1.0 if speed is None else float(speed)
@@ -350,11 +447,12 @@ def _run_mpdcc(
         run = mpdcc_loop.simulate(
             drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
             delay=delay, compensate=controller == "ideal", errors=errors,
+            flux_observer=flux_observer, observed_from=1,
         )  # fmt: skip
     else:
         run = mpdcc_loop.drive_controller(
             drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay,
-            errors=errors,
+            errors=errors, flux_observer=flux_observer,
         )  # fmt: skip
     return _of_mpdcc(drive, engine, run, omega_s, plant)
 

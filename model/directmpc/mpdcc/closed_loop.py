@@ -341,7 +341,7 @@ def _loop(
             applied[:] = decided
         measure(sensed, k, state, x)
         step_row(filters, filtered, x, positions[k])
-        if estimators.use_flux:
+        if estimators.use_flux and k >= estimators.flux_from:
             rotor_flux.step_row(
                 estimators.flux, estimators.flux_state, x, vdc[k], omega_r[k], positions[k]
             )
@@ -388,6 +388,8 @@ class Estimators(NamedTuple):
     ----------
     use_flux, use_leakage : bool
         Whether they are there.
+    flux_from : int
+        First step of the observer.
     flux, flux_state : ndarray of int64
         As of `observer.step_words`.
     leakage, leakage_state : ndarray of int64
@@ -400,6 +402,7 @@ class Estimators(NamedTuple):
 
     use_flux: bool
     use_leakage: bool
+    flux_from: int
     flux: IntArray
     flux_state: IntArray
     leakage: IntArray
@@ -415,7 +418,13 @@ def _as_given(theta, given, values):
 
 
 def _estimators(
-    drive: Drive, state: FloatArray, steps: int, parameters: Any, flux: bool, estimate: bool
+    drive: Drive,
+    state: FloatArray,
+    steps: int,
+    parameters: Any,
+    flux: bool,
+    estimate: bool,
+    flux_from: int,
 ) -> Estimators:
     """Estimators of a loop that begins in a state of the plant."""
     flux_words, _ = rotor_flux.coefficients(drive)
@@ -423,6 +432,7 @@ def _estimators(
     return Estimators(
         use_flux=flux,
         use_leakage=estimate,
+        flux_from=flux_from,
         flux=rotor_flux.array(flux_words),
         flux_state=rotor_flux.state_of(drive.machine, complex(*state[:2]), complex(*state[2:4])),
         leakage=leakage.array(words),
@@ -521,6 +531,7 @@ def simulate(
     compensate: bool = True,
     errors: DriveErrors = NO_ERRORS,
     flux_observer: bool = False,
+    observed_from: int = 0,
     leakage_estimate: bool | None = None,
 ) -> ClosedLoopResult:
     """Run a controller in closed loop with the exact plant.
@@ -558,6 +569,9 @@ def simulate(
     flux_observer : bool
         Whether the controller sees the rotor flux of the bit-true observer, which begins at the
         plant's, in place of the plant's.
+    observed_from : int
+        First step of the observer. With 1 the controller sees the plant's flux in the first step,
+        and the observer goes on from it; with 0 it begins a step behind.
     leakage_estimate : bool, optional
         Whether the bit-true estimate of the leakage scales the controller's coefficients. Only for
         a bit-true controller, whose `parameters` are ``Registers.array()``; the drive says it for
@@ -606,7 +620,9 @@ def simulate(
     positions[0] = applied
     shown, seen = np.empty((total, STATES)), np.empty((total, STATES))
     filters = CapacitorFilter(drive)
-    estimators = _estimators(drive, state, total, parameters, flux_observer, leakage_estimate)
+    estimators = _estimators(
+        drive, state, total, parameters, flux_observer, leakage_estimate, observed_from
+    )
     seen_s = np.empty((total, 3), np.int64)
     seen_iref = np.empty((total, 2))
     out = np.zeros((total, 7), np.int64)
@@ -659,6 +675,7 @@ def drive_controller(
     checked: bool = True,
     filtered: bool = True,
     errors: DriveErrors = NO_ERRORS,
+    flux_observer: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
@@ -684,6 +701,9 @@ def drive_controller(
         its own, as a board has.
     errors : DriveErrors
         Of sensors and switches; none unless given.
+    flux_observer : bool
+        Whether the controller sees the rotor flux of the bit-true observer, which goes on from the
+        plant's in the first step, in place of the plant's.
     progress : callable, optional
         Called with the number of decisions made.
 
@@ -714,12 +734,15 @@ def drive_controller(
     applied[0] = positions
     decided = positions
     filters = CapacitorFilter(drive)
+    observer = rotor_flux.FluxObserver(drive, complex(*state[:2]), complex(*state[2:4]))
     for k in range(total):
         states[k] = plant.state
         before[k] = decided if delay else applied[k]
         measure(sensed, k, plant.state, x)
         if filtered:
             filters.row(x, applied[k])
+        if flux_observer and k > 0:
+            observer.row(x, float(link[k]), float(profile.omega_r[k]), applied[k])
         shown[k] = x
         seen = MpdccState(
             current=complex(*x[:2]),

@@ -26,6 +26,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
@@ -300,6 +301,70 @@ def step_row(coefficient, state, x, vdc, omega_r, s):
     m, _ = encode_row(real, _SCALES, _LOWS, _HIGHS)
     a, b, _ = step_words(coefficient, state, m, s)
     x[2], x[3] = a / _FLUX_UNIT, b / _FLUX_UNIT
+
+
+class FluxObserver:
+    """The observer of a drive with its state, step by step, bit-true.
+
+    Parameters
+    ----------
+    drive : Drive
+        Machine and control period that it is set up for.
+    current, flux : complex
+        Stator current and rotor flux that it begins with, per unit.
+
+    Attributes
+    ----------
+    coefficient, state : ndarray of int64
+        As of ``step_words``.
+    """
+
+    def __init__(self, drive: Drive, current: complex, flux: complex) -> None:
+        words, _ = coefficients(drive)
+        self.coefficient = array(words)
+        self.state = state_of(drive.machine, current, flux)
+
+    def row(self, x: NDArray[np.float64], vdc: float, omega_r: float, s: IntArray) -> None:
+        """One step per unit, in place.
+
+        Parameters
+        ----------
+        x : ndarray of float64, shape (8,)
+            As of ``step_row``.
+        vdc, omega_r : float
+            Per unit.
+        s : ndarray of int64, shape (3,)
+            Positions applied until now.
+        """
+        step_row(self.coefficient, self.state, x, vdc, omega_r, np.asarray(s, dtype=np.int64))
+
+    def rows(
+        self,
+        x: NDArray[np.float64],
+        vdc: NDArray[np.float64],
+        omega_r: NDArray[np.float64],
+        s: IntArray,
+    ) -> NDArray[np.float64]:
+        """Steps one after the other.
+
+        Parameters
+        ----------
+        x : ndarray of float64, shape (n, 8)
+            As of ``step_row``; not changed.
+        vdc, omega_r : ndarray of float64, shape (n,)
+            Per unit.
+        s : ndarray of int64, shape (n, 3)
+            Positions applied until each of them.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 8)
+            With the rotor flux of the observer.
+        """
+        found = x.copy()
+        for row, v, omega, positions in zip(found, vdc, omega_r, s, strict=True):
+            self.row(row, float(v), float(omega), positions)
+        return found
 
 
 class IdealState(NamedTuple):

@@ -1,0 +1,208 @@
+"""Decisions under noise that are not the ideal controller's, which sees the same noise.
+
+The bit-true model of the fast variant controls both shipped drives with noise 1 of `robustness`. In
+every step the ideal controller decides on the same measurements by the same rules, without effect.
+``python -m scripts robustness`` writes ``reports/noise_decisions.csv``, a row for each closed loop,
+and a table of ``docs/robustness.md``. Rows that the file has are not run again.
+
+A decision takes effect at once and there are no filters: both controllers see the same words.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from directmpc.mpdcc import closed_loop, ideal
+from directmpc.mpdcc.bit_true import fast
+from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.errors import DriveErrors
+from scripts.hdl import states
+from scripts.shared import rows as stored_rows
+from scripts.shared import tables
+from scripts.shared.tools import ROOT
+from scripts.shared.workers import Pool
+from scripts.studies.robustness import DRIVES, NOISE_CURRENT, NOISE_VOLTAGE
+
+REPORT = ROOT / "reports" / "noise_decisions.csv"
+BEGIN = "<!-- decisions: begin (written by python -m scripts robustness) -->"
+END = "<!-- decisions: end -->"
+RULES = ("inwards", "dead")
+HORIZONS = ("SE", "SESE")
+SPEEDS, BOUNDS = (1.0, 0.8, 0.6), (0.06, 0.10)
+STEPS, SETTLE = 3000, 400
+FIGURES = ("steps", "differing", "searched", "deadlocks")
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """One closed loop: shipped drive, switching horizon, outside rule, speed and bound in pu."""
+
+    drive: str
+    horizon: str
+    rule: str
+    speed: float
+    bound: float
+
+
+def settings() -> Iterator[Setting]:
+    """All closed loops, in order.
+
+    Yields
+    ------
+    Setting
+        The next one.
+    """
+    for one in itertools.product(DRIVES, HORIZONS, RULES, SPEEDS, BOUNDS):
+        yield Setting(*one)
+
+
+def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
+    """Run a closed loop.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+    steps : int
+        Control steps that count.
+
+    Returns
+    -------
+    dict
+        The setting; steps, those whose decision is not the ideal controller's, those that were
+        searched, and deadlocks.
+    """
+    drive = states.shipped(setting.drive).with_control(
+        bound_current=setting.bound,
+        switching_horizon=setting.horizon,
+        outside_rule=setting.rule,
+        deadlock_rule="weighted",
+        delay_compensation=False,
+    )
+    result = closed_loop.simulate(
+        drive, fast.decide, registers(drive, "fast").array(), OperatingPoint(setting.speed), steps,
+        settle=SETTLE, shadow=ideal.decide, shadow_parameters=ideal.ideal_parameters(drive),
+        errors=DriveErrors(noise_current=NOISE_CURRENT, noise_voltage=NOISE_VOLTAGE, seed=1),
+    )  # fmt: skip
+    count = result.shadow_count()
+    figures = (count.steps, count.differing, count.searched, count.deadlocks)
+    return asdict(setting) | dict(zip(FIGURES, figures, strict=True))
+
+
+def read(path: Path = REPORT) -> dict[Setting, dict[str, float]]:
+    """Rows of the file.
+
+    Parameters
+    ----------
+    path : Path
+        It may not exist, or end in the middle of a row: that one is left out.
+
+    Returns
+    -------
+    dict
+        Figures by setting.
+    """
+    return stored_rows.read(path, Setting, FIGURES)
+
+
+def study(
+    out: Path, jobs: int, *, anew: bool = False, scheduler: str | None = None
+) -> dict[Setting, dict[str, float]]:
+    """Run what the file does not have yet.
+
+    Parameters
+    ----------
+    out : Path
+        The file.
+    jobs : int
+        Processes.
+    anew : bool
+        Whether all loops are run, whatever the file has.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
+
+    Returns
+    -------
+    dict
+        Figures of all settings.
+    """
+    wanted = list(settings())
+    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
+    missing = [(setting,) for setting in wanted if setting not in rows]
+    with Pool(jobs, scheduler) as pool:
+        for _, found in pool.each("decisions under noise", loop, missing):
+            setting = Setting(**{name: found[name] for name in asdict(wanted[0])})
+            rows[setting] = {name: found[name] for name in FIGURES}
+            stored_rows.write(out, rows, FIGURES)
+    stored_rows.write(out, rows, FIGURES)
+    return read(out)
+
+
+def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, dict[str, float]]]:
+    """Decisions that differ, of all points.
+
+    Parameters
+    ----------
+    rows : mapping
+        As of `read`.
+
+    Returns
+    -------
+    dict
+        By rule and horizon: `points`, `steps`, `mismatch_pct`, and `worst_pct` of a point.
+    """
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for rule, horizon in itertools.product(RULES, HORIZONS):
+        mine = [v for k, v in rows.items() if (k.rule, k.horizon) == (rule, horizon)]
+        steps = sum(row["steps"] for row in mine)
+        found.setdefault(rule, {})[horizon] = {
+            "points": len(mine),
+            "steps": steps,
+            "mismatch_pct": 100 * sum(row["differing"] for row in mine) / steps,
+            "worst_pct": max(100 * row["differing"] / row["steps"] for row in mine),
+        }
+    return found
+
+
+def table(rows: Mapping[Setting, Mapping[str, float]]) -> str:
+    """Decisions unlike the ideal controller's.
+
+    Parameters
+    ----------
+    rows : mapping
+        As of `read`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    lines = []
+    for rule, by_horizon in shares(rows).items():
+        for horizon, one in by_horizon.items():
+            lines.append(
+                (
+                    rule, horizon, f"{one['points']:.0f}", f"{one['steps']:,.0f}",
+                    f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}",
+                )
+            )  # fmt: skip
+    head = ("rule", "horizon", "points", "decisions", "unlike ideal's, %", "of the worst point, %")
+    return tables.markdown(head, lines)
+
+
+def publish(rows: Mapping[Setting, Mapping[str, float]], page: Path) -> None:
+    """Write the table into its page.
+
+    Parameters
+    ----------
+    rows : mapping
+        As of `read`.
+    page : Path
+        The page; its markers stay.
+    """
+    tables.rewrite(page, {(BEGIN, END): table(rows)})
