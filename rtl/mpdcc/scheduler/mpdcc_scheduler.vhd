@@ -101,7 +101,6 @@ architecture rtl of mpdcc_scheduler is
   signal level       : level_report_t;
   signal leaf_valid  : std_logic_vector(EXPLORERS - 1 downto 0);
   signal leaf        : leaves_t(0 to EXPLORERS - 1);
-  signal far         : std_logic; -- '1': the rule inwards meets what is too far outside, the last root
   signal two_levels  : std_logic; -- '1': SESE
 
   -- events of Algorithm 1, each '1' for one clock
@@ -263,37 +262,6 @@ begin
     broadcast.band.negative    <= negative;
     broadcast.capacitor        <= CAPACITOR_NONE;
   end generate g_paper;
-
-  g_no_far : if not INWARDS generate
-    far <= '0';
-  end generate g_no_far;
-
-  -- what is too far outside to be followed counts as dead: of the root, before candidates are searched
-  g_far : if INWARDS generate
-
-    p_far : process (clk) is
-
-      variable beyond : std_logic;
-
-    begin
-
-      if rising_edge(clk) then
-        beyond := '0';
-
-        for i in node.error'range loop
-          beyond := beyond or overflows(node.error(i), BASE_WIDTH);
-        end loop;
-
-        if (r.phase = IDLE) then
-          far <= '0';
-        elsif (r.phase = AWAIT) then
-          far <= beyond and limits.outside_inwards;
-        end if;
-      end if;
-
-    end process p_far;
-
-  end generate g_far;
 
   g_fast : if not FOLDED generate
     -- the probe needs the node a few stages down its pipeline
@@ -481,8 +449,44 @@ begin
   -- The decision
   ---------------------------------------------------------------------------------------------
 
-  decision_flag <= terms.saturated or level.saturated or (far and not hold)
-                   or (options.compensate and level.unfit and not r.predicted);
+  g_flag : if not INWARDS generate
+    decision_flag <= terms.saturated or level.saturated or (options.compensate and level.unfit and not r.predicted);
+  end generate g_flag;
+
+  -- what is too far outside to be followed counts as dead: of the root, before candidates are searched
+  g_inwards_flag : if INWARDS generate
+
+    signal far : std_logic; -- '1': an error of the root is
+
+  begin
+
+    decision_flag <= terms.saturated or level.saturated or (far and not hold)
+                     or (options.compensate and level.unfit and not r.predicted);
+
+    p_far : process (clk) is
+
+      variable beyond : std_logic;
+
+    begin
+
+      if rising_edge(clk) then
+        beyond := '0';
+
+        for i in node.error'range loop
+          beyond := beyond or overflows(node.error(i), BASE_WIDTH);
+        end loop;
+
+        if (r.phase = IDLE) then
+          far <= '0';
+        elsif (r.phase = AWAIT) then
+          far <= beyond and limits.outside_inwards;
+        end if;
+      end if;
+
+    end process p_far;
+
+  end generate g_inwards_flag;
+
   decide        <= stopped or to_std_logic(r.phase = FINISH);
   choice        <= results(0) when stopped = '1' else
                    best;
