@@ -227,6 +227,17 @@ def test_a_value_that_was_made_safer_is_a_warning() -> None:
         board.load(MPTC, GuardSettings(clock=25e6, watchdog=1e4))
 
 
+def test_in_real_time_a_drive_that_decides_too_late_is_refused() -> None:
+    model = Rehearsal()
+    hasty = load_drive(MPTC).with_control(ts=1.2e-6)
+    with board_of(model, real_time=True) as board, pytest.raises(ValueError, match=r"control\.ts"):
+        board.load(hasty)
+    assert model.written == []
+    with board_of(model) as board:
+        board.load(hasty)
+    assert model.written
+
+
 def file_with(tmp_path: Path, settings: str) -> Path:
     """A drive file with a horizon and, if it is given, a budget."""
     horizon, *budget = settings.split()

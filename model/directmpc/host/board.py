@@ -31,7 +31,14 @@ from directmpc.host.console import terminable, undisturbed
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
-from directmpc.host.registers import GuardSettings, RegisterValues, packed, registers_of, values
+from directmpc.host.registers import (
+    GuardSettings,
+    RegisterValues,
+    packed,
+    refuse_slow,
+    registers_of,
+    values,
+)
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
@@ -465,7 +472,8 @@ class Board:
             If it asks for what was not built into this board, or a value does not fit its register;
             nothing is written then. If a register does not keep what was written.
         ValueError
-            If the drive cannot be used; the message names the key.
+            If the drive cannot be used; the message names the key. In real time also if a decision can
+            outlast the guard's decision limit, as of `registers.refuse_slow`.
 
         Warns
         -----
@@ -478,6 +486,9 @@ class Board:
             known = drive if isinstance(drive, Drive | MptcDrive) else load_drive(drive)
             self._check_controller(known.controller)
             found = self.values(known, settings, sensorless=sensorless)
+            if self.real_time:
+                guard = settings or GuardSettings(clock=float(self.identity.clock))
+                refuse_slow(known, guard, found, self.variant, max(self.identity.explorers, 1))
             for sentence in found.saturated:
                 warnings.warn(sentence, stacklevel=2)
             self.drive, self._encoder = known, Encoder(known)
