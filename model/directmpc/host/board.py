@@ -472,8 +472,8 @@ class Board:
             If it asks for what was not built into this board, or a value does not fit its register;
             nothing is written then. If a register does not keep what was written.
         ValueError
-            If the drive cannot be used; the message names the key. In real time also if a decision can
-            outlast the guard's decision limit, as of `registers.refuse_slow`.
+            If the drive cannot be used; the message names the key. In real time also if a decision
+            can outlast the guard's decision limit, as of `registers.refuse_slow`.
 
         Warns
         -----
