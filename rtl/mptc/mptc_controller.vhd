@@ -159,7 +159,8 @@ begin
 
   i_stream : entity work.mptc_vector_stream
     generic map (
-      FAMILY => FAMILY
+      FLUX_CONTROL => FLUX_CONTROL,
+      FAMILY       => FAMILY
     )
     port map (
       clk          => clk,

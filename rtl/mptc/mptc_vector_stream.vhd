@@ -28,7 +28,8 @@ library work;
 
 entity mptc_vector_stream is
   generic (
-    FAMILY : boolean := false -- true: pairs too
+    FLUX_CONTROL : boolean := true; -- true: mpfc is heeded; a register stands between a vector's flux and its length
+    FAMILY       : boolean := false -- true: pairs too; needs FLUX_CONTROL
   );
   port (
     clk          : in    std_logic;                                      -- rising edge
@@ -137,8 +138,14 @@ begin
   -- Lengths
   ---------------------------------------------------------------------------------------------
 
+  g_torque_number : if not FLUX_CONTROL generate
+    length_number <= std_logic_vector(stream(2 downto 0));
+  end generate g_torque_number;
+
   -- a clock ahead: the flux is registered
-  length_number <= std_logic_vector(stream(2 downto 0) + 1);
+  g_flux_number : if FLUX_CONTROL generate
+    length_number <= std_logic_vector(stream(2 downto 0) + 1);
+  end generate g_flux_number;
 
   g_single_length : if not FAMILY generate
     length_enable <= to_std_logic(stream /= 0 and stream <= STREAM_VECTORS and mpfc = '0');
@@ -182,16 +189,25 @@ begin
 
   end process p_lengths;
 
-  p_flux : process (clk) is
-  begin
+  g_torque_bits : if not FLUX_CONTROL generate
+    x_bits <= std_logic_vector(x);
+    y_bits <= std_logic_vector(y);
+  end generate g_torque_bits;
 
-    if rising_edge(clk) then
-      pair_length <= tried.enable and to_std_logic(FAMILY);
-      x_bits      <= std_logic_vector(x);
-      y_bits      <= std_logic_vector(y);
-    end if;
+  g_flux_bits : if FLUX_CONTROL generate
 
-  end process p_flux;
+    p_flux : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        pair_length <= tried.enable and to_std_logic(FAMILY);
+        x_bits      <= std_logic_vector(x);
+        y_bits      <= std_logic_vector(y);
+      end if;
+
+    end process p_flux;
+
+  end generate g_flux_bits;
 
   half_length <= as_word('0' & psi_ref);
 
