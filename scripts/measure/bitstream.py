@@ -34,7 +34,7 @@ SYNTHESIS = "synth_ecp5 -top board_top"
 DEVICES = {"85f": "--85k", "25f": "--25k", "12f": "--12k"}
 SEEDS = 5
 WEIGHT = 40
-"""Weight of timing in the placer, 10 unless told: MPDCC gained 15 % from it with one seed."""
+"""Weight of timing in the placer; 10 unless told."""
 
 
 @dataclass(frozen=True)
