@@ -321,6 +321,11 @@ def followed(error: int) -> bool:
     return -(2 ** (f.BASE_WIDTH - 1)) <= error < 2 ** (f.BASE_WIDTH - 1)
 
 
+def too_far(node: Node, limits: Limits) -> bool:
+    """Whether the rule inwards meets an error that it cannot follow."""
+    return bool(limits.outside_inwards) and not all(followed(e) for e in node.error)
+
+
 def straight_exit(error: int, slope: int, bound: int, horizon: int, inwards: int = 0) -> int:
     """Steps that a straight line stays inside, 0 where it is outside at once.
 
@@ -502,10 +507,11 @@ def decide(
     """s_a, s_b, s_c, held, deadlock, length, saturated."""
     if inside_after_one(node, limits, s_prev):
         return (*s_prev, 1, 0, 0, int(node.saturated))
+    flagged = node.saturated or too_far(node, limits)
     found = [(evaluate(node, limits, s, effort, variant), s) for s, effort in candidates(s_prev)]
     alive = [(e, s) for e, s in found if e.feasible]
     if alive:
         best, s = min(alive, key=lambda item: item[0].cost)  # min keeps the earliest
-        return (*s, 0, 0, best.length, int(node.saturated or best.saturated))
+        return (*s, 0, 0, best.length, int(flagged or best.saturated))
     _, s = min(found, key=lambda item: item[0].excess)
-    return (*s, 0, 1, 0, int(node.saturated))
+    return (*s, 0, 1, 0, int(flagged))

@@ -322,8 +322,9 @@ async def random_searches(dut) -> None:
         else:
             board.check("every candidate was given out", given_out, len(handed))
             best = min(taken, key=lambda a: a.key)
+            flagged = node.saturated or plain.too_far(node, limits)
             want = plain_decision(
-                best.s, 0, not best.feasible, best.length, node.saturated or best.saturated
+                best.s, 0, not best.feasible, best.length, flagged or best.saturated
             )
             if last_taken_at > last_drop_at:
                 after = FROM_LAST[variant]
