@@ -281,13 +281,17 @@ def _exit(
     return length, first
 
 
+def _near(error: IntArray) -> BoolArray:
+    """Whether errors are within the reach of the rule inwards."""
+    return np.abs(error + (error < 0)) < (1 << (f.BASE_WIDTH - 1))
+
+
 def _line(
     error: IntArray, slope: IntArray, bound: IntArray, horizon: int, inwards: bool
 ) -> tuple[IntArray, BoolArray]:
     """Steps that a straight line stays inside its bound; 0 where it is outside and stays there."""
     outside = np.abs(error) > bound
-    near = np.abs(error + (error < 0)) < (1 << (f.BASE_WIDTH - 1))
-    back = outside & near & (error * slope < 0) if inwards else np.zeros_like(outside)
+    back = outside & _near(error) & (error * slope < 0) if inwards else np.zeros_like(outside)
     room = np.where(slope > 0, bound - error, bound + error)
     size = np.maximum(np.abs(slope), 1)
     steps = np.where(slope == 0, horizon, np.floor_divide(np.maximum(room, 0), size))
@@ -347,8 +351,7 @@ def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Deci
     # currents
     limit = option["bound_current"]
     starts_outside = np.abs(error[..., :3]) > limit
-    near = np.abs(error[..., :3] + (error[..., :3] < 0)) < (1 << (f.BASE_WIDTH - 1))
-    dead = starts_outside & ~near if inwards else starts_outside
+    dead = starts_outside & ~_near(error[..., :3]) if inwards else starts_outside
     nearest = np.maximum(limit, np.abs(error[..., :3]) - 1)
     dead |= np.abs(after[..., :3]) > nearest
     width = 1 << (f.START_SLOPE_WIDTH - 1)
@@ -389,6 +392,8 @@ def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Deci
     searched = ~held & ~deadlock
     chosen = s[rows, best]
     flag = node.clipped | (searched & (clipped != weight)[rows, best])
+    if inwards:  # what is too far outside to be followed
+        flag |= ~held & ~_near(node.error).all(axis=-1)
     decision = np.column_stack(
         [
             np.where(held[:, None], s_prev, chosen),
