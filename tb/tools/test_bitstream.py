@@ -192,7 +192,7 @@ def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
     rows = [line for line in text.splitlines() if line.startswith("| ulx3s-")]
     assert len(rows) == 2
     assert rows[1] == kept
-    assert "| 123 of 83640 | 0 | 0 | 0 | 61.0 MHz of 75 | 145.0 MHz of 25 | 5 |" in rows[0]
+    assert "| 123 of 83640 | 0 | 0 | 0 | 61.0 MHz of 100 | 145.0 MHz of 25 | 5 |" in rows[0]
     assert "`, twice | `0123456789ab` |" in rows[0]
     assert "old" not in text
     both = bitstream.page(text, [found, found | {"controller": "family"}])
