@@ -3,6 +3,7 @@
 // The one file with a vendor's primitives: EHXPLLL (25 MHz * 3 or 4; its phase detector runs at 25 MHz, its oscillator
 // at 600) and OSCG (310 MHz / 128).
 // It is Verilog, because GHDL writes texts of generics as numbers, which place and route does not take.
+// Any other CORE_MHZ is an error of elaboration: times in clocks would be wrong.
 // Latency: locked rises within 15 ms of clock; see clock_monitor for what watches core_clock.
 // Licence: Apache-2.0
 
@@ -14,6 +15,11 @@ module board_clock #(
   output locked,     // 1: core_clock is as it should be; asynchronous
   output oscillator  // 2.42 MHz within 15 %
 );
+
+  generate
+    if (CORE_MHZ != 75 && CORE_MHZ != 100)
+      $error("board_clock: CORE_MHZ has to be 75 or 100");
+  endgenerate
 
   (* FREQUENCY_PIN_CLKI = "25" *)
   (* ICP_CURRENT = "12" *)

