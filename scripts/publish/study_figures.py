@@ -1,4 +1,4 @@
-"""Figures of the closed-loop studies as sections of reports/metrics.json, from reports/*.csv alone.
+"""Figures of studies and bitstreams as sections of reports/metrics.json, from reports/ alone.
 
 Each section has what the tables of its page state, before it is rounded for them. It is None where
 a page says "lost" or shows a dash.
@@ -7,6 +7,7 @@ a page says "lost" or shows a dash.
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -498,7 +499,36 @@ def of_sensorless(reports: Path = REPORTS) -> Section:
     return section
 
 
+# --- bitstreams -----------------------------------------------------------------------------------
+
+
+#: Key -> resource of the part, as nextpnr names it.
+RESOURCES = {"lut": "TRELLIS_COMB", "ff": "TRELLIS_FF", "dsp": "MULT18X18D", "bram": "DP16KD"}
+
+
+def of_boards(reports: Path = REPORTS) -> Section:
+    """Bitstreams of boards.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By board and build; what a build has none of is 0.
+    """
+    section: Section = {}
+    for found in json.loads((reports / "bitstreams.json").read_text(encoding="utf-8")):
+        used = {key: found["used"].get(kind, (0, 0))[0] for key, kind in RESOURCES.items()}
+        clocks = {key: found[key] for key in ("clock_mhz", "fmax_worst_mhz", "seeds")}
+        _put(section, (found["board"], found["controller"]), used | clocks)
+    return section
+
+
 SECTIONS: dict[str, Callable[[Path], Section]] = {
+    "boards": of_boards,
     "robustness": of_robustness,
     "pwm": of_pwm,
     "bounds": of_bounds,
