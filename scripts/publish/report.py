@@ -909,7 +909,7 @@ def studies(jobs: int) -> list[Stage]:
         Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
               _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
         Stage("noise-decisions", "decisions under noise beside the ideal controller",
-              _modules("studies.noise_decisions"), decided, (*drives,), decided_page),
+              _modules("studies.noise_decisions"), decided, (*rtl, *drives), decided_page),
         Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
               _modules("studies.fidelity.study"), in_place(_fidelity), (*rtl, *drives),
               accuracy.write_page),

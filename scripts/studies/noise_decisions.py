@@ -2,6 +2,7 @@
 
 The bit-true model of the fast variant controls both shipped drives with noise 1 of `robustness`. In
 every step the ideal controller decides on the same measurements by the same rules, without effect.
+The simulated RTL decides a sample of the steps as well, and has to decide as its model has done.
 ``python -m scripts robustness`` writes ``reports/noise_decisions.csv``, a row for each closed loop,
 and a table of ``docs/robustness.md``. Rows that the file has are not run again.
 
@@ -24,8 +25,9 @@ from directmpc.mpdcc.errors import DriveErrors
 from scripts.hdl import states
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
-from scripts.shared.tools import ROOT
+from scripts.shared.tools import ROOT, ToolError
 from scripts.shared.workers import Pool
+from scripts.studies.bounds import differing
 from scripts.studies.robustness import DRIVES, NOISE_CURRENT, NOISE_VOLTAGE
 
 REPORT = ROOT / "reports" / "noise_decisions.csv"
@@ -35,7 +37,13 @@ RULES = ("inwards", "dead")
 HORIZONS = ("SE", "SESE")
 SPEEDS, BOUNDS = (1.0, 0.8, 0.6), (0.06, 0.10)
 STEPS, SETTLE = 3000, 400
-FIGURES = ("steps", "differing", "searched", "deadlocks")
+RTL_ROWS = {"SE": 100, "SESE": 20}
+"""Steps of each loop that the simulated RTL decides, searches most of them; SESE takes longer."""
+FIGURES = ("steps", "differing", "searched", "deadlocks", "rtl_rows", "rtl_differing")
+
+
+class NoiseError(ToolError):
+    """The RTL has decided otherwise than its model."""
 
 
 @dataclass(frozen=True, order=True)
@@ -61,7 +69,7 @@ def settings() -> Iterator[Setting]:
         yield Setting(*one)
 
 
-def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
+def loop(setting: Setting, steps: int = STEPS, rtl_rows: int | None = None) -> dict[str, Any]:
     """Run a closed loop.
 
     Parameters
@@ -70,12 +78,15 @@ def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
         The loop.
     steps : int
         Control steps that count.
+    rtl_rows : int, optional
+        How many of them the simulated RTL decides; `RTL_ROWS` if not given.
 
     Returns
     -------
     dict
         The setting; steps, those whose decision is not the ideal controller's, those that were
-        searched, and deadlocks.
+        searched, and deadlocks; steps that the RTL decided, and those in which any field is not
+        its model's.
     """
     drive = states.shipped(setting.drive).with_control(
         bound_current=setting.bound,
@@ -90,7 +101,9 @@ def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
         errors=DriveErrors(noise_current=NOISE_CURRENT, noise_voltage=NOISE_VOLTAGE, seed=1),
     )  # fmt: skip
     count = result.shadow_count()
-    figures = (count.steps, count.differing, count.searched, count.deadlocks)
+    rtl_rows = RTL_ROWS[setting.horizon] if rtl_rows is None else rtl_rows
+    wrong = differing(drive, result, "fast", rtl_rows) if rtl_rows else 0
+    figures = (count.steps, count.differing, count.searched, count.deadlocks, rtl_rows, wrong)
     return asdict(setting) | dict(zip(FIGURES, figures, strict=True))
 
 
@@ -130,6 +143,11 @@ def study(
     -------
     dict
         Figures of all settings.
+
+    Raises
+    ------
+    NoiseError
+        If the RTL decided otherwise than its model.
     """
     wanted = list(settings())
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
@@ -140,6 +158,9 @@ def study(
             rows[setting] = {name: found[name] for name in FIGURES}
             stored_rows.write(out, rows, FIGURES)
     stored_rows.write(out, rows, FIGURES)
+    for setting, row in rows.items():
+        if row["rtl_differing"]:
+            raise NoiseError(f"the RTL decides otherwise than its model: {setting}")
     return read(out)
 
 
@@ -154,7 +175,8 @@ def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, d
     Returns
     -------
     dict
-        By rule and horizon: `points`, `steps`, `mismatch_pct`, and `worst_pct` of a point.
+        By rule and horizon: `points`, `steps`, `mismatch_pct`, `worst_pct` of a point, and
+        `rtl_rows`.
     """
     found: dict[str, dict[str, dict[str, float]]] = {}
     for rule, horizon in itertools.product(RULES, HORIZONS):
@@ -165,6 +187,7 @@ def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, d
             "steps": steps,
             "mismatch_pct": 100 * sum(row["differing"] for row in mine) / steps,
             "worst_pct": max(100 * row["differing"] / row["steps"] for row in mine),
+            "rtl_rows": sum(row["rtl_rows"] for row in mine),
         }
     return found
 
@@ -189,9 +212,13 @@ def table(rows: Mapping[Setting, Mapping[str, float]]) -> str:
                 (
                     rule, horizon, f"{one['points']:.0f}", f"{one['steps']:,.0f}",
                     f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}",
+                    f"{one['rtl_rows']:,.0f}",
                 )
             )  # fmt: skip
-    head = ("rule", "horizon", "points", "decisions", "unlike ideal's, %", "of the worst point, %")
+    head = (
+        "rule", "horizon", "points", "decisions", "unlike ideal's, %", "of the worst point, %",
+        "decided by the RTL",
+    )  # fmt: skip
     return tables.markdown(head, lines)
 
 

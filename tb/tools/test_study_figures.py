@@ -99,8 +99,9 @@ def test_decisions_under_noise() -> None:
     section = METRICS["robustness"]["decisions"]
     found = table("robustness.md", "decisions")
     assert len(found) == 4
-    for rule, horizon, points, steps, share, worst in found:
+    for rule, horizon, points, steps, share, worst, by_rtl in found:
         one = section[rule][horizon]
+        assert by_rtl == f"{one['rtl_rows']:,.0f}"
         assert (points, steps) == (f"{one['points']}", f"{one['steps']:,.0f}")
         assert (share, worst) == (f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}")
 
