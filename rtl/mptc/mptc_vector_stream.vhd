@@ -59,11 +59,14 @@ architecture rtl of mptc_vector_stream is
 
   constant STREAM_WIDTH : positive := 4; -- bits of the counter, which returns to zero after STREAM_LAST
 
+  -- clocks from a length to its torque term: with FAMILY the cost takes it two clocks later
+  constant TERM_CLOCKS : positive := choose(FAMILY, STREAM_TERM_FAMILY, STREAM_TERM);
+
   constant WAY_SHIFT : natural := FRACTION - LENGTH_GUARD; -- bit of a sum that is the LSB of a length
 
   subtype cost_t is signed(COST_WIDTH - COST_DROPPED - 1 downto 0);
 
-  -- 0: no vector; else the vector's number plus 0 at the length, STREAM_TERM at the torque term and
+  -- 0: no vector; else the vector's number plus 0 at the length, TERM_CLOCKS at the torque term and
   -- STREAM_COMPARE at the comparison
   signal stream        : unsigned(STREAM_WIDTH - 1 downto 0);
   signal length_number : vector_t;                           -- of the vector whose flux is formed
@@ -121,7 +124,7 @@ begin
         following := (others => '0');
       end if;
 
-      ahead         := following - STREAM_TERM;
+      ahead         := following - TERM_CLOCKS;
       vector        := std_logic_vector(ahead(2 downto 0));
       stream        <= following;
       term_whole    <= whole_alpha(vector);
