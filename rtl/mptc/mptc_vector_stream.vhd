@@ -94,7 +94,6 @@ architecture rtl of mptc_vector_stream is
   signal fresh         : std_logic;                           -- '1': nothing has been compared
   signal pairs         : std_logic;                           -- '1': pairs are compared, and no single vectors
   signal wins_tie      : std_logic;
-  signal best_rank     : rank_t;                              -- what decides between equal costs: the lower rank
   signal winner        : vector_t;
 
 begin
@@ -285,12 +284,12 @@ begin
   end generate g_single_better;
 
   g_family_better : if FAMILY generate
-    pairs     <= not method(2) and method(1);
-    best_rank <= tried.best(5 downto 1) & (tried.best(0) or wins_tie);
-    fresh     <= to_std_logic(stream /= 0 and (stream <= STREAM_COMPARE or pairs = '1'))
-                 or (pair_length and not pairs);
+    pairs <= not method(2) and method(1);
+    fresh <= to_std_logic(stream /= 0 and (stream <= STREAM_COMPARE or pairs = '1'))
+             or (pair_length and not pairs);
 
-    better <= to_std_logic(cost & signed('0' & tried.rank) < best_cost & signed('0' & best_rank))
+    -- of equal costs the lower rank; single vectors have none, and the bit behind it decides
+    better <= to_std_logic(cost & signed('0' & tried.rank & '0') < best_cost & signed('0' & tried.best & wins_tie))
               and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)
               and (tried.compare or (not pairs and to_std_logic(stream /= 0)));
   end generate g_family_better;

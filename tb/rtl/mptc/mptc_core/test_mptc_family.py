@@ -230,8 +230,8 @@ FAULTS = {
     ),
     "tie of pairs": (
         "mptc_vector_stream",
-        "signed('0' & tried.rank) <",
-        "signed('0' & not tried.rank) <",
+        "signed('0' & tried.rank & '0') <",
+        "signed('0' & not tried.rank & '0') <",
     ),
     "rule": ("mptc_sequencer", "FAMILY_MPTC1 or family_method = FAMILY_MPTC2);", "FAMILY_MPTC1);"),
     "length without voltage": (
