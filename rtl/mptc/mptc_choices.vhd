@@ -58,6 +58,14 @@ architecture rtl of mptc_choices is
 
   subtype part_t is unsigned(WHOLE_BIT downto 0); -- limited time
 
+  subtype sum_of_e_t is std_logic_vector(2 downto 0); -- which one: g or g + h, with what is added
+
+  constant SUM_LEAD    : sum_of_e_t := "011"; -- 2*g + h
+  constant SUM_BY_NEXT : sum_of_e_t := "101"; -- g + 2*h
+  constant SUM_APART   : sum_of_e_t := "010"; -- g - h
+  constant SUM_ALONG   : sum_of_e_t := "000"; -- g
+  constant SUM_TOTAL   : sum_of_e_t := "100"; -- g + h
+
   subtype distance_t is unsigned(DISTANCE_WIDTH - 1 downto 0);
 
   type founds_t is array (1 to SLOTS_BEHIND) of mptc_choice_t;
@@ -69,7 +77,8 @@ architecture rtl of mptc_choices is
   signal turn     : turn_t;                                      -- turns to the vector of this choice, or the next
   signal following : kind_t;                                     -- kind of the next choice
   signal kind     : kind_t;
-  signal form     : form_t;
+  signal wanted   : sum_of_e_t;
+  signal form     : form_t;                                      -- that sum of e
   signal beyond_g : std_logic;                                   -- that sum of e is more than the period
   signal beyond_total : std_logic;
   signal beyond_next  : std_logic;
@@ -215,15 +224,21 @@ begin
   -- Times
   ---------------------------------------------------------------------------------------------
 
-  -- whether MPFC3's period is full; e is there a clock before the first choice that asks
+  -- whether MPFC3's period is full; the first choice needs no sum and leaves its clocks to these two
   p_beyond : process (clk) is
   begin
 
     if rising_edge(clk) then
       beyond_g     <= beyond_one(missing.g);
       beyond_total <= beyond_one(missing.total);
-      beyond_next  <= beyond_one(missing.by_next);
-      beyond_apart <= beyond_one(missing.apart);
+
+      if (slot = 0 and later = '0') then
+        beyond_apart <= beyond_one(form);
+      end if;
+
+      if (slot = 0 and later = '1') then
+        beyond_next <= beyond_one(form);
+      end if;
     end if;
 
   end process p_beyond;
@@ -249,49 +264,80 @@ begin
 
   end process p_full;
 
-  -- the sum that makes the time
-  p_form : process (missing, kind, turn) is
+  -- looked up a clock ahead as well: the sum that makes the time
+  p_wanted : process (clk) is
   begin
 
-    form <= missing.lead;
+    if rising_edge(clk) then
+      wanted <= SUM_LEAD;
 
-    if (kind = KIND_EDGE) then
+      if (later = '0') then
+        wanted <= SUM_BY_NEXT;
+      elsif (following = KIND_EDGE) then
 
-      case turn is
+        case turn is
 
-        when "001" =>
-          form <= missing.apart;
+          when "001" =>
+            wanted <= SUM_APART;
 
-        when "010" =>
-          form <= resize(missing.g, form_t'length);
+          when "010" =>
+            wanted <= SUM_ALONG;
 
-        when "100" =>
-          form <= resize(missing.total, form_t'length);
+          when "100" =>
+            wanted <= SUM_TOTAL;
 
-        when "101" =>
-          form <= missing.by_next;
+          when "101" =>
+            wanted <= SUM_BY_NEXT;
 
-        when others =>
-          null;
+          when others =>
+            null;
 
-      end case;
+        end case;
 
-    elsif (kind = KIND_SPOKE) then
+      elsif (following = KIND_SPOKE) then
 
-      case turn is
+        case turn is
 
-        when "001" | "100" =>
-          form <= missing.by_next;
+          when "001" | "100" =>
+            wanted <= SUM_BY_NEXT;
 
-        when "010" | "101" =>
-          form <= missing.apart;
+          when "010" | "101" =>
+            wanted <= SUM_APART;
 
-        when others =>
-          null;
+          when others =>
+            null;
 
-      end case;
+        end case;
 
+      end if;
+
+      -- the first choice
+      if (clock = CHOICE_CLOCK - 1) then
+        wanted <= SUM_APART;
+      end if;
     end if;
+
+  end process p_wanted;
+
+  p_form : process (missing, wanted) is
+
+    variable first  : hexagon_t;
+    variable second : hexagon_t;
+
+  begin
+
+    first  := missing.g;
+    second := gated(missing.h, to_std_logic(wanted /= SUM_ALONG and wanted /= SUM_TOTAL));
+
+    if (wanted(2) = '1') then
+      first := missing.total;
+    end if;
+
+    if (wanted = SUM_LEAD) then
+      second := missing.total;
+    end if;
+
+    form <= moved(resize(first, form_t'length), second, to_std_logic(wanted = SUM_APART));
 
   end process p_form;
 

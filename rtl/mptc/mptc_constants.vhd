@@ -140,7 +140,7 @@ package mptc_constants is
   constant SEED_COUNT_ALL : natural := 13; -- kinds of seeds
   constant TERM_COUNT : natural := 5; -- torque terms that the program writes
   constant BLOCK_COUNT : natural := 3; -- multiply-accumulate blocks
-  constant STEP_COUNT : natural := 240; -- products
+  constant STEP_COUNT : natural := 180; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
   constant FORK : natural := 16; -- first clock in which the methods differ
@@ -149,6 +149,7 @@ package mptc_constants is
   constant FIRST_LENGTH : natural := 23; -- address: first vector enters the magnitude
   constant STREAM_VECTORS : natural := 7; -- vectors in the stream, one a clock
   constant STREAM_TERM : natural := 4; -- clocks from a vector's length to its torque term
+  constant STREAM_TERM_FAMILY : natural := 6; -- the same with FAMILY
   constant STREAM_COMPARE : natural := 8; -- clocks from its length to its comparison
   constant STREAM_LAST : natural := 15; -- clocks to the last comparison
   constant SUM_LATENCY : natural := 3; -- clocks from a product to its sum
@@ -157,27 +158,33 @@ package mptc_constants is
   constant LAST_MPFC : natural := 109; -- address: valid
   constant FIRST_NORMALISE : natural := 53; -- address: first shift
   constant FIRST_ROOT : natural := 69; -- address: the radicand without the torque is in the accumulator
-  constant ADDRESS_COUNT_FAMILY : natural := 236; -- program addresses, FAMILY
+  constant ADDRESS_COUNT_FAMILY : natural := 205; -- program addresses, FAMILY
   constant PAIR_ADDRESS : natural := 110; -- address behind LAST_MPTC for pairs
   constant FIRST_PAIR : natural := 25; -- address: MPTC2 and GTV look the first pair up
-  constant FIRST_CROSSED : natural := 11; -- place of the first pair that needs a search
-  constant LAST_CROSSED : natural := 14; -- place of the last one
+  constant MPTC1_LEAD : natural := 1; -- addresses that MPTC1 is ahead there
+  constant FIRST_MPTC1 : natural := 36; -- address: MPTC1 looks its pair up
+  constant FIRST_MPTC1_LATE : natural := 114; -- address: the same for the rule deadbeat
+  constant FIRST_CROSSED : natural := 12; -- place of the first pair that needs a search
+  constant LAST_CROSSED : natural := 13; -- place of the last one
+  constant LAST_ZERO : natural := 5; -- place of the last pair of MPTC2
+  constant ROOT_PAUSE : natural := 3; -- places without a pair before its last two, rule mean
   constant SEARCHES : natural := 2; -- searches of a duty at a time
   constant PAIR_SPACING : natural := 2; -- clocks between the beginnings of two
-  constant PAIR_AHEAD : natural := 4; -- clocks from looking a pair up to its search
+  constant PAIR_AHEAD : natural := 3; -- clocks from looking a pair up to its search
   constant PAIR_REGISTERS : natural := 6; -- clocks from its result to its flux
-  constant DUTY_CLOCKS : natural := 12; -- clocks of a search
-  constant LAST_MPTC1 : natural := 127; -- address: valid
-  constant LAST_MPTC2 : natural := 144; -- address: valid
-  constant LAST_GTV : natural := 156; -- address: valid
-  constant LAST_MPTC1_BEST : natural := 144; -- address: valid, rule best
-  constant LAST_MPTC2_BEST : natural := 180; -- address: valid, rule best
+  constant DUTY_CLOCKS : natural := 6; -- clocks of a search
+  constant ROOT_CLOCKS : natural := 12; -- clocks of a search for a root
+  constant LAST_MPTC1 : natural := 125; -- address: valid
+  constant LAST_MPTC2 : natural := 143; -- address: valid
+  constant LAST_GTV : natural := 147; -- address: valid
+  constant LAST_MPTC1_BEST : natural := 135; -- address: valid, rule best
+  constant LAST_MPTC2_BEST : natural := 149; -- address: valid, rule best
   constant LENGTH_LATENCY : natural := 5; -- clocks from a vector's flux to its length
   constant HEXAGON_FORK : natural := 87; -- address of MPFC that the flux methods of several vectors leave out
-  constant HEXAGON_ADDRESS : natural := 181; -- theirs in its place
+  constant HEXAGON_ADDRESS : natural := 150; -- theirs in its place
   constant FIRST_WAY : natural := 76; -- address: the way of u_1 is in the accumulator, then that along beta
-  constant FIRST_REST : natural := 187; -- address: e is in the accumulators
-  constant LAST_HEXAGON : natural := 235; -- address: valid
+  constant FIRST_REST : natural := 156; -- address: e is in the accumulators
+  constant LAST_HEXAGON : natural := 204; -- address: valid
   constant REST_SHIFT : natural := 10; -- low bits dropped from a way
   constant SIZE_WIDTH : natural := 28; -- bits of the size of a coordinate of e
   constant STEP_WIDTH : natural := 26; -- bits of a way, signed
@@ -196,11 +203,11 @@ package mptc_constants is
   constant HEXAGON_CLOCKS : natural := 48; -- clocks from e to the decision
   constant CYCLES_MPTC : natural := 39; -- clocks from start to valid
   constant CYCLES_MPFC : natural := 78; -- clocks from start to valid
-  constant CYCLES_MPTC1 : natural := 57; -- clocks from start to valid
-  constant CYCLES_MPTC2 : natural := 74; -- clocks from start to valid
-  constant CYCLES_GTV : natural := 86; -- clocks from start to valid
-  constant CYCLES_MPTC1_BEST : natural := 74; -- clocks from start to valid, rule best
-  constant CYCLES_MPTC2_BEST : natural := 110; -- clocks from start to valid, rule best
+  constant CYCLES_MPTC1 : natural := 54; -- clocks from start to valid
+  constant CYCLES_MPTC2 : natural := 73; -- clocks from start to valid
+  constant CYCLES_GTV : natural := 77; -- clocks from start to valid
+  constant CYCLES_MPTC1_BEST : natural := 64; -- clocks from start to valid, rule best
+  constant CYCLES_MPTC2_BEST : natural := 79; -- clocks from start to valid, rule best
   constant CYCLES_HEXAGON : natural := 110; -- clocks from start to valid, the others
 
   type block_naturals_t is array (0 to BLOCK_COUNT - 1) of natural;
@@ -331,163 +338,103 @@ package mptc_constants is
     (105, 2, 11, 10, 6, 0),
     (19, 1, 4, 5, 3, 0),
     (20, 1, 5, 6, -1, 0),
-    (114, 2, 3, 4, 7, 0),
-    (114, 0, 9, 5, 4, 0),
-    (114, 1, 10, 13, 4, 0),
-    (115, 1, 11, 14, -1, 0),
-    (123, 2, 11, 10, 6, 0),
-    (116, 2, 3, 4, 7, 0),
-    (116, 0, 9, 5, 4, 0),
-    (116, 1, 10, 13, 4, 0),
-    (117, 1, 11, 14, -1, 0),
-    (125, 2, 11, 10, 6, 0),
-    (118, 2, 3, 4, 7, 0),
-    (118, 0, 9, 5, 4, 0),
-    (118, 1, 10, 13, 4, 0),
-    (119, 1, 11, 14, -1, 0),
-    (127, 2, 11, 10, 6, 0),
-    (120, 2, 3, 4, 7, 0),
-    (120, 0, 9, 5, 4, 0),
-    (120, 1, 10, 13, 4, 0),
-    (121, 1, 11, 14, -1, 0),
-    (129, 2, 11, 10, 6, 0),
-    (122, 2, 3, 4, 7, 0),
-    (122, 0, 9, 5, 4, 0),
-    (122, 1, 10, 13, 4, 0),
-    (123, 1, 11, 14, -1, 0),
-    (131, 2, 11, 10, 6, 0),
-    (124, 2, 3, 4, 7, 0),
-    (124, 0, 9, 5, 4, 0),
-    (124, 1, 10, 13, 4, 0),
-    (125, 1, 11, 14, -1, 0),
-    (133, 2, 11, 10, 6, 0),
-    (126, 2, 3, 4, 7, 0),
-    (126, 0, 9, 5, 4, 0),
-    (126, 1, 10, 13, 4, 0),
-    (127, 1, 11, 14, -1, 0),
-    (135, 2, 11, 10, 6, 0),
-    (128, 2, 3, 4, 7, 0),
-    (128, 0, 9, 5, 4, 0),
-    (128, 1, 10, 13, 4, 0),
-    (129, 1, 11, 14, -1, 0),
-    (137, 2, 11, 10, 6, 0),
-    (130, 2, 3, 4, 7, 0),
-    (130, 0, 9, 5, 4, 0),
-    (130, 1, 10, 13, 4, 0),
-    (131, 1, 11, 14, -1, 0),
-    (139, 2, 11, 10, 6, 0),
-    (132, 2, 3, 4, 7, 0),
-    (132, 0, 9, 5, 4, 0),
-    (132, 1, 10, 13, 4, 0),
-    (133, 1, 11, 14, -1, 0),
-    (141, 2, 11, 10, 6, 0),
-    (134, 2, 3, 4, 7, 0),
-    (134, 0, 9, 5, 4, 0),
-    (134, 1, 10, 13, 4, 0),
-    (135, 1, 11, 14, -1, 0),
-    (143, 2, 11, 10, 6, 0),
-    (136, 2, 3, 4, 7, 0),
-    (136, 0, 9, 5, 4, 0),
-    (136, 1, 10, 13, 4, 0),
-    (137, 1, 11, 14, -1, 0),
-    (145, 2, 11, 10, 6, 0),
-    (138, 2, 3, 4, 7, 0),
-    (138, 0, 9, 5, 4, 0),
-    (138, 1, 10, 13, 4, 0),
-    (139, 1, 11, 14, -1, 0),
-    (147, 2, 11, 10, 6, 0),
-    (140, 2, 3, 4, 7, 0),
-    (140, 0, 9, 5, 4, 0),
-    (140, 1, 10, 13, 4, 0),
-    (141, 1, 11, 14, -1, 0),
-    (149, 2, 11, 10, 6, 0),
-    (142, 2, 3, 4, 7, 0),
-    (142, 0, 9, 5, 4, 0),
-    (142, 1, 10, 13, 4, 0),
-    (143, 1, 11, 14, -1, 0),
-    (151, 2, 11, 10, 6, 0),
-    (144, 2, 3, 4, 7, 0),
-    (144, 0, 9, 5, 4, 0),
-    (144, 1, 10, 13, 4, 0),
-    (145, 1, 11, 14, -1, 0),
-    (153, 2, 11, 10, 6, 0),
-    (146, 2, 3, 4, 7, 0),
-    (146, 0, 9, 5, 4, 0),
-    (146, 1, 10, 13, 4, 0),
-    (147, 1, 11, 14, -1, 0),
-    (155, 2, 11, 10, 6, 0),
-    (148, 2, 3, 4, 7, 0),
-    (148, 0, 9, 5, 4, 0),
-    (148, 1, 10, 13, 4, 0),
-    (149, 1, 11, 14, -1, 0),
-    (157, 2, 11, 10, 6, 0),
-    (150, 2, 3, 4, 7, 0),
-    (150, 0, 9, 5, 4, 0),
-    (150, 1, 10, 13, 4, 0),
-    (151, 1, 11, 14, -1, 0),
-    (159, 2, 11, 10, 6, 0),
-    (152, 2, 3, 4, 7, 0),
-    (152, 0, 9, 5, 4, 0),
-    (152, 1, 10, 13, 4, 0),
-    (153, 1, 11, 14, -1, 0),
-    (161, 2, 11, 10, 6, 0),
-    (154, 2, 3, 4, 7, 0),
-    (154, 0, 9, 5, 4, 0),
-    (154, 1, 10, 13, 4, 0),
-    (155, 1, 11, 14, -1, 0),
-    (163, 2, 11, 10, 6, 0),
-    (156, 2, 3, 4, 7, 0),
-    (156, 0, 9, 5, 4, 0),
-    (156, 1, 10, 13, 4, 0),
-    (157, 1, 11, 14, -1, 0),
-    (165, 2, 11, 10, 6, 0),
-    (158, 2, 3, 4, 7, 0),
-    (158, 0, 9, 5, 4, 0),
-    (158, 1, 10, 13, 4, 0),
-    (159, 1, 11, 14, -1, 0),
-    (167, 2, 11, 10, 6, 0),
-    (160, 2, 3, 4, 7, 0),
-    (160, 0, 9, 5, 4, 0),
-    (160, 1, 10, 13, 4, 0),
-    (161, 1, 11, 14, -1, 0),
-    (169, 2, 11, 10, 6, 0),
-    (162, 2, 3, 4, 7, 0),
-    (162, 0, 9, 5, 4, 0),
-    (162, 1, 10, 13, 4, 0),
-    (163, 1, 11, 14, -1, 0),
-    (171, 2, 11, 10, 6, 0),
-    (164, 2, 3, 4, 7, 0),
-    (164, 0, 9, 5, 4, 0),
-    (164, 1, 10, 13, 4, 0),
-    (165, 1, 11, 14, -1, 0),
-    (173, 2, 11, 10, 6, 0),
-    (166, 2, 3, 4, 7, 0),
-    (166, 0, 9, 5, 4, 0),
-    (166, 1, 10, 13, 4, 0),
-    (167, 1, 11, 14, -1, 0),
-    (175, 2, 11, 10, 6, 0),
+    (36, 2, 3, 4, 7, 0),
+    (36, 0, 9, 5, 4, 0),
+    (36, 1, 10, 13, 4, 0),
+    (37, 1, 11, 14, -1, 0),
+    (116, 2, 11, 10, 6, 0),
+    (38, 2, 3, 4, 7, 0),
+    (38, 0, 9, 5, 4, 0),
+    (38, 1, 10, 13, 4, 0),
+    (110, 1, 11, 14, -1, 0),
+    (118, 2, 11, 10, 6, 0),
+    (111, 2, 3, 4, 7, 0),
+    (111, 0, 9, 5, 4, 0),
+    (111, 1, 10, 13, 4, 0),
+    (112, 1, 11, 14, -1, 0),
+    (120, 2, 11, 10, 6, 0),
+    (113, 2, 3, 4, 7, 0),
+    (113, 0, 9, 5, 4, 0),
+    (113, 1, 10, 13, 4, 0),
+    (114, 1, 11, 14, -1, 0),
+    (122, 2, 11, 10, 6, 0),
+    (115, 2, 3, 4, 7, 0),
+    (115, 0, 9, 5, 4, 0),
+    (115, 1, 10, 13, 4, 0),
+    (116, 1, 11, 14, -1, 0),
+    (124, 2, 11, 10, 6, 0),
+    (117, 2, 3, 4, 7, 0),
+    (117, 0, 9, 5, 4, 0),
+    (117, 1, 10, 13, 4, 0),
+    (118, 1, 11, 14, -1, 0),
+    (126, 2, 11, 10, 6, 0),
+    (119, 2, 3, 4, 7, 0),
+    (119, 0, 9, 5, 4, 0),
+    (119, 1, 10, 13, 4, 0),
+    (120, 1, 11, 14, -1, 0),
+    (128, 2, 11, 10, 6, 0),
+    (121, 2, 3, 4, 7, 0),
+    (121, 0, 9, 5, 4, 0),
+    (121, 1, 10, 13, 4, 0),
+    (122, 1, 11, 14, -1, 0),
+    (130, 2, 11, 10, 6, 0),
+    (123, 2, 3, 4, 7, 0),
+    (123, 0, 9, 5, 4, 0),
+    (123, 1, 10, 13, 4, 0),
+    (124, 1, 11, 14, -1, 0),
+    (132, 2, 11, 10, 6, 0),
+    (125, 2, 3, 4, 7, 0),
+    (125, 0, 9, 5, 4, 0),
+    (125, 1, 10, 13, 4, 0),
+    (126, 1, 11, 14, -1, 0),
+    (134, 2, 11, 10, 6, 0),
+    (127, 2, 3, 4, 7, 0),
+    (127, 0, 9, 5, 4, 0),
+    (127, 1, 10, 13, 4, 0),
+    (128, 1, 11, 14, -1, 0),
+    (136, 2, 11, 10, 6, 0),
+    (129, 2, 3, 4, 7, 0),
+    (129, 0, 9, 5, 4, 0),
+    (129, 1, 10, 13, 4, 0),
+    (130, 1, 11, 14, -1, 0),
+    (138, 2, 11, 10, 6, 0),
+    (131, 2, 3, 4, 7, 0),
+    (131, 0, 9, 5, 4, 0),
+    (131, 1, 10, 13, 4, 0),
+    (132, 1, 11, 14, -1, 0),
+    (140, 2, 11, 10, 6, 0),
+    (133, 2, 3, 4, 7, 0),
+    (133, 0, 9, 5, 4, 0),
+    (133, 1, 10, 13, 4, 0),
+    (134, 1, 11, 14, -1, 0),
+    (142, 2, 11, 10, 6, 0),
+    (135, 2, 3, 4, 7, 0),
+    (135, 0, 9, 5, 4, 0),
+    (135, 1, 10, 13, 4, 0),
+    (136, 1, 11, 14, -1, 0),
+    (144, 2, 11, 10, 6, 0),
     (73, 2, 3, 13, 7, 0),
     (74, 2, 5, 13, 7, 0),
-    (182, 0, 4, 9, 3, 0),
-    (183, 0, 5, 10, -1, 0),
-    (184, 0, 8, 11, -1, 0),
-    (182, 1, 4, 9, 3, 0),
-    (183, 1, 5, 10, -1, 0),
-    (184, 1, 8, 11, -1, 0),
-    (217, 0, 10, 12, 3, 0),
-    (218, 0, 11, 13, -1, 0),
-    (219, 0, 10, 12, 3, 0),
-    (220, 0, 11, 13, -1, 0),
-    (221, 0, 10, 12, 3, 0),
-    (222, 0, 11, 13, -1, 0),
-    (223, 0, 10, 12, 3, 0),
-    (224, 0, 11, 13, -1, 0),
-    (225, 0, 10, 12, 3, 0),
-    (226, 0, 11, 13, -1, 0),
-    (227, 0, 10, 12, 3, 0),
-    (228, 0, 11, 13, -1, 0),
-    (229, 0, 10, 12, 3, 0),
-    (230, 0, 11, 13, -1, 0)
+    (151, 0, 4, 9, 3, 0),
+    (152, 0, 5, 10, -1, 0),
+    (153, 0, 8, 11, -1, 0),
+    (151, 1, 4, 9, 3, 0),
+    (152, 1, 5, 10, -1, 0),
+    (153, 1, 8, 11, -1, 0),
+    (186, 0, 10, 12, 3, 0),
+    (187, 0, 11, 13, -1, 0),
+    (188, 0, 10, 12, 3, 0),
+    (189, 0, 11, 13, -1, 0),
+    (190, 0, 10, 12, 3, 0),
+    (191, 0, 11, 13, -1, 0),
+    (192, 0, 10, 12, 3, 0),
+    (193, 0, 11, 13, -1, 0),
+    (194, 0, 10, 12, 3, 0),
+    (195, 0, 11, 13, -1, 0),
+    (196, 0, 10, 12, 3, 0),
+    (197, 0, 11, 13, -1, 0),
+    (198, 0, 10, 12, 3, 0),
+    (199, 0, 11, 13, -1, 0)
   );
 
   constant WORD_WRITES_MPTC : natural := 17; -- they come first
@@ -553,15 +500,15 @@ package mptc_constants is
     (4, 0, 4, 0),
     (2, 0, 2, 1),
     (5, 0, 5, 1),
+    (3, 0, 3, 0),
+    (6, 0, 6, 0),
     (1, 2, 6, 0),
     (2, 3, 1, 0),
     (3, 4, 2, 0),
-    (3, 0, 3, 0),
-    (6, 0, 6, 0),
     (4, 5, 3, 0),
     (5, 6, 4, 0),
-    (1, 2, 6, 1),
     (1, 6, 2, 0),
+    (1, 6, 2, 1),
     (1, 6, 2, 0),
     (1, 6, 2, 0),
     (1, 6, 2, 0)
@@ -577,27 +524,27 @@ package mptc_constants is
     (0, 0),
     (0, 0),
     (0, 0),
-    (0, 0),
-    (0, 0),
-    (0, 0),
     (1, 1),
-    (0, 0),
-    (0, 0),
-    (0, 0),
     (0, 0),
     (2, 0),
     (3, 1),
     (0, 0),
-    (0, 0),
-    (0, 0),
-    (0, 0),
     (4, 0),
     (5, 1),
     (0, 0),
-    (0, 0),
-    (0, 0),
-    (0, 0),
     (6, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
+    (0, 0),
     (0, 0),
     (0, 0),
     (0, 0),
@@ -605,13 +552,6 @@ package mptc_constants is
     (0, 0)
   );
 
-  type flags_of_places_t is array (0 to 31) of std_logic;
-
-  -- '1': when this place is looked up, the second search ends, if any
-  constant SECOND_ENDS : flags_of_places_t := (
-    '0', '0', '0', '0', '0', '0', '0', '0', '0', '0', '1', '1', '0', '0', '0', '0',
-    '0', '1', '0', '1', '0', '0', '0', '1', '0', '0', '0', '0', '0', '1', '0', '0'
-  );
 
   subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5
 

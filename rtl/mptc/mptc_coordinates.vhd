@@ -4,8 +4,7 @@
 -- same factor, which drops out of the quotients x and y. A long e is halved until both are in range. Along u_1 and u_2
 -- it has the coordinates g = 2*x - y and h = 2*y, in units of a vector's way. A turn by 60 degrees makes (g, h) into
 -- (g + h, -g) in the coordinates of the next two vectors: e is turned until the leading vector stands where u_1 does.
--- The sums of g and h that choices need turn along: 2*g + h, g + 2*h and g - h become the next one, the last one's
--- negative and the first one. So a turn takes two negations and no sum.
+-- The sum g + h turns along: it becomes the next g, and h the next sum. So a turn takes one negation and no sum.
 -- For SVM outside the hexagon a third division gives the time of the first vector, g/(g + h).
 --
 -- Formats: sums as in mptc_types; all of missing signed with HEXAGON_FRACTION fractional bits; share
@@ -74,8 +73,10 @@ architecture rtl of mptc_coordinates is
   signal at         : vector_t;
   signal there      : std_logic; -- '1': turned far enough
   signal halved     : std_logic;
-  signal none       : std_logic;      -- '1': e is zero
-  signal turned_h   : hexagon_t;      -- h after the next turn
+  signal none       : std_logic; -- '1': e is zero
+  signal turned_h   : hexagon_t; -- h after the next turn
+  signal apart      : form_t;    -- g - h: not negative where this vector is not behind the next one
+  signal by_next    : form_t;    -- g + 2*h: the same of the one before
 
   -- size of a sum, one's complement where it is negative
   function size_of (value : sum_t) return size_t is
@@ -180,14 +181,16 @@ begin
   ---------------------------------------------------------------------------------------------
 
   turned_h <= -e.g;
+  apart    <= resize(e.g, form_t'length) - e.h;
+  by_next  <= resize(e.total, form_t'length) + e.h;
 
-  p_there : process (method, at, base, e, turned_h, none) is
+  p_there : process (method, at, base, e, apart, by_next, turned_h, none) is
   begin
 
     there <= to_std_logic(at = base);
 
     if (method = FAMILY_MPC2) then
-      there <= not sign_of(e.apart) and not sign_of(e.by_next);
+      there <= not sign_of(apart) and not sign_of(by_next);
     elsif (method = FAMILY_SVM) then
       there <= not sign_of(e.h) and (sign_of(turned_h) or none);
     end if;
@@ -216,22 +219,15 @@ begin
         size      := signed(resize(unsigned(quotient_y), HEXAGON_WIDTH + 1));
         x         := moved((HEXAGON_WIDTH downto 0 => '0'),
                            signed(resize(unsigned(quotient_x & '0'), HEXAGON_WIDTH + 1)), negative_x);
-        e.g       <= resize(moved(x, size, not negative_y), HEXAGON_WIDTH);
-        e.h       <= moved((HEXAGON_WIDTH - 1 downto 0 => '0'),
-                           signed(resize(unsigned(quotient_y & '0'), HEXAGON_WIDTH)), negative_y);
-        e.total   <= resize(moved(x, size, negative_y), HEXAGON_WIDTH);
-        size      := size + shift_left(size, 1);
-        e.lead    <= shift_left(x, 1);
-        e.by_next <= moved(x, size, negative_y);
-        e.apart   <= moved(x, size, not negative_y);
+        e.g     <= resize(moved(x, size, not negative_y), HEXAGON_WIDTH);
+        e.h     <= moved((HEXAGON_WIDTH - 1 downto 0 => '0'),
+                         signed(resize(unsigned(quotient_y & '0'), HEXAGON_WIDTH)), negative_y);
+        e.total <= resize(moved(x, size, negative_y), HEXAGON_WIDTH);
       elsif (clock >= TURN_CLOCK and clock < CHOICE_CLOCK and there = '0') then
-        e.g       <= e.total;
-        e.h       <= turned_h;
-        e.total   <= e.h;
-        e.lead    <= e.by_next;
-        e.by_next <= -e.apart;
-        e.apart   <= e.lead;
-        at        <= std_logic_vector(unsigned(at) + 1);
+        e.g     <= e.total;
+        e.h     <= turned_h;
+        e.total <= e.h;
+        at      <= std_logic_vector(unsigned(at) + 1);
       end if;
     end if;
 

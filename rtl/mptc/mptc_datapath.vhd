@@ -3,9 +3,9 @@
 -- Takes the measurements to k+1 by Heun's method (eqs. 4 and 5) and to k+2 without voltage; forms i_s0 (eq. 14), the
 -- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last
 -- block forms their costs.  Of a pair the first and the last block form the flux, and the second one the torque that
--- its duty leaves, for the duty rule best.  Which product is formed when, stands in model/directmpc/mptc/program.py;
--- mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then
--- is one Euler step of w (model/directmpc/mptc/formats.py).
+-- it leaves.  With FAMILY a seed is taken two clocks after its product is begun.  Which product is formed when, stands
+-- in model/directmpc/mptc/program.py; mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in
+-- place of the current: i_s0 then is one Euler step of w (model/directmpc/mptc/formats.py).
 --
 -- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
 -- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.
@@ -227,6 +227,7 @@ begin
     signal seed_inputs : std_logic_vector(SEED_WORDS * SUM_WIDTH - 1 downto 0);
     signal a_place     : std_logic_vector(selector_width(A_WORDS) - 1 downto 0);
     signal b_place     : std_logic_vector(selector_width(B_WORDS) - 1 downto 0);
+    signal seed_early  : std_logic_vector(selector_width(SEED_WORDS) - 1 downto 0);
     signal seed_place  : std_logic_vector(selector_width(SEED_WORDS) - 1 downto 0);
     signal seed        : std_logic_vector(SUM_WIDTH - 1 downto 0);
     signal b_word      : word_t;
@@ -250,34 +251,86 @@ begin
 
     a_place    <= products.a_choice(n)(selector_width(A_WORDS) - 1 downto 0);
     b_place    <= products.b_choice(n)(selector_width(B_WORDS) - 1 downto 0);
-    seed_place <= products.seed_choice(n)(selector_width(SEED_WORDS) - 1 downto 0);
+    seed_early <= products.seed_choice(n)(selector_width(SEED_WORDS) - 1 downto 0);
 
     seed    <= selected(seed_inputs, seed_place, SUM_WIDTH);
     b_word  <= selected(b_inputs, b_place, WORD_WIDTH);
     b_input <= b_word when products.halve(n) = '0' else
                halved(b_word, products.lead(n));
 
-    i_mac : entity work.mac_block
-      generic map (
-        A_WIDTH           => WORD_WIDTH,
-        B_WIDTH           => WORD_WIDTH,
-        A_WORDS           => A_WORDS,
-        B_WORDS           => 1,
-        ALIGNMENT_STEP    => 0,
-        ACCUMULATOR_WIDTH => SUM_WIDTH
-      )
-      port map (
-        clk         => clk,
-        enable      => products.issue(n),
-        a_inputs    => a_inputs,
-        a_select    => a_place,
-        b_inputs    => b_input,
-        b_select    => "0",
-        alignment   => "00",
-        accumulate  => products.gather(n),
-        seed        => seed,
-        accumulator => total
-      );
+    g_block : if not FAMILY generate
+
+      seed_place <= seed_early;
+
+      i_mac : entity work.mac_block
+        generic map (
+          A_WIDTH           => WORD_WIDTH,
+          B_WIDTH           => WORD_WIDTH,
+          A_WORDS           => A_WORDS,
+          B_WORDS           => 1,
+          ALIGNMENT_STEP    => 0,
+          ACCUMULATOR_WIDTH => SUM_WIDTH
+        )
+        port map (
+          clk         => clk,
+          enable      => products.issue(n),
+          a_inputs    => a_inputs,
+          a_select    => a_place,
+          b_inputs    => b_input,
+          b_select    => "0",
+          alignment   => "00",
+          accumulate  => products.gather(n),
+          seed        => seed,
+          accumulator => total
+        );
+
+    end generate g_block;
+
+    -- a mac_block whose seed comes with the product: a place in a list waits for it in fewer registers than a seed
+    g_late_seed : if FAMILY generate
+
+      signal seed_later : std_logic_vector(selector_width(SEED_WORDS) - 1 downto 0);
+      signal issued     : std_logic_vector(1 to 2); -- issue, as many clocks later
+      signal gathered   : std_logic_vector(1 to 2);
+      signal a          : signed_word_t;
+      signal b          : signed_word_t;
+      signal product    : signed(2 * WORD_WIDTH - 1 downto 0);
+      signal held       : sum_t;
+
+    begin
+
+      p_block : process (clk) is
+      begin
+
+        if rising_edge(clk) then
+          seed_later <= seed_early;
+          seed_place <= seed_later;
+          issued     <= products.issue(n) & issued(1);
+          gathered   <= products.gather(n) & gathered(1);
+
+          if (products.issue(n) = '1') then
+            a <= signed(selected(a_inputs, a_place, WORD_WIDTH));
+            b <= signed(b_input);
+          end if;
+
+          if (issued(1) = '1') then
+            product <= a * b;
+          end if;
+
+          if (issued(2) = '1') then
+            if (gathered(2) = '1') then
+              held <= resize(product, SUM_WIDTH) + held;
+            else
+              held <= resize(product, SUM_WIDTH) + signed(seed);
+            end if;
+          end if;
+        end if;
+
+      end process p_block;
+
+      total <= std_logic_vector(held);
+
+    end generate g_late_seed;
 
     sums(n) <= signed(total);
 

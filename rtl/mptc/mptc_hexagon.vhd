@@ -54,14 +54,13 @@ architecture rtl of mptc_hexagon is
   signal e        : mptc_missing_t;
   signal share    : std_logic_vector(TIME_WIDTH - 1 downto 0);
   signal best     : mptc_choice_t;
-  signal size_h   : steps_t;                                   -- h, its complement where it is negative
+  signal size_h   : steps_t;                                   -- h, its complement where negative; SVM: the second time
   signal beyond   : std_logic;                                 -- g and h fill more than the period
   signal flat     : std_logic;                                 -- h is zero
   signal is_svm   : std_logic;                                 -- '1': the method is SVM
   signal is_mpfc3 : std_logic;
   signal is_mpfc2 : std_logic;
   signal leading  : steps_t;                                   -- SVM: time of the leading vector
-  signal other    : steps_t;                                   -- MPFC3: time of the third; SVM: of the second
   signal left     : steps_t;                                   -- what that leaves of the period
   signal first    : steps_t;                                   -- time of the leading vector, of a spoke the other's
   signal within   : steps_t;                                   -- what is left to it and to the last
@@ -235,12 +234,10 @@ begin
       is_mpfc2 <= to_std_logic(method = FAMILY_MPFC2);
 
       leading <= unsigned(e.g(HEXAGON_FRACTION downto PART_SHIFT));
-      other   <= size_h;
       left    <= unsigned(WHOLE_PERIOD) - size_h;
 
       if (is_svm = '1' and beyond = '1') then
         leading <= '0' & unsigned(share);
-        other   <= (others => '0');
         left    <= unsigned(WHOLE_PERIOD);
 
         if (flat = '1') then
@@ -276,7 +273,7 @@ begin
 
   rest_t <= within - first;
 
-  p_chosen : process (is_svm, is_mpfc3, is_mpfc2, row, leader, idle, best, first, other, rest_t, beyond) is
+  p_chosen : process (is_svm, is_mpfc3, is_mpfc2, row, leader, idle, best, first, size_h, rest_t, beyond) is
   begin
 
     chosen.u1 <= row;
@@ -290,7 +287,7 @@ begin
       chosen.u3 <= "000";
 
       if (beyond = '0') then
-        chosen.t2 <= std_logic_vector(other);
+        chosen.t2 <= std_logic_vector(size_h);
       end if;
     elsif (is_mpfc3 = '1') then
       -- u_7 takes fewer commutations between two vectors of even number

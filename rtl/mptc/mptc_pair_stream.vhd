@@ -8,31 +8,34 @@
 --
 -- Every pair is a start and a direction: the second vector, and the active vector that is the first less the second.
 -- Torque of both is formed by one addition, a clock after the other. A duty beyond the period becomes 4095, one below
--- zero becomes 0: the first comparison tells, and no search is needed. Equal torques: 4095.
+-- zero becomes 0: the first comparison tells, and no search is needed. Equal torques: 4095. What torque a duty leaves
+-- is a product of mptc_datapath.
 --
 -- With mean, MPTC1's and MPTC2's duties d make the mean torque of the period the reference. Beside zero voltage the
 -- square of 1 - d is one less the quotient of a constant and span: the constant is the torque error without voltage
--- at the end of the period and the one at its beginning, added. mptc_duty finds the root.
+-- at the end of the period and the one at its beginning, added. It takes the place of the first of these two, and the
+-- direction that of the second vector: so both quotients come out of the same additions. mptc_duty finds the root.
 --
 -- With both_duties each pair of MPTC1 and MPTC2 is tried twice, with a duty by the torque and with one by the flux's
 -- length. The latter is a quotient too: the length's error without voltage by that error less the one with the vector.
 -- A memory of 8 words has the errors with the vectors, a register that without voltage; both come from the single
 -- vectors. Limits are those of the torque. A pair whose duty the length tells is ranked behind the same pair by the
 -- torque: its second vector counts as 1, which no other pair has. LENGTH_TABLE has the places of these searches: each
--- begins when one of the two is free. What torque a duty leaves is a product then, for either duty.
+-- begins when one of the two is free.
 --
 -- Two mptc_duty search at a time. That is enough, because the torque is linear: of a vector and the opposite one with
 -- zero at most one has a duty between 0 and 1, and at most two pairs of active vectors have: those with the torques of
 -- both on either side of the reference. So opposite vectors have one search between them, the first one's end being
 -- given up where the second needs it. Pairs of active vectors are tried without a search first. high tells which
 -- vectors have more torque than the reference; the two pairs that it finds are looked up again and searched.
--- PAIR_TABLE has the order.
+-- PAIR_TABLE has the order. A root takes twice as long: with mean the last two vectors wait for the first search.
 --
 -- Formats: as in model/directmpc/mptc/formats.py; times 1/4096 of the period; errors of lengths 16 fractional bits.
 -- Latency: place n of PAIR_TABLE is looked up PAIR_SPACING * n clocks after the clock that follows begin_pairs; its
--- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, its flux PAIR_REGISTERS after that,
--- its comparison STREAM_COMPARE after its flux. chosen is valid with last. length comes before the first place whose
--- duty it tells is looked up, product with the flux.
+-- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, with mean ROOT_CLOCKS, its flux
+-- PAIR_REGISTERS after that, its comparison STREAM_COMPARE after its flux. chosen is valid with last. length comes
+-- before the first place whose duty it tells is looked up, leader a clock after the first place is, product with the
+-- flux.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -59,7 +62,7 @@ entity mptc_pair_stream is
     leader      : in    vector_t;        -- MPTC1's vector, active
     state       : in    mptc_state_t;    -- torque terms, stable
     length      : in    mptc_length_t;   -- of the flux with a single vector, both_duties
-    product     : in    sum_t;           -- torque error that a pair leaves, both_duties; with tried.enable
+    product     : in    sum_t;           -- torque error that a pair leaves; with tried.enable
     cheaper     : in    std_logic;       -- '1': the pair that is compared is the cheapest so far
     found       : out   mptc_duty_t;     -- a pair with its duty
     tried       : out   mptc_tried_t;    -- when its flux is there, and its torque error when the cost takes it
@@ -68,8 +71,6 @@ entity mptc_pair_stream is
 end entity mptc_pair_stream;
 
 architecture rtl of mptc_pair_stream is
-
-  constant REST_WIDTH : positive := ERROR_WIDTH - DUTY_SHIFT - TIME_WIDTH; -- bits of a torque error within
 
   subtype double_error_t is signed(ERROR_WIDTH downto 0);
 
@@ -85,10 +86,6 @@ architecture rtl of mptc_pair_stream is
 
   type duties_t is array (0 to SEARCHES - 1) of duty_t;
 
-  type rests_t is array (0 to SEARCHES - 1) of mptc_rest_t;
-
-  type takens_t is array (0 to SEARCHES - 1) of mptc_taken_t;
-
   subtype named_t is std_logic_vector(TIME_WIDTH + 5 downto 0); -- duty, first and second vector
 
   type pair_t is record
@@ -100,11 +97,19 @@ architecture rtl of mptc_pair_stream is
     probe     : std_logic; -- '1': tried only where it needs no search
   end record pair_t;
 
-  -- what is known of a pair before its search: vectors, there, within, beyond, torque error
+  -- what is known of a pair before its search ends: vectors, search, there, within, all of the period
 
-  constant KNOWN_WIDTH : positive := TERM_WIDTH + 12;
+  constant KNOWN_WIDTH  : positive := 13;
+  constant KNOWN_PLACES : positive := 3; -- bits of a place in the memory of it: those of the pairs that are searched
 
   subtype known_t is std_logic_vector(KNOWN_WIDTH - 1 downto 0);
+
+  subtype known_place_t is unsigned(KNOWN_PLACES - 1 downto 0);
+
+  -- places that are looked up from when it is written to when it is read
+  constant WRITTEN_BEHIND  : positive := (PAIR_AHEAD + 1) / PAIR_SPACING;
+  constant QUOTIENT_BEHIND : positive := (PAIR_AHEAD + DUTY_CLOCKS) / PAIR_SPACING - WRITTEN_BEHIND;
+  constant ROOT_BEHIND     : positive := (PAIR_AHEAD + ROOT_CLOCKS) / PAIR_SPACING - WRITTEN_BEHIND;
 
   signal active     : std_logic;
   signal slot       : slot_t;                               -- clocks since the first pair was looked up
@@ -112,7 +117,8 @@ architecture rtl of mptc_pair_stream is
   signal crossed    : std_logic_vector(0 to 5);             -- '1': the reference lies between, pairs as in PAIR_TABLE
   signal high       : std_logic_vector(5 downto 0);         -- '1': more torque than the reference: 1, 4, 2, 5, 3, 6
   signal pair       : pair_t;                               -- what is looked up in an even slot
-  signal pair_1     : pair_t;                               -- a clock later: its torques are formed
+  signal pair_1     : pair_t;                               -- a clock later
+  signal given      : pair_t;                               -- the same, or MPTC1's: its torques are formed
   signal pair_2     : pair_t;                               -- two more later: its search begins
   signal number     : vector_t;                             -- vector whose torque is formed
   signal change     : error_t;                              -- torque of a vector whose part along alpha is positive
@@ -121,35 +127,29 @@ architecture rtl of mptc_pair_stream is
   signal far        : signed_word_t;                        -- length less reference without voltage
   signal place_first : std_logic_vector(LENGTH_PLACES - 1 downto 0); -- where that of the pair's first vector stands
   signal far_first  : std_logic_vector(WORD_WIDTH - 1 downto 0); -- that with the first vector
-  signal level      : error_t;                              -- torque error without voltage
-  signal both       : error_t;                              -- the one at k+1 and that without voltage at k+2, added
-  signal both_least : std_logic;                            -- '1': that is not above zero
-  signal both_most  : std_logic;                            -- '1': that is not below zero
-  signal part       : error_t;                              -- square of the second's part of the period, times span
+  signal level      : error_t;                              -- torque error without voltage; mean: with that at k+1
   signal dividend   : mptc_rest_t;
   signal base       : error_t;
-  signal total      : error_t;                              -- span; a clock later the error with the second vector
+  signal total      : error_t;                              -- span; a clock later the dividend, or less one of it
   signal falls      : std_logic;                            -- '1': span was negative: complements
-  signal error      : error_t;
+  signal left       : error_t;                              -- dividend, not negative where there is a search
+  signal error      : error_t;                              -- the same, a clock later
   signal span       : error_t;
   signal trial      : double_error_t;                       -- error less span
   signal without    : std_logic;                            -- '1': there is no span
   signal within     : std_logic;                            -- the duty is between 0 and 1
   signal beyond     : std_logic;                            -- the duty is that of the whole period
-  signal none       : std_logic;                            -- mean: the duty is below zero
   signal wanted     : std_logic;                            -- '0': surely not within, told early
-  signal outside    : error_t;                              -- torque error that is left where it is not within
   signal there      : std_logic;                            -- '1': the pair is tried
   signal known      : known_t;
-  signal known_late : known_t;                              -- the same, with its result
+  signal known_read : known_t;                              -- the same, with its result
+  signal known_late : known_t;                              -- the same, a clock later
+  signal known_write : std_logic;
+  signal known_place : known_place_t;                       -- where it is read
   signal load       : std_logic_vector(0 to SEARCHES - 1);
   signal duties     : duties_t;
-  signal rests      : rests_t;
-  signal takens     : takens_t;
   signal bits       : duty_t;                               -- what was found
-  signal reached    : term_t;                               -- torque error it leaves; mean: what to add for it
   signal duty       : duty_t;                               -- the same, with its limits
-  signal left       : term_t;
   signal inside     : std_logic;                            -- '1': the duty was searched
   signal first      : vector_t;                             -- its pair
   signal second     : vector_t;
@@ -157,7 +157,6 @@ architecture rtl of mptc_pair_stream is
   -- results on their way, by clocks
   signal on_way     : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 2);
   signal flux_due   : std_logic;                            -- '1': its way is in the accumulators
-  signal delayed    : std_logic_vector(TERM_WIDTH - 1 downto 0);
   signal remaining  : std_logic_vector(TERM_WIDTH - 1 downto 0); -- product, when the cost takes it
   signal named      : named_t;
   signal ranked     : named_t;                              -- the same, with a rank of zero where no pairs are compared
@@ -170,7 +169,7 @@ architecture rtl of mptc_pair_stream is
 
     type places_t is array (0 to 5) of natural;
 
-    constant PLACES : places_t := (4, 5, 6, 9, 10, 12); -- in PAIR_TABLE
+    constant PLACES : places_t := (6, 7, 8, 9, 10, 11); -- in PAIR_TABLE
 
     variable result : place_t;
 
@@ -203,8 +202,8 @@ architecture rtl of mptc_pair_stream is
 
   end function without_rule;
 
-  -- pair at a place; given is MPTC1's vector; lengths: places of duties by length too, whose number is nth
-  function pair_of (rule : family_t; lengths : std_logic; row : place_t; nth : unsigned(4 downto 0); given : vector_t)
+  -- pair at a place; lengths: places of duties by length too, whose number is nth; roots: those that wait
+  function pair_of (rule : family_t; lengths, roots : std_logic; row : place_t; nth : unsigned(4 downto 0))
     return pair_t is
 
     variable result : pair_t;
@@ -221,7 +220,12 @@ architecture rtl of mptc_pair_stream is
     result.there     := to_std_logic(rule = FAMILY_GTV or PAIR_TABLE(index, 1) = 0) and not nth(4);
     result.other     := to_std_logic(PAIR_TABLE(to_integer(nth(3 downto 0)), 3) = 1);
     result.probe     := to_std_logic(PAIR_TABLE(to_integer(nth(3 downto 0)), 1) /= 0
-                                     and nth /= FIRST_CROSSED and nth /= LAST_CROSSED);
+                                     and nth /= FIRST_CROSSED and nth /= LAST_CROSSED) and not roots;
+
+    -- the last two vectors, when their search is free
+    if (roots = '1' and nth >= LAST_ZERO - 1 and nth < LAST_ZERO - 1 + ROOT_PAUSE) then
+      result.there := '0';
+    end if;
 
     if (lengths = '1' and vector /= 0) then
       result.first     := std_logic_vector(to_unsigned(vector, 3));
@@ -232,13 +236,12 @@ architecture rtl of mptc_pair_stream is
       result.probe     := '0';
     end if;
 
+    -- its vector is not there yet
     if (rule = FAMILY_MPTC1) then
-      result.first     := given;
-      result.second    := "00" & nth(0);
-      result.direction := given;
-      result.there     := to_std_logic(nth = 0 or (nth = 1 and lengths = '1'));
-      result.other     := nth(0);
-      result.probe     := '0';
+      result.second := "00" & nth(0);
+      result.there  := to_std_logic(nth = 0 or (nth = 1 and lengths = '1'));
+      result.other  := nth(0);
+      result.probe  := '0';
     end if;
 
     return result;
@@ -247,8 +250,12 @@ architecture rtl of mptc_pair_stream is
 
 begin
 
-  assert PAIR_SPACING = 2 and SEARCHES = 2 and DUTY_CLOCKS = 12 and PAIR_AHEAD = 4
+  assert PAIR_SPACING = 2 and SEARCHES = 2 and PAIR_AHEAD = 3 and DUTY_CLOCKS mod 2 = 0 and ROOT_CLOCKS mod 2 = 0
     report "mptc_pair_stream: the slots are those of two searches, two clocks apart"
+    severity failure;
+
+  assert ROOT_BEHIND < 2 ** KNOWN_PLACES
+    report "mptc_pair_stream: what is known of a pair is overwritten before it is read"
     severity failure;
 
   ---------------------------------------------------------------------------------------------
@@ -283,7 +290,7 @@ begin
   crossed <= (high(5) xor high(3)) & (high(3) xor high(1)) & (high(1) xor high(4)) & (high(4) xor high(2))
              & (high(2) xor high(0)) & (high(0) xor high(5));
 
-  p_place : process (slot, crossed) is
+  p_place : process (slot, crossed, mean) is
   begin
 
     place <= slot(4 downto 1);
@@ -294,9 +301,13 @@ begin
       place <= place_of(crossed, true);
     end if;
 
+    if (mean = '1' and slot(4 downto 1) >= LAST_ZERO - 1) then
+      place <= slot(4 downto 1) - ROOT_PAUSE;
+    end if;
+
   end process p_place;
 
-  pair <= pair_of(method, both_duties, place, slot(5 downto 1), leader);
+  pair <= pair_of(method, both_duties, mean, place, slot(5 downto 1));
 
   p_ahead : process (clk) is
   begin
@@ -305,11 +316,23 @@ begin
       if (slot(0) = '0') then
         pair_1       <= pair;
         pair_1.there <= pair.there and active and not slot(6);
-        pair_2       <= pair_1;
+        pair_2       <= given;
       end if;
     end if;
 
   end process p_ahead;
+
+  p_given : process (pair_1, method, leader) is
+  begin
+
+    given <= pair_1;
+
+    if (method = FAMILY_MPTC1) then
+      given.first     <= leader;
+      given.direction <= leader;
+    end if;
+
+  end process p_given;
 
   ---------------------------------------------------------------------------------------------
   -- Lengths of the fluxes with the vectors
@@ -327,7 +350,7 @@ begin
 
   end process p_without;
 
-  place_first <= std_logic_vector(unsigned(pair_1.direction) + LENGTH_LATENCY);
+  place_first <= std_logic_vector(unsigned(given.direction) + LENGTH_LATENCY);
 
   i_lengths : entity work.ram
     generic map (
@@ -350,12 +373,13 @@ begin
   -- Torques: of the direction, then of the second vector; or lengths
   ---------------------------------------------------------------------------------------------
 
-  number <= pair_1.direction when slot(0) = '1' else
-            without_rule(pair_1.second);
+  number <= given.direction when slot(0) = '1' or mean = '1' else
+            without_rule(given.second);
 
   p_change : process (clk) is
 
-    variable step : error_t;
+    variable step       : error_t;
+    variable complement : error_t; -- what the one's complement in level is off
 
   begin
 
@@ -369,23 +393,21 @@ begin
       change  <= moved(gated(resize(state.along, ERROR_WIDTH), has_alpha(number)), step,
                        has_beta(number) and not (negative_alpha(number) xor negative_beta(number)));
       opposed   <= negative_alpha(number);
-      lengthwise <= to_std_logic(pair_1.second = BY_LENGTH);
+      lengthwise <= to_std_logic(given.second = BY_LENGTH);
 
-      if (pair_1.second = BY_LENGTH) then
+      if (given.second = BY_LENGTH) then
         change  <= gated(resize(signed(far_first), ERROR_WIDTH), slot(0));
         opposed <= '1';
       end if;
 
-      -- rotor_alpha: what the one's complement in level is off
-      level <= shift_left(resize(state.level, ERROR_WIDTH), DUTY_SHIFT)
-               - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT);
+      complement := resize(shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT), ERROR_WIDTH);
 
-      step := shift_left(resize(state.opening, ERROR_WIDTH) + state.level, DUTY_SHIFT - 1)
-              - shift_right(state.rotor_alpha, TERM_SHIFT - DUTY_SHIFT);
-      both <= shift_left(step, 1);
+      if (mean = '1') then
+        complement := shift_left(complement, 1);
+      end if;
 
-      both_least <= sign_of(both) or to_std_logic(both = 0);
-      both_most  <= not sign_of(both);
+      step  := resize(state.level, ERROR_WIDTH) + gated(resize(state.opening, ERROR_WIDTH), mean);
+      level <= shift_left(step, DUTY_SHIFT) - complement;
     end if;
 
   end process p_change;
@@ -394,21 +416,17 @@ begin
            gated(level, slot(0));
   total <= moved(base, change, opposed xor slot(0));
 
+  left <= total xor (error_t'range => falls xor mean);
+
   p_request : process (clk) is
-
-    variable sign : error_t;
-
   begin
 
     if rising_edge(clk) then
       if (slot(0) = '0') then
-        sign  := (others => sign_of(total));
-        span  <= total xor sign;
+        span  <= total xor (error_t'range => sign_of(total));
         falls <= sign_of(total);
       else
-        sign  := (others => falls);
-        error <= total xor sign;
-        part  <= moved(span, both, not falls);
+        error <= left;
       end if;
     end if;
 
@@ -420,36 +438,13 @@ begin
 
   trial  <= resize(error, ERROR_WIDTH + 1) - span;
 
-  none <= both_most when falls = '1' else
-          both_least;
-
   without <= to_std_logic(span = 0);
 
-  p_borders : process (mean, error, span, trial, part, none, within, without) is
-  begin
+  within <= not sign_of(error) and sign_of(trial);
+  beyond <= (sign_of(trial) xnor mean) or without;
 
-    if (mean = '0') then
-      within <= not sign_of(error) and sign_of(trial);
-      beyond <= not sign_of(trial) or without;
-      wanted <= not sign_of(error);
-    else
-      within <= not sign_of(part) and not none and not without;
-      beyond <= sign_of(part) or without;
-      wanted <= not none;
-    end if;
-
-    outside <= trial(ERROR_WIDTH - 1 downto 0);
-
-    if ((mean = '0' and sign_of(trial) = '1')
-        or (mean = '1' and none = '1' and sign_of(part) = '0' and without = '0')) then
-      outside <= error;
-    end if;
-
-    if (mean = '0' and within = '1') then
-      outside <= (others => '0');
-    end if;
-
-  end process p_borders;
+  -- of two opposite vectors one has a dividend that is not negative, but for its one's complement; others have no such
+  wanted <= (sign_of(level) xnor falls) or to_std_logic(pair_2.second /= "000");
 
   p_high : process (clk) is
   begin
@@ -462,28 +457,38 @@ begin
 
   end process p_high;
 
-  dividend <= shift_left(unsigned(resize(part, ERROR_WIDTH + 1)), 1) when mean = '1' else
-              unsigned(resize(error, ERROR_WIDTH + 1));
+  dividend <= shift_left(unsigned(resize(left, ERROR_WIDTH + 1)), 1) when mean = '1' else
+              unsigned(resize(left, ERROR_WIDTH + 1));
 
   there <= pair_2.there and not (pair_2.probe and within);
-  known <= pair_2.first & pair_2.second & pair_2.direction & there & within & beyond
-           & std_logic_vector(outside(ERROR_WIDTH - 1 downto DUTY_SHIFT));
+  known <= pair_2.first & pair_2.second & pair_2.direction & pair_2.other & there & within & beyond;
 
-  i_known : entity work.delay_line
+  known_place <= slot(KNOWN_PLACES downto 1) - ROOT_BEHIND when mean = '1' else
+                 slot(KNOWN_PLACES downto 1) - QUOTIENT_BEHIND;
+
+  -- written while idle too, so that nothing is there when the next pairs begin
+  i_known : entity work.ram
     generic map (
-      WIDTH  => KNOWN_WIDTH,
-      CLOCKS => DUTY_CLOCKS + 1
+      ADDRESS_WIDTH => KNOWN_PLACES,
+      WIDTH         => KNOWN_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
     )
     port map (
-      clk     => clk,
-      rst     => rst,
-      word    => known,
-      delayed => known_late
+      clk           => clk,
+      write         => known_write,
+      write_address => std_logic_vector(slot(KNOWN_PLACES downto 1)),
+      write_word    => known,
+      read          => '1',
+      read_address  => std_logic_vector(known_place),
+      read_word     => known_read
     );
+
+  known_write <= not slot(0);
 
   g_units : for n in 0 to SEARCHES - 1 generate
 
-    load(n) <= not slot(0) and pair_2.there and not pair_2.probe and wanted and (pair_2.other xor to_std_logic(n = 0));
+    load(n) <= slot(0) and pair_2.there and not pair_2.probe and wanted and (pair_2.other xor to_std_logic(n = 0));
 
     i_duty : entity work.mptc_duty
       port map (
@@ -492,9 +497,7 @@ begin
         mean  => mean,
         error => dividend,
         span  => span,
-        duty  => duties(n),
-        left  => rests(n),
-        taken => takens(n)
+        duty  => duties(n)
       );
 
   end generate g_units;
@@ -512,45 +515,37 @@ begin
     if rising_edge(clk) then
       unit := 0;
 
-      if (method = FAMILY_MPTC1) then
-        unit := to_integer(slot(1 downto 1));
-      elsif (SECOND_ENDS(to_integer(slot(5 downto 1))) = '1') then
+      if (known_read(3) = '1') then
         unit := 1;
       end if;
 
-      bits <= duties(unit) xor (TIME_WIDTH - 1 downto 0 => mean);
-
-      if (mean = '1') then
-        reached <= signed(resize(takens(unit)(ERROR_WIDTH - 1 downto DUTY_SHIFT + 1), TERM_WIDTH));
-      else
-        reached <= signed(resize(rests(unit)(ERROR_WIDTH - 1 downto DUTY_SHIFT + TIME_WIDTH), TERM_WIDTH));
-      end if;
+      bits       <= duties(unit) xor (TIME_WIDTH - 1 downto 0 => mean);
+      known_late <= known_read;
     end if;
 
   end process p_result;
 
   first  <= known_late(KNOWN_WIDTH - 1 downto KNOWN_WIDTH - 3);
   second <= known_late(KNOWN_WIDTH - 4 downto KNOWN_WIDTH - 6);
-  inside <= known_late(TERM_WIDTH + 1);
+  inside <= known_late(1);
   duty   <= bits when inside = '1' else
-            (others => known_late(TERM_WIDTH));
-  left   <= signed(known_late(TERM_WIDTH - 1 downto 0)) + gated(reached, inside);
+            (others => known_late(0));
 
   found.duty      <= duty;
   found.second    <= without_rule(second);
-  found.direction <= known_late(TERM_WIDTH + 5 downto TERM_WIDTH + 3);
-  found.take      <= ended and known_late(TERM_WIDTH + 2);
+  found.direction <= known_late(KNOWN_WIDTH - 7 downto KNOWN_WIDTH - 9);
+  found.take      <= ended and known_late(2);
 
   named  <= duty & first & second;
-  ranked <= duty & ((first & second) and (5 downto 0 => ended and known_late(TERM_WIDTH + 2)));
+  ranked <= duty & ((first & second) and (5 downto 0 => ended and known_late(2)));
 
   p_on_way : process (clk) is
   begin
 
     if rising_edge(clk) then
-      ended    <= active and not slot(0);
+      ended    <= active and slot(0);
       flux_due <= on_way(PAIR_REGISTERS - 2) and (to_std_logic(method /= FAMILY_MPTC1) or both_duties);
-      on_way   <= on_way(on_way'high - 1 downto 2) & (ended and known_late(TERM_WIDTH + 2));
+      on_way   <= on_way(on_way'high - 1 downto 2) & (ended and known_late(2));
 
       -- a pair on its way does not go on into the next decision
       if (rst = '1' or last = '1') then
@@ -562,22 +557,10 @@ begin
 
   end process p_on_way;
 
-  i_left : entity work.delay_line
-    generic map (
-      WIDTH  => TERM_WIDTH,
-      CLOCKS => STREAM_TERM + PAIR_REGISTERS - 1
-    )
-    port map (
-      clk     => clk,
-      rst     => rst,
-      word    => std_logic_vector(left),
-      delayed => delayed
-    );
-
   i_remaining : entity work.delay_line
     generic map (
       WIDTH  => TERM_WIDTH,
-      CLOCKS => STREAM_TERM
+      CLOCKS => STREAM_TERM_FAMILY
     )
     port map (
       clk     => clk,
@@ -599,9 +582,8 @@ begin
     );
 
   tried.enable  <= flux_due;
-  tried.take    <= on_way(STREAM_TERM + PAIR_REGISTERS);
-  tried.left    <= signed(delayed) when both_duties = '0' else
-                   signed(remaining);
+  tried.take    <= on_way(STREAM_TERM_FAMILY + PAIR_REGISTERS);
+  tried.left    <= signed(remaining);
   tried.compare <= on_way(STREAM_COMPARE + PAIR_REGISTERS);
   tried.rank    <= compared(5 downto 0);
   tried.best    <= best(5 downto 0);

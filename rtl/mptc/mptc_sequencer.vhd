@@ -2,12 +2,15 @@
 --
 -- The program stands in mptc_constants; model/directmpc/mptc/program.py explains and checks it.  MPTC and MPFC share
 -- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.  MPTC1, MPTC2 and
--- GTV go MPTC's way to its end and on from PAIR_ADDRESS.  MPFC2, MPFC3, MPC2 and SVM go MPFC's way up to HEXAGON_FORK
+-- GTV go MPTC's way to its end and on from PAIR_ADDRESS, MPTC1 a clock ahead of the others where its products want it.
+-- MPFC2, MPFC3, MPC2 and SVM go MPFC's way up to HEXAGON_FORK
 -- and on from HEXAGON_ADDRESS.
 --
 -- With FLUX_CONTROL the program is read a clock ahead, and products come from registers.  Reading and choosing among
 -- the longer lists of MPFC in one clock ends at 95 to 105 MHz on ECP5, five seeds; this way it is 107 at least.
--- With FAMILY events come from registers too.
+-- With FAMILY the program is a table in block RAM, with events in it.  What is due in a clock is addressed two clocks
+-- before, for the register of the memory and one behind it.  So address is that of the next clock then, and the clock
+-- that accepts start asks for clock 1: operands of clock 0 stand in the word of an idle sequencer, without their issue.
 --
 -- Formats: places as in the lists of mptc_constants.
 -- Latency: products and events of clock n of the program come n clocks after the edge that accepts start.  valid
@@ -62,14 +65,15 @@ architecture rtl of mptc_sequencer is
   constant TERM_EVENTS  : natural  := choose(FAMILY, TERM_WRITES'length(1), TERM_SINGLE);
 
   signal active  : std_logic;
-  signal address : natural range 0 to 2 ** ADDRESS_BITS - 1;
+  signal address : natural range 0 to 2 ** ADDRESS_BITS - 1; -- of this clock, with FAMILY of the next one
   signal turned  : std_logic; -- the method is MPFC
   signal chosen  : family_t;  -- method of several vectors
   signal ruled   : std_logic; -- '1': it has a duty rule
   signal both    : std_logic; -- '1': the rule is best
+  signal rooted  : std_logic; -- '1': the rule is mean
   signal ends    : std_logic;       -- '1': the next clock is the last one
   signal ending  : std_logic;       -- '1': this is the last clock
-  signal decoded : mptc_products_t;
+  signal following : natural range 0 to 2 ** ADDRESS_BITS - 1; -- FAMILY: address of the clock after the next one
 
   -- a place as bits; zero for what is no place
   function bits_of (index : integer) return select_t is
@@ -83,59 +87,94 @@ architecture rtl of mptc_sequencer is
 
   end function bits_of;
 
-  -- '1': an event at a place of the program is due with the next clock
-  function due_at (place, here : natural; mpfc_way : std_logic) return std_logic is
-  begin
-
-    if (place = FORK) then
-      return to_std_logic(here = FORK - 1) and not mpfc_way;
-    elsif (place = FORK_ADDRESS) then
-      return to_std_logic(here = FORK - 1) and mpfc_way;
-    else
-      return to_std_logic(here = place - 1);
-    end if;
-
-  end function due_at;
-
 begin
 
   assert FLUX_CONTROL or not FAMILY
     report "mptc_sequencer: FAMILY needs FLUX_CONTROL"
     severity failure;
 
-  p_sequence : process (clk) is
-  begin
+  g_sequence : if not FAMILY generate
 
-    if rising_edge(clk) then
-      valid <= '0';
+    p_sequence : process (clk) is
+    begin
 
-      if (active = '1') then
-        if (ending = '1') then
-          active  <= '0';
-          valid   <= '1';
-          address <= PARKED;
-        elsif (FLUX_CONTROL and turned = '1' and address = FORK - 1) then
-          address <= FORK_ADDRESS;
-        elsif (FAMILY and address = LAST_MPTC) then
-          address <= PAIR_ADDRESS;
-        elsif (FAMILY and chosen(2) = '1' and address = HEXAGON_FORK - 1) then
-          address <= HEXAGON_ADDRESS;
-        else
-          address <= (address + 1) mod 2 ** ADDRESS_BITS;
+      if rising_edge(clk) then
+        valid <= '0';
+
+        if (active = '1') then
+          if (ending = '1') then
+            active  <= '0';
+            valid   <= '1';
+            address <= PARKED;
+          elsif (FLUX_CONTROL and turned = '1' and address = FORK - 1) then
+            address <= FORK_ADDRESS;
+          else
+            address <= (address + 1) mod 2 ** ADDRESS_BITS;
+          end if;
+        elsif (start = '1') then
+          active  <= '1';
+          address <= 0;
         end if;
-      elsif (start = '1') then
-        active  <= '1';
-        address <= 0;
+
+        if (rst = '1') then
+          active  <= '0';
+          address <= PARKED;
+          valid   <= '0';
+        end if;
       end if;
 
-      if (rst = '1') then
-        active  <= '0';
-        address <= PARKED;
-        valid   <= '0';
-      end if;
-    end if;
+    end process p_sequence;
 
-  end process p_sequence;
+  end generate g_sequence;
+
+  g_sequence_ahead : if FAMILY generate
+
+    p_following : process (rst, active, start, ending, address, turned, chosen) is
+    begin
+
+      following <= (address + 1) mod 2 ** ADDRESS_BITS;
+
+      if (turned = '1' and address = FORK - 1) then
+        following <= FORK_ADDRESS;
+      elsif (address = LAST_MPTC) then
+        following <= PAIR_ADDRESS;
+
+        if (chosen = FAMILY_MPTC1) then
+          following <= PAIR_ADDRESS + MPTC1_LEAD;
+        end if;
+      elsif (chosen(2) = '1' and address = HEXAGON_FORK - 1) then
+        following <= HEXAGON_ADDRESS;
+      end if;
+
+      if (active = '0' and start = '1') then
+        following <= 1;
+      end if;
+
+      if (rst = '1' or ending = '1' or (active = '0' and start = '0')) then
+        following <= PARKED;
+      end if;
+
+    end process p_following;
+
+    p_sequence : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        valid   <= ending and not rst;
+        address <= following;
+
+        if (start = '1') then
+          active <= '1';
+        end if;
+
+        if (rst = '1' or ending = '1') then
+          active <= '0';
+        end if;
+      end if;
+
+    end process p_sequence;
+
+  end generate g_sequence_ahead;
 
   g_ending : if not FAMILY generate
     ending <= to_std_logic(address = LAST_MPTC - 1 or (FLUX_CONTROL and address = LAST_MPFC - 1));
@@ -143,13 +182,13 @@ begin
 
   g_ending_family : if FAMILY generate
 
-    ends <= to_std_logic((address = LAST_MPTC - 2 and chosen = FAMILY_NONE) or address = LAST_MPFC - 2
-                         or address = LAST_HEXAGON - 2
-                         or (address = LAST_MPTC1 - 2 and chosen = FAMILY_MPTC1 and both = '0')
-                         or (address = LAST_MPTC1_BEST - 2 and chosen = FAMILY_MPTC1)
-                         or (address = LAST_MPTC2 - 2 and chosen = FAMILY_MPTC2 and both = '0')
-                         or address = LAST_MPTC2_BEST - 2
-                         or (address = LAST_GTV - 2 and chosen = FAMILY_GTV));
+    ends <= to_std_logic((address = LAST_MPTC - 1 and chosen = FAMILY_NONE) or address = LAST_MPFC - 1
+                         or address = LAST_HEXAGON - 1
+                         or (address = LAST_MPTC1 - 1 and chosen = FAMILY_MPTC1 and both = '0')
+                         or (address = LAST_MPTC1_BEST - 1 and chosen = FAMILY_MPTC1)
+                         or (address = LAST_MPTC2 - 1 and chosen = FAMILY_MPTC2 and both = '0')
+                         or address = LAST_MPTC2_BEST - 1
+                         or (address = LAST_GTV - 1 and chosen = FAMILY_GTV));
 
     p_ending : process (clk) is
     begin
@@ -167,6 +206,7 @@ begin
   mpfc   <= turned;
   method <= chosen;
 
+  mean        <= rooted;
   both_duties <= both;
 
   g_method : if FLUX_CONTROL generate
@@ -198,7 +238,7 @@ begin
       if rising_edge(clk) then
         if (active = '0' and start = '1') then
           chosen <= family_method;
-          mean   <= ruled and to_std_logic(duty_rule = RULE_MEAN);
+          rooted <= ruled and to_std_logic(duty_rule = RULE_MEAN);
           both   <= ruled and duty_rule(1);
         end if;
       end if;
@@ -209,7 +249,7 @@ begin
 
   g_one_vector : if not FAMILY generate
     chosen <= FAMILY_NONE;
-    mean   <= '0';
+    rooted <= '0';
     both   <= '0';
   end generate g_one_vector;
 
@@ -221,67 +261,75 @@ begin
   -- Products
   ---------------------------------------------------------------------------------------------
 
-  p_decode : process (address, active, start, turned) is
+  g_decode : if not FAMILY generate
 
-    variable due    : boolean;
-    variable issued : mptc_products_t;
+    signal decoded : mptc_products_t;
 
   begin
 
-    issued.issue       := (others => '0');
-    issued.gather      := (others => '0');
-    issued.halve       := (others => '0');
-    issued.lead        := (others => '0');
-    issued.a_choice    := (others => (others => '0'));
-    issued.b_choice    := (others => (others => '0'));
-    issued.seed_choice := (others => (others => '0'));
+    p_decode : process (address, active, start, turned) is
 
-    for i in 0 to STEPS - 1 loop
-      if (not FLUX_CONTROL) then
-        due := address = PROGRAM(i, 0);
-      elsif (PROGRAM(i, 0) = 0) then
-        due := start = '1' and active = '0';
-      elsif (PROGRAM(i, 0) = FORK) then
-        due := address = FORK - 1 and turned = '0';
-      elsif (PROGRAM(i, 0) = FORK_ADDRESS) then
-        due := address = FORK - 1 and turned = '1';
-      else
-        due := address = PROGRAM(i, 0) - 1;
-      end if;
+      variable due    : boolean;
+      variable issued : mptc_products_t;
 
-      for n in 0 to BLOCK_COUNT - 1 loop
-        if (due and PROGRAM(i, 1) = n) then
-          issued.issue(n)       := '1';
-          issued.gather(n)      := issued.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
-          issued.halve(n)       := issued.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
-          issued.lead(n)        := issued.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
-          issued.a_choice(n)    := issued.a_choice(n) or bits_of(PROGRAM(i, 2));
-          issued.b_choice(n)    := issued.b_choice(n) or bits_of(PROGRAM(i, 3));
-          issued.seed_choice(n) := issued.seed_choice(n) or bits_of(PROGRAM(i, 4));
-        end if;
-      end loop;
-    end loop;
-
-    decoded <= issued;
-
-  end process p_decode;
-
-  g_ahead : if FLUX_CONTROL generate
-
-    p_ahead : process (clk) is
     begin
 
-      if rising_edge(clk) then
-        products <= decoded;
-      end if;
+      issued.issue       := (others => '0');
+      issued.gather      := (others => '0');
+      issued.halve       := (others => '0');
+      issued.lead        := (others => '0');
+      issued.a_choice    := (others => (others => '0'));
+      issued.b_choice    := (others => (others => '0'));
+      issued.seed_choice := (others => (others => '0'));
 
-    end process p_ahead;
+      for i in 0 to STEPS - 1 loop
+        if (not FLUX_CONTROL) then
+          due := address = PROGRAM(i, 0);
+        elsif (PROGRAM(i, 0) = 0) then
+          due := start = '1' and active = '0';
+        elsif (PROGRAM(i, 0) = FORK) then
+          due := address = FORK - 1 and turned = '0';
+        elsif (PROGRAM(i, 0) = FORK_ADDRESS) then
+          due := address = FORK - 1 and turned = '1';
+        else
+          due := address = PROGRAM(i, 0) - 1;
+        end if;
 
-  end generate g_ahead;
+        for n in 0 to BLOCK_COUNT - 1 loop
+          if (due and PROGRAM(i, 1) = n) then
+            issued.issue(n)       := '1';
+            issued.gather(n)      := issued.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
+            issued.halve(n)       := issued.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
+            issued.lead(n)        := issued.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
+            issued.a_choice(n)    := issued.a_choice(n) or bits_of(PROGRAM(i, 2));
+            issued.b_choice(n)    := issued.b_choice(n) or bits_of(PROGRAM(i, 3));
+            issued.seed_choice(n) := issued.seed_choice(n) or bits_of(PROGRAM(i, 4));
+          end if;
+        end loop;
+      end loop;
 
-  g_at_once : if not FLUX_CONTROL generate
-    products <= decoded;
-  end generate g_at_once;
+      decoded <= issued;
+
+    end process p_decode;
+
+    g_ahead : if FLUX_CONTROL generate
+
+      p_ahead : process (clk) is
+      begin
+
+        if rising_edge(clk) then
+          products <= decoded;
+        end if;
+
+      end process p_ahead;
+
+    end generate g_ahead;
+
+    g_at_once : if not FLUX_CONTROL generate
+      products <= decoded;
+    end generate g_at_once;
+
+  end generate g_decode;
 
   ---------------------------------------------------------------------------------------------
   -- Events
@@ -325,41 +373,173 @@ begin
 
   end generate g_events_at_once;
 
-  -- seen a clock ahead; no event stands at PAIR_ADDRESS or HEXAGON_ADDRESS
-  g_events_ahead : if FAMILY generate
+  ---------------------------------------------------------------------------------------------
+  -- Both as a table
+  ---------------------------------------------------------------------------------------------
 
-    p_events : process (clk) is
+  g_table : if FAMILY generate
+
+    constant A_BITS     : positive := selector_width(A_LISTS'length(2));
+    constant B_BITS     : positive := selector_width(B_LISTS'length(2));
+    constant SEED_BITS  : positive := selector_width(SEED_LISTS'length(2));
+    constant BLOCK_BITS : positive := 4 + A_BITS + B_BITS + SEED_BITS; -- of what a mac_block begins
+
+    -- places of events in a word, behind the blocks
+    constant AT_WORDS     : natural  := BLOCK_COUNT * BLOCK_BITS;
+    constant AT_TERMS     : natural  := AT_WORDS + WORD_EVENTS;
+    constant AT_NORMALISE : natural  := AT_TERMS + TERM_EVENTS;
+    constant AT_ORIENT    : natural  := AT_NORMALISE + 1;
+    constant AT_SQUARE    : natural  := AT_ORIENT + 1;
+    constant AT_RADICAND  : natural  := AT_SQUARE + 1;
+    constant AT_STREAM    : natural  := AT_RADICAND + 1;
+    constant AT_WAY_ALPHA : natural  := AT_STREAM + 1;
+    constant AT_WAY_BETA  : natural  := AT_WAY_ALPHA + 1;
+    constant AT_REST      : natural  := AT_WAY_BETA + 1;
+    constant ENTRY_BITS   : positive := AT_REST + 1;
+
+    subtype entry_t is std_logic_vector(ENTRY_BITS - 1 downto 0);
+
+    subtype table_t is std_logic_vector(2 ** ADDRESS_BITS * ENTRY_BITS - 1 downto 0);
+
+    -- a place with zeros in front
+    function padded (bits : std_logic_vector) return select_t is
+    begin
+
+      return std_logic_vector(resize(unsigned(bits), select_t'length));
+
+    end function padded;
+
+    -- the program, word 0 rightmost
+    function all_entries return table_t is
+
+      variable result : table_t;
+      variable base   : natural;
+
+    begin
+
+      result := (others => '0');
+
+      for i in 0 to STEPS - 1 loop
+        base := PROGRAM(i, 0) * ENTRY_BITS;
+
+        -- operands of clock 0 are those of an idle sequencer
+        if (PROGRAM(i, 0) = 0) then
+          base := PARKED * ENTRY_BITS;
+        end if;
+
+        base             := base + PROGRAM(i, 1) * BLOCK_BITS;
+        result(base)     := to_std_logic(PROGRAM(i, 0) /= 0);
+        result(base + 1) := to_std_logic(PROGRAM(i, 4) < 0);
+        result(base + 2) := to_std_logic(PROGRAM(i, 5) > 0);
+        result(base + 3) := to_std_logic(PROGRAM(i, 5) > 1);
+        base             := base + 4;
+
+        result(base + A_BITS - 1 downto base) := bits_of(PROGRAM(i, 2))(A_BITS - 1 downto 0);
+        base                                  := base + A_BITS;
+        result(base + B_BITS - 1 downto base) := bits_of(PROGRAM(i, 3))(B_BITS - 1 downto 0);
+        base                                  := base + B_BITS;
+
+        result(base + SEED_BITS - 1 downto base) := bits_of(PROGRAM(i, 4))(SEED_BITS - 1 downto 0);
+      end loop;
+
+      for i in 0 to WORD_EVENTS - 1 loop
+        result(WORD_WRITES(i, 0) * ENTRY_BITS + AT_WORDS + i) := '1';
+      end loop;
+
+      for i in 0 to TERM_EVENTS - 1 loop
+        result(TERM_WRITES(i, 0) * ENTRY_BITS + AT_TERMS + i) := '1';
+      end loop;
+
+      for i in FIRST_NORMALISE to FIRST_NORMALISE + NORMALISE_STEPS - 1 loop
+        result(i * ENTRY_BITS + AT_NORMALISE) := '1';
+      end loop;
+
+      result((FIRST_NORMALISE + NORMALISE_STEPS) * ENTRY_BITS + AT_ORIENT) := '1';
+      result(FIRST_ROOT * ENTRY_BITS + AT_SQUARE)                          := '1';
+      result((FIRST_ROOT + 1) * ENTRY_BITS + AT_RADICAND)                  := '1';
+      result((FIRST_LENGTH - 1) * ENTRY_BITS + AT_STREAM)                  := '1';
+      result((FIRST_STREAM_MPFC - 1) * ENTRY_BITS + AT_STREAM)             := '1';
+      result(FIRST_WAY * ENTRY_BITS + AT_WAY_ALPHA)                        := '1';
+      result((FIRST_WAY + 1) * ENTRY_BITS + AT_WAY_BETA)                   := '1';
+      result(FIRST_REST * ENTRY_BITS + AT_REST)                            := '1';
+
+      return result;
+
+    end function all_entries;
+
+    constant ENTRIES : table_t := all_entries;
+
+    signal entry_at : std_logic_vector(ADDRESS_BITS - 1 downto 0);
+    signal entry    : entry_t; -- of the next clock
+
+  begin
+
+    entry_at <= std_logic_vector(to_unsigned(following, ADDRESS_BITS));
+
+    i_table : entity work.ram
+      generic map (
+        ADDRESS_WIDTH => ADDRESS_BITS,
+        WIDTH         => ENTRY_BITS,
+        LATENCY       => 1,
+        STYLE         => "block",
+        CONTENTS      => ENTRIES
+      )
+      port map (
+        clk           => clk,
+        write         => '0',
+        write_address => (others => '0'),
+        write_word    => (others => '0'),
+        read          => '1',
+        read_address  => entry_at,
+        read_word     => entry
+      );
+
+    p_due : process (clk) is
+
+      variable base : natural;
+
     begin
 
       if rising_edge(clk) then
+        for n in 0 to BLOCK_COUNT - 1 loop
+          base               := n * BLOCK_BITS;
+          products.issue(n)  <= entry(base) or (start and not active);
+          products.gather(n) <= entry(base + 1);
+          products.halve(n)  <= entry(base + 2);
+          products.lead(n)   <= entry(base + 3);
+          base               := base + 4;
+
+          products.a_choice(n)    <= padded(entry(base + A_BITS - 1 downto base));
+          base                    := base + A_BITS;
+          products.b_choice(n)    <= padded(entry(base + B_BITS - 1 downto base));
+          base                    := base + B_BITS;
+          products.seed_choice(n) <= padded(entry(base + SEED_BITS - 1 downto base));
+        end loop;
+
         if (chosen = FAMILY_MPTC1) then
-          events.begin_pairs <= (due_at(LAST_MPTC - 1, address, turned) and not both)
-                                or (due_at(LAST_MPTC, address, turned) and both);
+          events.begin_pairs <= to_std_logic(address = FIRST_MPTC1 - 1) and (rooted or both);
+
+          if (rooted = '0' and both = '0') then
+            events.begin_pairs <= to_std_logic(address = FIRST_MPTC1_LATE - 1);
+          end if;
         else
-          events.begin_pairs <= due_at(FIRST_PAIR - 1, address, turned) and to_std_logic(chosen /= FAMILY_NONE);
+          events.begin_pairs <= to_std_logic(address = FIRST_PAIR - 1 and chosen /= FAMILY_NONE);
         end if;
 
-        for i in 0 to WORD_EVENTS - 1 loop
-          events.word_writes(i) <= due_at(WORD_WRITES(i, 0), address, turned);
-        end loop;
-
-        for i in 0 to TERM_EVENTS - 1 loop
-          events.term_writes(i) <= due_at(TERM_WRITES(i, 0), address, turned);
-        end loop;
-
-        events.normalise    <= to_std_logic(address >= FIRST_NORMALISE - 1
-                                            and address < FIRST_NORMALISE - 1 + NORMALISE_STEPS);
-        events.orient       <= due_at(FIRST_NORMALISE + NORMALISE_STEPS, address, turned);
-        events.square       <= due_at(FIRST_ROOT, address, turned);
-        events.radicand     <= due_at(FIRST_ROOT + 1, address, turned);
-        events.begin_stream <= due_at(FIRST_LENGTH - 1, address, turned)
-                               or due_at(FIRST_STREAM_MPFC - 1, address, turned);
-        events.way_alpha    <= due_at(FIRST_WAY, address, turned);
-        events.way_beta     <= due_at(FIRST_WAY + 1, address, turned);
-        events.rest         <= due_at(FIRST_REST, address, turned);
+        events.word_writes  <= entry(AT_WORDS + WORD_EVENTS - 1 downto AT_WORDS);
+        events.term_writes  <= entry(AT_TERMS + TERM_EVENTS - 1 downto AT_TERMS);
+        events.normalise    <= entry(AT_NORMALISE);
+        events.orient       <= entry(AT_ORIENT);
+        events.square       <= entry(AT_SQUARE);
+        events.radicand     <= entry(AT_RADICAND);
+        events.begin_stream <= entry(AT_STREAM);
+        events.way_alpha    <= entry(AT_WAY_ALPHA);
+        events.way_beta     <= entry(AT_WAY_BETA);
+        events.rest         <= entry(AT_REST);
         events.last         <= ends;
 
         if (rst = '1') then
+          products.issue      <= (others => '0');
           events.word_writes  <= (others => '0');
           events.term_writes  <= (others => '0');
           events.normalise    <= '0';
@@ -375,8 +555,8 @@ begin
         end if;
       end if;
 
-    end process p_events;
+    end process p_due;
 
-  end generate g_events_ahead;
+  end generate g_table;
 
 end architecture rtl;

@@ -141,12 +141,9 @@ package mptc_types is
 
   -- what is missing to the reference, e, in the coordinates of the leading vector
   type mptc_missing_t is record
-    g       : hexagon_t; -- along the leading vector
-    h       : hexagon_t; -- along the next one
-    total   : hexagon_t; -- g + h
-    lead    : form_t;    -- 2*g + h
-    by_next : form_t;    -- g + 2*h
-    apart   : form_t;    -- g - h
+    g     : hexagon_t; -- along the leading vector
+    h     : hexagon_t; -- along the next one
+    total : hexagon_t; -- g + h
   end record mptc_missing_t;
 
   -- what remains of e, as operands of its square

@@ -59,11 +59,14 @@ architecture rtl of mptc_vector_stream is
 
   constant STREAM_WIDTH : positive := 4; -- bits of the counter, which returns to zero after STREAM_LAST
 
+  -- clocks from a length to its torque term: with FAMILY the cost takes it two clocks later
+  constant TERM_CLOCKS : positive := choose(FAMILY, STREAM_TERM_FAMILY, STREAM_TERM);
+
   constant WAY_SHIFT : natural := FRACTION - LENGTH_GUARD; -- bit of a sum that is the LSB of a length
 
   subtype cost_t is signed(COST_WIDTH - COST_DROPPED - 1 downto 0);
 
-  -- 0: no vector; else the vector's number plus 0 at the length, STREAM_TERM at the torque term and
+  -- 0: no vector; else the vector's number plus 0 at the length, TERM_CLOCKS at the torque term and
   -- STREAM_COMPARE at the comparison
   signal stream        : unsigned(STREAM_WIDTH - 1 downto 0);
   signal length_number : vector_t;                           -- of the vector whose flux is formed
@@ -91,7 +94,6 @@ architecture rtl of mptc_vector_stream is
   signal fresh         : std_logic;                           -- '1': nothing has been compared
   signal pairs         : std_logic;                           -- '1': pairs are compared, and no single vectors
   signal wins_tie      : std_logic;
-  signal best_rank     : rank_t;                              -- what decides between equal costs: the lower rank
   signal winner        : vector_t;
 
 begin
@@ -121,7 +123,7 @@ begin
         following := (others => '0');
       end if;
 
-      ahead         := following - STREAM_TERM;
+      ahead         := following - TERM_CLOCKS;
       vector        := std_logic_vector(ahead(2 downto 0));
       stream        <= following;
       term_whole    <= whole_alpha(vector);
@@ -282,12 +284,12 @@ begin
   end generate g_single_better;
 
   g_family_better : if FAMILY generate
-    pairs     <= not method(2) and method(1);
-    best_rank <= tried.best(5 downto 1) & (tried.best(0) or wins_tie);
-    fresh     <= to_std_logic(stream /= 0 and (stream <= STREAM_COMPARE or pairs = '1'))
-                 or (pair_length and not pairs);
+    pairs <= not method(2) and method(1);
+    fresh <= to_std_logic(stream /= 0 and (stream <= STREAM_COMPARE or pairs = '1'))
+             or (pair_length and not pairs);
 
-    better <= to_std_logic(cost & signed('0' & tried.rank) < best_cost & signed('0' & best_rank))
+    -- of equal costs the lower rank; single vectors have none, and the bit behind it decides
+    better <= to_std_logic(cost & signed('0' & tried.rank & '0') < best_cost & signed('0' & tried.best & wins_tie))
               and not to_std_logic(method = FAMILY_MPTC1 and stream = STREAM_LAST)
               and (tried.compare or (not pairs and to_std_logic(stream /= 0)));
   end generate g_family_better;

@@ -483,16 +483,17 @@ vector takes fewer commutations. With them next_u1 to next_u3 are u_next, next_t
 period.
 
 How: MPTC's program to its end. The torque is linear in the duty of a pair, so the duty is a
-quotient, or the root of one, found bit by bit by two mptc_duty (mptc_pair_stream). With the rule
-best a second duty is the quotient of two lengths of the flux, and both are tried. The pair's mean
-share then is an operand as that of the running sequence is (mptc_shares), and its flux a product.
-Lengths and costs of pairs take the way that single vectors take. The flux methods take
+quotient, found two bits a clock, or the root of one, found bit by bit, by two mptc_duty
+(mptc_pair_stream). With the rule best a second duty is the quotient of two lengths of the flux, and
+both are tried. The pair's mean share then is an operand as that of the running sequence is
+(mptc_shares), and its flux and its torque are products. Lengths and costs of pairs take the way
+that single vectors take. The program is a table in block RAM. The flux methods take
 MPFC's program to its reference. What is missing to it is divided by the way of a vector once
 (mptc_coordinates); then all times are sums, and only distances are products (mptc_choices).
 
 Formats: as mptc_core; times 1/4096 of the period, 4096 for all of it.
-Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 57 for MPTC1, 74 for MPTC2, 86 for GTV,
-110 for MPFC2, MPFC3, MPC2 and SVM, always; with the rule best 74 for MPTC1, 110 for MPTC2. One
+Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 54 for MPTC1, 73 for MPTC2, 77 for GTV,
+110 for MPFC2, MPFC3, MPC2 and SVM, always; with the rule best 64 for MPTC1, 79 for MPTC2. One
 decision at a time; the next start may come with valid.
 Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 Where t1 + t2 is above 4096, u3 counts for the whole period and saturated is set.

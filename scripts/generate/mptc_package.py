@@ -123,11 +123,8 @@ def _pairs() -> list[str]:
 
 
 def _lengths() -> list[str]:
-    """Vectors of the duties by lengths by their places, and which search ends when."""
+    """Vectors of the duties by lengths by their places."""
     table = [p.LENGTH_SLOTS.get(n, (0, 0)) for n in range(32)]
-    second = {n for n, (_, search) in p.LENGTH_SLOTS.items() if search} | set(p.SECOND_SEARCH)
-    late = (p.PAIR_AHEAD + p.DUTY_CLOCKS) // p.PAIR_SPACING
-    ends = ["'1'" if n - late in second else "'0'" for n in range(32)]
     return [
         "",
         "  type length_table_t is array (0 to 31, 0 to 1) of natural;",
@@ -138,13 +135,6 @@ def _lengths() -> list[str]:
             table,
             "duties by lengths by places: vector (0: none), its search",
         ),
-        "  type flags_of_places_t is array (0 to 31) of std_logic;",
-        "",
-        "  -- '1': when this place is looked up, the second search ends, if any",
-        "  constant SECOND_ENDS : flags_of_places_t := (",
-        f"    {', '.join(ends[:16])},",
-        f"    {', '.join(ends[16:])}",
-        "  );",
     ]
 
 
@@ -218,6 +208,7 @@ def _program() -> list[str]:
             ("FIRST_LENGTH", p.FIRST_LENGTH, "address: first vector enters the magnitude"),
             ("STREAM_VECTORS", p.VECTORS, "vectors in the stream, one a clock"),
             ("STREAM_TERM", p.STREAM_TERM, "clocks from a vector's length to its torque term"),
+            ("STREAM_TERM_FAMILY", p.STREAM_TERM + p.SEED_WAIT, "the same with FAMILY"),
             ("STREAM_COMPARE", p.STREAM_COMPARE, "clocks from its length to its comparison"),
             ("STREAM_LAST", p.STREAM_COMPARE + p.VECTORS, "clocks to the last comparison"),
             ("SUM_LATENCY", p.SUM_LATENCY, "clocks from a product to its sum"),
@@ -241,17 +232,31 @@ def _program() -> list[str]:
             ),
             ("PAIR_ADDRESS", p.pair_address(p.MPTC_LAST + 1), "address behind LAST_MPTC for pairs"),
             ("FIRST_PAIR", p.FIRST_PAIR, "address: MPTC2 and GTV look the first pair up"),
+            ("MPTC1_LEAD", p.MPTC1_LEAD, "addresses that MPTC1 is ahead there"),
+            ("FIRST_MPTC1", p.FIRST_MPTC1, "address: MPTC1 looks its pair up"),
+            (
+                "FIRST_MPTC1_LATE",
+                p.pair_address(p.FIRST_MPTC1 + p.QUOTIENT_GAIN, p.MPTC1_LEAD),
+                "address: the same for the rule deadbeat",
+            ),
             ("FIRST_CROSSED", p.FIRST_CROSSED, "place of the first pair that needs a search"),
             ("LAST_CROSSED", p.LAST_CROSSED, "place of the last one"),
+            ("LAST_ZERO", p.LAST_ZERO, "place of the last pair of MPTC2"),
+            ("ROOT_PAUSE", p.ROOT_PAUSE, "places without a pair before its last two, rule mean"),
             ("SEARCHES", p.SEARCHES, "searches of a duty at a time"),
             ("PAIR_SPACING", p.PAIR_SPACING, "clocks between the beginnings of two"),
             ("PAIR_AHEAD", p.PAIR_AHEAD, "clocks from looking a pair up to its search"),
             ("PAIR_REGISTERS", p.PAIR_REGISTERS, "clocks from its result to its flux"),
             ("DUTY_CLOCKS", p.DUTY_CLOCKS, "clocks of a search"),
-            ("LAST_MPTC1", p.pair_address(p.MPTC1_LAST), "address: valid"),
+            ("ROOT_CLOCKS", p.ROOT_CLOCKS, "clocks of a search for a root"),
+            ("LAST_MPTC1", p.pair_address(p.MPTC1_LAST, p.MPTC1_LEAD), "address: valid"),
             ("LAST_MPTC2", p.pair_address(p.MPTC2_LAST), "address: valid"),
             ("LAST_GTV", p.pair_address(p.GTV_LAST), "address: valid"),
-            ("LAST_MPTC1_BEST", p.pair_address(p.MPTC1_BEST_LAST), "address: valid, rule best"),
+            (
+                "LAST_MPTC1_BEST",
+                p.pair_address(p.MPTC1_BEST_LAST, p.MPTC1_LEAD),
+                "address: valid, rule best",
+            ),
             ("LAST_MPTC2_BEST", p.pair_address(p.MPTC2_BEST_LAST), "address: valid, rule best"),
             ("LENGTH_LATENCY", p.LENGTH_LATENCY, "clocks from a vector's flux to its length"),
             (

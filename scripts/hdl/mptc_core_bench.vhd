@@ -37,7 +37,7 @@ architecture bench of mptc_core_bench is
   type most_t is array (1 to 7) of natural;
 
   constant MOST_CLOCKS_FAMILY : most_t := (64, 80, 90, 110, 110, 110, 110);
-  constant MOST_CLOCKS_BEST   : most_t := (75, 110, 90, 110, 110, 110, 110); -- duty rule best
+  constant MOST_CLOCKS_BEST   : most_t := (64, 80, 90, 110, 110, 110, 110); -- duty rule best
 
   signal idle     : natural := 0; -- clocks since the last request
   signal clk      : std_logic := '0';

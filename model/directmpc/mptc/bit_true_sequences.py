@@ -6,8 +6,8 @@ the duty and a second for the rest. The difference of two vectors one leg apart 
 itself, and so is a vector's difference from zero: every pair is a start (its second vector) and a
 direction, an active vector. The torque is linear in the duty, so the duty is a quotient of two
 torque terms, or the root of one. It is found bit by bit. Its part of the way is the product of duty
-and way. With the rule best a second duty is the quotient of two errors of a length, and what torque
-either duty leaves is a product too.
+and way, and so is the torque that the pair leaves. With the rule best a second duty is the quotient
+of two errors of a length.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def fine_change(j, along, across):
 
 @njit
 def search(error, span):
-    """Duty that takes a torque error away, and what is left of it (docs/specification.md, 3.6).
+    """Duty that takes a torque error away (docs/specification.md, 3.6).
 
     Parameters
     ----------
@@ -130,17 +130,15 @@ def search(error, span):
 
     Returns
     -------
-    duty : int
+    int
         0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
-    left : int
-        Torque error at the end of the period, torque terms' format.
     """
     if span < 0:
         error, span = ~error, ~span
     if span == 0 or error >= span:
-        return TIME_STEPS - 1, (error - span) >> _DUTY_SHIFT
+        return TIME_STEPS - 1
     if error < 0:
-        return 0, error >> _DUTY_SHIFT
+        return 0
     duty = 0
     for _ in range(_TIME_WIDTH):
         error = 2 * error - span
@@ -149,41 +147,38 @@ def search(error, span):
             duty |= 1
         else:
             error += span
-    return duty, error >> (_DUTY_SHIFT + _TIME_WIDTH)
+    return duty
 
 
 @njit
-def mean_search(error, both, span):
+def mean_search(both, span):
     """Duty that makes the mean torque of the period the reference (docs/specification.md, 3.6).
 
     Parameters
     ----------
-    error : int
-        As for `search`.
     both : int
-        `error` and the torque error at k+1, added.
+        Torque errors at k+1 and without voltage at k+2, added; in quarters of a torque term.
     span : int
         As for `search`.
 
     Returns
     -------
-    duty : int
+    int
         0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
-    left : int
-        Torque error at the end of the period, torque terms' format.
     """
     # square of the second vector's part of the period, times span
-    part = span - both
+    part = both - span
     if span < 0:
-        part, error, span = ~part, ~error, ~span
+        span = ~span
+    else:
+        part = ~part
     if span == 0 or part < 0:
-        return TIME_STEPS - 1, (error - span) >> _DUTY_SHIFT
+        return TIME_STEPS - 1
     if part >= span:
-        return 0, error >> _DUTY_SHIFT
-    # the second vector's part itself, and twice span times it
-    rest, unit, root, taken, before = part << 1, span, 0, 0, 0
+        return 0
+    # the second vector's part itself, and span times it
+    rest, unit, root, taken = part << 1, span, 0, 0
     for _ in range(_TIME_WIDTH):
-        before = taken
         rest = (rest << 1) - (taken << 1) - unit
         root <<= 1
         if rest >= 0:
@@ -191,9 +186,7 @@ def mean_search(error, both, span):
         else:
             rest += (taken << 1) + unit
         unit >>= 1
-    # the last bit comes too late for it
-    left = ((error - span) >> _DUTY_SHIFT) + (before >> (_DUTY_SHIFT + 1))
-    return TIME_STEPS - 1 - root, left
+    return TIME_STEPS - 1 - root
 
 
 @njit
@@ -263,7 +256,7 @@ def flux_duty(o, direction):
         As of `search`.
     """
     without = length_error(o, 0)[0]
-    return search(without, without - length_error(o, direction)[0])[0]
+    return search(without, without - length_error(o, direction)[0])
 
 
 class Terms(NamedTuple):
@@ -315,49 +308,48 @@ def pair(c, o, terms, second, direction):
     """
     error = terms.error - fine_change(second, terms.along, terms.across)
     span = fine_change(direction, terms.along, terms.across)
-    duty, left = search(error, span)
-    if terms.rule == MEAN:
-        duty, left = mean_search(error, terms.both, span)
+    duty = mean_search(terms.both, span) if terms.rule == MEAN else search(error, span)
+    cost, saturated = _cost(c, o, terms, second, direction, duty)
     if terms.rule != BEST:
-        cost, saturated = _cost(c, o, second, direction, duty, left)
         return duty, cost, saturated
-    cost, saturated = _cost(c, o, second, direction, duty, torque_left(terms, direction, duty))
     other = flux_duty(o, direction)
-    dear, s1 = _cost(c, o, second, direction, other, torque_left(terms, direction, other))
+    dear, s1 = _cost(c, o, terms, second, direction, other)
     if dear < cost:
         duty, cost = other, dear
     return duty, cost, saturated | s1
 
 
 @njit
-def torque_left(terms, direction, duty):
-    """Torque error that a duty beside zero voltage leaves, as the multipliers form it.
+def torque_left(terms, second, direction, duty):
+    """Torque error that a pair leaves, as the multipliers form it.
 
     Parameters
     ----------
     terms : Terms
         Of this period.
-    direction : int
-        The active vector.
+    second, direction : int
+        Vectors, 0 to 6.
     duty : int
-        Steps of the period.
+        Steps of the period of the first.
 
     Returns
     -------
     int
         Torque terms' format.
     """
-    along = (duty * VECTOR_ALPHA[direction]) << _SHARE_ALPHA
-    across = (duty * VECTOR_BETA[direction]) << _SHARE_BETA
+    along = TIME_STEPS * VECTOR_ALPHA[second] + duty * VECTOR_ALPHA[direction]
+    across = TIME_STEPS * VECTOR_BETA[second] + duty * VECTOR_BETA[direction]
     total = terms.level << _TORQUE_SHIFT
-    total += along * ~(terms.along >> _STEP_SHIFT) + across * (terms.across >> _STEP_SHIFT)
+    total += (along << _SHARE_ALPHA) * ~(terms.along >> _STEP_SHIFT)
+    total += (across << _SHARE_BETA) * (terms.across >> _STEP_SHIFT)
     return total >> _TORQUE_SHIFT
 
 
 @njit
-def _cost(c, o, second, direction, duty, left):
+def _cost(c, o, terms, second, direction, duty):
     x, y = flux_with(o, second, direction, duty)
     difference, saturated = bit_true.flux_difference(x, y, o.reference)
+    left = torque_left(terms, second, direction, duty)
     return bit_true.cost_of(left, difference, c.weight), saturated
 
 

@@ -35,6 +35,8 @@ BLOCKS = 3
 
 #: Clocks from issuing a sum's last product until its word can be an operand.
 LATENCY = SUM_LATENCY + 1
+#: Clocks by which ``mptc_family_core`` takes a seed after its product is issued.
+SEED_WAIT = 2
 FORK = 16
 FORK_OFFSET = 32
 
@@ -266,29 +268,33 @@ MPFC_LAST = last_clock(MPFC_FIRST_TERM)
 #: two of the six do at most. They are met in any case, without a search; the two, the first and the
 #: last one of them, are looked up again when the torques of all vectors are known.
 PAIR_SLOTS: tuple[tuple[int, int], ...] = (
-    (1, 0), (4, 0), (2, 0), (5, 0), (1, 2), (2, 3), (3, 4), (3, 0), (6, 0), (4, 5), (5, 6), (1, 2),
+    (1, 0), (4, 0), (2, 0), (5, 0), (3, 0), (6, 0), (1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (1, 6),
     (1, 6), (1, 6), (1, 6), (1, 6),
 )  # fmt: skip
 #: Places of the two, and of the last pair of MPTC2.
-FIRST_CROSSED, LAST_CROSSED, LAST_ZERO = 11, 14, 8
-#: Searches of a duty at a time; clocks from one's beginning to its result, one for each bit; clocks
-#: between the beginnings of two.
+FIRST_CROSSED, LAST_CROSSED, LAST_ZERO = 12, 13, 5
+#: Searches of a duty at a time; bits that one finds in a clock, of a root one; clocks from one's
+#: beginning to its result; clocks between the beginnings of two.
 SEARCHES = 2
-DUTY_CLOCKS = TIME_WIDTH
+DUTY_BITS = 2
+DUTY_CLOCKS = TIME_WIDTH // DUTY_BITS
+ROOT_CLOCKS = TIME_WIDTH
 PAIR_SPACING = 2
 #: Places of the pairs that the second search serves.
 SECOND_SEARCH = (2, 3, FIRST_CROSSED)
+#: Places that MPTC2 waits for its first search with the rule mean, before its last two pairs.
+ROOT_PAUSE = 3
 #: Places of the duties by lengths of MPTC2 with the rule best: vector, search. Each begins when one
 #: of the searches is free.
 LENGTH_SLOTS: dict[int, tuple[int, int]] = {
-    9: (1, 1), 14: (2, 0), 15: (3, 1), 20: (4, 0), 21: (5, 1), 26: (6, 0),
+    6: (1, 1), 8: (2, 0), 9: (3, 1), 11: (4, 0), 12: (5, 1), 14: (6, 0),
 }  # fmt: skip
 LAST_LENGTH = max(LENGTH_SLOTS)
 #: Clocks from looking a pair up to the beginning of its search: a register behind the table, one
-#: behind a vector's torque, one behind the torques' difference, one behind its sign. The first two
-#: need not level, so MPTC2 and GTV look up earlier.
-PAIR_AHEAD = 4
-FIRST_PAIR = MPTC_FIRST_TERM + 2 - PAIR_AHEAD
+#: behind a vector's torque, one behind the torques' difference. The first two need not level, so
+#: MPTC2 and GTV look up earlier.
+PAIR_AHEAD = 3
+FIRST_PAIR = MPTC_FIRST_TERM + 1 - PAIR_AHEAD
 #: Clocks from a search's result to the pair's flux in the magnitude: a register behind the choice
 #: between the searches, one behind the share, the product, and one in front of the magnitude.
 PAIR_REGISTERS = 3 + SUM_LATENCY
@@ -312,9 +318,9 @@ def pair_clock(slot: int) -> int:
 
 #: Clocks from a pair's product to its flux in the magnitude.
 WAY_LATENCY = SUM_LATENCY + 1
-#: Fluxes and costs of the pairs, and with the rule best the torques that their duties leave: behind
-#: MPTC's program, which they share. ``share_x`` is that of the pair then. They are formed for a
-#: place without a pair too, and not read.
+#: Fluxes and costs of the pairs, and the torques that their duties leave: in MPTC's program and
+#: behind it. ``share_x`` is that of the pair then. They are formed for a place without a pair too,
+#: and not read. A root comes as many places later as its search takes longer.
 PAIRS: tuple[Step, ...] = tuple(
     step
     for clock in map(pair_clock, range(LAST_LENGTH + 1))
@@ -334,18 +340,23 @@ OPENING: tuple[Step, ...] = (
     Step(20, BETA, "rotor_alpha", "not_stator_beta", "", "opening"),
 )
 
-#: MPTC1's pair is known when MPTC's vector is; its duty comes out of the first register.
-MPTC1_LAST = MPTC_LAST + PAIR_AHEAD + DUTY_CLOCKS + 2
-#: The last comparison, then the decision.
-MPTC2_LAST = pair_clock(LAST_ZERO) + STREAM_COMPARE + 2
+#: MPTC1's vector is known a clock before MPTC's decision, and a clock after its pair is looked up.
+#: Its duty comes out of the first register; a quotient is begun as much later as it takes less.
+FIRST_MPTC1 = MPTC_LAST - 2
+MPTC1_LAST = FIRST_MPTC1 + PAIR_AHEAD + ROOT_CLOCKS + 2
+#: Clocks that a quotient takes less than a root.
+QUOTIENT_GAIN = ROOT_CLOCKS - DUTY_CLOCKS
+#: The last comparison, then the decision. With the rule mean that is the last root's.
+MPTC2_LAST = pair_clock(LAST_ZERO + ROOT_PAUSE) + QUOTIENT_GAIN + STREAM_COMPARE + 2
 GTV_LAST = pair_clock(LAST_CROSSED) + STREAM_COMPARE + 2
-#: With the rule best MPTC1's vector is looked up a clock later, so that its products are in the
-#: clocks of PAIRS: for the torque, then for the length. Both costs are compared.
-FIRST_BEST = MPTC_LAST + 1
+#: MPTC1 with the rule best: its pair for the torque, then for the length. Both costs are compared.
 MPTC1_BEST_LAST = (
-    FIRST_BEST + PAIR_AHEAD + PAIR_SPACING + DUTY_CLOCKS + PAIR_REGISTERS + STREAM_COMPARE + 2
+    FIRST_MPTC1 + PAIR_AHEAD + PAIR_SPACING + DUTY_CLOCKS + PAIR_REGISTERS + STREAM_COMPARE + 2
 )
 MPTC2_BEST_LAST = pair_clock(LAST_LENGTH) + STREAM_COMPARE + 2
+#: Clocks that MPTC1 is ahead of the others in the program behind MPTC's last clock, so that the
+#: products of its pairs are in the clocks of PAIRS.
+MPTC1_LEAD = (FIRST_PAIR - FIRST_MPTC1) % PAIR_SPACING
 #: What is added to a clock behind MPTC's last for its address.
 PAIR_OFFSET = MPFC_LAST + FORK_OFFSET - MPTC_LAST
 
@@ -446,20 +457,22 @@ def address(clock: int, flux_control: bool) -> int:
     return clock + FORK_OFFSET if flux_control and clock >= FORK else clock
 
 
-def pair_address(clock: int) -> int:
+def pair_address(clock: int, lead: int = 0) -> int:
     """Program address of a clock of MPTC1, MPTC2 and GTV.
 
     Parameters
     ----------
     clock : int
         Clock after the one that accepts ``start``.
+    lead : int
+        MPTC1_LEAD for MPTC1.
 
     Returns
     -------
     int
         As MPTC's up to its last, then behind MPFC's.
     """
-    return clock + PAIR_OFFSET if clock > MPTC_LAST else clock
+    return clock + PAIR_OFFSET + lead if clock > MPTC_LAST else clock
 
 
 def hexagon_address(clock: int) -> int:
@@ -500,8 +513,10 @@ def check_lengths() -> None:
             ends = place
     if sorted(vector for vector, _ in LENGTH_SLOTS.values()) != list(range(1, VECTORS)):
         raise ValueError("not every vector has a duty by its length")
-    if (FIRST_BEST - FIRST_PAIR) % PAIR_SPACING:
-        raise ValueError("the pairs of MPTC1 with the rule best are between the products")
+    if QUOTIENT_GAIN % PAIR_SPACING:
+        raise ValueError("the products of roots are not in the clocks of PAIRS")
+    if PAIR_SPACING * (LAST_ZERO - 1 + ROOT_PAUSE - 1) < ROOT_CLOCKS:
+        raise ValueError("the third root begins before the first one ends")
 
 
 def check(steps: tuple[Step, ...]) -> None:
@@ -536,6 +551,10 @@ def check(steps: tuple[Step, ...]) -> None:
     for step in steps:
         for name in (step.a, step.b, step.seed):
             plain = base(name).removeprefix("not_")
+            if name == step.seed and any(
+                step.clock < at <= step.clock + SEED_WAIT for at in written.get(plain, [])
+            ):
+                raise ValueError(f"seed {name} of clock {step.clock} is written as it waits")
             if plain in written and min(written[plain]) > step.clock:
                 raise ValueError(f"{name} is read in clock {step.clock}, before it is written")
     for block in range(BLOCKS):

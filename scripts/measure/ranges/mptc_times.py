@@ -208,9 +208,9 @@ def duties() -> None:
     """``mptc_duty``: duties by the length of the flux, and what goes on from every duty.
 
     Errors of a length are words that saturate and flag. Both that are subtracted are such, and
-    what is divided lies between nothing and span. What a search leaves of a torque is below span,
-    so its uppermost bit is not read. Torques of a step are operands of what a duty leaves of the
-    torque, with the rule best: the dc link's port is unsigned, so no step is -1.
+    what is divided lies between nothing and span. A clock finds two bits of a quotient: the rest
+    behind the second one is below span of either sign, where it counts. Torques of a step are
+    operands of what a duty leaves of the torque: the dc link's port is unsigned, so no step is -1.
 
     Raises
     ------
@@ -234,7 +234,8 @@ def duties() -> None:
     change = plus(scaled(torque, int(VECTOR_ALPHA.max())), scaled(torque, 2))
     most = max(-change[0], change[1])
     demand("rest of a duty", (0, most - 1), width - 1, signed=False)
-    demand("torque that a duty leaves", (0, most >> (g.DUTY_SHIFT + g.TIME_WIDTH)), g.TORQUE_WIDTH)
+    demand("rest behind a second bit", (-most, most - 1), width + 1)
+    demand("three times span", (0, 3 * most), width + 1, signed=False)
     _time("duty", word_range(g.TIME_WIDTH, signed=False))
     _time("rest of the period", plus((TIME_STEPS,) * 2, (-(1 << g.TIME_WIDTH) + 1, 0)))
 
