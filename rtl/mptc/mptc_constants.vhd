@@ -552,7 +552,6 @@ package mptc_constants is
     (0, 0)
   );
 
-
   subtype turn_t is std_logic_vector(2 downto 0); -- unsigned, 0 to 5
 
   type turns_t is array (0 to 63) of turn_t;

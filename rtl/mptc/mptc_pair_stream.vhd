@@ -190,14 +190,14 @@ architecture rtl of mptc_pair_stream is
   end function place_of;
 
   -- zero voltage as u_0, whatever tells the duty
-  function without_rule (given : vector_t) return vector_t is
+  function without_rule (vector : vector_t) return vector_t is
 
     variable result : vector_t;
 
   begin
 
-    result    := given;
-    result(0) := given(0) and (given(2) or given(1));
+    result    := vector;
+    result(0) := vector(0) and (vector(2) or vector(1));
     return result;
 
   end function without_rule;

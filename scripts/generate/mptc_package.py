@@ -414,7 +414,6 @@ def text() -> str:
             *_program(),
             *_pairs()[1:],
             *_lengths()[1:],
-            "",
             *_turns()[1:],
             "end package mptc_constants;",
             "",

@@ -161,7 +161,7 @@ def test_the_rtl_decides_the_periods_of_a_loop(method: str, rule: str, rpm: floa
 @pytest.mark.parametrize(
     ("method", "rule", "old", "new"),
     [
-        ("MPTC2", "mean", "both, not falls);", "both, falls);"),
+        ("MPTC2", "mean", "=> falls xor mean);", "=> falls);"),
         ("MPTC1", "best", "opposed <= '1';", "opposed <= '0';"),
     ],
 )

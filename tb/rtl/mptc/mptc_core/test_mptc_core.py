@@ -193,11 +193,11 @@ def test_a_reset_leaves_nothing_behind() -> None:
     ("old", "new"),
     [
         (
-            "        address <= PARKED;\n        valid   <= '0';\n      end if;",
+            "          address <= PARKED;\n          valid   <= '0';\n        end if;",
             "address <= PARKED; end if;",
         ),
         (
-            "        active  <= '0';\n        address <= PARKED;\n        valid",
+            "          active  <= '0';\n          address <= PARKED;\n          valid",
             "active <= '0'; valid",
         ),
     ],

@@ -117,21 +117,11 @@ FAULTS = {
         "left <= total xor (error_t'range => mean);",
     ),
     "second vector": ("mptc_pair_stream", "opposed xor slot(0));", "opposed);"),
-    "whole period": ("mptc_pair_stream", "(others => known_late(TERM_WIDTH));", "(others => '0');"),
+    "whole period": ("mptc_pair_stream", "(others => known_late(0));", "(others => '0');"),
     "duty within": (
         "mptc_pair_stream",
         "bits when inside = '1' else",
         "bits when inside = '0' else",
-    ),
-    "left within": (
-        "mptc_pair_stream",
-        "if (mean = '0' and within = '1') then",
-        "if (mean = '0' and beyond = '1') then",
-    ),
-    "left outside": (
-        "mptc_pair_stream",
-        "outside <= trial(ERROR_WIDTH - 1 downto 0);",
-        "outside <= error;",
     ),
     "long times": ("mptc_controller", "fitted(running);", "running;"),
     "flag of long times": (
@@ -144,17 +134,20 @@ FAULTS = {
         "bits(HEXAGON_FRACTION - 1 downto 0) /= 0)",
         "bits(HEXAGON_FRACTION - 1 downto 1) /= 0)",
     ),
-    "last bit": ("mptc_duty", "duty  <= bits & one;", "duty  <= bits & '0';"),
+    "last bit": ("mptc_duty", "found <= bits & one when", "found <= bits & '0' when"),
+    "second bit": ("mptc_duty", "& one & next_one;", "& one & one;"),
     "subtraction": (
         "mptc_duty",
-        "trial(mptc_rest_t'range) when",
-        "shift_left(rest, 1) when",
+        "remains <= trial(mptc_rest_t'range);",
+        "remains <= shift_left(rest, 1);",
     ),
+    "two bits at once": ("mptc_duty", "remains <= behind_1;", "remains <= behind_0;"),
+    "three times the span": ("mptc_duty", "early_t'length), 1);", "early_t'length), 0);"),
     "flux": ("mptc_vector_stream", "step_y  := sum_beta(", "step_y  := sum("),
     "pairs": (
         "mptc_constants",
-        "(1, 2, 6, 1),\n    (1, 6, 2, 0),",
-        "(1, 2, 6, 1),\n    (1, 6, 1, 0),",
+        "(2, 3, 1, 0),\n    (3, 4, 2, 0),",
+        "(2, 3, 1, 0),\n    (3, 4, 1, 0),",
     ),
     "complement": (
         "mptc_pair_stream",
@@ -275,7 +268,7 @@ FAULTS = {
     "torque that is left": (
         "mptc_pair_stream",
         "product(TERM_SHIFT + TERM_WIDTH - 1 downto TERM_SHIFT)",
-        "product(TERM_SHIFT + TERM_WIDTH downto TERM_SHIFT + 1)",
+        "product(TERM_SHIFT + TERM_WIDTH - 2 downto TERM_SHIFT - 1)",
     ),
     "seed of a cost": (
         "mptc_vector_stream",
@@ -358,7 +351,7 @@ FAULTS = {
         "(from_leader and from_ended) /=",
     ),
     "third": ("mptc_hexagon", "downto 0 => sign_of(e.h))", "downto 0 => '0')"),
-    "way": ("mptc_sequencer", "(FIRST_WAY + 1) * ENTRY", "(FIRST_WAY + 2) * ENTRY"),
+    "way": ("mptc_sequencer", "(FIRST_WAY + 1) * ENTRY", "FIRST_WAY * ENTRY"),
     "fork": ("mptc_sequencer", "address = HEXAGON_FORK - 1", "address = HEXAGON_FORK"),
     "left of the period": ("mptc_hexagon", "WHOLE_PERIOD) - size_h;", "WHOLE_PERIOD);"),
     "powerless": ("mptc_datapath", "unsigned(sample.v_dc) = 0", "unsigned(sample.v_dc) = 7"),
