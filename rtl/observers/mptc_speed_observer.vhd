@@ -18,9 +18,8 @@
 -- word: the error of the current is small beside its base.  Halves of steps have no offset: half an LSB would be seen
 -- in the speed at a few r/min.
 -- Latency: speed_valid 22, valid 48 clocks after start, always.  One multiplier.
--- Overflow: states, words and ports saturate and set saturated; nothing wraps.  So do times above one period, of which
--- u3 has all then.  eps is limited without a flag: an error of
--- the current that is so large is that of an estimate that has just begun.  A reset clears the states.
+-- Overflow: states, words, eps and ports saturate and set saturated; nothing wraps.  So do times above one period, of
+-- which u3 has all then.  eps may do so while an estimate begins.  A reset clears the states.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -319,7 +318,8 @@ begin
       as_one    := '0';
 
       if (due(DUE_EPS) = '1') then
-        eps <= clip(error_sum, WORD_WIDTH);
+        eps    <= clip(error_sum, WORD_WIDTH);
+        as_one := overflows(error_sum, WORD_WIDTH);
       end if;
 
       if (due(DUE_ANGLE) = '1') then

@@ -307,7 +307,7 @@ class SpeedWords(NamedTuple):
     error_alpha, error_beta : int
         Innovation, words.
     saturated : int
-        1 where a word did not hold its value; eps is limited without a flag.
+        1 where a word did not hold its value.
     """
 
     omega: int
@@ -341,11 +341,11 @@ def speed_words(coefficient, state, i_alpha, i_beta):
     p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
     e_a, s0 = to_word((~w_a << _FRACTION) + (i_alpha << _SHIFT) * c.current + p_a * c.flux)
     e_b, s1 = to_word((~w_b << _FRACTION) + (i_beta << _SHIFT) * c.current + p_b * c.flux)
-    eps, _ = rounded(e_b * w_a + e_a * ~w_b, _ERROR_SHIFT, _WORD_WIDTH)
+    eps, s5 = rounded(e_b * w_a + e_a * ~w_b, _ERROR_SHIFT, _WORD_WIDTH)
     omega, s2 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_speed)
     integral, s3 = to_state((state[4] << _STATE_SHIFT) + eps * c.gain_integral)
     port, s4 = rounded(omega, _PORT_SHIFT, _PORT_WIDTH)
-    return SpeedWords(omega >> _GUARD, port, integral, e_a, e_b, s0 | s1 | s2 | s3 | s4)
+    return SpeedWords(omega >> _GUARD, port, integral, e_a, e_b, s0 | s1 | s2 | s3 | s4 | s5)
 
 
 @njit

@@ -1,9 +1,8 @@
 """Ranges in the observers: ``state_observer``, ``mptc_observer`` and ``mptc_speed_observer``.
 
 Every sum of products begins with a seed and goes on with products of two words. What is cut out of
-it saturates and flags, but for theta's change, for the voltage along beta, for halves of what
-states have moved and for eps. The first three always fit. eps is limited without a flag, as its
-entity says.
+it saturates and flags, but for theta's change, for the voltage along beta and for halves of what
+states have moved. Those always fit.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ CHECKS: Sequence[Check] = (
           "no sum and no half of a step leaves its word, up to what saturates and flags",
           observers.stator_flux, Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
     Check("mptc_speed_observer", "states_fit",
-          "no sum, half of a step or mean share leaves its word, up to what saturates and flags, "
-          "and eps", observers.speed, Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
+          "no sum, half of a step or mean share leaves its word, up to what saturates and flags",
+          observers.speed, Fault("ACCUMULATOR_WIDTH", -1, mptc_formats)),
 )  # fmt: skip
 """All of it, for any content of registers and any measurement."""

@@ -225,7 +225,7 @@ def prove(
         asked = board.link.sequence - asked
         after = board.counters()
         outcomes = Counter({o: after[o] - before[o] for o in after if after[o] > before[o]})
-        # looking takes two requests, the first tells this count: two requests of looking lie between
+        # looking takes two requests, and the first tells this count: two of them lie between
         assert outcomes.pop(Outcome.ACCEPTED) == asked + 2
         assert outcomes == judged
         assert run.faults == 0

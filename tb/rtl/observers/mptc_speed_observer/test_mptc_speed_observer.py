@@ -120,6 +120,7 @@ FAULTS = {
         "as_one or overflows(rounded(following(4), PORT_SHIFT), PORT_WIDTH);",
         "as_one;",
     ),
+    "flag of eps": (ENTITY, "as_one := overflows(error_sum, WORD_WIDTH);", "null;"),
     "survives a reset": (ENTITY, "state <= (others => (others => '0'));", "null;"),
 }
 

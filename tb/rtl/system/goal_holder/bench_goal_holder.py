@@ -56,8 +56,9 @@ async def goals(dut) -> None:
         # with a guard that is off, legs wait for nothing
         off = stretch % 5 == 4
         known, legs, wanted = GoalHolder(), Legs(dead, rest), 0
-        for name in ("fresh", "playing", "wanted", "waits"):
-            getattr(dut, name).value = 0
+        # a reset wins over any input
+        for name, values in (("fresh", 2), ("playing", 2), ("wanted", 8), ("waits", 8)):
+            getattr(dut, name).value = rng.randrange(values)
         await clock.reset(1)
         begins = rng.randrange(12)
         for now in range(given["clocks"]):
