@@ -24,7 +24,7 @@ from scripts.shared import tools
 from scripts.shared.tools import Generics, ToolError
 
 #: Seconds of the processor that Yosys may take for one question: a busy machine leaves none open.
-LIMIT = 120
+LIMIT = 30
 #: Clocks that the inductions look back.
 CLOCKS = 4
 
