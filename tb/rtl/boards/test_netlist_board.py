@@ -474,7 +474,7 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
                 assert {re.split(r"_\d", name)[0] for name in only} <= CLOCKED
         alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
         if controller == "family":
-            alone = [("mptc_family_core", {}, 21)]
+            alone = [("mptc_family_core", {}, 20)]
         if controller == "mpdcc":
             options = ("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS")
             full = {"FOLDED": False, **dict.fromkeys(options, True)}
