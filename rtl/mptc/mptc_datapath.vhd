@@ -3,9 +3,10 @@
 -- Takes the measurements to k+1 by Heun's method (eqs. 4 and 5) and to k+2 without voltage; forms i_s0 (eq. 14), the
 -- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last
 -- block forms their costs.  Of a pair the first and the last block form the flux, and the second one the torque that
--- it leaves.  With FAMILY a seed is taken two clocks after its product is begun.  Which product is formed when, stands
--- in model/directmpc/mptc/program.py; mptc_sequencer tells it clock by clock.  w = i_s - lambda*L_r*psi_s is a state in
--- place of the current: i_s0 then is one Euler step of w (model/directmpc/mptc/formats.py).
+-- it leaves.  With FAMILY the blocks are of its own, and take a seed two clocks after a product is begun.  Which
+-- product is formed when, stands in model/directmpc/mptc/program.py; mptc_sequencer tells it clock by clock.
+-- w = i_s - lambda*L_r*psi_s is a state in place of the current: i_s0 then is one Euler step of w
+-- (model/directmpc/mptc/formats.py).
 --
 -- Formats: words, sums and torque terms as in model/directmpc/mptc/formats.py.
 -- Latency: SUM_LATENCY clocks from a product to its sum; a register written from it can be read a clock later.

@@ -639,7 +639,7 @@ def test_what_a_duty_leaves_of_the_torque() -> None:
             exact = level - change(second, along, across) / 4
             exact -= duty / 4096 * change(a, along, across) / 4
             # each step is cut to a word, eight torque terms
-            assert abs(bit_true_sequences.torque_left(terms, second, a, duty) - exact) <= 16
+            assert abs(bit_true_sequences.torque_left(terms, second, a, duty) - exact) <= 8
 
 
 def test_two_searches_are_enough() -> None:
