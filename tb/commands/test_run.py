@@ -27,6 +27,7 @@ from directmpc.mpdcc.variants import VARIANTS, count_differences
 from directmpc.mptc import closed_loop as mptc_closed_loop
 from scripts.commands import replay, run
 from scripts.hdl import mptc_simulation, states
+from scripts.hdl.clocks import clocks_of
 from scripts.shared.tools import ROOT
 from scripts.studies import mptc_loop, rtl_loop
 from tb.helpers import fst
@@ -339,16 +340,17 @@ def two_level(folder: Path, setting: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("setting", "method", "clocks"),
+    ("setting", "method", "figure"),
     [
-        ('method = "GTV"', "GTV", "86 clock"),
-        ('method = "MPTC1"\nduty_rule = "best"', "MPTC1", "74 clock"),
-        ('method = "MPTC2"\nduty_rule = "best"', "MPTC2", "110 clock"),
+        ('method = "GTV"', "GTV", "gtv"),
+        ('method = "MPTC1"\nduty_rule = "best"', "MPTC1", "mptc1_best"),
+        ('method = "MPTC2"\nduty_rule = "best"', "MPTC2", "mptc2_best"),
     ],
 )
 def test_a_two_level_run_is_replayed_and_its_signals_are_there(
-    setting: str, method: str, clocks: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    setting: str, method: str, figure: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    clocks = f"{clocks_of('mptc_family_core', figure)} clock"
     drive, outputs = two_level(tmp_path, setting), outputs_in(tmp_path)
     given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
     assert run.COMMAND.main(given) == 0
