@@ -25,7 +25,7 @@ entity commit_control is
     busy    : in    std_logic;                    -- '1': a decision is under way
     ending  : in    std_logic;                    -- '1' for one clock: it ends, no start is possible
     load    : out   std_logic;                    -- '1' for one clock: take all shadows over
-    at_rest : out   std_logic;                    -- '1': load, while no decision is under way
+    at_rest : out   std_logic;                    -- '1': a request waits, no decision is under way
     pending : out   std_logic;                    -- '1': a request waits
     count   : out   std_logic_vector(15 downto 0) -- loads since the reset, unsigned
   );
@@ -64,7 +64,7 @@ begin
   end process p_commit;
 
   load    <= now;
-  at_rest <= waiting and not busy and not start;
+  at_rest <= waiting and not busy;
   pending <= waiting;
   count   <= std_logic_vector(loads);
 

@@ -33,7 +33,7 @@ entity decision_sequencer is
     owning         : out   std_logic;                    -- own_positions of this decision
     forget         : out   std_logic;                    -- '1': the observer is to begin anew, once not deciding
     load           : out   std_logic;                    -- '1': parameters take effect
-    load_at_rest   : out   std_logic;                    -- '1': they do while no decision is under way
+    load_at_rest   : out   std_logic;                    -- '1': a commit waits, no decision is under way
     pending        : out   std_logic;                    -- '1': a commit waits
     commits        : out   std_logic_vector(15 downto 0) -- that took effect, unsigned
   );

@@ -11,7 +11,8 @@
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, 12 clocks later with the filters, 19 with the flux, 27 with both.
--- With LEAKAGE_ESTIMATE a commit is pending for 19 clocks more, in which no decision goes on; nor does it, with l_mode,
+-- Parameters take effect a clock after their commit.
+-- With LEAKAGE_ESTIMATE it is pending for 20 clocks more, in which no decision goes on; nor does it, with l_mode,
 -- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
@@ -123,8 +124,8 @@ architecture rtl of mpdcc_system is
   signal owning         : std_logic; -- control.own_positions, likewise
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
-  signal load_at_rest   : std_logic; -- they do while no decision is under way; a short path
-  signal load_waits     : std_logic; -- they wait until the observer is ready
+  signal load_at_rest   : std_logic; -- a commit waits, no decision is under way; follows no port
+  signal load_waits     : std_logic; -- they wait: a clock at least, until the observer is ready
   signal taking         : std_logic; -- they are taken over
   signal filtering      : std_logic; -- the capacitor filters take a step before the core
   signal delayed        : std_logic; -- positions take effect with the measurement, not before
@@ -281,17 +282,23 @@ begin
 
   busy <= deciding;
 
-  -- the observer still works with those before
-  taking <= (load or load_waits) and not observer_busy;
+  -- the observer may still work with those before; no decision reads them within two clocks of load
+  taking <= load_waits and not observer_busy;
 
   p_parameters : process (clk) is
   begin
 
     if rising_edge(clk) then
-      load_waits <= (load or load_waits) and observer_busy;
+      load_waits <= load or (load_waits and observer_busy);
 
       if (taking = '1') then
-        in_force <= to_hardware.parameters;
+        in_force  <= to_hardware.parameters;
+        filtering <= (to_hardware.parameters.f_q_midpoint.value.value(0)
+                      or to_hardware.parameters.f_q_midpoint.value.value(1)
+                      or to_hardware.parameters.f_q_midpoint.value.value(2)
+                      or to_hardware.parameters.f_q_phase.value.value(0)
+                      or to_hardware.parameters.f_q_phase.value.value(1)
+                      or to_hardware.parameters.f_q_phase.value.value(2)) and to_std_logic(CAPACITOR_FILTER);
       end if;
 
       if (rst = '1') then
@@ -339,11 +346,6 @@ begin
                until_c;
 
   -- A step begins before the decision, once the step before and a scaling are over.
-  filtering <= (in_force.f_q_midpoint.value.value(0) or in_force.f_q_midpoint.value.value(1)
-                or in_force.f_q_midpoint.value.value(2) or in_force.f_q_phase.value.value(0)
-                or in_force.f_q_phase.value.value(1) or in_force.f_q_phase.value.value(2))
-               and to_std_logic(CAPACITOR_FILTER);
-
   may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
   watching       <= observing or estimating;
   observer_start <= may_begin and (filtering or watching);

@@ -63,7 +63,7 @@ entity system_shell is
     owning             : out   std_logic;                     -- '1': it goes on from the system's own last decision
     forget             : out   std_logic;                     -- '1': the observer is to begin anew, once not deciding
     load               : out   std_logic;                     -- '1' for one clock: shadows take effect
-    load_at_rest       : out   std_logic;                     -- '1': they do while no decision is under way
+    load_at_rest       : out   std_logic;                     -- '1': a commit waits, no decision is under way
     load_waits         : in    std_logic;                     -- '1': parameters are not taken over yet
     preparing          : in    std_logic;                     -- '1': they are not yet in force
     decided            : in    std_logic;                     -- '1' for one clock: the core has decided

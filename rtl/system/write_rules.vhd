@@ -8,8 +8,9 @@
 -- So the guard's settings in force are those of its registers whenever the gates may be on. Every other write
 -- passes at any time: control, command, flags and faults never wait for a decision.
 --
--- A commit that takes effect at once is not refused but waited for: hold is up for two clocks at most, that of the
--- command and that in which the shadows take effect.
+-- A commit that takes effect at once is not refused but waited for: hold is up for three clocks, that of the command
+-- and two after it. The settings take effect in the second, the parameters in the third, unless a decision is under
+-- way or begins. In the clock of load a commit still waits, so no shadow changes with it.
 --
 -- Formats: byte addresses; blocks of registers as in directmpc_system_registers_pkg.
 -- Latency: none; a setting counts as uncommitted from the clock after its write.
@@ -34,7 +35,7 @@ entity write_rules is
     enabled : in    std_logic;                    -- control.enable
     commit  : in    std_logic;                    -- '1' for one clock: a commit is asked for
     pending : in    std_logic;                    -- '1': a commit waits
-    load    : in    std_logic;                    -- '1' for one clock: the shadows take effect
+    load    : in    std_logic;                    -- '1' for one clock: the shadows take effect; pending is up
     hold    : out   std_logic;                    -- '1': the write waits
     refuse  : out   std_logic                     -- '1': the write is refused
   );
@@ -46,6 +47,7 @@ architecture rtl of write_rules is
   signal of_shadows  : std_logic;
   signal enables     : std_logic;
   signal uncommitted : std_logic; -- a setting of the guard has not taken effect
+  signal asked       : std_logic_vector(1 downto 0); -- commit a clock ago, and two
 
 begin
 
@@ -56,13 +58,15 @@ begin
   enables    <= sets when address(9 downto 2) = CONTROL_ADDRESS(9 downto 2) else
                 '0';
 
-  hold   <= commit or load;
+  hold   <= commit or asked(0) or asked(1);
   refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and uncommitted) or not whole;
 
   p_settings : process (clk) is
   begin
 
     if rising_edge(clk) then
+      asked <= asked(0) & commit;
+
       if (passed = '1' and of_guard = '1') then
         uncommitted <= '1';
       elsif (load = '1') then
@@ -70,6 +74,7 @@ begin
       end if;
 
       if (rst = '1') then
+        asked       <= (others => '0');
         uncommitted <= '0';
       end if;
     end if;

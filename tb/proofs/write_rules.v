@@ -1,5 +1,6 @@
 // Proof that the gate guard's settings in force are those of its registers whenever the gates may be on, and that
-// shadows stay as they were while a commit waits.
+// shadows stay as they were while a commit waits. It waits in the clock of load, too: no_commit_is_lost of
+// decision_sequencer.
 //
 // Licence: Apache-2.0
 
@@ -39,6 +40,5 @@ module proof (
   wire prove_settings_are_locked = !(passed && of_guard && enabled);
   wire prove_shadows_stay_while_a_commit_waits = !(passed && of_shadows && pending);
   wire prove_whole_words = !(passed && !whole);
-  wire prove_no_write_with_a_load = !(passed && load);
 
 endmodule

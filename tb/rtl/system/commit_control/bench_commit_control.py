@@ -22,7 +22,7 @@ class CommitControl:
         free = given["ending"] or not (given["busy"] or given["start"])
         return {
             "load": int(bool(self.waiting and free)),
-            "at_rest": int(bool(self.waiting and not (given["busy"] or given["start"]))),
+            "at_rest": int(bool(self.waiting and not given["busy"])),
             "pending": self.waiting,
             "count": self.loads & 0xFFFF,
         }

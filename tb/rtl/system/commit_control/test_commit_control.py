@@ -33,13 +33,13 @@ def test_shadows_take_effect_between_decisions() -> None:
 FAULTS = [
     Fault("commit_control", "not (busy or start)", "not busy", "load"),
     Fault("commit_control", "(ending or not", "(not", "load"),
-    Fault("commit_control", "not busy and not start", "not busy", "at_rest"),
+    Fault("commit_control", "waiting and not busy;", "waiting;", "at_rest"),
     Fault("commit_control", "waiting <= '0';", "null;", "(load|pending)"),
     Fault(
         "commit_control",
         "waiting <= '1';\n        loads",
         "waiting <= '0';\n        loads",
-        "pending",
+        "(at_rest|pending)",
     ),
     Fault("commit_control", "waiting <= '1';\n      elsif", "null;\n      elsif", "(load|pending)"),
 ]

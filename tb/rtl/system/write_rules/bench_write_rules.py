@@ -17,6 +17,7 @@ class Rules:
     def __init__(self, controller: str) -> None:
         self.names = {address: name for name, (address, _) in MAPS[controller].items()}
         self.uncommitted = False
+        self.asked = 0
 
     def name(self, given: Mapping[str, int]) -> str:
         """Of the register that is written."""
@@ -35,6 +36,7 @@ class Rules:
 
     def edge(self, given: Mapping[str, int]) -> None:
         """One clock."""
+        self.asked = 0 if given["rst"] else 2 if given["commit"] else max(self.asked - 1, 0)
         if given["passed"] and self.name(given).startswith("guard."):
             self.uncommitted = True
         elif given["load"]:
@@ -70,7 +72,7 @@ async def random_writes(dut) -> None:
             want = rules.refused(values)
             context = f"clock {k}: {rules.name(values)} {values}"
             board.check("refuse", str(dut.refuse.value), str(int(want)), context)
-            wait = values["commit"] or values["load"]
+            wait = values["commit"] or rules.asked > 0
             board.check("hold", str(dut.hold.value), str(int(wait)), context)
             board.cover(rules.name(values).partition(".")[0], int(want))
         rules.edge(values)

@@ -45,7 +45,10 @@ FAULTS = [
     Fault(NAME, " or not whole;", ";", "refuse"),
     Fault(NAME, "elsif (load = '1') then", "elsif (pending = '1') then", "refuse"),
     Fault(NAME, "passed = '1' and of_guard = '1'", "of_guard = '1'", "refuse"),
-    Fault(NAME, "hold   <= commit or load;", "hold   <= commit;", "hold"),
+    Fault(NAME, "commit or asked(0) or asked(1);", "commit or asked(0);", "hold"),
+    Fault(NAME, "commit or asked(0) or asked(1);", "asked(0) or asked(1);", "hold"),
+    Fault(NAME, "asked <= asked(0) & commit;", "asked <= asked(0) & load;", "hold"),
+    Fault(NAME, "asked       <= (others => '0');", "null;", "hold"),
 ]
 
 
