@@ -10,7 +10,7 @@
 -- A step takes all of them from k-1 to k.  It needs the measurements at k and the positions applied from k-1 to k.
 -- with_filters, with_flux and with_leakage say with start which parts the step has; the leakage needs the flux.
 -- Without its filters v_n and v_ph pass unchanged; with q = 0, and in the first step after forget_filters, too.
--- scale multiplies the coefficients of the current's slopes by theta.  Where theta is 1, as it is after
+-- start with scale multiplies the coefficients of the current's slopes by theta instead.  Where theta is 1, as it is after
 -- forget_leakage, they come out as they are.  The first step of the leakage only remembers the current.
 --
 -- How: one mac_block forms all products.  Its operand A and its first summand come from a register file, a RAM of
@@ -22,7 +22,7 @@
 -- Twins: model/directmpc/mpdcc/capacitor_observer.py, observer.py, leakage.py.
 -- Latency: filters_valid 12 clocks after start.  valid 19 clocks after start, 27 with filters; busy for 36, 44 with
 -- filters.  leakage_valid 60 or 68, busy for one less.  busy for 11 where there are filters alone.  A scaling takes
--- 17 clocks.  The next start or scale may come when busy has fallen.
+-- 17 clocks.  The next start may come when busy has fallen.
 -- Overflow: values saturate and set their part's flag; a state that saturates after valid sets saturated of the next
 -- step, a scaled coefficient sets clipped.  A step that would take theta out of its limits leaves it, and is no
 -- overflow.  Nothing wraps.
@@ -50,8 +50,8 @@ entity state_observer is
     rst               : in    std_logic;                     -- synchronous, active high; all begins anew
     forget_filters    : in    std_logic;                     -- '1': the filters begin anew; between two steps
     forget_leakage    : in    std_logic;                     -- '1': theta is 1; between two steps
-    start             : in    std_logic;                     -- '1' for one clock: a step; ignored while busy
-    scale             : in    std_logic;                     -- '1' for one clock: scale; start goes first
+    start             : in    std_logic;                     -- '1' for one clock: step or scaling; ignored while busy
+    scale             : in    std_logic;                     -- with start: '1' scaling, '0' step; ignored if not LEAKAGE
     -- parts of the step, sampled with start
     with_filters      : in    std_logic;                     -- '1': filters; stable while busy
     with_flux         : in    std_logic;                     -- '1': flux
@@ -159,7 +159,6 @@ architecture rtl of state_observer is
   signal leaving      : std_logic;                                 -- this clock of the step is its last
   signal estimated    : std_logic;                                 -- and the leakage's part of it ends
   signal begins       : std_logic;                                 -- a step does
-  signal begins_any   : std_logic;                                 -- a step or a scaling does
   signal due          : std_logic_vector(DUE_EVENTS - 1 downto 0); -- parts end in the next clock
   signal issue        : std_logic;
   signal gathering    : std_logic;
@@ -297,8 +296,8 @@ begin
   -- Sequence
   ---------------------------------------------------------------------------------------------
 
-  begins   <= start and not active;
-  entry(1) <= not start when LEAKAGE else
+  begins   <= start and not active and not entry(1);
+  entry(1) <= scale when LEAKAGE else
               '0';
   entry(0) <= not with_filters when FILTERS else
               '1';
@@ -318,7 +317,7 @@ begin
     port map (
       clk         => clk,
       rst         => rst,
-      start       => begins_any,
+      start       => start,
       entry       => entry,
       leave       => leaving,
       enable      => issue,
@@ -347,7 +346,7 @@ begin
     port map (
       clk         => clk,
       rst         => rst,
-      start       => begins_any,
+      start       => start,
       entry       => entry,
       leave       => leaving,
       enable      => open,
@@ -1081,7 +1080,7 @@ begin
 
       if rising_edge(clk) then
         if (active = '0') then
-          scales <= scale and not start;
+          scales <= start and scale;
         end if;
 
         given_word <= selected(given, std_logic_vector(place), PORTS);
@@ -1107,7 +1106,6 @@ begin
 
     end process p_scale;
 
-    begins_any        <= start or scale;
     scaling           <= scales;
     scaled            <= chain;
     clipped           <= clips;
@@ -1117,7 +1115,6 @@ begin
   end generate g_leakage;
 
   g_no_leakage : if not LEAKAGE generate
-    begins_any        <= start;
     scaling           <= '0';
     given_word        <= (others => '0');
     ratio_state       <= (others => '0');

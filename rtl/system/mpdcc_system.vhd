@@ -348,7 +348,8 @@ begin
   -- A step begins before the decision, once the step before and a scaling are over.
   may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
   watching       <= observing or estimating;
-  observer_start <= may_begin and (filtering or watching);
+  -- what is stale is scaled first: a step waits for it
+  observer_start <= (may_begin and (filtering or watching)) or scale;
   observer_rst   <= rst or (forget and not deciding);
   forget_filters <= not filtering;
 
@@ -380,7 +381,7 @@ begin
       forget_filters    => forget_filters,
       forget_leakage    => forget_leakage,
       start             => observer_start,
-      scale             => scale,
+      scale             => stale,
       with_filters      => filtering,
       with_flux         => watching,
       with_leakage      => estimating,

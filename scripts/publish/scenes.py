@@ -292,7 +292,7 @@ def _state_observer() -> Scene:
         given = {name: row[name] for name in names} | applied
         given["v_n"] += error
         clocks += _pulse("start", given, clocks_of("state_observer", "leakage") + later + 2)
-    clocks += _pulse("scale", {}, clocks_of("state_observer", "scaling") + 2)
+    clocks += _pulse("start", {"scale": 1}, clocks_of("state_observer", "scaling") + 2)
     return Scene(
         "state_observer after a reset: three steps of the 6 kV drive, then theta into the slopes",
         clocks,

@@ -157,7 +157,7 @@ class Bench:
         for part in ("filters", "flux", "leakage"):
             getattr(dut, f"with_{part}").value = step.has(part)
         dut.observed.value, dut.frozen.value = step.observed, step.frozen
-        dut.start.value, dut.scale.value = 1, rng.randrange(2) * self.options["leakage"]
+        dut.start.value, dut.scale.value = 1, rng.randrange(2) * (1 - self.options["leakage"])
         more = LATER * step.has("filters")
         flux_at, end = VALID + more, BUSY + more
         if not step.has("flux"):
@@ -171,7 +171,7 @@ class Bench:
         for count in range(1, end + 2 + pause):
             inside = count <= end
             dut.start.value = rng.randrange(2) * inside
-            dut.scale.value = rng.randrange(2) * inside
+            dut.scale.value = rng.randrange(2)
             if count >= held:
                 other = any_step(rng, step.parts)
                 if flux_at <= count < flux_at + 3 and step.observed:
@@ -218,7 +218,7 @@ class Bench:
         clipped = leakage.scaled(self.theta, row, values)
         label = f"scaling behind step {self.count}"
         dut.given.value = sum(bits(int(w), 16) << 16 * n for n, w in enumerate(given))
-        dut.start.value, dut.scale.value = 0, 1
+        dut.start.value, dut.scale.value = 1, 1
         await self.clock.tick()
         for count in range(1, SCALING + 1):
             dut.start.value, dut.scale.value = rng.randrange(2), rng.randrange(2)
@@ -228,7 +228,7 @@ class Bench:
             for name in ("filters_valid", "valid", "leakage_valid"):
                 board.check(name, number(getattr(dut, name)), 0, f"{label}, {count}")
             await self.clock.edge()
-        dut.start.value, dut.scale.value = 0, 0
+        dut.start.value, dut.scale.value = 0, 1
         dut.given.value = rng.getrandbits(16 * SLOPES)
         await self.clock.settle()
         board.check("busy", number(dut.busy), 0, label)

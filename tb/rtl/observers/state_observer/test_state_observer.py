@@ -3,8 +3,8 @@
 Sweep: all parts, and builds without filters, without leakage, without both.
 Stimulus: a drive's coefficients and measurements with noise, words, positions and coefficients of
 any content, all words at their ends; steps of any parts one after the other; parameters that
-change between steps; scalings; resets of all and of one part; `start` and `scale` repeated while
-busy and together; any pause between steps, and none. Ports change as soon as the header allows it.
+change between steps; scalings; resets of all and of one part; `start` repeated while busy, `scale`
+at any time; any pause between steps, and none. Ports change as soon as the header allows it.
 Every state, word and voltage driven out of its word alone.
 Checks: every output bit for bit from its valid on, the valids, busy and scaling in every clock;
 theta of 1 leaves the coefficients as they are.
@@ -187,7 +187,7 @@ FAULTS = {
         "if (rst = '1') then",
     ),
     "order": (ENTITY, "place <= place + 1;", "place <= place - 1;"),
-    "scaled while stepping": (ENTITY, "scales <= scale and not start;", "scales <= scale;"),
+    "scaled while stepping": (ENTITY, "scales <= start and scale;", "scales <= scale;"),
     "clipping untold": (ENTITY, "clips <= clips or full;", "clips <= '0';"),
     "clipping kept": (ENTITY, "clips <= '0';", "null;"),
     "leakage untold": (ENTITY, "bad <= bad or (full and begun);", "null;"),
