@@ -10,8 +10,8 @@
 -- A step takes all of them from k-1 to k.  It needs the measurements at k and the positions applied from k-1 to k.
 -- with_filters, with_flux and with_leakage say with start which parts the step has; the leakage needs the flux.
 -- Without its filters v_n and v_ph pass unchanged; with q = 0, and in the first step after forget_filters, too.
--- start with scale multiplies the coefficients of the current's slopes by theta instead.  Where theta is 1, as it is after
--- forget_leakage, they come out as they are.  The first step of the leakage only remembers the current.
+-- start with scale multiplies the coefficients of the current's slopes by theta instead.  Where theta is 1, as it is
+-- after forget_leakage, they come out as they are.  The first step of the leakage only remembers the current.
 --
 -- How: one mac_block forms all products.  Its operand A and its first summand come from a register file, a RAM of
 -- 16 words.  Two mac_sequencers go in step, one for products, one for what happens with sums and words
@@ -51,7 +51,7 @@ entity state_observer is
     forget_filters    : in    std_logic;                     -- '1': the filters begin anew; between two steps
     forget_leakage    : in    std_logic;                     -- '1': theta is 1; between two steps
     start             : in    std_logic;                     -- '1' for one clock: step or scaling; ignored while busy
-    scale             : in    std_logic;                     -- with start: '1' scaling, '0' step; ignored if not LEAKAGE
+    scale             : in    std_logic;                     -- '1' with start: a scaling; only with LEAKAGE
     -- parts of the step, sampled with start
     with_filters      : in    std_logic;                     -- '1': filters; stable while busy
     with_flux         : in    std_logic;                     -- '1': flux
