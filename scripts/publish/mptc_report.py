@@ -51,16 +51,20 @@ DESIGNS: tuple[tuple[str, str, tools.Generics], ...] = (
     ("", "mptc_core", {"FLUX_CONTROL": False}),
     ("mpfc", "mptc_core", {}),
     ("observer", "mptc_observer", {}),
+    ("speed_observer", "mptc_speed_observer", {}),
+    ("sequencer", "vector_sequencer", {}),
     ("preexcitation", "mptc_preexcitation", {}),
     ("drive", "mptc_drive", {}),
     ("family", "mptc_family_core", {}),
 )
 #: Those that are placed and routed.
-PLACED = ("", "mpfc", "observer", "preexcitation", "family")
+PLACED = ("", "mpfc", "observer", "speed_observer", "sequencer", "preexcitation", "family")
 CYCLES = {
     "": clocks_of("mptc_core", "mptc"),
     "mpfc": clocks_of("mptc_core", "mpfc"),
     "observer": clocks_of("mptc_observer", "latency"),
+    "speed_observer": clocks_of("mptc_speed_observer", "latency"),
+    "sequencer": clocks_of("vector_sequencer", "latency"),
     "preexcitation": clocks_of("mptc_preexcitation", "latency"),
     "drive": clocks_of("mptc_drive", "mptc"),
     "family": clocks_of("mptc_family_core", "gtv"),
@@ -365,7 +369,9 @@ _DESIGN_NAMES = {
     "mpfc": "`mptc_core`: MPTC and MPFC",
     "observer": "`mptc_observer`",
     "preexcitation": "`mptc_preexcitation`",
-    "drive": "`mptc_drive`: all of these",
+    "drive": "`mptc_drive`: core, observer and pre-excitation",
+    "speed_observer": "`mptc_speed_observer`",
+    "sequencer": "`vector_sequencer`",
     "family": "`mptc_family_core`: the methods of two and three vectors too",
 }
 

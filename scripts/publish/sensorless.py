@@ -138,16 +138,25 @@ def _low_pass(f: Figures) -> str:
 
 
 def _seeds(f: Figures) -> str:
-    """Low speed with several noises."""
+    """Start, reversal and low speed with several noises."""
     rows = []
     for ending, engine in (("noise", "float64"), ("bit-true, noise", "bit-true")):
+        names = [f"{seed}, {ending}" for seed in study.SEEDS]
+        for part, title in (("start", "start"), ("reversal", "reversal")):
+            found = (
+                f(f"seeds, {part}", name, study.TOP, 0.0, "estimate_error_rpm") for name in names
+            )
+            rows.append(
+                [f"{title}: of the estimate, {engine}", *(_cell(value, ".1f") for value in found)]
+            )
         found = (
-            f("seeds", f"{seed}, {ending}", study.CRAWL, study.RATED_TORQUE, "speed_error_rpm")
-            for seed in study.SEEDS
+            f("seeds", name, study.CRAWL, study.RATED_TORQUE, "speed_error_rpm") for name in names
         )
-        rows.append([engine, *(_cell(value, ".2f") for value in found)])
+        rows.append(
+            [f"15 r/min, 14 N m: of the speed, {engine}", *(_cell(v, ".2f") for v in found)]
+        )
     titles = [f"{seed}" for seed in study.SEEDS]
-    return tables.markdown(["error of the speed, r/min; noise number", *titles], rows, "lr")
+    return tables.markdown(["error, r/min; noise number", *titles], rows, "lr")
 
 
 def _resistance(f: Figures) -> str:

@@ -69,7 +69,7 @@ CASES: dict[str, Case] = {
 #: kp and ki of eq. 23 that are tried.
 TRIED = ((1.0, 500.0), (5.0, 5e3), (5.0, 10e3), (5.0, 20e3), (10.0, 20e3), (20.0, 20e3))
 FILTERS = (0.0, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3)  # s, time constants that are tried at low speed
-SEEDS = (1, 2, 3, 4, 5)  # of the noise at low speed
+SEEDS = (1, 2, 3, 4, 5)  # of the noise
 RESISTANCES = (0.8, 0.9, 0.95, 1.02, 1.05, 1.1)  # of the stator, at low speed
 REGION_SPEEDS = (0.0, 15.0, 30.0, 45.0, 60.0, 80.0, 100.0, 120.0, 150.0, 200.0, 300.0)  # r/min
 REGION_LOADS = (14.0, 7.0, 0.0, -7.0, -14.0)  # N*m; below 0 the machine generates
@@ -295,6 +295,10 @@ def measure(
             made = run(drive, case, CRAWL, CRAWL, RATED_TORQUE, 3.0)
             figures = steady_figures(drive, made, CRAWL)
             _keep("seeds", f"{seed}, {ending}", CRAWL, RATED_TORQUE, figures)
+            for study, first, seconds in (("start", 0.0, 0.6), ("reversal", -TOP, 0.8)):
+                made = run(drive, case, first, TOP, 0.0, seconds)
+                figures = transient_figures(drive, made)
+                _keep(f"seeds, {study}", f"{seed}, {ending}", TOP, 0.0, figures)
     for share in RESISTANCES:
         made = run(drive, Case(rs=share), CRAWL, CRAWL, RATED_TORQUE, 3.0)
         figures = steady_figures(drive, made, CRAWL)
@@ -319,5 +323,5 @@ def count() -> int:
         How often it calls `advance`.
     """
     points = len(REGIONS) * len(REGION_SPEEDS) * len(REGION_LOADS)
-    passed = len(LOW_PASSED) * (len(FILTERS) + len(SEEDS))
+    passed = len(LOW_PASSED) * (len(FILTERS) + 3 * len(SEEDS))
     return 4 * len(CASES) + 6 * len(TRIED) + len(RESISTANCES) + passed + points

@@ -338,6 +338,24 @@ def test_what_the_page_says_of_the_goals_is_what_is_stored() -> None:
         "bit-true, 12 bits, noise 1 %",
     ):
         assert met(case) == [True, True, True], case
+    # other noises: bit-true all are met, in float64 one start is not
+    missed = {
+        (part, name)
+        for part, (rpm, load, quantity), goal in zip(
+            ("seeds, start", "seeds, reversal", "seeds"),
+            (
+                (1500.0, 0.0, "estimate_error_rpm"),
+                (1500.0, 0.0, "estimate_error_rpm"),
+                (15.0, 14.0, "speed_error_rpm"),
+            ),
+            report.GOALS,
+            strict=True,
+        )
+        for ending in study.LOW_PASSED
+        for name in (f"{seed}, {ending}" for seed in study.SEEDS)
+        if f(part, name, rpm, load, quantity) > goal
+    }
+    assert missed == {("seeds, start", "5, noise")}
     # without the low-pass of the speed, and with noise, the third is missed
     assert f("low-pass", "0, noise", 15.0, 14.0, "speed_error_rpm") > report.GOALS[2]
     # below 150 r/min a generating load is the only one that makes more than 1 r/min, and it does
@@ -357,8 +375,9 @@ def test_every_point_of_the_study_is_stored() -> None:
     assert len(points) == study.count()
 
 
-def test_a_stored_figure_comes_out_again(drive) -> None:
-    made = study.run(drive, study.CASES["12 bits"], 0.0, 1500.0, 0.0, 0.6)
+@pytest.mark.parametrize("case", ["12 bits", "bit-true, 12 bits, noise 1 %"])
+def test_a_stored_figure_comes_out_again(drive, case: str) -> None:
+    made = study.run(drive, study.CASES[case], 0.0, 1500.0, 0.0, 0.6)
     for quantity, value in study.transient_figures(drive, made).items():
-        stored = report.stored()("start", "12 bits", 1500.0, 0.0, quantity)
+        stored = report.stored()("start", case, 1500.0, 0.0, quantity)
         assert value == pytest.approx(stored, rel=0.03), quantity
