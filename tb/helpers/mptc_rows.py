@@ -174,3 +174,10 @@ def stretches(seed: int, steps: int) -> list[Stretch]:
             Stretch(joined.parameters(drive), any_measurements(rng, steps)[:, columns]),
         ]
     return found
+
+
+def breakdown(drive: MptcDrive, psi_ref: float) -> float:
+    """Largest steady torque at a flux, N*m."""
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)

@@ -253,7 +253,7 @@ def test_mpfc_serves_its_whole_range_of_flux() -> None:
     leads = []
     rows = 0
     for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
-        most = min(35.0, 0.8 * breakdown(drive, psi_ref))
+        most = min(35.0, 0.8 * core.breakdown(drive, psi_ref))
         for omega_r, torque in itertools.product(
             (-450.0, -20.0, 0.0, 150.0, 480.0), (-most, 0.0, 0.1 * most, most)
         ):
@@ -275,13 +275,6 @@ def test_mpfc_serves_its_whole_range_of_flux() -> None:
     assert rows == 1800
     assert len(leads) <= 0.01 * rows
     assert max(leads, default=0.0) < 1e-3  # Wb
-
-
-def breakdown(drive: MptcDrive, psi_ref: float) -> float:
-    """Largest steady torque at a flux, N*m."""
-    m = drive.machine
-    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
-    return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ Does not prove: what the gates compute, see test_mptc_family.
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +39,7 @@ from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.coefficients import words
 from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS, UNIT, ZERO_FROM
-from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.plant import plant_parameters, steady_state
 from directmpc.mptc.sequence import last_active_of, last_of, mean_voltage, segments, whole
 from directmpc.mptc.trace import (
     MptcDecisions,
@@ -476,6 +477,38 @@ def test_twin_decides_as_ideal(method: str, rule: str, rpm: float, load: float) 
                 lead = lead_of(drive, inputs, whole(made.u1), whole(wanted.u1))
             assert lead <= (0.001 if method in FLUX else 0.14)
     assert beyond <= (0.04 if method == "MPTC1" else 0.02) * 4000
+
+
+@pytest.mark.parametrize("name", ["induction_2kw2", "motulator_2kw2"])
+@pytest.mark.parametrize("method", FLUX)
+def test_flux_methods_serve_their_whole_range_of_flux(method: str, name: str) -> None:
+    drive = core.shipped(name).with_control(method=method, ts=100e-6)
+    p = ideal_sequences.sequence_parameters(drive)
+    q = bit_true_sequences.parameters(drive)
+    rng = np.random.default_rng(5)
+    rows, others = 0, 0
+    for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
+        most = min(35.0, 0.8 * core.breakdown(drive, psi_ref))
+        for omega_r, torque in itertools.product(
+            (-450.0, -20.0, 0.0, 150.0, 480.0), (-most, 0.0, 0.1 * most, most)
+        ):
+            current, flux = steady_state(drive, omega_r, torque, psi_ref)
+            for angle in rng.uniform(0.0, 2.0 * math.pi, 2):
+                turn = cmath.exp(1j * angle)
+                inputs = (
+                    current * turn + complex(*rng.normal(0.0, 0.1, 2)),
+                    flux * turn + complex(*rng.normal(0.0, 0.003, 2)),
+                    omega_r, VectorSequence(int(rng.integers(1, 7)), 0, 7, 0.3, 0.4),
+                    drive.inverter.vdc, torque, float(psi_ref),
+                )  # fmt: skip
+                made, saturated, clamped = bit_true_sequences.decide(q, *inputs)
+                wanted, _, wanted_clamp = ideal_sequences.decide(p, *inputs)[:3]
+                assert (saturated, clamped) == (0, wanted_clamp), inputs
+                assert abs(lead_of(drive, inputs, made, wanted)) < 1e-3, inputs  # Wb
+                rows += 1
+                others += made[:3] != wanted[:3]
+    assert rows == 600
+    assert others <= 0.01 * rows
 
 
 def test_twin_flags_what_does_not_fit() -> None:
