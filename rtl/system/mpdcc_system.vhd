@@ -348,8 +348,9 @@ begin
   -- A step begins before the decision, once the step before and a scaling are over.
   may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
   watching       <= observing or estimating;
-  -- what is stale is scaled first: a step waits for it
-  observer_start <= (may_begin and (filtering or watching)) or scale;
+  -- what is stale is scaled first: a step waits for it; the observer ignores start while it is busy
+  observer_start <= (stale and not load_at_rest and not load_waits)
+                    or ((go or waiting) and (filtering or watching) and not stale and not load_waits);
   observer_rst   <= rst or (forget and not deciding);
   forget_filters <= not filtering;
 
