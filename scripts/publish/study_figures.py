@@ -179,26 +179,28 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 
 
 def _random(found: Mapping[robustness.Setting, Any]) -> Section:
-    by: dict[str, dict[str, Mapping[str, float]]] = {}
+    by: dict[str, dict[str, dict[str, Mapping[str, float]]]] = {"SE": {}, "SESE": {}}
     for k, v in found.items():
         if k.drive.startswith("random"):
-            by.setdefault(k.drive, {})[remedy(k.noise, k.rule, k.gain)] = v
+            by[k.horizon].setdefault(k.drive, {})[remedy(k.noise, k.rule, k.gain)] = v
     exact = remedy(*robustness.RANDOM_REMEDIES[0])
-    section: Section = {"drives": len(by)}
-    for name in (remedy(*one) for one in robustness.RANDOM_REMEDIES):
-        section[name] = {
-            "fsw_change_pct": _spread(
-                [100 * (mine[name]["fsw_hz"] / mine[exact]["fsw_hz"] - 1) for mine in by.values()]
-            ),
-            **{
-                figure: _spread([mine[name][column] for mine in by.values()])
-                for figure, column in (
-                    ("deadlocks_per_1000", "deadlocks_per_1000"),
-                    ("excess_current_pu", "excess_current"),
-                    ("voltage_outside_pct", "outside_pct"),
-                )
-            },
+    section: Section = {"drives": len(by["SE"])}
+    every = itertools.product(by.items(), (remedy(*one) for one in robustness.RANDOM_REMEDIES))
+    for (horizon, drives), name in every:
+        figures: Section = {
+            f"{figure}_change_pct": _spread(
+                [100 * (mine[name][column] / mine[exact][column] - 1) for mine in drives.values()]
+            )
+            for figure, column in (("fsw", "fsw_hz"), ("thd", "thd_pct"))
         }
+        for figure, column in (
+            ("deadlocks_per_1000", "deadlocks_per_1000"),
+            ("excess_current_pu", "excess_current"),
+            ("voltage_outside_pct", "outside_pct"),
+        ):
+            figures[figure] = _spread([mine[name][column] for mine in drives.values()])
+        figures["drives_flagged"] = sum(mine[name]["saturated"] > 0 for mine in drives.values())
+        _put(section, (horizon, name), figures)
     return section
 
 

@@ -52,12 +52,13 @@ RANDOM_REMEDIES = (
 )  # fmt: skip
 #: The same of the shipped drives.
 REMEDIES = (
-    *RANDOM_REMEDIES, (1.0, "inwards", LOWER_GAIN),
+    *RANDOM_REMEDIES, (0.0, "inwards", GAIN), (0.0, "inwards", LOWER_GAIN),
+    (1.0, "inwards", LOWER_GAIN),
     (2.0, "dead", 1.0), (2.0, "inwards", 1.0), (2.0, "inwards", GAIN), (2.0, "inwards", LOWER_GAIN),
 )  # fmt: skip
 STARTS = 8
 RANDOM = 200
-"""Random drives, each with SE: without noise and under noise 1, by either rule and with filters."""
+"""Random drives: without noise and under noise 1, by either rule and with filters."""
 
 STEPS, SETTLE = 3000, 400
 LEARNING = 0.15
@@ -147,8 +148,8 @@ def settings(starts: int, count: int) -> Iterator[Setting]:
         range(starts), DRIVES, ("SE", "SESE"), SPEEDS, BOUNDS, REMEDIES
     ):
         yield Setting(name, horizon, speed, bound, *remedy, start)
-    for number, remedy in itertools.product(range(count), RANDOM_REMEDIES):
-        yield Setting(f"random {number}", "SE", SPEEDS[number % 2], 0.10, *remedy, 0)
+    for horizon, number, remedy in itertools.product(("SE", "SESE"), range(count), RANDOM_REMEDIES):
+        yield Setting(f"random {number}", horizon, SPEEDS[number % 2], 0.10, *remedy, 0)
     for start, name, horizon, speed, mismatch in itertools.product(
         range(starts), DRIVES, ("SE", "SESE"), SPEEDS, MISMATCHES
     ):
@@ -387,7 +388,8 @@ def shipped_table(rows: dict[Setting, dict[str, float]]) -> str:
         A Markdown table.
     """
     lines = []
-    for name, bound, (noise, rule, gain) in itertools.product(DRIVES, BOUNDS, REMEDIES[1:]):
+    remedies = sorted(REMEDIES[1:], key=lambda remedy: remedy[0])
+    for name, bound, (noise, rule, gain) in itertools.product(DRIVES, BOUNDS, remedies):
         cells = []
         for horizon, speed in itertools.product(("SE", "SESE"), SPEEDS):
             chosen, exact = (
@@ -467,7 +469,7 @@ def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
         "inwards".
     """
     lines = []
-    for noise in (1.0, 2.0):
+    for noise in (0.0, 1.0, 2.0):
         for gain in (1.0, GAIN, LOWER_GAIN):
             changes = []
             for name, bound, horizon, speed in itertools.product(
@@ -486,6 +488,7 @@ def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
                 changes.append(100 * (_mean(chosen, "fsw_hz") / _mean(exact, "fsw_hz") - 1))
             filters = f"{-round(math.log2(gain))}"
             name = f"{100 * noise * NOISE_CURRENT:g} % and {100 * noise * NOISE_VOLTAGE:g} %"
+            name = name if noise else "exact"
             lines.append((name, filters, f"{np.mean(changes):+.1f}", f"{max(changes):+.1f}"))
     head = (
         "noise of currents and voltages, rms", "`capacitor_filter`", "f_sw, %: mean",
@@ -518,28 +521,39 @@ def random_table(rows: dict[Setting, dict[str, float]]) -> str:
     """
     drives = sorted({k.drive for k in rows if k.drive.startswith("random")})
     lines = []
-    for noise, rule, gain in (_rounded_remedy(remedy) for remedy in RANDOM_REMEDIES):
-        change, dead, excess, outside = [], [], [], []
-        for name in drives:
-            mine = {(k.noise, k.rule, k.gain): v for k, v in rows.items() if k.drive == name}
-            chosen, exact = mine[noise, rule, gain], mine[0.0, "dead", 1.0]
-            change.append(100 * (chosen["fsw_hz"] / exact["fsw_hz"] - 1))
-            dead.append(chosen["deadlocks_per_1000"])
-            excess.append(chosen["excess_current"])
-            outside.append(chosen["outside_pct"])
-        low, middle, high = np.percentile(change, (5, 50, 95))
+    for horizon, remedy in itertools.product(("SE", "SESE"), RANDOM_REMEDIES):
+        noise, rule, gain = _rounded_remedy(remedy)
+        chosen, exact = (
+            {
+                k.drive: v
+                for k, v in rows.items()
+                if k.drive.startswith("random")
+                and (k.horizon, k.noise, k.rule, k.gain) == (horizon, *wanted)
+            }
+            for wanted in ((noise, rule, gain), (0.0, "dead", 1.0))
+        )
+
+        def change(name: str, chosen: dict = chosen, exact: dict = exact) -> str:
+            found = [100 * (chosen[d][name] / exact[d][name] - 1) for d in drives]
+            low, middle, high = np.percentile(found, (5, 50, 95))
+            return f"{middle:+.0f} ({low:+.0f} to {high:+.0f})"
+
+        def spread(name: str, digits: str, chosen: dict = chosen) -> str:
+            found = [chosen[d][name] for d in drives]
+            return f"{np.median(found):{digits}} ({np.percentile(found, 95):{digits}})"
+
         lines.append(
             (
-                f"{noise:g}", _label(rule, gain),
-                f"{middle:+.0f} ({low:+.0f} to {high:+.0f})",
-                f"{np.median(dead):.0f} ({np.percentile(dead, 95):.0f})",
-                f"{np.median(excess):.3f} ({np.percentile(excess, 95):.3f})",
-                f"{np.median(outside):.1f} ({np.percentile(outside, 95):.1f})",
+                horizon, f"{noise:g}", _label(rule, gain), change("fsw_hz"), change("thd_pct"),
+                spread("deadlocks_per_1000", ".0f"), spread("excess_current", ".3f"),
+                spread("outside_pct", ".1f"),
+                f"{sum(chosen[d]['saturated'] > 0 for d in drives)}",
             )
         )  # fmt: skip
     head = (
-        "noise", "rule", "f_sw, %: median (5 to 95 %)", "deadlocks per 1,000 steps: median (95 %)",
-        "current beyond its bound, pu: median (95 %)", "voltage outside, % of steps: median (95 %)",
+        "horizon", "noise", "rule", "f_sw, %: median (5 to 95 %)", "THD, %: median (5 to 95 %)",
+        "deadlocks per 1,000 steps: median (95 %)", "current beyond its bound, pu: median (95 %)",
+        "voltage outside, % of steps: median (95 %)", "drives with a flag",
     )  # fmt: skip
     return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
 

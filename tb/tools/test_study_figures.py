@@ -77,11 +77,12 @@ def _high(one: dict[str, float], form: str) -> str:
 
 def test_robustness_of_random_drives() -> None:
     section = METRICS["robustness"]["random"]
-    for noise, rule, *cells in table("robustness.md", "random"):
-        one = section[f"noise {noise}, {rule}"]
+    for horizon, noise, rule, *cells in table("robustness.md", "random"):
+        one = section[horizon][f"noise {noise}, {rule}"]
         assert cells == [
-            _spread(one["fsw_change_pct"]), _high(one["deadlocks_per_1000"], ".0f"),
-            _high(one["excess_current_pu"], ".3f"), _high(one["voltage_outside_pct"], ".1f"),
+            _spread(one["fsw_change_pct"]), _spread(one["thd_change_pct"]),
+            _high(one["deadlocks_per_1000"], ".0f"), _high(one["excess_current_pu"], ".3f"),
+            _high(one["voltage_outside_pct"], ".1f"), f"{one['drives_flagged']:.0f}",
         ]  # fmt: skip
     two_level = METRICS["robustness"]["two_level"]
     found = table("robustness.md", "two-level")
