@@ -186,7 +186,7 @@ def _random(found: Mapping[robustness.Setting, Any]) -> Section:
     exact = remedy(*robustness.RANDOM_REMEDIES[0])
     section: Section = {"drives": len(by["SE"])}
     every = itertools.product(by.items(), (remedy(*one) for one in robustness.RANDOM_REMEDIES))
-    for (horizon, drives), name in every:
+    for (kind, drives), name in every:
         figures: Section = {
             f"{figure}_change_pct": _spread(
                 [100 * (mine[name][column] / mine[exact][column] - 1) for mine in drives.values()]
@@ -200,7 +200,7 @@ def _random(found: Mapping[robustness.Setting, Any]) -> Section:
         ):
             figures[figure] = _spread([mine[name][column] for mine in drives.values()])
         figures["drives_flagged"] = sum(mine[name]["saturated"] > 0 for mine in drives.values())
-        _put(section, (horizon, name), figures)
+        _put(section, (kind, name), figures)
     return section
 
 
