@@ -57,19 +57,65 @@ architecture rtl of mac_sequencer is
 
   constant PARKED : positive := 2 ** selector_width(LAST_AT + 2) - 1; -- address of an idle sequencer
 
-  signal active      : std_logic;
-  signal address     : natural range 0 to PARKED;
-  signal first       : natural range 0 to PARKED; -- of a step that starts now
-  signal shown       : natural range 0 to PARKED; -- clock whose row is read
-  signal issue       : std_logic;
-  signal gathering   : std_logic;
-  signal aligned     : std_logic_vector(1 downto 0);
-  signal a_choice    : std_logic_vector(A_BITS - 1 downto 0);
-  signal b_choice    : std_logic_vector(B_BITS - 1 downto 0);
-  signal seed_choice : std_logic_vector(SEEDS - 1 downto 0);
-  signal happens     : std_logic_vector(EVENTS'length - 1 downto 0);
-  signal following   : natural range 0 to PARKED; -- clock behind that of address
-  signal idles       : std_logic;                 -- in the next clock
+  type row_t is record
+    enable      : std_logic;
+    accumulate  : std_logic;
+    alignment   : std_logic_vector(1 downto 0);
+    a_select    : std_logic_vector(A_BITS - 1 downto 0);
+    b_select    : std_logic_vector(B_BITS - 1 downto 0);
+    seed_select : std_logic_vector(SEEDS - 1 downto 0);
+    due         : std_logic_vector(EVENTS'length - 1 downto 0);
+  end record row_t;
+
+  constant NO_ROW : row_t := (
+    enable      => '0',
+    accumulate  => '0',
+    alignment   => (others => '0'),
+    a_select    => (others => '0'),
+    b_select    => (others => '0'),
+    seed_select => (others => '0'),
+    due         => (others => '0')
+  );
+
+  signal active    : std_logic;
+  signal address   : natural range 0 to PARKED;
+  signal first     : natural range 0 to PARKED; -- of a step that starts now
+  signal shown     : natural range 0 to PARKED; -- clock whose row is read
+  signal following : natural range 0 to PARKED; -- clock behind that of address
+  signal idles     : std_logic;                 -- in the next clock
+  signal row       : row_t;                     -- of the next clock, unless it idles
+  signal outputs   : row_t;
+
+  -- the row of a clock
+  function row_of (clock : natural) return row_t is
+
+    variable found : row_t;
+
+  begin
+
+    found := NO_ROW;
+
+    for i in PROGRAM'range(1) loop
+      if (clock = PROGRAM(i, 0)) then
+        found.enable     := '1';
+        found.accumulate := to_std_logic(PROGRAM(i, 4) = GATHER);
+        found.a_select   := std_logic_vector(to_unsigned(PROGRAM(i, 1), A_BITS));
+        found.b_select   := std_logic_vector(to_unsigned(PROGRAM(i, 2), B_BITS));
+        found.alignment  := std_logic_vector(to_unsigned(PROGRAM(i, 3), 2));
+
+        if (PROGRAM(i, 4) /= GATHER) then
+          found.seed_select(PROGRAM(i, 4)) := '1';
+        end if;
+      end if;
+    end loop;
+
+    for i in EVENTS'range loop
+      found.due(i) := to_std_logic(clock = EVENTS(i));
+    end loop;
+
+    return found;
+
+  end function row_of;
 
   -- whether every number of the tables fits its port and its clock
   function fits (bits_of_a, bits_of_b, seed_count, last : natural) return boolean is
@@ -140,60 +186,32 @@ begin
   idles <= (leave or to_std_logic(address = LAST_AT)) when active = '1' else
            not start;
 
-  p_decode : process (shown) is
-  begin
-
-    issue       <= '0';
-    gathering   <= '0';
-    aligned     <= (others => '0');
-    a_choice    <= (others => '0');
-    b_choice    <= (others => '0');
-    seed_choice <= (others => '0');
-
-    for i in PROGRAM'range(1) loop
-      if (shown = PROGRAM(i, 0)) then
-        issue     <= '1';
-        gathering <= to_std_logic(PROGRAM(i, 4) = GATHER);
-        a_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 1), A_BITS));
-        b_choice  <= std_logic_vector(to_unsigned(PROGRAM(i, 2), B_BITS));
-        aligned   <= std_logic_vector(to_unsigned(PROGRAM(i, 3), 2));
-
-        if (PROGRAM(i, 4) /= GATHER) then
-          seed_choice(PROGRAM(i, 4)) <= '1';
-        end if;
-      end if;
-    end loop;
-
-  end process p_decode;
-
-  g_due : for i in EVENTS'range generate
-    happens(i) <= to_std_logic(shown = EVENTS(i));
-  end generate g_due;
+  -- the first rows are constants: entry is late and does not go through the table
+  row <= row_of(following) when active = '1' else
+         row_of(THIRD_AT) when entry(1) = '1' else
+         row_of(SECOND_AT) when entry(0) = '1' else
+         row_of(0);
 
   p_outputs : process (clk) is
   begin
 
     if rising_edge(clk) then
-      enable      <= issue;
-      accumulate  <= gathering;
-      alignment   <= aligned;
-      a_select    <= a_choice;
-      b_select    <= b_choice;
-      seed_select <= seed_choice;
-      due         <= happens;
-      following   <= (shown + 1) mod (PARKED + 1);
+      outputs   <= row;
+      following <= (shown + 1) mod (PARKED + 1);
 
       if (rst = '1' or idles = '1') then
-        enable      <= '0';
-        accumulate  <= '0';
-        alignment   <= (others => '0');
-        a_select    <= (others => '0');
-        b_select    <= (others => '0');
-        seed_select <= (others => '0');
-        due         <= (others => '0');
+        outputs <= NO_ROW;
       end if;
     end if;
 
   end process p_outputs;
+
+  enable      <= outputs.enable;
+  accumulate  <= outputs.accumulate;
+  alignment   <= outputs.alignment;
+  a_select    <= outputs.a_select;
+  b_select    <= outputs.b_select;
+  seed_select <= outputs.seed_select;
+  due         <= outputs.due;
 
 end architecture rtl;

@@ -220,6 +220,7 @@ architecture rtl of state_observer is
   signal overflow     : std_logic;
   signal flux_taken   : std_logic;                                 -- the sum is one of the flux
   signal charging     : std_logic;                                 -- operand A is a charge
+  signal charge_none  : std_logic;                                 -- it is zero
   signal charge_half  : std_logic;
   signal charge_minus : std_logic;
   signal charge_word  : std_logic_vector(PORTS - 1 downto 0);      -- its coefficient
@@ -431,7 +432,9 @@ begin
       read_word     => read_word
     );
 
-  known      <= a_choice(4) or (not no_current and not flux_word) or (not no_flux and flux_word);
+  -- nor a current that moves no charge
+  known      <= (a_choice(4) or (not no_current and not flux_word) or (not no_flux and flux_word))
+                and not charge_none;
   flux_word  <= a_choice(3) or (a_choice(2) and a_choice(1));
   read_state <= gated(signed(read_word), known);
 
@@ -864,16 +867,14 @@ begin
           charge_word <= f_phase_alpha;
         end if;
 
-        if (moving = '0') then
-          charge_word <= (others => '0');
-        end if;
-
         charging     <= '1';
+        charge_none  <= not moving;
         charge_half  <= not whole_word;
-        charge_minus <= minus;
+        charge_minus <= minus and moving;
 
         if (filters_on = '0' or charge = 7) then
           charging     <= '0';
+          charge_none  <= '0';
           charge_half  <= '0';
           charge_minus <= '0';
         end if;
@@ -1011,6 +1012,7 @@ begin
 
   g_no_filters : if not FILTERS generate
     charging          <= '0';
+    charge_none       <= '0';
     charge_half       <= '0';
     charge_minus      <= '0';
     charge_word       <= (others => '0');

@@ -59,6 +59,7 @@ FAULTS = [
     Fault(
         "mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"
     ),
+    Fault("mac_sequencer", "row_of(SECOND_AT) when", "row_of(0) when", "(program|due)"),
     Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
