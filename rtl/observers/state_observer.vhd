@@ -469,30 +469,37 @@ begin
 
   end process p_measured;
 
-  p_write_state : process (move, measured, result, from_result, read_state) is
+  p_write_state : process (move, measured, is_alpha, is_beta, result, from_result, read_state) is
 
-    variable addend : signed(STATE downto 0);
-    variable value  : signed(STATE downto 0);
-    variable plain  : std_logic;
+    variable current : std_logic_vector(PORTS - 1 downto 0);
+    variable addend  : signed(STATE downto 0);
+    variable joined  : signed(STATE downto 0);
+    variable plain   : signed(STATE - 1 downto 0);
 
   begin
 
-    plain := move(3);
-
-    -- a word of 16 bits counts four times in a state's upper bits, and half of the sum is written
-    if (from_result = '1' and plain = '1') then
-      addend := result & '0';
-    elsif (from_result = '1') then
-      addend := resize(result, STATE + 1);
-    elsif (plain = '1') then
-      addend := shift_left(resize(signed(measured), STATE + 1), STATE + 1 - PORTS);
+    if (move(0) = '1') then
+      current := is_beta;
     else
-      addend := shift_left(resize(signed(measured), STATE + 1), STATE - PORTS);
+      current := is_alpha;
     end if;
 
-    value := adjusted(addend, resize(read_state, STATE + 1), not plain and not from_result, not plain and from_result);
+    -- half of a sum or difference with the word read; a word of 16 bits counts four times in a state's upper bits
+    if (from_result = '1') then
+      addend := resize(result, STATE + 1);
+      plain  := result;
+    else
+      addend := shift_left(resize(signed(current), STATE + 1), STATE - PORTS);
+      plain  := shift_left(resize(signed(measured), STATE), STATE - PORTS);
+    end if;
 
-    write_state <= std_logic_vector(value(STATE downto 1));
+    joined := adjusted(addend, resize(read_state, STATE + 1), not from_result, from_result);
+
+    if (move(3) = '1') then
+      write_state <= std_logic_vector(plain);
+    else
+      write_state <= std_logic_vector(joined(STATE downto 1));
+    end if;
 
   end process p_write_state;
 

@@ -37,8 +37,8 @@ WORDS = (
 #: Sources of operand A: the word read, voltages along alpha and beta, a coefficient given.
 SOURCES = ("word", "v_alpha", "v_beta", "given")
 
-#: Words of operand B. ``charge`` has the coefficient of a charge, or zero; the last four are
-#: constants.
+#: Words of operand B. ``charge`` has the coefficient of a charge; operand A is zero where no charge
+#: moves. The last four are constants.
 FACTORS = (
     "speed", "voltage_alpha", "voltage_beta", "drop", "pull", "pull_flux", "pull_current", "decay",
     "excitation", "output_flux", "output_current", "charge", "factor", "l_voltage_alpha",
@@ -64,6 +64,8 @@ TAKERS = (
 
 #: What is moved: result, or a word that is measured.
 MOVED = ("is_alpha", "is_beta", "omega_r", "psir_alpha", "psir_beta", "result")
+#: What can be joined to the word that is read; bit 0 of its number tells the currents apart.
+JOINED = ("is_alpha", "is_beta", "result")
 
 TAKEN = 3  # clocks from a sum's last product until it is taken
 SUM_WIDTH = 48  # bits of a sum of products
@@ -343,6 +345,8 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
         if m.clock <= before:
             raise ValueError(f"move {m.clock} does not follow move {before}")
         before = m.clock
+        if m.joined and m.what not in JOINED:
+            raise ValueError(f"move {m.clock}: {m.what} is never joined")
         if m.joined and m.clock not in reads:
             raise ValueError(f"move {m.clock}: nothing is read")
         if m.what == "result" and not any(clock < m.clock for clock in results):

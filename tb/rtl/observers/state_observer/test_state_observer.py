@@ -105,6 +105,7 @@ _M = state_program.Move
         (None, [_M(5, "e_alpha", "result")], "there is no result"),
         (None, [_M(5, "c_alpha", "is_alpha"), _M(5, "c_beta", "is_beta")], "does not follow"),
         (None, [_M(29, "m_beta", "is_beta", joined=True)], "nothing is read"),
+        (None, [_M(28, "m_beta", "omega_r", joined=True)], "omega_r is never joined"),
         (None, [_M(20, "s_beta", "result")], "is not moved"),
     ],
 )
@@ -163,7 +164,7 @@ FAULTS = {
         "unsigned_of(words(1)) when phase_1 = 0 else",
     ),
     "order of phases": (ENTITY, "v_ph_c when phase_1 = 1 else", "v_ph_b when phase_1 = 1 else"),
-    "half a step": (ENTITY, "not plain and from_result);", "'0');"),
+    "half a step": (ENTITY, "not from_result, from_result);", "not from_result, '0');"),
     "difference": (PROGRAM, "(30, 1, 37, 0, 0)", "(30, 0, 37, 0, 0)"),
     "wrap": (ENTITY, "cut_state(STATE - 1) <= wide(SUM - CUT - 1);", "null;"),
     "narrow": (
