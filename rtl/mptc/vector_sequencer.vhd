@@ -2,9 +2,14 @@
 --
 -- start begins a period with u1 for t1, then u2 for t2, then u3 for the rest.  A vector without time is not
 -- applied.  The last vector stays until the next period begins, so that there is no gap and the times fill the
--- period whatever its length.  With segmented, space-vector modulation has seven segments: u_0, the odd one of u1
--- and u2, the even one, u_7, and back; the zero voltage has four quarters, each of the others two halves.  One leg
--- switches at a time then.  Dead times and least on-times are the gate guard's.
+-- period whatever its length.
+-- A t1 of 4095 is the largest duty that the torque methods give.  u1 has the whole period then: the gates would make a
+-- real pulse of what is left.  The next prediction has t1 and t2 as they are given.  Its mean voltage is off by 1/4096
+-- of the difference of two vectors, which moves the flux by less than half an LSB of its port (shipped drive).
+-- With segmented, space-vector modulation has seven segments: u_0, the odd one of u1 and u2, the even one, u_7, and
+-- back; the zero voltage has four quarters, each of the others two halves.  One leg switches at a time then, and times
+-- are played as they are.
+-- Dead times and least on-times are the gate guard's.
 --
 -- How: a phase grows by rate in every clock, 2^32 for a period.  Nothing is multiplied or divided.  A vector ends in
 -- the first clock whose phase has reached the sum of the times so far.  model/directmpc/mptc/vector_sequencer.py is
@@ -193,6 +198,11 @@ begin
       r <= next_r;
 
       asked.order     <= order_of(u1, u2, u3, segmented);
+
+      if (segmented = '0' and unsigned(t1) = 2 ** TIME_WIDTH - 1) then
+        asked.order <= order_of(u1, u1, u1, segmented);
+      end if;
+
       asked.segmented <= segmented;
       asked.t1        <= resize(unsigned(t1), SUM_BITS);
       asked.odd       <= resize(unsigned(t2), SUM_BITS);

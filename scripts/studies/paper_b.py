@@ -21,7 +21,7 @@ from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.foc import FocTuning
 from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.plant import PlantParameters, plant_parameters
-from directmpc.mptc.sequence import is_active, segments
+from directmpc.mptc.sequence import WHOLE_FROM, is_active, segments
 from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import VectorSequence
@@ -356,7 +356,7 @@ def loaded_figures(run: SequenceRun) -> dict[str, float]:
     """
     first, second = run.decided.vectors[:, 0], run.decided.vectors[:, 1]
     active = np.array([is_active(u) for u in range(8)])
-    different = active[second] & (second != first) & (run.decided.times[:, 0] < 1.0)
+    different = active[second] & (second != first) & (run.decided.times[:, 0] < WHOLE_FROM)
     return run.figures() | {"second_active_pct": 100.0 * float(different.mean())}
 
 

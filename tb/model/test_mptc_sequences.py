@@ -313,6 +313,24 @@ def test_space_vector_modulation_is_seven_segments() -> None:
     assert segments(VectorSequence(1, 7, 2, 0.3, 0.5), False, vectors, lengths) == 3
 
 
+def test_the_largest_duty_is_the_whole_period() -> None:
+    vectors, lengths = np.zeros(7, np.int64), np.zeros(7)
+    for t1, t2, wanted in (
+        (4095, 1, [1.0, 0.0, 0.0]),
+        (4095, 0, [1.0, 0.0, 0.0]),
+        (4096, 0, [1.0, 0.0, 0.0]),
+        (4094, 2, [4094 / 4096, 2 / 4096, 0.0]),
+        (1, 4095, [1 / 4096, 4095 / 4096, 0.0]),
+    ):
+        asked = VectorSequence(1, 7, 0, t1 / 4096, t2 / 4096)
+        assert segments(asked, False, vectors, lengths) == 3
+        assert lengths[:3].tolist() == wanted
+        # the prediction keeps the times
+        assert mean_voltage(asked, UNIT) == t1 / 4096 * UNIT[1]
+    segments(VectorSequence(1, 2, 0, 4095 / 4096, 0.0), True, vectors, lengths)
+    assert lengths.tolist() == [t / 4096 for t in (0.25, 2047.5, 0.0, 0.5, 0.0, 2047.5, 0.25)]
+
+
 # --- closed loops ---------------------------------------------------------------------------------
 
 
@@ -794,6 +812,8 @@ def test_sequences_survive_the_file(tmp_path: Path) -> None:
         (lambda t: "\n".join(x.rsplit(",", 1)[0] for x in t.splitlines()) + "\n",
          ["line 1", "t2", "together"]),
         (lambda t: _last(t, 3, ["0.7", "0.4"]), ["line 3", "column 13 (t2)", "0.3"]),
+        (lambda t: _last(t, 3, ["0.5001", "0.5"]),
+         ["line 3", "column 13 (t2)", '"0.5"', "at most 0.4999", "t1 + t2 is 1 at most"]),
         (lambda t: _last(t, 4, ["1.1", "0.0"]), ["line 4", "t1", "0 to 1"]),
         (lambda t: _last(t, 5, ["0.1", "-0.1"]), ["line 5", "column 13 (t2)", "0 to 1"]),
         (lambda t: _last(t, 6, ["8", "0.5", "0.5"]), ["line 6", "u3", "0 to 7"]),
@@ -806,6 +826,40 @@ def test_bad_sequences(tmp_path: Path, change, words: list[str]) -> None:
         read_trace(path, sequences=True)
     for word in (str(path), *words):
         assert word in str(error.value)
+
+
+def test_times_that_rounding_alone_makes_too_long_are_cut(tmp_path: Path) -> None:
+    _, path = small(tmp_path, "GTV")
+    times = [repr((steps + 1e-6) / 4096) for steps in (2048.5, 2047.5)]
+    path.write_text(_last(path.read_text(encoding="utf-8"), 3, times), encoding="utf-8")
+    found = read_trace(path, sequences=True).times
+    assert found is not None
+    assert (found[1] * 4096).tolist() == [2049.0, 2047.0]
+
+
+@pytest.mark.parametrize(
+    ("engine", "method"),
+    [("ideal", "MPFC3"), ("model", "MPFC3"), ("model", "MPC2"), ("rtl", "MPFC3")],
+)
+def test_u_alone_is_that_vector_for_the_whole_period(
+    engine: str, method: str, tmp_path: Path
+) -> None:
+    drive, path = small(tmp_path, method)
+    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert lines[0][-6:] == ["u", "u1", "u2", "u3", "t1", "t2"]
+    bare = [line[:-5] for line in lines]
+    rest = [[*line, line[-1], line[-1], line[-1], "1", "0"] for line in bare[1:]]
+    decisions = []
+    for name, rows in (("bare", bare), ("whole", [lines[0], *rest]), ("given", lines)):
+        trace, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
+        trace.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
+        done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", engine)
+        assert done.returncode == 0, done.stderr
+        decisions.append(out.read_text(encoding="utf-8").splitlines())
+    assert decisions[0] == decisions[1]
+    # where the sequences themselves are applied, something else is decided
+    differ = [one != other for one, other in zip(decisions[0], decisions[2], strict=True)]
+    assert sum(differ) >= 10
 
 
 def _last(text: str, line: int, fields: list[str]) -> str:

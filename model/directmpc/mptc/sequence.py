@@ -1,8 +1,10 @@
 """What is applied in a control period where it is more than one vector: up to three, and times.
 
 A sequence holds the vectors in the order in which they are applied and the fractions of the period
-for the first two; the third has the rest. A vector without time is not applied. The controllers
-predict with the mean voltage of a sequence (docs/specification.md, section 3.6).
+for the first two; the third has the rest. A vector without time is not applied. The largest duty of
+the core is one step less than the period: a first vector with so much time is applied alone. The
+controllers predict with the mean voltage of a sequence as it is written, and are off by at most
+that step then (docs/specification.md, section 3.6).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from directmpc.states import VectorSequence
 __all__ = [
     "NEIGHBOURS",
     "TIME_STEPS",
+    "WHOLE_FROM",
     "VectorSequence",
     "is_active",
     "last_active_of",
@@ -28,6 +31,9 @@ __all__ = [
 
 #: Steps of a time within the period, as the core counts them.
 TIME_STEPS = 4096
+
+#: The core's largest duty: a first vector with this time has the whole period.
+WHOLE_FROM = (TIME_STEPS - 1) / TIME_STEPS
 
 #: Active vectors of u_1 to u_6 that are one leg away, the lower number first.
 NEIGHBOURS = np.array([[0, 0], [2, 6], [1, 3], [2, 4], [3, 5], [4, 6], [1, 5]], dtype=np.int64)
@@ -164,7 +170,7 @@ def zero_between(first, second):
 
 @njit
 def segments(sequence, centred, vectors, lengths):
-    """What the inverter applies one after the other in a period.
+    """What the inverter applies one after the other in a period, as `vector_sequencer` plays it.
 
     Parameters
     ----------
@@ -187,6 +193,8 @@ def segments(sequence, centred, vectors, lengths):
     if not centred:
         vectors[0], vectors[1], vectors[2] = sequence.u1, sequence.u2, sequence.u3
         lengths[0], lengths[1], lengths[2] = sequence.t1, sequence.t2, third
+        if sequence.t1 >= WHOLE_FROM:
+            lengths[0], lengths[1], lengths[2] = 1.0, 0.0, 0.0
         return 3
     odd, even = sequence.u1, sequence.u2
     t_odd, t_even = sequence.t1, sequence.t2

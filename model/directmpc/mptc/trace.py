@@ -42,6 +42,8 @@ __all__ = [
 _REAL = (*("is_alpha", "is_beta", "psis_alpha", "psis_beta", "omega_r", "torque_ref", "psi_ref"),)
 _VECTORS = ("u1", "u2", "u3")
 _TIMES = ("t1", "t2")
+#: What the last digits of two decimals may add to their sum.
+_ROUNDING = 1e-9
 _MEASURED = tuple(Column(name) for name in _REAL)
 _TRACE_COLUMNS = (*_MEASURED, Column("u", 0, 7))
 _SEQUENCE_COLUMNS = (*(Column(name, 0, 7) for name in _VECTORS), *map(Column, _TIMES))
@@ -184,13 +186,14 @@ def _read_sequences(path: PathLike, table: dict[str, list[str]]) -> Sequences:
         for line, field in enumerate(table[name], start=2):
             if not 0.0 <= float(field) <= 1.0:
                 raise _time_error(path, table, line, name, "a fraction of the period, 0 to 1")
-    steps = np.rint(floats(table, _TIMES) * TIME_STEPS).astype(np.int64)
-    # each of the two may have been rounded up
-    over = steps.sum(axis=1) > TIME_STEPS + 1
+    times = floats(table, _TIMES)
+    over = times.sum(axis=1) > 1.0 + _ROUNDING
     if over.any():
         row = int(np.argmax(over))
-        left = 1.0 - float(table["t1"][row])
-        raise _time_error(path, table, row + 2, "t2", f"at most {left:g}: t1 + t2 is 1 at most")
+        left = 1.0 - float(times[row, 0])
+        raise _time_error(path, table, row + 2, "t2", f"at most {left:.9g}: t1 + t2 is 1 at most")
+    steps = np.rint(times * TIME_STEPS).astype(np.int64)
+    # each of the two may have been rounded up
     steps[:, 1] = np.minimum(steps[:, 1], TIME_STEPS - steps[:, 0])
     vectors = np.column_stack([integers(table, name) for name in _VECTORS])
     return Sequences(vectors, steps / TIME_STEPS)

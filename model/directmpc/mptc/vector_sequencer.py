@@ -3,7 +3,9 @@
 A phase runs from 0 to 1 within the control period. It grows by `rate` with every clock, so that
 nothing is multiplied or divided. A vector ends where the phase reaches the sum of the times so far.
 The last vector stays until the next period begins, so that the times fill the period whatever its
-length. Space-vector modulation has seven segments (docs/specification.md, section 3.6).
+length. A first vector with the core's largest duty, a step less than the period, has all of it: the
+gates would make a real pulse of what is left. Space-vector modulation has seven segments, whose
+times are played as they are (docs/specification.md, section 3.6).
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ def plan(sequence: Sequence[int], segmented: bool) -> tuple[list[int], list[int]
     Returns
     -------
     vectors : list of int
-        Three, or seven.
+        Three, or seven. The first alone where its time is a step less than the period.
     ends : list of int
         Where all but the last of them end, in 1/2**POSITION_WIDTH of the period.
     invalid : bool
@@ -78,6 +80,8 @@ def plan(sequence: Sequence[int], segmented: bool) -> tuple[list[int], list[int]
     rest = max(0, 2**f.TIME_WIDTH - t1 - t2)
     invalid = t1 + t2 > 2**f.TIME_WIDTH
     if not segmented:
+        if t1 == 2**f.TIME_WIDTH - 1:
+            u2 = u3 = u1
         return [u1, u2, u3], [_STEP * t1, _STEP * (t1 + t2)], invalid
     # the zero voltage in quarters, the others in halves, the odd vector first
     (odd, t_odd), (even, t_even) = ((u1, t1), (u2, t2)) if u1 % 2 else ((u2, t2), (u1, t1))

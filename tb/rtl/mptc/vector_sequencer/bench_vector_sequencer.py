@@ -30,6 +30,8 @@ class Wanted:
     playing: list[int] = field(default_factory=list)
     early: list[int] = field(default_factory=list)
     invalid: list[int] = field(default_factory=list)
+    largest: list[int] = field(default_factory=lambda: [0, 0])
+    """Sequences whose first vector has a step less than the period, and segmented ones."""
 
 
 def any_sequence(rng: random.Random, kind: str) -> tuple[list[int], int]:
@@ -75,6 +77,9 @@ def planned(
     for _ in range(starts):
         sequence, segmented = any_sequence(rng, kind)
         gap = any_gap(rng, kind, period)
+        if kind != "exact" and sequence[3] == WHOLE - 1:  # a step is less than a clock: late
+            gap += period
+            wanted.largest[segmented] += 1
         given[now] = (*sequence, segmented)
         _, _, invalid = twin.plan(sequence, bool(segmented))
         wanted.u += twin.play(sequence, bool(segmented), rate, gap).tolist()
@@ -121,9 +126,11 @@ async def clocks(dut) -> None:
             board.cover("invalid", wanted.invalid[now])
             before = u
             await clock.edge()
+        board.cover("largest", wanted.largest[0])
+        board.cover("largest, segmented", wanted.largest[1])
     least = given["stretches"]
     board.finish(
         {"vector": 100 * least, "flags": 100 * least},
         {"change": 3 * least, "one leg": 2 * least, "early": least, "not early": 100 * least,
-         "invalid": least // 3},
+         "invalid": least // 3, "largest": least // 6, "largest, segmented": least // 12},
     )  # fmt: skip

@@ -1,14 +1,15 @@
 """Vector sequencer: the RTL against its twin in every clock, the twin against the loops' segments.
 
 Stimulus: vectors and times of any kind, those of the modulation among them, times of nothing, of
-one step and of the whole period; periods back to back, starts in consecutive clocks, early, late;
-rates that do not belong to the period, of 0 too; times that are more than the period; what is not
-sampled is random; a reset before each stretch.
+one step, of a step less than the period, of all of it; periods back to back, starts in consecutive
+clocks, early, late; rates that do not belong to the period, of 0 too; times that are more than the
+period; what is not sampled is random; a reset before each stretch.
 Checks: vector, switch states and flags in every clock; times of vectors within a clock of what
-was asked; seven segments of which each moves one leg.
+was asked; seven segments of which each moves one leg; nothing behind the core's largest duty.
 Timing: 5 clocks from start to the first vector, 4 to the flags, always.
-Faults: a segment, an end and a time at the wrong place, a phase that wraps or goes on, flags that
-are missing, a start that is sampled late, what survives a reset.
+Faults: a largest duty with a second vector behind it (a pulse that the guard lengthens), or taken
+for the whole in seven segments; a segment, an end and a time at the wrong place, a phase that wraps
+or goes on, flags that are missing, a start that is sampled late, what survives a reset.
 Does not prove: dead times and least on-times, see test_gate_guard.
 """
 
@@ -52,7 +53,7 @@ def test_times_are_those_of_the_loops(segmented: bool) -> None:
     vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
     for _ in range(200):
         period = int(rng.integers(257, 20_000))
-        first = int(rng.integers(0, 4097))
+        first = int(rng.choice([rng.integers(0, 4097), 4095], p=[0.9, 0.1]))
         times = first, int(rng.integers(0, 4097 - first))
         sector = int(rng.integers(0, 6))
         numbers = (1 + sector, 1 + (sector + 1) % 6, 0)
@@ -93,6 +94,8 @@ def test_a_period_that_cannot_be_is_refused() -> None:
 
 
 FAULTS = {
+    "largest duty": ("unsigned(t1) = 2 ** TIME_WIDTH - 1)", "unsigned(t1) = 2 ** TIME_WIDTH)"),
+    "largest duty, segmented": ("if (segmented = '0' and unsigned", "if (unsigned"),
     "segment": ('("000", first, second, "111", second', '("000", first, second, "000", second'),
     "odd first": ("elsif (first(0) = '1') then", "elsif (second(0) = '1') then"),
     "odd time": ("      if (u1(0) = '1') then\n", "      if (u2(0) = '1') then\n"),
