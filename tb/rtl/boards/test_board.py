@@ -266,18 +266,23 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
     assert set(run.cycles) == {39}
 
 
-#: Method with its duty rule, whether the speed is estimated, whether the gates are let through. An
-#: observer that begins beside a turning machine lets MPTC's current rise above the trip level.
+#: Method with its duty rule, whether the speed is estimated, control periods, and how many changes
+#: of the gates there are at least; None: they are not let through. An observer that begins beside a
+#: turning machine lets MPTC's current rise above the trip level. With the gates as in the others a
+#: vector a period makes 94 changes in 40 periods.
 SEVERAL = [
-    ("MPFC3", "deadbeat", False, True), ("MPTC2", "best", False, True),
-    ("SVM", "deadbeat", True, True), ("MPTC", "deadbeat", True, False),
+    ("MPFC3", "deadbeat", False, 120, 400), ("MPTC2", "best", False, 120, 400),
+    ("SVM", "deadbeat", True, 120, 400), ("MPTC", "deadbeat", True, 120, None),
+    ("MPTC1", "deadbeat", False, 40, 150), ("GTV", "deadbeat", False, 40, 150),
+    ("MPFC2", "deadbeat", False, 40, 100), ("MPC2", "deadbeat", False, 40, 150),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("method", "rule", "sensorless", "gates"), SEVERAL)
+@pytest.mark.parametrize(("method", "rule", "sensorless", "periods", "changes"), SEVERAL)
 def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
-    tmp_path: Path, method: str, rule: str, sensorless: bool, gates: bool
+    tmp_path: Path, method: str, rule: str, sensorless: bool, periods: int, changes: int | None
 ) -> None:
+    gates = changes is not None
     drive = load_drive(MPTC).with_control(method=method, duty_rule=rule)
     chosen = generics("mptc", family=True, sensorless=True)
     with VirtualBoard(chosen, tmp_path / "board", tmp_path / "gates.csv") as running:
@@ -286,7 +291,7 @@ def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
         board.load(drive, sensorless=sensorless)
         lockstep.warm_up(drive)
         with lockstep.gates_enabled(board) if gates else nullcontext():
-            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 120, sensorless=sensorless)
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, periods, sensorless=sensorless)
         invalid = board.read("result.sequencer")["invalid"]
         stream.close()
     assert run.differing == 0
@@ -295,8 +300,9 @@ def test_methods_of_two_and_three_vectors_run_on_the_virtual_board(
     clocks = cycles.of(method, rule) + clocks_of("mptc_speed_observer", "speed")
     assert set(run.cycles) == {clocks}
     # several vectors a period: more changes of the gates than a vector a period makes
-    if gates:
-        assert len((tmp_path / "gates.csv").read_text(encoding="ascii").splitlines()) > 400
+    if changes is not None:
+        lines = (tmp_path / "gates.csv").read_text(encoding="ascii").splitlines()
+        assert len(lines) > changes
 
 
 def test_a_board_without_a_method_refuses_it(tmp_path: Path) -> None:

@@ -66,7 +66,11 @@ def test_a_system_plays_every_method() -> None:
     assert found.covered["several"] >= 60
 
 
-@pytest.mark.parametrize("methods", [("MPTC", "MPFC3"), ("MPTC2", "GTV", "MPFC", "SVM")])
+#: All nine methods, a few in a run.
+ALL_IN_PARTS = [("MPTC", "MPFC3"), ("MPTC2", "GTV", "MPFC", "SVM"), ("MPTC1", "MPFC2", "MPC2")]
+
+
+@pytest.mark.parametrize("methods", ALL_IN_PARTS)
 def test_a_system_estimates_speed_and_flux(methods: tuple[str, ...]) -> None:
     found = bench(sensorless=True, methods=methods, steps=12)
     assert found.checks["speed"] == 24 * len(methods)
