@@ -86,7 +86,7 @@ def test_the_settings_that_the_page_names_do_what_it_says() -> None:
     slow = speeds < 500.0
     assert (f.over_speed("MPTC2", "thd_pct") < f.over_speed("MPTC1", "thd_pct"))[slow].all()
     share = f.over_speed("MPTC2", "switching_hz") / f.over_speed("MPTC1", "switching_hz")
-    assert share[slow].max() < 0.56
+    assert share[slow].max() < 0.58
     mean = f.over_speed("MPTC2, mean", "torque_ripple_nm")
     assert round(float(mean.max()), 2) == 0.62
 
@@ -102,7 +102,8 @@ def test_claims_that_are_not_reproduced_are_those_that_the_page_names() -> None:
         ("Fig. 14", "in part: at 150, 300 r/min"),
         ("Fig. 14", low),
         ("Fig. 14", "in part: at 1500 r/min"),
-        ("Fig. 16", f"{most}1050 r/min"),
+        ("Fig. 15", f"{most}1500 r/min"),
+        ("Fig. 16", "in part: at 1350, 1500 r/min"),
         ("sec. 5.3", "no"),
         ("Figs. 28, 29", "no"),
         ("Figs. 28, 29", "no"),
