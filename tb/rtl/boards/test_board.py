@@ -268,8 +268,8 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
 
 #: Method with its duty rule, whether the speed is estimated, control periods, and how many changes
 #: of the gates there are at least; None: they are not let through. An observer that begins beside a
-#: turning machine lets MPTC's current rise above the trip level. MPTC and MPFC make 71 changes in 40
-#: periods.
+#: turning machine lets MPTC's current rise above the trip level. MPTC and MPFC make 71 changes
+#: in 40 periods.
 SEVERAL = [
     ("MPFC3", "deadbeat", False, 120, 400), ("MPTC2", "best", False, 120, 400),
     ("SVM", "deadbeat", True, 120, 400), ("MPTC", "deadbeat", True, 120, None),
