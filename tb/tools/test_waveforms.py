@@ -192,8 +192,9 @@ def test_state_observer() -> None:
     names = ("is_alpha", "is_beta", "v_n", *VOLTAGES, "omega_r")
     used = ("used_n", "used_a", "used_b", "used_c")
     later = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
-    begun = starts(found.values)
+    *begun, scaling = starts(found.values)
     assert len(begun) == 3
+    assert found.values["scale"][scaling] == 1
     for start in begun:
         s = np.array([found.values[f"s_{x}"][start] for x in "abc"], dtype=np.int64)
         m = seen(found, start, names, *VOLTAGES)
