@@ -182,7 +182,7 @@ architecture rtl of state_observer is
   signal write        : std_logic;
   signal read_word    : std_logic_vector(STATE - 1 downto 0);
   signal flux_word    : std_logic;                                 -- the word read is a state of the flux
-  signal known        : std_logic;                                 -- the word read is not of a step that never was
+  signal known        : std_logic;                                 -- the word read counts, else it is zero
   signal read_state   : state_t;
   signal write_state  : std_logic_vector(STATE - 1 downto 0);
   signal measured     : std_logic_vector(PORTS - 1 downto 0);      -- word that is moved
@@ -432,7 +432,7 @@ begin
       read_word     => read_word
     );
 
-  -- nor a current that moves no charge
+  -- not a word of a step that never was, nor a current that moves no charge
   known      <= (a_choice(4) or (not no_current and not flux_word) or (not no_flux and flux_word))
                 and not charge_none;
   flux_word  <= a_choice(3) or (a_choice(2) and a_choice(1));

@@ -11,8 +11,8 @@
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, 12 clocks later with the filters, 19 with the flux, 27 with both.
--- Parameters take effect a clock after their commit.
--- With LEAKAGE_ESTIMATE it is pending for 20 clocks more, in which no decision goes on; nor does it, with l_mode,
+-- Parameters take effect a clock after the guard's settings; a decision that begins in between has the new ones.
+-- With LEAKAGE_ESTIMATE a commit is pending for 21 clocks more, in which no decision goes on; nor does it, with l_mode,
 -- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
@@ -282,7 +282,7 @@ begin
 
   busy <= deciding;
 
-  -- the observer may still work with those before; no decision reads them within two clocks of load
+  -- the observer may still work with those before; a decision reads them two clocks after load at the earliest
   taking <= load_waits and not observer_busy;
 
   p_parameters : process (clk) is

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
+import itertools
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +19,7 @@ from directmpc.mptc import formats as f
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
+from directmpc.mptc.plant import steady_state
 from directmpc.mptc.trace import IntArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
@@ -181,3 +186,28 @@ def breakdown(drive: MptcDrive, psi_ref: float) -> float:
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
+
+
+def over_flux(
+    drive: MptcDrive, rng: np.random.Generator, turns: int
+) -> Iterator[tuple[complex, complex, float, float, float]]:
+    """Steady states over the range of flux, speed and torque, a little disturbed, each turned.
+
+    Yields
+    ------
+    tuple
+        Current in A, flux in Wb, omega_r in rad/s, torque in N*m, psi_ref in Wb.
+    """
+    for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
+        most = min(35.0, 0.8 * breakdown(drive, psi_ref))
+        for omega_r, torque in itertools.product(
+            (-450.0, -20.0, 0.0, 150.0, 480.0), (-most, 0.0, 0.1 * most, most)
+        ):
+            current, flux = steady_state(drive, omega_r, torque, psi_ref)
+            for angle in rng.uniform(0.0, 2.0 * math.pi, turns):
+                turn = cmath.exp(1j * angle)
+                yield (
+                    current * turn + complex(*rng.normal(0.0, 0.1, 2)),
+                    flux * turn + complex(*rng.normal(0.0, 0.003, 2)),
+                    omega_r, torque, float(psi_ref),
+                )  # fmt: skip

@@ -15,7 +15,6 @@ Does not prove: what the gates compute, see test_mptc_family.
 from __future__ import annotations
 
 import cmath
-import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +38,7 @@ from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.coefficients import words
 from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS, UNIT, ZERO_FROM
-from directmpc.mptc.plant import plant_parameters, steady_state
+from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sequence import last_active_of, last_of, mean_voltage, segments, whole
 from directmpc.mptc.trace import (
     MptcDecisions,
@@ -486,10 +485,12 @@ def test_twin_decides_as_ideal(method: str, rule: str, rpm: float, load: float) 
             more = apart[k] - 3 / 4096 - half_lsb(drive, inputs, wanted)
             beyond += more > 0.0
             # the rest is the rounding of the coefficients: an 18-bit word each; where `mean` takes
-            # a root of almost nothing and `best` one of two equals, the cost tells: it may be less
+            # a root of almost nothing and `best` one of two equals, the cost tells. Where ideal
+            # finds no root it takes an end, and the twin's root of almost nothing may cost less
             if more > 1.5 * half_lsb(drive, inputs, wanted):
                 assert rule != "deadbeat"
-                assert lead <= 0.14
+                at_an_end = rule == "mean" and wanted.t1 in (0.0, 1.0)
+                assert abs(lead) <= 0.14 or (at_an_end and lead < 0.0)
         else:
             if method == "MPTC1":  # chooses by what a vector does in the whole period
                 lead = lead_of(drive, inputs, whole(made.u1), whole(wanted.u1))
@@ -505,26 +506,15 @@ def test_flux_methods_serve_their_whole_range_of_flux(method: str, name: str) ->
     q = bit_true_sequences.parameters(drive)
     rng = np.random.default_rng(5)
     rows, others = 0, 0
-    for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
-        most = min(35.0, 0.8 * core.breakdown(drive, psi_ref))
-        for omega_r, torque in itertools.product(
-            (-450.0, -20.0, 0.0, 150.0, 480.0), (-most, 0.0, 0.1 * most, most)
-        ):
-            current, flux = steady_state(drive, omega_r, torque, psi_ref)
-            for angle in rng.uniform(0.0, 2.0 * math.pi, 2):
-                turn = cmath.exp(1j * angle)
-                inputs = (
-                    current * turn + complex(*rng.normal(0.0, 0.1, 2)),
-                    flux * turn + complex(*rng.normal(0.0, 0.003, 2)),
-                    omega_r, VectorSequence(int(rng.integers(1, 7)), 0, 7, 0.3, 0.4),
-                    drive.inverter.vdc, torque, float(psi_ref),
-                )  # fmt: skip
-                made, saturated, clamped = bit_true_sequences.decide(q, *inputs)
-                wanted, _, wanted_clamp = ideal_sequences.decide(p, *inputs)[:3]
-                assert (saturated, clamped) == (0, wanted_clamp), inputs
-                assert abs(lead_of(drive, inputs, made, wanted)) < 1e-3, inputs  # Wb
-                rows += 1
-                others += made[:3] != wanted[:3]
+    for current, flux, omega_r, torque, psi_ref in core.over_flux(drive, rng, 2):
+        applied = VectorSequence(int(rng.integers(1, 7)), 0, 7, 0.3, 0.4)
+        inputs = (current, flux, omega_r, applied, drive.inverter.vdc, torque, psi_ref)
+        made, saturated, clamped = bit_true_sequences.decide(q, *inputs)
+        wanted, _, wanted_clamp = ideal_sequences.decide(p, *inputs)[:3]
+        assert (saturated, clamped) == (0, wanted_clamp), inputs
+        assert abs(lead_of(drive, inputs, made, wanted)) < 1e-3, inputs  # Wb
+        rows += 1
+        others += made[:3] != wanted[:3]
     assert rows == 600
     assert others <= 0.01 * rows
 

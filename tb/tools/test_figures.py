@@ -293,6 +293,19 @@ def left_by_filters() -> str:
     return f"{100 * left / whole:.0f}"
 
 
+def slices_of(configuration: str) -> str:
+    """Of a Spartan-3, LUT and flip-flop in slices of their own."""
+    one = budgets.load().resources[configuration]["xc3s"]
+    return f"{-(-(one['lut'] + one['ff']) // 2)}"
+
+
+def placed(entity: str) -> tuple[str, str]:
+    """Slowest and fastest placement on ECP5, MHz."""
+    lines = (ROOT / "reports" / "fmax.csv").read_text(encoding="utf-8").splitlines()
+    found = [float(line.split(",")[3]) for line in lines if line.startswith(f"{entity},,")]
+    return f"{min(found):.1f}", f"{max(found):.1f}"
+
+
 def furthest(values: list[float], form: str = ".0f") -> str:
     return f"{max(map(abs, values)):{form}}"
 
@@ -560,6 +573,11 @@ SAID: dict[str, list[Said]] = {
              metrics()["robustness"]["random"][kind]["noise 1, inwards, filters 1/16"]
              ["fsw_change_pct"]["median"] for kind in ("SE", "SESE")
          ]),)),
+        ("one multiplier and {} Spartan-3 slices (unpacked), and {} without leakage and filters",
+         lambda: (slices_of("state_observer"),
+                  slices_of("state_observer-filters_false-leakage_false"))),
+        ("without leakage and filters. Five placements on ECP5, speed grade 6, reach {} to {} MHz",
+         lambda: placed("state_observer")),
         ("Filters alone leave {} % of the rise", lambda: (left_by_filters(),)),
         ("the 3.3 kV drive with SESE at 0.6 pu and a bound of 0.06 pu: +{} % with 1/16 and +{} % "
          "with 1/32",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cocotb
 from cocotb.triggers import ClockCycles
 
-from tb.helpers.scoreboard import arguments
+from scripts.hdl.clocks import clocks_of
+from tb.helpers.scoreboard import arguments, number
 from tb.rtl.system.bench_system import NOT_THE_CORE_S, System
 
 #: Words that differ between two sets.
@@ -14,6 +15,8 @@ CHANGED = 8
 BEFORE = 12
 #: Clocks after a decision's end at which the last one is.
 AFTER = 4
+#: Clocks for which MPDCC's parameters are prepared behind a commit: taken over, then scaled.
+PREPARED = clocks_of("state_observer", "scaling") + 4
 
 
 class Sweep:
@@ -36,6 +39,21 @@ class Sweep:
     async def commit(self) -> None:
         """Ask for a commit."""
         await self.system.bus.write("system.command", commit=1)
+
+    async def prepared(self) -> None:
+        """How long a commit at rest is pending behind its load."""
+        counted = 0
+
+        async def count() -> None:
+            nonlocal counted
+            for _ in range(4 * PREPARED):
+                await ClockCycles(self.system.dut.clk, 1)
+                counted += number(self.system.dut.preparing)
+
+        task = cocotb.start_soon(count())
+        await self.commit()
+        await task
+        self.system.board.check("prepared", counted, PREPARED, "a commit at rest")
 
     async def settled(self) -> None:
         """Until no commit waits."""
@@ -92,6 +110,8 @@ async def commits(dut) -> None:
     await sweep.commit()
     await sweep.settled()
     await system.decide(system.any_measurements())
+    if given["controller"] == "mpdcc":
+        await sweep.prepared()
     changes = []
     clock, longest = -BEFORE, 0
     while clock < longest + AFTER:

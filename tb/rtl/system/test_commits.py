@@ -6,7 +6,8 @@ Stimulus: sets of parameters of any content that differ in up to eight words, an
 which they decide differently; the shadows are written before, the commit is one write.
 Checks: the decision under way is that of the old parameters whenever the commit comes behind its
 start, the next one that of the new ones, always; from one clock on it is the old one.
-Faults: a commit that does not wait for the decision.
+Timing: at rest MPDCC's parameters are prepared for 21 clocks behind a load.
+Faults: a commit that does not wait for the decision, parameters that are scaled a clock late.
 Does not prove: a write of shadows at any clock; test_system does that at random.
 """
 
@@ -40,6 +41,14 @@ def test_a_commit_waits_for_the_decision(controller: str, stride: int) -> None:
     found = bench(controller, stride)
     assert found.measured["clocks"] >= {"mpdcc": 80, "mptc": 38}[controller]
     assert found.measured["during"] >= found.measured["clocks"] // stride
+
+
+def test_a_late_scaling_is_seen(tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path, "mpdcc_system", "if (taking = '1' or (core", "if (loaded = '1' or (core"
+    )
+    with pytest.raises(CheckError, match=r"prepared: .* expected"):
+        bench("mpdcc", 11, rtl)
 
 
 def test_a_hasty_commit_is_seen(tmp_path: Path) -> None:
