@@ -42,7 +42,11 @@ def test_the_bound_is_the_most_of_all_choices(
         with monkeypatch.context() as patched:
             patched.setattr(cycles, "nodes_below", lambda _, few=few: few)
             patched.setattr(anpc, "candidates", lambda _, root=root: [None] * root)
+            for kept in ("bounds", "_roots"):  # nothing of the whole queue, nor for it
+                patched.setattr(cycles, kept, getattr(cycles, kept).__wrapped__)
             assert cycles.bound(explorers, budget) == most
+            if budget:
+                assert cycles.bounds(explorers, 170)[budget] == most
 
 
 def test_the_order_of_the_queue_is_what_the_bound_rests_on() -> None:

@@ -20,6 +20,8 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from directmpc.api.drive_file import load_drive
 from directmpc.mpdcc import coefficients, formats
 from directmpc.mpdcc.drive import Drive
@@ -43,6 +45,9 @@ HIGHEST: dict[tuple[str, str], int] = {
 
 #: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
+
+#: Largest `budget` of a drive file.
+LARGEST_BUDGET = 4095
 
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
@@ -598,20 +603,17 @@ def refuse_slow(
 
 
 def _largest_budget(drive: Drive, variant: str, explorers: int, limit: int) -> int:
-    """A budget with which every decision takes ``limit`` clocks at most; 0 where there is none.
+    """The largest budget with which every decision takes ``limit`` clocks; 0 if there is none.
 
-    It is the largest one for one explorer; some more may serve for several.
+    The drive's own budget takes more.
     """
-    each = min(explorers, 4)  # candidates that are taken in a clock
-    budget, best = 400, 0
-    for _ in range(4):  # nearly a straight line, and some seconds for each
-        clocks = _clocks(drive, variant, explorers, budget)
-        best = max(best, budget) if clocks <= limit else best
-        following = min(budget + each * (limit - clocks), 4095)
-        if following in (budget, best) or following <= 0:
-            break
-        budget = following
-    return best
+    from directmpc.mpdcc import cycles
+
+    most = drive.control.budget or LARGEST_BUDGET
+    # what the search itself does not take of the limit
+    besides = _clocks(drive, variant, explorers, most) - cycles.bound(explorers, most)
+    by_budget = cycles.bounds(explorers, most)[1:] + besides
+    return int(np.searchsorted(by_budget, limit, side="right"))
 
 
 def _ts(drive: Drive | MptcDrive) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +136,9 @@ def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
 
 @njit
 def _latest(nodes, budget, in_step, spare, behind):
-    """Latest end over all choices of nodes in their order, from the first one's begin on.
+    """Latest ends over all choices of nodes in their order, from the first one's begin on.
+
+    One for every budget from 0 to ``budget``; one alone without a budget.
 
     What a node costs depends on those before it by two clocks alone, told from its begin on: from
     when the dispatcher takes its leaves, and from when it says so. For both, and the kind of the
@@ -147,41 +150,50 @@ def _latest(nodes, budget, in_step, spare, behind):
     kinds[0] = (0, 0, 0, 1)  # before the first node
     places = np.zeros((128, 128, 4, 2), dtype=np.int16)  # of a kind; a * b is 9, 12 or 16, c 3 or 4
     spent = budget if budget > 0 else 0
-    latest = np.full((spent + 1, most), -1, dtype=np.int64)
+    never = -(2**20)  # and less than 0 however many nodes follow
+    latest = np.empty((most, spent + 1), dtype=np.int32)
+    earlier = np.empty((most, spent + 1), dtype=np.int32)
+    latest[0] = never
     latest[0, 0] = 0
+    reached = 0  # most leaves that the nodes so far have
     for a, b, c in nodes:
+        # without a budget nothing is spent
         leaves = a * b * c if budget > 0 else 0
         before = known
-        earlier = latest[0].copy()  # without a budget nothing is spent, and a node is taken once
-        for total in range(spent, leaves - 1, -1):
-            for kind in range(before - 1, -1, -1):
-                begun = earlier[kind] if total == leaves else latest[total - leaves, kind]
-                if begun < 0:
-                    continue
-                after, free, shortly = 0, 24, 16
-                if kind > 0:
-                    each = -(-kinds[kind, 3] // in_step)
-                    load = max(24, kinds[kind, 0])
-                    after = max(16, min(kinds[kind, 1], load + 1))
-                    free = max(24, load + kinds[kind, 2] * each - after)
-                    shortly = max(16, load + 1 + max(0, kinds[kind, 2] - spare) * each - after)
-                place = places[free, shortly, a * b // 5, c - 3]
-                if place == 0:
-                    if known == most:
-                        raise OverflowError("more kinds of begins than there is room for")
-                    place = known
-                    places[free, shortly, a * b // 5, c - 3] = place
-                    kinds[place] = (free, shortly, a * b, c)
-                    known += 1
-                latest[total, place] = max(latest[total, place], begun + after)
-    end = 0
+        # a node is taken once
+        earlier[:before, : reached + 1] = latest[:before, : reached + 1]
+        for kind in range(before):
+            after, free, shortly = 0, 24, 16
+            if kind > 0:
+                each = -(-kinds[kind, 3] // in_step)
+                load = max(24, kinds[kind, 0])
+                after = max(16, min(kinds[kind, 1], load + 1))
+                free = max(24, load + kinds[kind, 2] * each - after)
+                shortly = max(16, load + 1 + max(0, kinds[kind, 2] - spare) * each - after)
+            place = places[free, shortly, a * b // 5, c - 3]
+            if place == 0:
+                if known == most:
+                    raise OverflowError("more kinds of begins than there is room for")
+                place = known
+                places[free, shortly, a * b // 5, c - 3] = place
+                kinds[place] = (free, shortly, a * b, c)
+                latest[place] = never
+                known += 1
+            later = latest[place, leaves:]
+            begun = earlier[kind, : min(reached + 1, max(0, spent + 1 - leaves))]
+            for total in range(begun.size):
+                later[total] = max(later[total], np.int32(begun[total] + after))
+        reached = min(spent, reached + leaves)
+    ends = np.zeros(spent + 1, dtype=np.int64)
     for total in range(spent + 1):
+        if total > 0:
+            ends[total] = ends[total - 1]
         for kind in range(1, known):
-            if latest[total, kind] >= 0:
+            if latest[kind, total] >= 0:
                 each = -(-kinds[kind, 3] // in_step)
                 last = max(24, kinds[kind, 0]) + kinds[kind, 2] * each + behind[kinds[kind, 3]]
-                end = max(end, latest[total, kind] + last)
-    return end
+                ends[total] = max(ends[total], latest[kind, total] + last)
+    return ends
 
 
 def _results(explorers: int, c: int) -> int:
@@ -216,16 +228,43 @@ def bound(explorers: int, budget: int) -> int:
     int
         Clocks from ``start`` to ``valid``.
     """
+    return int(bounds(explorers, budget)[budget])
+
+
+@cache
+def bounds(explorers: int, largest: int) -> NDArray[np.int64]:
+    """Most clocks of a search by its budget, see `bound`.
+
+    Parameters
+    ----------
+    explorers : int
+        1 to 8.
+    largest : int
+        The largest budget; 0: no limit.
+
+    Returns
+    -------
+    ndarray of int64, shape (largest + 1,)
+        Clocks from ``start`` to ``valid`` for budgets of 1 to ``largest``. Number 0 is the search
+        without a limit if ``largest`` is 0, and else one that finds no node.
+    """
     in_step = min(explorers, 4)
     spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)
     behind = np.array([_results(explorers, c) for c in range(5)], dtype=np.int64)
-    alike = {
+    found = np.zeros(largest + 1, dtype=np.int64)
+    for root, nodes in _roots():
+        ends = _latest(np.array(nodes), largest, in_step, spare, behind)
+        np.maximum(found, ROOT + root + 2 + ends, out=found)
+    found.flags.writeable = False
+    return found
+
+
+@cache
+def _roots() -> frozenset[tuple[int, tuple[Counts, ...]]]:
+    """Candidates of the first level and nodes below them, of every s(k-1); equal ones once."""
+    return frozenset(
         (len(anpc.candidates(s)), tuple(nodes_below(s)))
         for s in itertools.product(range(anpc.POSITIONS), repeat=3)
-    }
-    return max(
-        ROOT + root + 2 + int(_latest(np.array(nodes), budget, in_step, spare, behind))
-        for root, nodes in alike
     )
 
 
