@@ -120,7 +120,7 @@ def execute(
     generics: Mapping[str, object] | None = None,
     environment: Mapping[str, str] | None = None,
     rtl: Path = RTL,
-    timeout: int | None = 120,
+    timeout: int | None = 900,
     waves: Path | None = None,
 ) -> None:
     """Analyse, elaborate and run; raise where that fails or a cocotb test does.

@@ -414,7 +414,7 @@ def simulate(
             },
             environment=environment,
             rtl=rtl,
-            timeout=240,
+            timeout=900,
         )
         with np.load(job.result_path) as data:
             out = data["decisions"]

@@ -324,8 +324,8 @@ def _mptc_speed_observer() -> Scene:
 
 # --- systems, links and boards --------------------------------------------------------------------
 
-WRITE = 4
-"""Clocks that an access of a scene is given on AXI4-Lite."""
+WRITE = 6
+"""Clocks that an access of a scene is given on AXI4-Lite; one behind a commit waits three."""
 
 
 def _write(address: int, word: int) -> Clocks:

@@ -50,7 +50,7 @@ def run(
     generics: Mapping[str, object] | None = None,
     arguments: Mapping[str, object] | None = None,
     rtl: Path = RTL,
-    timeout: int = 120,
+    timeout: int = 900,
 ) -> Outcome:
     """Run a bench that keeps a scoreboard and return what it counted.
 

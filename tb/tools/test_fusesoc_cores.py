@@ -46,7 +46,7 @@ def build(entity: str, root: Path, work: Path, *arguments: str) -> subprocess.Co
     ]
     return subprocess.run(
         run, cwd=work, env={**os.environ, "PATH": where}, capture_output=True, text=True,
-        timeout=500, check=False,
+        timeout=900, check=False,
     )  # fmt: skip
 
 

@@ -143,7 +143,7 @@ def calls(root: Path, code: str, cwd: Path | None = None, **more: str) -> list[C
     }
     done = subprocess.run(
         ["bash", "-eu", "-o", "pipefail", "-c", code],
-        cwd=cwd or root, env=environment, capture_output=True, text=True, check=False, timeout=300,
+        cwd=cwd or root, env=environment, capture_output=True, text=True, check=False, timeout=900,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:

@@ -6,9 +6,9 @@ their UART's rate and their oscillator's divider.
 Sweep: every build of the ULX3S, both controllers and the one with every method of MPTC; MPTC with
 the divider by 4 (Arty S7-50) and by 2 with the RS-232 rate (Spartan-3); the text of all boards'
 netlists. Steps over the UART, and over SPI for MPTC.
-Stimulus: closed loops over the pseudo-terminal: MPDCC 400 steps of the 6 kV drive, 120 with SESE, a
-budget, delay compensation and the weighted deadlock rule; MPTC 300 steps, MPFC 100; MPFC3 100
-with the speed measured and 100 with it estimated; corrupted frames with the gates on; a second
+Stimulus: closed loops over the pseudo-terminal: MPDCC 200 steps of the 6 kV drive, 60 with SESE, a
+budget, delay compensation and the weighted deadlock rule; MPTC 150 steps, MPFC 50; MPFC3 50
+with the speed measured and 50 with it estimated; corrupted frames with the gates on; a second
 start.
 Checks: the text is what the bitstream's synthesis reads; identity, version, capabilities,
 registers read back; every decision against the bit-true model, a sample of MPDCC's against replay
@@ -62,10 +62,10 @@ from tb.rtl.boards.board_steps import (
 )
 
 ULX3S = BOARDS["ulx3s-85f"]
-STEPS = {"mpdcc": 400, "mptc": 300}
-OPTIONS = 120  # steps of MPDCC with every option of the second level
+STEPS = {"mpdcc": 200, "mptc": 150}
+OPTIONS = 60  # steps of MPDCC with every option of the second level
 BUDGET = 300
-SAMPLE = 30  # decisions of MPDCC that the RTL in GHDL makes as well
+SAMPLE = 15  # decisions of MPDCC that the RTL in GHDL makes as well
 BUILDS = [(name, controller) for name, b in BOARDS.items() for controller in b.controllers]
 
 
@@ -249,7 +249,7 @@ def prove(
         elif scale == 1.0:
             flux = drive.with_control(method="MPFC")
             loaded(board, flux)
-            assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 100).differing == 0
+            assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 50).differing == 0
             if chosen.get("FAMILY"):
                 check_family(board, drive)
         counters = board.counters()
@@ -270,7 +270,7 @@ def check_family(board: Board, drive: MptcDrive) -> None:
         board.load(several, sensorless=sensorless)
         lockstep.warm_up(several)
         with lockstep.gates_enabled(board):
-            run = lockstep.run_mptc(board, several, 1000.0, 5.0, 0.7, 100, sensorless=sensorless)
+            run = lockstep.run_mptc(board, several, 1000.0, 5.0, 0.7, 50, sensorless=sensorless)
         assert run.differing == 0
         assert (run.faults, board.read("result.sequencer")["invalid"]) == (0, 0)
         assert set(run.cycles.tolist()) == {clocks}

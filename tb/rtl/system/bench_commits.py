@@ -55,6 +55,23 @@ class Sweep:
         await task
         self.system.board.check("prepared", counted, PREPARED, "a commit at rest")
 
+    async def behind(self) -> None:
+        """Shadows that are written right behind a commit wait for it, and are the next one's."""
+        system, board = self.system, self.system.board
+        fresh, m = self.differing()
+        asked = cocotb.start_soon(self.commit())
+        written = cocotb.start_soon(self.write(fresh))
+        await asked
+        await written
+        await self.settled()
+        await system.decide(m)
+        board.check("behind", system.decided(), system.model(self.in_force, m), "not in force yet")
+        await self.commit()
+        await self.settled()
+        self.in_force = fresh
+        await system.decide(m)
+        board.check("behind", system.decided(), system.model(fresh, m), "in force")
+
     async def settled(self) -> None:
         """Until no commit waits."""
         while await self.system.bus.read("system.status", "commit_pending"):
@@ -112,6 +129,8 @@ async def commits(dut) -> None:
     await system.decide(system.any_measurements())
     if given["controller"] == "mpdcc":
         await sweep.prepared()
+    for _ in range(3):
+        await sweep.behind()
     changes = []
     clock, longest = -BEFORE, 0
     while clock < longest + AFTER:

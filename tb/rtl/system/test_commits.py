@@ -4,10 +4,13 @@ Sweep: MPDCC (fast, one explorer) and MPTC; the clock at which the host asks for
 before a start to four after the decision's end: every one, or one in so many.
 Stimulus: sets of parameters of any content that differ in up to eight words, and measurements for
 which they decide differently; the shadows are written before, the commit is one write.
+Shadows are written right behind a commit at rest, too.
 Checks: the decision under way is that of the old parameters whenever the commit comes behind its
-start, the next one that of the new ones, always; from one clock on it is the old one.
+start, the next one that of the new ones, always; from one clock on it is the old one. No write behind a commit
+is refused, and none of it takes effect with that commit.
 Timing: at rest MPDCC's parameters are prepared for 21 clocks behind a load.
-Faults: a commit that does not wait for the decision, parameters that are scaled a clock late.
+Faults: a commit that does not wait for the decision, parameters that are scaled a clock late, writes
+that do not wait for a commit.
 Does not prove: a write of shadows at any clock; test_system does that at random.
 """
 
@@ -57,3 +60,12 @@ def test_a_hasty_commit_is_seen(tmp_path: Path) -> None:
     )
     with pytest.raises(CheckError, match=r"(one set|order|begins old): .* expected"):
         bench("mptc", 3, rtl)
+
+
+@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+def test_a_write_that_does_not_wait_is_seen(controller: str, tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path, "write_rules", "hold   <= commit or asked(0) or asked(1);", "hold   <= '0';"
+    )
+    with pytest.raises(CheckError, match=r"(written|behind): .* expected"):
+        bench(controller, 11, rtl)

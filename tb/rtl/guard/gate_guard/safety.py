@@ -72,11 +72,11 @@ def run(five_level: bool, clocks: int, seed: int = 1, rtl: Path = RTL) -> dict[s
         program = folder / "core"
         tools.run(
             [*_compiler(root), f"-I{folder / 'obj'}", *map(str, sources), "-o", str(program)],
-            timeout=300,
+            timeout=900,
         )
         command = [str(program), str(clocks), str(seed), str(int(five_level))]
         command += [f"+verilator+seed+{seed}", "+verilator+rand+reset+2"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
     if done.returncode:
         raise ViolationError(done.stdout + done.stderr)
     return {k: int(v) for k, v in (pair.split("=") for pair in done.stdout.split())}

@@ -54,7 +54,7 @@ def bench(
         generics={"LIMIT": limit, **(generics or {})},
         arguments={"seed": 1, "frames": 70, "case": case, **arguments},
         rtl=rtl,
-        timeout=240,
+        timeout=900,
     )
 
 
@@ -123,7 +123,7 @@ def over_spi(rtl: Path) -> object:
 
 def mishaps(rtl: Path) -> object:
     """Late, broken and cut off frames."""
-    return bench("mishaps", rtl=rtl, limit=4_000)
+    return bench("mishaps", rtl=rtl, limit=4_000, stride=7)
 
 
 FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [

@@ -42,8 +42,8 @@ HELD = {variant: clocks_of("mpdcc_core", "hold", variant) for variant in VARIANT
 #: Most cycles that the fast variant may take by number of explorers.
 LIMITS = {1: 120, 2: 90, 3: 80, 4: 72, 5: 72, 6: 72}
 
-#: Numbers of explorers that see every row; the others see a third of them.
-ALL_ROWS = {"fast": (1, 2, 5), "paper": (5,)}
+#: Numbers of explorers that see every row; the others see a fifth of them.
+ALL_ROWS = {"fast": (1, 5), "paper": (5,)}
 
 
 @pytest.fixture(scope="session")
@@ -72,7 +72,7 @@ def test_every_decision_is_the_models(
     slowest = len(core.slow_rows(variant))
     if explorers not in ALL_ROWS[variant]:
         rows = rows.pick(
-            np.r_[0 : len(rows) - slowest : 3, len(rows) - slowest : len(rows)].astype(int)
+            np.r_[0 : len(rows) - slowest : 5, len(rows) - slowest : len(rows)].astype(int)
         )
     expected = rows.model(variant)
     found = core.simulate(rows, explorers, variant, throttle=0 if explorers % 2 else 6)
@@ -81,7 +81,7 @@ def test_every_decision_is_the_models(
     held, deadlock = expected[:, 3] == 1, expected[:, 4] == 1
     counts = np.array([len(anpc.NEXT_POSITIONS[p]) for p in range(8)])
     candidates = counts[rows.s_prev].prod(axis=1)
-    share = 1.0 if explorers in ALL_ROWS[variant] else 0.25
+    share = 1.0 if explorers in ALL_ROWS[variant] else 0.15
     assert len(expected) >= 240 * share
     assert held.sum() >= 25 * share
     assert (~held & ~deadlock).sum() >= 80 * share

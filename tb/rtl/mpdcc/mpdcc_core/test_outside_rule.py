@@ -38,6 +38,9 @@ CASES = (
     (1, 1, (0, 90), 0), (2, 1, (60,), 1), (4, 1, (0,), 0),
 )  # fmt: skip
 
+#: Of these the core without the option decides the same rows: explorers, two switchings.
+WITHOUT = ((1, 0), (3, 0), (2, 1))
+
 
 def with_rule(rows: core.Rows, rule: int | np.ndarray) -> core.Rows:
     """The same rows under the rule "dead" (0) or "inwards" (1)."""
@@ -81,7 +84,7 @@ def bench(
 def test_every_decision_is_the_models(
     explorers: int, two: int, limits: tuple[int, ...], compensate: int
 ) -> None:
-    each = 6 if explorers <= 2 and not two else 3
+    each = 6 if explorers == 1 and not two else 3
     rows, decisions, cycles = bench(explorers, two, limits, compensate, each)
     before = with_rule(rows, 0).model("fast")
     differs = np.any(decisions != before, axis=1)
@@ -92,6 +95,8 @@ def test_every_decision_is_the_models(
     assert (decisions[:, 4] == 1).sum() >= each
     assert ((decisions[:, 4] == 0) & (before[:, 4] == 1)).sum() >= each // 2
 
+    if (explorers, two) not in WITHOUT:
+        return
     # the bit means nothing in the core without the option; of one level no search takes longer
     without = core.simulate(
         rows,
@@ -146,9 +151,9 @@ def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", SECOND_LEVEL_FAULTS, ids=str)
 def test_a_fault_is_seen_at_the_second_level(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, 1, (0,), 0, 8, rtl))
+    assert_seen(fault, tmp_path, lambda rtl: bench(2, 1, (90,), 0, 4, rtl))
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:
     bench(2, 0, (0,), 0, 6, RTL)
-    bench(2, 1, (0,), 0, 8, RTL)
+    bench(2, 1, (90,), 0, 4, RTL)

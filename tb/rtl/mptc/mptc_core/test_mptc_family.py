@@ -374,7 +374,10 @@ def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> Non
             for n in (3, 16)
         )
         third = len(many) // 3
-        tries = [few, many.pick(slice(third)), many.pick(slice(third, None))]
+        tries = [
+            few.pick(slice(None, None, 3)), few, many.pick(slice(third)),
+            many.pick(slice(third, None)),
+        ]  # fmt: skip
     assert any(wrong(rows, ghdl(rows, rtl)) > 0 for rows in tries)
 
 
@@ -386,22 +389,23 @@ def resets(rtl: Path = RTL) -> Outcome:
         files=[rtl_simulation.BENCH],
         generics={"FLUX_CONTROL": "true", "FAMILY": "true"},
         rtl=rtl,
-        timeout=400,
+        timeout=900,
     )
 
 
 def test_a_reset_leaves_no_search_behind() -> None:
-    assert resets().checks["decision"] == 787
+    # every second edge of the methods and rules
+    assert resets().checks["decision"] == 395
 
 
-def full_speed(rtl: Path = RTL) -> Outcome:
+def full_speed(rtl: Path = RTL, *, mixed: int = 25, near: int = 40, powerless: int = 15) -> Outcome:
     return run(
         "mptc_family_core",
         "tb.rtl.mptc.mptc_core.bench_mptc_family_full_speed",
         units=["mptc_family_core"],
-        arguments={"mixed": 40, "near": 70, "powerless": 15},
+        arguments={"mixed": mixed, "near": near, "powerless": powerless},
         rtl=rtl,
-        timeout=400,
+        timeout=900,
     )
 
 
@@ -417,4 +421,4 @@ def test_a_pair_that_goes_on_into_the_next_decision_is_found(tmp_path: Path) -> 
         "if (rst = '1') then\n        ended    <= '0';",
     )
     with pytest.raises(CheckError, match="decision"):
-        full_speed(rtl)
+        full_speed(rtl, mixed=8, near=12, powerless=4)

@@ -194,7 +194,7 @@ def bench(
         units=["mpdcc_system", "gate_release", "sync_bits"],
         files=[system],
         arguments={"seed": 3, "library": str(library), "drive": str(DRIVE), "steps": steps},
-        timeout=300,
+        timeout=900,
     )
 
 
