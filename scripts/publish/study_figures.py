@@ -178,29 +178,44 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
     return {"median": middle, "p05": low, "p95": high}
 
 
+def _random_figures(
+    chosen: Mapping[str, Mapping[str, float]], base: Mapping[str, Mapping[str, float]]
+) -> Section:
+    """Figures of random drives, and their changes against other loops of the same drives."""
+    figures: Section = {
+        f"{figure}_change_pct": _spread(
+            [100 * (mine[column] / base[drive][column] - 1) for drive, mine in chosen.items()]
+        )
+        for figure, column in (("fsw", "fsw_hz"), ("thd", "thd_pct"))
+    }
+    for figure, column in (
+        ("deadlocks_per_1000", "deadlocks_per_1000"),
+        ("excess_current_pu", "excess_current"),
+        ("voltage_outside_pct", "outside_pct"),
+    ):
+        figures[figure] = _spread([mine[column] for mine in chosen.values()])
+    figures["drives_flagged"] = sum(mine["saturated"] > 0 for mine in chosen.values())
+    return figures
+
+
 def _random(found: Mapping[robustness.Setting, Any]) -> Section:
-    by: dict[str, dict[str, dict[str, Mapping[str, float]]]] = {"SE": {}, "SESE": {}}
+    by: dict[tuple[str, str], dict[str, Mapping[str, float]]] = {}
+    drives = set()
     for k, v in found.items():
         if k.drive.startswith("random"):
-            by[k.horizon].setdefault(k.drive, {})[remedy(k.noise, k.rule, k.gain)] = v
+            drives.add(k.drive)
+            name = k.knows or remedy(k.noise, k.rule, k.gain)
+            by.setdefault((k.horizon, name), {})[k.drive] = v
+    section: Section = {
+        "drives": len(drives), "largest_excess_current_pu": robustness.largest_excess(found),
+    }  # fmt: skip
     exact = remedy(*robustness.RANDOM_REMEDIES[0])
-    section: Section = {"drives": len(by["SE"])}
-    every = itertools.product(by.items(), (remedy(*one) for one in robustness.RANDOM_REMEDIES))
-    for (kind, drives), name in every:
-        figures: Section = {
-            f"{figure}_change_pct": _spread(
-                [100 * (mine[name][column] / mine[exact][column] - 1) for mine in drives.values()]
-            )
-            for figure, column in (("fsw", "fsw_hz"), ("thd", "thd_pct"))
-        }
-        for figure, column in (
-            ("deadlocks_per_1000", "deadlocks_per_1000"),
-            ("excess_current_pu", "excess_current"),
-            ("voltage_outside_pct", "outside_pct"),
-        ):
-            figures[figure] = _spread([mine[name][column] for mine in drives.values()])
-        figures["drives_flagged"] = sum(mine[name]["saturated"] > 0 for mine in drives.values())
-        _put(section, (kind, name), figures)
+    names = [remedy(*one) for one in robustness.RANDOM_REMEDIES]
+    for kind, name in itertools.product(HORIZONS, names):
+        _put(section, (kind, name), _random_figures(by[kind, name], by[kind, exact]))
+    for kind, knows in itertools.product(HORIZONS, robustness.RANDOM_KNOWS):
+        path = (kind, robustness.DRAWN, knows)
+        _put(section, path, _random_figures(by[kind, knows], by[kind, robustness.KNOWN]))
     return section
 
 

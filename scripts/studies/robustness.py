@@ -97,6 +97,13 @@ MISMATCHES = (
     *[(f, how) for f in ("gain of the currents 1 %", "dc-link ripple 5 %")
       for how in (THETA, OBSERVER)],
 )  # fmt: skip
+#: A random drive's machine in the plant: both leakages times a factor within `SPREAD`, drawn by
+#: the drive's number.
+DRAWN = "leakage x 0.8 to 1.2"
+SPREAD = (0.8, 1.2)
+#: What the controllers of random drives know of such a machine, by noise 1 with the rule "inwards"
+#: and filters.
+RANDOM_KNOWS = (KNOWN, GIVEN, THETA, OBSERVER)
 REPORT = ROOT / "reports" / "robustness.csv"
 PAGE = ROOT / "docs" / "robustness.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts robustness) -->"
@@ -107,8 +114,9 @@ END = "<!-- {}: end -->"
 class Setting:
     """One closed loop; `drive` is a shipped one's name or ``random N``.
 
-    `machine` is one of `MACHINES`. `knows` is empty where the loop counts after `SETTLE` steps, and
-    else what the controller knows of the machine; then it counts after `LEARNING`.
+    `machine` is one of `MACHINES`, or `DRAWN` with a random drive. `knows` is empty where the loop
+    counts after `SETTLE` steps, and else what the controller knows of the machine; then it counts
+    after `LEARNING`.
     """
 
     drive: str
@@ -154,6 +162,11 @@ def settings(starts: int, count: int) -> Iterator[Setting]:
         range(starts), DRIVES, ("SE", "SESE"), SPEEDS, MISMATCHES
     ):
         yield Setting(name, horizon, speed, 0.10, 1.0, "inwards", GAIN, start, *mismatch)
+    for horizon, number, knows in itertools.product(("SE", "SESE"), range(count), RANDOM_KNOWS):
+        yield Setting(
+            f"random {number}", horizon, SPEEDS[number % 2], 0.10, 1.0, "inwards", GAIN, 0,
+            DRAWN, knows,
+        )  # fmt: skip
 
 
 def drive_of(setting: Setting) -> Drive:
@@ -200,6 +213,27 @@ def _random(base: Drive, rng: np.random.Generator) -> Drive:
             continue
 
 
+def factors_of(setting: Setting) -> dict[str, dict[str, float]]:
+    """How the plant's machine and inverter differ from the controller's.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+
+    Returns
+    -------
+    dict
+        Table and key of a drive file -> factor on the controller's value.
+    """
+    if setting.machine != DRAWN:
+        return MACHINES[setting.machine]
+    number = int(setting.drive.partition(" ")[2])
+    # another stream than the drive's own
+    factor = float(np.random.default_rng([number, 1]).uniform(*SPREAD))
+    return {"machine": {"xls": factor, "xlr": factor}}
+
+
 def loop(setting: Setting, steps: int) -> dict[str, Any]:
     """Run a closed loop.
 
@@ -220,7 +254,7 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
     real = drive.changed(
         **{
             table: {key: getattr(getattr(drive, table), key) * x for key, x in factors.items()}
-            for table, factors in MACHINES[setting.machine].items()
+            for table, factors in factors_of(setting).items()
         }
     )
     if setting.knows == KNOWN:
@@ -506,6 +540,39 @@ def _rounded_remedy(remedy: tuple[float, str, float]) -> tuple[float, str, float
     return remedy[0], remedy[1], float(_cell(remedy[2]))
 
 
+def _random_drives(rows: dict[Setting, dict[str, float]]) -> list[str]:
+    """Names of the random drives that have rows."""
+    return sorted({k.drive for k in rows if k.drive.startswith("random")})
+
+
+def _random_line(
+    chosen: dict[str, dict[str, float]], base: dict[str, dict[str, float]], drives: Sequence[str]
+) -> tuple[str, ...]:
+    """Cells of `RANDOM_HEAD`: rows by drive beside those that they are compared with."""
+
+    def change(name: str) -> str:
+        found = [100 * (chosen[d][name] / base[d][name] - 1) for d in drives]
+        low, middle, high = np.percentile(found, (5, 50, 95))
+        return f"{middle:+.0f} ({low:+.0f} to {high:+.0f})"
+
+    def spread(name: str, digits: str) -> str:
+        found = [chosen[d][name] for d in drives]
+        return f"{np.median(found):{digits}} ({np.percentile(found, 95):{digits}})"
+
+    return (
+        change("fsw_hz"), change("thd_pct"), spread("deadlocks_per_1000", ".0f"),
+        spread("excess_current", ".3f"), spread("outside_pct", ".1f"),
+        f"{sum(chosen[d]['saturated'] > 0 for d in drives)}",
+    )  # fmt: skip
+
+
+RANDOM_HEAD = (
+    "f_sw, %: median (5 to 95 %)", "THD, %: median (5 to 95 %)",
+    "deadlocks per 1,000 steps: median (95 %)", "current beyond its bound, pu: median (95 %)",
+    "voltage outside, % of steps: median (95 %)", "drives with a flag",
+)  # fmt: skip
+
+
 def random_table(rows: dict[Setting, dict[str, float]]) -> str:
     """What noise and remedies change, over the random drives.
 
@@ -519,7 +586,7 @@ def random_table(rows: dict[Setting, dict[str, float]]) -> str:
     str
         A Markdown table.
     """
-    drives = sorted({k.drive for k in rows if k.drive.startswith("random")})
+    drives = _random_drives(rows)
     lines = []
     for horizon, remedy in itertools.product(("SE", "SESE"), RANDOM_REMEDIES):
         noise, rule, gain = _rounded_remedy(remedy)
@@ -528,34 +595,60 @@ def random_table(rows: dict[Setting, dict[str, float]]) -> str:
                 k.drive: v
                 for k, v in rows.items()
                 if k.drive.startswith("random")
+                and not k.knows
                 and (k.horizon, k.noise, k.rule, k.gain) == (horizon, *wanted)
             }
             for wanted in ((noise, rule, gain), (0.0, "dead", 1.0))
         )
-
-        def change(name: str, chosen: dict = chosen, exact: dict = exact) -> str:
-            found = [100 * (chosen[d][name] / exact[d][name] - 1) for d in drives]
-            low, middle, high = np.percentile(found, (5, 50, 95))
-            return f"{middle:+.0f} ({low:+.0f} to {high:+.0f})"
-
-        def spread(name: str, digits: str, chosen: dict = chosen) -> str:
-            found = [chosen[d][name] for d in drives]
-            return f"{np.median(found):{digits}} ({np.percentile(found, 95):{digits}})"
-
-        lines.append(
-            (
-                horizon, f"{noise:g}", _label(rule, gain), change("fsw_hz"), change("thd_pct"),
-                spread("deadlocks_per_1000", ".0f"), spread("excess_current", ".3f"),
-                spread("outside_pct", ".1f"),
-                f"{sum(chosen[d]['saturated'] > 0 for d in drives)}",
-            )
-        )  # fmt: skip
-    head = (
-        "horizon", "noise", "rule", "f_sw, %: median (5 to 95 %)", "THD, %: median (5 to 95 %)",
-        "deadlocks per 1,000 steps: median (95 %)", "current beyond its bound, pu: median (95 %)",
-        "voltage outside, % of steps: median (95 %)", "drives with a flag",
-    )  # fmt: skip
+        label = _label(rule, gain)
+        lines.append((horizon, f"{noise:g}", label, *_random_line(chosen, exact, drives)))
+    head = ("horizon", "noise", "rule", *RANDOM_HEAD)
     return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
+
+
+def random_mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
+    """What a wrong leakage costs random drives, and what its estimate takes back.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    str
+        A Markdown table: changes against a controller that knows the machine.
+    """
+    drives = _random_drives(rows)
+    lines = []
+    for horizon in ("SE", "SESE"):
+        by_knowledge: dict[str, dict[str, dict[str, float]]] = {k: {} for k in RANDOM_KNOWS}
+        for setting, figures in rows.items():
+            if (setting.machine, setting.horizon) == (DRAWN, horizon):
+                by_knowledge[setting.knows][setting.drive] = figures
+        base = by_knowledge[KNOWN]
+        lines += [
+            (horizon, knows, *_random_line(chosen, base, drives))
+            for knows, chosen in by_knowledge.items()
+        ]
+    head = ("horizon", "controller", *RANDOM_HEAD)
+    return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
+
+
+def largest_excess(rows: dict[Setting, dict[str, float]]) -> float:
+    """Furthest that a phase current of a random drive went beyond its bound.
+
+    Parameters
+    ----------
+    rows : dict
+        Of `study`.
+
+    Returns
+    -------
+    float
+        Per unit.
+    """
+    return max(v["excess_current"] for k, v in rows.items() if k.drive.startswith("random"))
 
 
 def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
@@ -574,6 +667,10 @@ def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
             (BEGIN.format("shipped"), END.format("shipped")): shipped_table(rows),
             (BEGIN.format("gain"), END.format("gain")): gain_table(rows),
             (BEGIN.format("random"), END.format("random")): random_table(rows),
+            (
+                BEGIN.format("random machine"),
+                END.format("random machine"),
+            ): random_mismatch_table(rows),
             (BEGIN.format("mismatch"), END.format("mismatch")): mismatch_table(rows),
         },
     )

@@ -34,6 +34,18 @@ SHOWN = (
         robustness.THETA,
     ),
     Setting(
+        "random 4",
+        "SE",
+        1.0,
+        0.10,
+        1.0,
+        "inwards",
+        robustness.GAIN,
+        0,
+        robustness.DRAWN,
+        robustness.THETA,
+    ),
+    Setting(
         "anpc5l_6kv",
         "SE",
         1.0,
@@ -88,6 +100,7 @@ def test_the_page_shows_the_file() -> None:
         ("gain", robustness.gain_table(rows)),
         ("shipped", robustness.shipped_table(rows)),
         ("random", robustness.random_table(rows)),
+        ("random machine", robustness.random_mismatch_table(rows)),
         ("mismatch", robustness.mismatch_table(rows)),
     ):
         begin, end = robustness.BEGIN.format(name), robustness.END.format(name)

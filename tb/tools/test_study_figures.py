@@ -77,8 +77,17 @@ def _high(one: dict[str, float], form: str) -> str:
 
 def test_robustness_of_random_drives() -> None:
     section = METRICS["robustness"]["random"]
-    for horizon, noise, rule, *cells in table("robustness.md", "random"):
-        one = section[horizon][f"noise {noise}, {rule}"]
+    remedies = [
+        (section[horizon][f"noise {noise}, {rule}"], cells)
+        for horizon, noise, rule, *cells in table("robustness.md", "random")
+    ]
+    assert len(remedies) == 2 * len(robustness.RANDOM_REMEDIES)
+    machines = [
+        (section[horizon][robustness.DRAWN][knows], cells)
+        for horizon, knows, *cells in table("robustness.md", "random machine")
+    ]
+    assert len(machines) == 2 * len(robustness.RANDOM_KNOWS)
+    for one, cells in remedies + machines:
         assert cells == [
             _spread(one["fsw_change_pct"]), _spread(one["thd_change_pct"]),
             _high(one["deadlocks_per_1000"], ".0f"), _high(one["excess_current_pu"], ".3f"),

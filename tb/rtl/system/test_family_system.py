@@ -72,8 +72,8 @@ ALL_IN_PARTS = [("MPTC", "MPFC3"), ("MPTC2", "GTV", "MPFC", "SVM"), ("MPTC1", "M
 
 @pytest.mark.parametrize("methods", ALL_IN_PARTS)
 def test_a_system_estimates_speed_and_flux(methods: tuple[str, ...]) -> None:
-    found = bench(sensorless=True, methods=methods, steps=12)
-    assert found.checks["speed"] == 24 * len(methods)
+    found = bench(sensorless=True, methods=methods, steps=8)
+    assert found.checks["speed"] == 16 * len(methods)
 
 
 #: Unit, text, what stands there instead, the check that sees it.

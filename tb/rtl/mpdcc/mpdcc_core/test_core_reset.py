@@ -160,7 +160,7 @@ def test_a_reset_leaves_nothing_behind(case: Case) -> None:
 
 def few_resets(variant: str, explorers: int, rtl: Path, *, two: bool = False) -> None:
     """Resets in the middle of a few decisions."""
-    stride = 7 if two or variant == "paper" else 2
+    stride = 14 if two or variant == "paper" else 3
     bench(Case(variant, explorers, two, stride, 10, counts=(4, 4, 0)), rtl)
 
 
