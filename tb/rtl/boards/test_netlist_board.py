@@ -403,11 +403,11 @@ def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(
         if controller == "mpdcc":
             drive = load_drive(MPDCC)
             loaded(board, drive)
-            run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, 15, "fast")
+            run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, 6, "fast")
         else:
             drive = load_drive(MPTC)
             loaded(board, drive)
-            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 15)
+            run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, 6)
         # request and reply take 120,000 clocks, of the watchdog's 65,535 at most
         with pytest.raises(TrippedError, match=r"\(missing\)"), lockstep.gates_enabled(board):
             pass

@@ -3,14 +3,14 @@
 Sweep: MPDCC (fast, one explorer) and MPTC; the clock at which the host asks for the commit, from 12
 before a start to four after the decision's end: every one, or one in so many.
 Stimulus: sets of parameters of any content that differ in up to eight words, and measurements for
-which they decide differently; the shadows are written before, the commit is one write.
-Shadows are written right behind a commit at rest, too.
+which they decide differently; the shadows are written before, the commit is one write. Shadows are
+written right behind a commit at rest, too.
 Checks: the decision under way is that of the old parameters whenever the commit comes behind its
-start, the next one that of the new ones, always; from one clock on it is the old one. No write behind a commit
-is refused, and none of it takes effect with that commit.
+start, the next one that of the new ones, always; from one clock on it is the old one. No write
+behind a commit is refused, and none of it takes effect with that commit.
 Timing: at rest MPDCC's parameters are prepared for 21 clocks behind a load.
-Faults: a commit that does not wait for the decision, parameters that are scaled a clock late, writes
-that do not wait for a commit.
+Faults: a commit that does not wait for the decision, parameters that are scaled a clock late,
+writes that do not wait for a commit.
 Does not prove: a write of shadows at any clock; test_system does that at random.
 """
 
