@@ -410,7 +410,7 @@ def full_speed(rtl: Path = RTL, *, mixed: int = 25, near: int = 40, powerless: i
 
 
 def test_no_decision_goes_on_into_the_next() -> None:
-    assert full_speed().checks["decision"] == 995
+    assert full_speed().checks["decision"] == 635
 
 
 def test_a_pair_that_goes_on_into_the_next_decision_is_found(tmp_path: Path) -> None:
