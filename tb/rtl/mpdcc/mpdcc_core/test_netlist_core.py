@@ -1,6 +1,6 @@
 """The core's netlist in a second simulator: GHDL's synthesis, Verilog, Verilator.
 
-Sweep: one, two and five explorers of the paper's variant, one and two of the fast one; decisions
+Sweep: two explorers of the paper's variant, one and two of the fast one; decisions
 alone, every other configuration of the core whose area is published, where its netlist or the rows
 are not those of decided.toml, with which it passed; the second level with two
 explorers: SESE with and without a budget, with and without the prediction of k + 1,
