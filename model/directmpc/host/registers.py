@@ -46,9 +46,6 @@ HIGHEST: dict[tuple[str, str], int] = {
 #: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
 
-#: Largest `budget` of a drive file.
-LARGEST_BUDGET = 4095
-
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
 GUARD_MINIMUM_TIME = 200
@@ -607,9 +604,11 @@ def _largest_budget(drive: Drive, variant: str, explorers: int, limit: int) -> i
 
     The drive's own budget takes more.
     """
-    from directmpc.mpdcc import cycles
+    from directmpc.mpdcc import cycles  # counts for seconds, for SESE
 
-    most = drive.control.budget or LARGEST_BUDGET
+    _, fields = registers_of("mpdcc")["parameters.budget"]
+    _, width, _ = fields["value"]
+    most = drive.control.budget or 2**width - 1
     # what the search itself does not take of the limit
     besides = _clocks(drive, variant, explorers, most) - cycles.bound(explorers, most)
     by_budget = cycles.bounds(explorers, most)[1:] + besides

@@ -1,4 +1,4 @@
-"""A reset at every second edge of a decision of ``mptc_family_core`` leaves nothing behind.
+"""A reset in the middle of a decision of ``mptc_family_core`` leaves nothing behind.
 
 As bench_mptc_core_reset, for the methods of several vectors.
 """
@@ -45,7 +45,7 @@ async def resets(dut) -> None:
     kinds = sorted({(int(code), int(n)) for code, n in zip(rows.pairs, taken, strict=True) if code})
     for code, clocks in kinds:
         alike = np.flatnonzero((rows.pairs == code) & (taken == clocks))
-        for edge in range(0, clocks, 2):
+        for edge in range(clocks):
             aborted, k = rng.choice(alike), rng.integers(0, len(rows))
             await bench.begin_pair(rows, aborted)
             if edge:
@@ -65,6 +65,6 @@ async def resets(dut) -> None:
             board.cover(f"method {code}")
     every = [*cycles.FAMILY.values(), *cycles.BEST.values()]
     assert sorted(n for _, n in kinds) == sorted(every)
-    edges = sum(-(-n // 2) for n in every)
-    least = {f"method {code}": n // 2 for code, n in enumerate(cycles.FAMILY.values(), start=1)}
+    edges = sum(every)
+    least = {f"method {code}": n for code, n in enumerate(cycles.FAMILY.values(), start=1)}
     board.finish({"decision": edges, "busy": edges, "valid": edges}, least)
