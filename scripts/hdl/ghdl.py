@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_results, get_runner
 
+from scripts.hdl import machine_code
 from scripts.hdl.sources import LIBRARY, RTL, compile_order, rtl_files, scan
 from scripts.shared import tools
 
@@ -164,11 +165,13 @@ def execute(
     for unit in units:
         sources += [path for path in compile_order(unit, available) if path not in sources]
     with chosen_ghdl(folder):
-        library = _build(top, folder, sources, files)
+        library = _build(top, folder, sources, files, rtl)
         _test(top, library, module, folder, generics, environment, timeout, waves)
 
 
-def _build(top: str, folder: Path, sources: Sequence[Path], files: Sequence[Path]) -> str:
+def _build(
+    top: str, folder: Path, sources: Sequence[Path], files: Sequence[Path], rtl: Path
+) -> str:
     """Analyse the design into its library and the bench's files into theirs.
 
     Returns the library that holds the top.
@@ -178,27 +181,24 @@ def _build(top: str, folder: Path, sources: Sequence[Path], files: Sequence[Path
     BuildError
         If a file does not compile.
     """
-    log = folder / "build.log"
     own = any(top.lower() in unit.entities for unit in scan(sources))
+    ghdl = tools.tool("ghdl")
+    library, here = (LIBRARY if own else BENCHES), f"-P{folder}"
+    compiles = machine_code.compiles()
     try:
-        if not own:
-            tools.run(
-                [*tools.tool("ghdl"), "-a", STANDARD, f"--work={LIBRARY}", *map(str, sources)],
-                cwd=folder,
-            )
-        get_runner("ghdl").build(
-            sources=[*sources, *files] if own else files,
-            hdl_library=LIBRARY if own else BENCHES,
-            hdl_toplevel=top,
-            build_args=[STANDARD, f"-P{folder}"],
-            build_dir=folder,
-            log_file=log,
-        )
+        if compiles:
+            machine_code.analyse(folder, sources, rtl, STANDARD)
+        else:
+            design = [*ghdl, "-a", STANDARD, f"--work={LIBRARY}"]
+            tools.run([*design, *map(str, sources)], cwd=folder)
+        fast = ["-O0"] if compiles else []
+        bench = [STANDARD, *fast, f"--work={library}", here]
+        if files:
+            tools.run([*ghdl, "-a", *bench, *map(str, files)], cwd=folder)
+        tools.run([*ghdl, "-e", *bench, top], cwd=folder)
     except tools.ToolError as error:
         raise BuildError(f"{top} does not compile:\n{error}") from error
-    except (SystemExit, RuntimeError, subprocess.CalledProcessError) as error:
-        raise BuildError(f"{top} does not compile:\n{_tail(log)}") from error
-    return LIBRARY if own else BENCHES
+    return library
 
 
 def _test(

@@ -227,6 +227,35 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
     return order
 
 
+def references(order: Iterable[Path]) -> dict[Path, list[Path]]:
+    """Which of some files each of them refers to.
+
+    Parameters
+    ----------
+    order : Iterable[Path]
+        VHDL files, each after all it depends on.
+
+    Returns
+    -------
+    dict[Path, list[Path]]
+        File -> the files before it that declare what it names or complete it, sorted; in the
+        order given.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    before: dict[str, set[Path]] = {}
+    found = {}
+    for path in order:
+        unit = _scanned(path)
+        found[path] = sorted({p for name in unit.refers for p in before.get(name, ())})
+        for name in unit.primaries | unit.completes:
+            before.setdefault(name, set()).add(path)
+    return found
+
+
 def order_all(files: Iterable[Path]) -> list[Path]:
     """Every file, each after all it depends on.
 

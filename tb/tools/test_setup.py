@@ -446,7 +446,7 @@ def test_a_signal_leaves_nothing(builder, tmp_path, number) -> None:
 
 SUMMARY = "===== 1 {} in 0.01s ====="
 MAKE = """#!/bin/sh
-echo "make $*" >> "{log}"
+echo "make $*${{GHDL_BACKEND:+ with $GHDL_BACKEND}}" >> "{log}"
 case "$*" in
   *lint*) exit {lint} ;;
   *test*) echo "{summary}"; [ {tests} -eq 0 ] || echo "make: *** Error" >&2; exit {tests} ;;
@@ -477,12 +477,14 @@ def integration(machine):
 
 
 def test_ci_runs_lint_then_all_tests_and_a_bare_machine(machine, integration) -> None:
-    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    for name in ("mmdebstrap", "ghdl-llvm"):
+        machine.script(machine.bin / name, "#!/bin/sh\n")
     done = integration()
     assert done.returncode == 0, done.stderr
     first, *others = machine.log.read_text().splitlines()
     assert first == "make --no-print-directory lint"
-    assert sorted(others) == ["fresh_machine make run", "make --no-print-directory test-all"]
+    tests = "make --no-print-directory test-all with llvm"
+    assert sorted(others) == ["fresh_machine make run", tests]
     *_, told, last = done.stdout.splitlines()
     assert told == "ci: make run on a bare machine: exit code 0"
     assert last == SUMMARY.format("passed")
@@ -523,6 +525,18 @@ def test_ci_installs_mmdebstrap_or_fails(machine, integration) -> None:
     assert integration().returncode == 0
     assert "install" in machine.log.read_text()
     assert machine.log.read_text().split("mmdebstrap\n")[0].endswith("--no-install-recommends ")
+
+
+@pytest.mark.parametrize("code", [0, 100])
+def test_ci_takes_the_faster_simulator_where_it_can(machine, integration, code) -> None:
+    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    note = f'#!/bin/sh\necho "apt-get $*" >> "{machine.log}"\nexit {code}\n'
+    machine.script(machine.bin / "apt-get", note)
+    done = integration()
+    assert done.returncode == 0
+    assert (" ghdl-llvm\n" in machine.log.read_text()) == (code == 0)
+    assert ("that failed; the tests take more time" in done.stdout) == (code != 0)
+    assert "test-all with llvm" in machine.log.read_text()
 
 
 def test_ci_fails_where_mmdebstrap_cannot_be_installed(machine, integration) -> None:
