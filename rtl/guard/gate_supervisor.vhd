@@ -81,6 +81,8 @@ architecture rtl of gate_supervisor is
   signal faulty    : std_logic; -- a fault is latched
   signal rested    : std_logic; -- gates have been off long enough
   signal arming    : std_logic;
+  signal events    : std_logic_vector(FAULT_COUNT - 1 downto 0); -- what would be a fault with enable up
+  signal any_event : std_logic;
   signal causes    : std_logic_vector(FAULT_COUNT - 1 downto 0);
   signal fault     : std_logic;
   signal halt      : std_logic;
@@ -117,27 +119,27 @@ begin
   wanted <= enable and primed and not faulty;
   forget <= renew or not wanted;
 
-  p_causes : process (wanted, state, trips, decided, legal, blocked, refused, expected, late, starved) is
+  p_events : process (state, trips, decided, legal, blocked, refused, expected, late, starved) is
   begin
 
-    causes <= (others => '0');
+    events                <= (others => '0');
+    events(3 downto 0)    <= trips;
+    events(FAULT_LATE)    <= expected and not decided and late;
+    events(FAULT_MISSING) <= to_std_logic(state /= OFF) and starved and not decided;
+    -- in any state: no pattern depends on legs and states being in step
+    events(FAULT_INTERLOCK) <= refused;
 
-    if (wanted = '1') then
-      causes(3 downto 0)    <= trips;
-      causes(FAULT_LATE)    <= expected and not decided and late;
-      causes(FAULT_MISSING) <= to_std_logic(state /= OFF) and starved and not decided;
-      -- in any state: no pattern depends on legs and states being in step
-      causes(FAULT_INTERLOCK) <= refused;
+    if (state = ACTIVE) then
+      events(FAULT_ILLEGAL) <= decided and not legal;
+      events(FAULT_OVERRUN) <= decided and blocked;
     end if;
 
-    if (wanted = '1' and state = ACTIVE) then
-      causes(FAULT_ILLEGAL) <= decided and not legal;
-      causes(FAULT_OVERRUN) <= decided and blocked;
-    end if;
+  end process p_events;
 
-  end process p_causes;
-
-  fault  <= or_of(causes);
+  any_event <= or_of(events);
+  causes <= events when wanted = '1' else
+            (others => '0');
+  fault  <= any_event and wanted;
   rested <= wanted and to_std_logic(state = OFF and off_for >= dead and off_for >= rest);
   arming <= rested and not fault;
 
@@ -167,7 +169,8 @@ begin
       over   => starved
     );
 
-  halt  <= '1' when rst = '1' or wanted = '0' or fault = '1' or (state /= ARMED and state /= ACTIVE) else
+  -- not wanted is a halt of its own, so the way from an event to the gates need not know it
+  halt  <= '1' when rst = '1' or wanted = '0' or any_event = '1' or (state /= ARMED and state /= ACTIVE) else
            '0';
 
   p_state : process (clk) is

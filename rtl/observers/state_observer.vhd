@@ -180,6 +180,10 @@ architecture rtl of state_observer is
   signal read_place   : std_logic_vector(3 downto 0);
   signal write_place  : std_logic_vector(3 downto 0);
   signal write        : std_logic;
+  signal moving       : std_logic;                                 -- a word is moved in this clock
+  signal joins        : std_logic;                                 -- one that was joined is written
+  signal joined_place : std_logic_vector(3 downto 0);
+  signal joined_word  : std_logic_vector(STATE - 1 downto 0);
   signal read_word    : std_logic_vector(STATE - 1 downto 0);
   signal flux_word    : std_logic;                                 -- the word read is a state of the flux
   signal known        : std_logic;                                 -- the word read counts, else it is zero
@@ -408,12 +412,15 @@ begin
   end process p_parts;
 
   ---------------------------------------------------------------------------------------------
-  -- Register file.  Currents at k and k-1 change places by one bit of their address.
+  -- Register file.  Currents at k and k-1 change places by one bit of their address.  What is joined to the word read
+  -- is written a clock later than what is moved as it is.
   ---------------------------------------------------------------------------------------------
 
   read_place  <= placed(a_choice(3 downto 0), turned);
-  write_place <= placed(target xor WRITTEN_FIRST, turned);
-  write       <= begins or (move(5) and (observed_on or not move(4)));
+  moving      <= move(5) and (observed_on or not move(4));
+  write_place <= joined_place when joins = '1' else
+                 placed(target xor WRITTEN_FIRST, turned);
+  write       <= joins or (moving and move(3));
 
   i_file : entity work.ram
     generic map (
@@ -469,39 +476,39 @@ begin
 
   end process p_measured;
 
-  p_write_state : process (move, measured, is_alpha, is_beta, result, from_result, read_state) is
+  write_state <= joined_word when joins = '1' else
+                 std_logic_vector(result) when from_result = '1' else
+                 std_logic_vector(shift_left(resize(signed(measured), STATE), STATE - PORTS));
+
+  p_join : process (clk) is
 
     variable current : std_logic_vector(PORTS - 1 downto 0);
     variable addend  : signed(STATE downto 0);
     variable joined  : signed(STATE downto 0);
-    variable plain   : signed(STATE - 1 downto 0);
 
   begin
 
-    if (move(0) = '1') then
-      current := is_beta;
-    else
-      current := is_alpha;
+    if rising_edge(clk) then
+      if (move(0) = '1') then
+        current := is_beta;
+      else
+        current := is_alpha;
+      end if;
+
+      -- half of a sum or difference with the word read; a word of 16 bits counts four times in a state's upper bits
+      if (from_result = '1') then
+        addend := resize(result, STATE + 1);
+      else
+        addend := shift_left(resize(signed(current), STATE + 1), STATE - PORTS);
+      end if;
+
+      joined       := adjusted(addend, resize(read_state, STATE + 1), not from_result, from_result);
+      joined_word  <= std_logic_vector(joined(STATE downto 1));
+      joined_place <= placed(target xor WRITTEN_FIRST, turned);
+      joins        <= begins or (moving and not move(3));
     end if;
 
-    -- half of a sum or difference with the word read; a word of 16 bits counts four times in a state's upper bits
-    if (from_result = '1') then
-      addend := resize(result, STATE + 1);
-      plain  := result;
-    else
-      addend := shift_left(resize(signed(current), STATE + 1), STATE - PORTS);
-      plain  := shift_left(resize(signed(measured), STATE), STATE - PORTS);
-    end if;
-
-    joined := adjusted(addend, resize(read_state, STATE + 1), not from_result, from_result);
-
-    if (move(3) = '1') then
-      write_state <= std_logic_vector(plain);
-    else
-      write_state <= std_logic_vector(joined(STATE downto 1));
-    end if;
-
-  end process p_write_state;
+  end process p_join;
 
   ---------------------------------------------------------------------------------------------
   -- Products

@@ -133,7 +133,7 @@ class Move:
     Attributes
     ----------
     clock : int
-        Clock at whose end it is written.
+        Clock at whose end it is written; a clock later, if it is joined.
     word : str
         Word that is written.
     what : str
@@ -305,7 +305,8 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
     """Raise ValueError where the program contradicts itself.
 
     One product, one move a clock; words that exist; sums that have a beginning and an end; a result
-    moved before the next one; nothing behind its part's end; no word read before it is written.
+    moved before the next one; nothing behind its part's end; one word written a clock, none read
+    before.
 
     Parameters
     ----------
@@ -356,13 +357,22 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
         end = results[n + 1] if n + 1 < len(results) else LEAKAGE_END
         if not any(m.what == "result" and clock < m.clock <= end for m in moves):
             raise ValueError(f"the result of clock {clock} is not moved")
-    written = {"m_alpha"}
+    plain = {m.clock: m.word for m in moves if not m.joined}
+    joined = {m.clock + 1: m.word for m in moves if m.joined}
+    # in the first clock of a step that of the start
+    for clock in sorted((plain.keys() & joined.keys()) | (plain.keys() & {FILTERS, FLUX})):
+        raise ValueError(f"clock {clock}: two words are written")
+    joined |= {first: WRITTEN_FIRST for first in (FILTERS, FLUX)}
+    for p in products:
+        if p.clock in joined and p.source == joined[p.clock]:
+            raise ValueError(f"clock {p.clock}: {p.source} is being written")
+    written = set()
     for clock in range(SCALING):
         for p in products:
             fresh = p.clock == clock and p.source in WORDS and "old " not in p.a
             if fresh and p.source not in written:
                 raise ValueError(f"clock {clock}: {p.source} has not been written")
-        written |= {m.word for m in moves if m.clock == clock}
+        written |= {words[clock] for words in (plain, joined) if clock in words}
 
 
 check()

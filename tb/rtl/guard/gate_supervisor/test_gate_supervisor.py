@@ -38,7 +38,7 @@ def test_every_clock_is_the_reference_s() -> None:
 
 
 FAULTS = [
-    Fault(NAME, "causes(FAULT_INTERLOCK) <= refused;", "null;", "(stop|faults)"),
+    Fault(NAME, "events(FAULT_INTERLOCK) <= refused;", "null;", "(stop|faults)"),
     Fault(NAME, "expected and not decided and late", "expected and late", "(stop|faults)"),
     Fault(NAME, "fed <= decided or", "fed <=", "(stop|faults)"),
     Fault(NAME, "decided and compared and not renew;", "decided and compared;", "(stop|running)"),

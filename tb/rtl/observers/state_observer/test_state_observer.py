@@ -86,6 +86,11 @@ def _products(*changes: tuple[int, state_program.Product]) -> list[state_program
     return [p for _, p in sorted((by_clock | dict(changes)).items())]
 
 
+def _moved(*more: state_program.Move) -> list[state_program.Move]:
+    by_clock = {m.clock: m for m in state_program.MOVES} | {m.clock: m for m in more}
+    return [m for _, m in sorted(by_clock.items())]
+
+
 _P = state_program.Product
 _M = state_program.Move
 
@@ -107,6 +112,10 @@ _M = state_program.Move
         (None, [_M(29, "m_beta", "is_beta", joined=True)], "nothing is read"),
         (None, [_M(28, "m_beta", "omega_r", joined=True)], "omega_r is never joined"),
         (None, [_M(20, "s_beta", "result")], "is not moved"),
+        (None, _moved(_M(10, "f_beta", "is_beta")), "clock 10: two words are written"),
+        (None, _moved(_M(8, "f_beta", "is_beta")), "clock 8: two words are written"),
+        (_products((1, _P(1, "m_beta", "charge", "corrected"))), None, "m_beta is being written"),
+        (_products((0, _P(0, "m_alpha"))), None, "m_alpha is being written"),
     ],
 )
 def test_a_program_that_contradicts_itself_is_refused(products, moves, message: str) -> None:
