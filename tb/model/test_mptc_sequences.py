@@ -7,7 +7,7 @@ Checks: torque, flux and mean torque that a decision makes, by formulas of their
 against a search over a grid of times; distortion and ripple against docs/mptc.md's figures.
 The bit-true twin against ideal, every method and rule: at least 99 % of the vectors, none where
 ideal's choice leads by 0.14 N*m or 1 mWb, times within 3/4096 of the period and what half an LSB of
-the inputs shifts them in 98 % of the periods (MPTC1: 96 %), within 2.5 times that in all; with the
+the inputs shifts them in 99.5 % of the periods (MPTC1: 96.5 %), within 2.5 times that in all; with the
 rules mean and best beyond that only where the cost is within 0.14 N*m.
 Does not prove: what the gates compute, see test_mptc_family.
 """
@@ -434,7 +434,7 @@ def half_lsb(drive: MptcDrive, inputs: tuple, wanted: VectorSequence) -> float:
     shift = 0.0
     for place, step in (
         (0, lsb["is_alpha"]), (0, 1j * lsb["is_beta"]), (1, lsb["psis_alpha"]),
-        (1, 1j * lsb["psis_beta"]), (2, lsb["omega_r"]), (5, lsb["torque_ref"]),
+        (1, 1j * lsb["psis_beta"]), (2, lsb["omega_r"]), (4, lsb["v_dc"]), (5, lsb["torque_ref"]),
         (6, lsb["psi_ref"]),
     ):  # fmt: skip
         worst = 0.0
@@ -495,7 +495,8 @@ def test_twin_decides_as_ideal(method: str, rule: str, rpm: float, load: float) 
             if method == "MPTC1":  # chooses by what a vector does in the whole period
                 lead = lead_of(drive, inputs, whole(made.u1), whole(wanted.u1))
             assert lead <= (0.001 if method in FLUX else 0.14)
-    assert beyond <= (0.04 if method == "MPTC1" else 0.02) * 4000
+    share = {"MPTC1": 0.035, "MPTC2": 0.005, "GTV": 0.005}.get(method, 0.001)
+    assert beyond <= share * 4000
 
 
 @pytest.mark.parametrize("name", ["induction_2kw2", "motulator_2kw2"])
