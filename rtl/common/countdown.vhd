@@ -1,11 +1,13 @@
 -- Counts clocks down and says when they have passed.
 --
--- load begins a count from clocks.  over is '0' from the next clock on and rises clocks later; with clocks = 0 it
--- does not fall.  over is a register of its own, so that what depends on it does not wait for a comparison.
+-- load begins a count from clocks.  over is '0' from the next clock on and rises clocks - EARLY later; with no more
+-- clocks than EARLY it does not fall.  over is a register of its own, so that what depends on it does not wait for a
+-- comparison.  EARLY costs no subtraction: the count ends before it is zero.
 --
 -- Formats: clocks unsigned.
--- Latency: over is high from the clock that follows load by clocks + 1 on, until the next load.
--- Overflow: none; the count stops at zero.
+-- Latency: over is high from the clock that follows load by clocks - EARLY + 1 on, by one at least, until the next
+-- load.
+-- Overflow: none; the count stops at EARLY, or where it began.
 -- Power-up: over is unknown until the first load; there is no reset.
 -- Licence: Apache-2.0
 
@@ -18,7 +20,8 @@ library work;
 
 entity countdown is
   generic (
-    WIDTH : positive := 12 -- bits of the count
+    WIDTH : positive := 12; -- bits of the count
+    EARLY : natural  := 0   -- clocks by which over rises sooner
   );
   port (
     clk    : in    std_logic;                            -- rising edge
@@ -31,7 +34,7 @@ end entity countdown;
 architecture rtl of countdown is
 
   signal left : unsigned(WIDTH - 1 downto 0);
-  signal done : std_logic; -- '1': left is zero
+  signal done : std_logic; -- '1': no more than EARLY are left
 
 begin
 
@@ -41,10 +44,10 @@ begin
     if rising_edge(clk) then
       if (load = '1') then
         left <= unsigned(clocks);
-        done <= to_std_logic(unsigned(clocks) = 0);
+        done <= to_std_logic(unsigned(clocks) <= EARLY);
       elsif (done = '0') then
         left <= left - 1;
-        done <= to_std_logic(left = 1);
+        done <= to_std_logic(left = EARLY + 1);
       end if;
     end if;
 

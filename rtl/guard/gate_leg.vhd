@@ -96,13 +96,14 @@ begin
 
   forbidden <= is_forbidden(FIVE_LEVEL, changed);
 
-  -- a clock less: over is seen in the clock after the count
-  pause <= std_logic_vector(unsigned(rest_time) - 1) when phase = STARTING or (phase = ACTING and ends = '1') else
-           std_logic_vector(unsigned(dead_time) - 1);
+  pause <= rest_time when phase = STARTING or (phase = ACTING and ends = '1') else
+           dead_time;
 
+  -- over is seen in the clock after the count
   i_countdown : entity work.countdown
     generic map (
-      WIDTH => TIME_WIDTH
+      WIDTH => TIME_WIDTH,
+      EARLY => 1
     )
     port map (
       clk    => clk,

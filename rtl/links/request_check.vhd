@@ -9,7 +9,7 @@
 -- which disables the gates.
 --
 -- Formats: frames as in docs/protocol.md. measurements and position are the payload of a STEP, first word lowest.
--- Latency: outcome is valid in the clock after the last byte.
+-- Latency: outcome is valid in the clock after the last byte. A number counts in the second clock after acted.
 -- Overflow: none; a payload has at most as many bytes as a frame.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -82,6 +82,7 @@ architecture rtl of request_check is
   signal fresh       : std_logic;                            -- the number is new, and of this link
   signal known       : std_logic;                            -- type and size are
   signal changes     : std_logic;                            -- it changes something: WRITE, STEP
+  signal noted       : std_logic;                            -- it has acted and changed something: its number counts
   signal writing     : std_logic;                            -- it is a WRITE
   signal stepping    : std_logic;                            -- it is a STEP
   signal disables    : std_logic;                            -- it writes zero to system.control
@@ -187,7 +188,10 @@ begin
       -- ahead by 1 to 2**30: the difference is negative
       fresh <= behind(NUMBER_BITS - 1) and not (number_now(31) xor link);
 
-      if (acted = '1' and changes = '1') then
+      -- a clock later: a verdict is late, and number and link still stand
+      noted <= acted and changes;
+
+      if (noted = '1') then
         if (link = '0') then
           lasts(0) <= unsigned(number_now(NUMBER_BITS - 1 downto 0));
         else
@@ -197,6 +201,7 @@ begin
 
       if (rst = '1') then
         lasts <= (others => (others => '0'));
+        noted <= '0';
       end if;
     end if;
 

@@ -211,6 +211,9 @@ architecture rtl of state_observer is
   signal phase_1      : unsigned(1 downto 0);
   signal phase_2      : unsigned(1 downto 0);
   signal forms        : std_logic_vector(3 downto 1);
+  signal held_a       : std_logic_vector(2 downto 0);                -- positions, a clock later
+  signal held_b       : std_logic_vector(2 downto 0);
+  signal held_c       : std_logic_vector(2 downto 0);
   signal applied      : std_logic_vector(2 downto 0);                -- position of the phase
   signal charged      : std_logic_vector(1 downto 0);                -- the capacitor counts, positive, negative
   signal storage      : std_logic_vector(PORTS - 1 downto 0);        -- v_ph of the phase, measured or filtered
@@ -713,9 +716,9 @@ begin
   -- (2 v_a - v_b - v_c) and (v_b - v_c) in 1/16003.125 pu
   ---------------------------------------------------------------------------------------------
 
-  applied <= s_b when phase = 0 else
-             s_c when phase = 1 else
-             s_a;
+  applied <= held_b when phase = 0 else
+             held_c when phase = 1 else
+             held_a;
 
   given_ph <= v_ph_b when phase_1 = 0 else
               v_ph_c when phase_1 = 1 else
@@ -729,6 +732,9 @@ begin
   begin
 
     if rising_edge(clk) then
+      held_a  <= s_a;
+      held_b  <= s_b;
+      held_c  <= s_c;
       forms   <= forms(2 downto 1) & marks(1);
       phase_1 <= phase;
       phase_2 <= phase_1;
@@ -816,7 +822,7 @@ begin
       variable charges    : std_logic_vector(2 downto 0); -- a current > 0 charges the capacitor of phase a, b, c
       variable discharges : std_logic_vector(2 downto 0);
       variable neutral    : std_logic_vector(2 downto 0); -- a phase is connected to the midpoint
-      variable moving     : std_logic;
+      variable moves      : std_logic;
       variable whole_word : std_logic;
       variable minus      : std_logic;
       variable along_beta : std_logic;
@@ -840,34 +846,34 @@ begin
             -- 2 n(s_a) - n(s_b) - n(s_c), halves
             whole_word := not (neutral(1) xor neutral(2));
             minus      := not neutral(0);
-            moving     := ((neutral(0) xor neutral(1)) or (neutral(0) xor neutral(2))) and filters_n;
+            moves      := ((neutral(0) xor neutral(1)) or (neutral(0) xor neutral(2))) and filters_n;
 
           when 1 =>
 
             -- n(s_b) - n(s_c)
             minus  := neutral(2);
-            moving := (neutral(1) xor neutral(2)) and filters_n;
+            moves  := (neutral(1) xor neutral(2)) and filters_n;
 
           when 2 =>
 
             minus  := charges(1);
-            moving := (charges(1) or discharges(1)) and filters_ph;
+            moves  := (charges(1) or discharges(1)) and filters_ph;
 
           when 3 =>
 
             minus  := discharges(1);
-            moving := (charges(1) or discharges(1)) and filters_ph;
+            moves  := (charges(1) or discharges(1)) and filters_ph;
 
           when 4 | 5 =>
 
             minus  := charges(2);
-            moving := (charges(2) or discharges(2)) and filters_ph;
+            moves  := (charges(2) or discharges(2)) and filters_ph;
 
           when others =>
 
             whole_word := '1';
             minus      := discharges(0);
-            moving     := (charges(0) or discharges(0)) and filters_ph;
+            moves      := (charges(0) or discharges(0)) and filters_ph;
 
         end case;
 
@@ -882,9 +888,9 @@ begin
         end if;
 
         charging     <= '1';
-        charge_none  <= not moving;
+        charge_none  <= not moves;
         charge_half  <= not whole_word;
-        charge_minus <= minus and moving;
+        charge_minus <= minus and moves;
 
         if (filters_on = '0' or charge = 7) then
           charging     <= '0';

@@ -7,8 +7,8 @@ Checks: torque, flux and mean torque that a decision makes, by formulas of their
 against a search over a grid of times; distortion and ripple against docs/mptc.md's figures.
 The bit-true twin against ideal, every method and rule: at least 99 % of the vectors, none where
 ideal's choice leads by 0.14 N*m or 1 mWb, times within 3/4096 of the period and what half an LSB of
-the inputs shifts them in 99.5 % of the periods (MPTC1: 96.5 %), within 2.5 times that in all; with the
-rules mean and best beyond that only where the cost is within 0.14 N*m.
+the inputs shifts them in 99.5 % of the periods (MPTC1: 96.5 %), within 2.5 times that in all; with
+the rules mean and best beyond that only where the cost is within 0.14 N*m.
 Does not prove: what the gates compute, see test_mptc_family.
 """
 

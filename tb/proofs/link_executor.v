@@ -44,6 +44,7 @@ module proof (
   (* inside = "i_dut.i_check.size" *) wire [7:0] size;
   (* inside = "i_dut.i_check.number_now" *) wire [31:0] number;
   (* inside = "i_dut.i_check.lasts" *) wire [61:0] lasts;
+  (* inside = "i_dut.i_check.noted" *) wire noted;
   (* inside = "i_dut.i_check.fresh" *) wire fresh;
   (* inside = "i_dut.i_check.quiet" *) wire quiet;
   wire [2:0] phase = r[2:0];
@@ -104,6 +105,7 @@ module proof (
   wire fact_not_twice = !(phase >= BUS && !resumed && step_live) || step_link != link;
   wire fact_pending = (phase == IDLE || (pending & now) != 0) && (acted & ~pending) == 0
                       && (!serves || (pending & now) != 0);
+  wire fact_noted = !noted || (phase != FETCH && phase != CHECK);
   wire fact_number = !(phase == CHECK && size[5:0] != 0)
                      || (number == number_last && lasts == lasts_last && link == link_last);
   wire fact_fresh = !sure || fresh == (behind[30] && number_last[31] == link_last);

@@ -362,7 +362,7 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
     # in the first clock of a step that of the start
     for clock in sorted((plain.keys() & joined.keys()) | (plain.keys() & {FILTERS, FLUX})):
         raise ValueError(f"clock {clock}: two words are written")
-    joined |= {first: WRITTEN_FIRST for first in (FILTERS, FLUX)}
+    joined |= dict.fromkeys((FILTERS, FLUX), WRITTEN_FIRST)
     for p in products:
         if p.clock in joined and p.source == joined[p.clock]:
             raise ValueError(f"clock {p.clock}: {p.source} is being written")
