@@ -1,13 +1,11 @@
 -- Counts clocks down and says when they have passed.
 --
--- load begins a count from clocks.  over is '0' from the next clock on and rises clocks - EARLY later; with no more
--- clocks than EARLY it does not fall.  over is a register of its own, so that what depends on it does not wait for a
--- comparison.  EARLY costs no subtraction: the count ends before it is zero.
+-- load begins a count from clocks.  over is '0' from the next clock on and rises clocks later; with clocks = 0 it
+-- does not fall.  over is a register of its own, so that what depends on it does not wait for a comparison.
 --
 -- Formats: clocks unsigned.
--- Latency: over is high from the clock that follows load by clocks - EARLY + 1 on, by one at least, until the next
--- load.
--- Overflow: none; the count stops at EARLY, or where it began.
+-- Latency: over is high from the clock that follows load by clocks + 1 on, until the next load.
+-- Overflow: none; the count stops at zero.
 -- Power-up: over is unknown until the first load; there is no reset.
 -- Licence: Apache-2.0
 
@@ -20,8 +18,7 @@ library work;
 
 entity countdown is
   generic (
-    WIDTH : positive := 12; -- bits of the count
-    EARLY : natural  := 0   -- clocks by which over rises sooner
+    WIDTH : positive := 12 -- bits of the count
   );
   port (
     clk    : in    std_logic;                            -- rising edge
@@ -34,7 +31,7 @@ end entity countdown;
 architecture rtl of countdown is
 
   signal left : unsigned(WIDTH - 1 downto 0);
-  signal done : std_logic; -- '1': no more than EARLY are left
+  signal done : std_logic; -- '1': left is zero
 
 begin
 
@@ -44,10 +41,10 @@ begin
     if rising_edge(clk) then
       if (load = '1') then
         left <= unsigned(clocks);
-        done <= to_std_logic(unsigned(clocks) <= EARLY);
+        done <= to_std_logic(unsigned(clocks) = 0);
       elsif (done = '0') then
         left <= left - 1;
-        done <= to_std_logic(left = EARLY + 1);
+        done <= to_std_logic(left = 1);
       end if;
     end if;
 

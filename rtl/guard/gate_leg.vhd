@@ -96,14 +96,13 @@ begin
 
   forbidden <= is_forbidden(FIVE_LEVEL, changed);
 
-  pause <= rest_time when phase = STARTING or (phase = ACTING and ends = '1') else
-           dead_time;
+  -- a clock less: over is seen in the clock after the count
+  pause <= std_logic_vector(unsigned(rest_time) - 1) when phase = STARTING or (phase = ACTING and ends = '1') else
+           std_logic_vector(unsigned(dead_time) - 1);
 
-  -- over is seen in the clock after the count
   i_countdown : entity work.countdown
     generic map (
-      WIDTH => TIME_WIDTH,
-      EARLY => 1
+      WIDTH => TIME_WIDTH
     )
     port map (
       clk    => clk,

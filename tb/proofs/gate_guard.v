@@ -260,7 +260,7 @@ module proof (
       wire fact_acting = phase != ACTING || (follows(origin, target) && origin != target && action >= 1
                         && action <= last(origin, target) && further == gate_of(origin, target, action)
                         && ends == (action == last(origin, target)) && driven == (full(origin) ^ move));
-      wire fact_done = !moves || done == (left <= 1);
+      wire fact_done = !moves || done == (left == 0);
       wire fact_entered = !entered[x] || phase == RESTED || phase == ACTING || was_on;
       wire fact_unentered = phase != STARTING || !entered[x];
       wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
@@ -282,10 +282,10 @@ module proof (
         wire fact_off_long = !(!before[N] && gates[N]) || stored >= floor_off;
         wire fact_off = state != OFF || age >= off_for;
         wire fact_ready = !(state == ARMED || phase == STARTING) || (age >= dead && age >= rest);
-        wire fact_rest = phase != RESTED || 14'd0 + age + left >= rest;
+        wire fact_rest = phase != RESTED || age + left + 1 >= rest;
         wire fact_dead = phase != RESTED || driven[i] || age >= dead;
         wire fact_kept = !(phase == ACTING && !move[i]) || age >= rest;
-        wire fact_apart = !(phase == ACTING && !driven[i]) || age >= dead || (latest[i] && 14'd0 + age + left >= dead);
+        wire fact_apart = !(phase == ACTING && !driven[i]) || age >= dead || (latest[i] && age + left + 1 >= dead);
       end
 
       wire fact_extended = driven == 0 || !shorts(recent);

@@ -35,8 +35,8 @@ says = "over is up when nothing is left"
 
 [countdown.properties.over_at_zero.fault]
 unit = "countdown"
-text = "left = EARLY + 1"
-fault = "left = EARLY + 2"
+text = "left = 1"
+fault = "left = 2"
 seen_by = "prove_over_at_zero"
 """
 

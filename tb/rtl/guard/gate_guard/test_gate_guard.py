@@ -44,8 +44,8 @@ FAULTS = {
     "order": ("gate_tables", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
     "dead time": (
         "gate_leg",
-        "           dead_time;",
-        "           std_logic_vector(unsigned(dead_time) - 1);",
+        "std_logic_vector(unsigned(dead_time) - 1);",
+        "std_logic_vector(unsigned(dead_time) - 2);",
     ),
     "current": ("trip_comparator", "shift_left(beta, 4)", "shift_left(beta, 3)"),
     "limit that cannot trip": ("trip_comparator", ">= HIGHEST_CURRENT)", "> HIGHEST_CURRENT)"),

@@ -37,8 +37,8 @@ SEEDED = {
     "dead time": (
         True,
         "gate_leg",
-        "           dead_time;",
-        "           (others => '0');",
+        "std_logic_vector(unsigned(dead_time) - 1);",
+        "std_logic_vector(unsigned(dead_time) - unsigned(dead_time));",
     ),
     "rest": (
         False,
