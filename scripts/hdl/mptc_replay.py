@@ -57,6 +57,7 @@ def decide(
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
     if drive.control.sequences:
         applied = bit_true_sequences.applied_words(trace)
+        u = trace.sequences().vectors[:, 0]  # `u` has no meaning beside a sequence
         code = np.full(len(u), FAMILY_METHODS[drive.control.method])
         rule = np.full(len(u), duty_rule_word(drive))
 

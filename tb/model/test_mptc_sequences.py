@@ -819,6 +819,28 @@ def test_bad_sequences(tmp_path: Path, change, words: list[str]) -> None:
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize("engine", ["ideal", "model", "rtl"])
+def test_u_beside_a_sequence_has_no_meaning(engine: str, tmp_path: Path) -> None:
+    drive, path = small(tmp_path, "MPC2")
+    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+    place, decided = lines[0].index("u"), []
+    for name, beside in (("as it is", None), ("others", ("99", "-7"))):
+        trace, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
+        rows = [list(line) for line in lines]
+        for number, line in enumerate(rows[1:] if beside else []):
+            line[place] = beside[number % 2]
+        trace.write_text("".join(",".join(line) + "\n" for line in rows), encoding="utf-8")
+        done = command("--drive", drive, "--trace", trace, "--out", out, "--engine", engine)
+        assert done.returncode == 0, done.stderr
+        decided.append(out.read_bytes())
+    assert decided[0] == decided[1]
+    # without a sequence it has one
+    bare = "".join(",".join(line[:-5]) + "\n" for line in rows)
+    trace.write_text(bare, encoding="utf-8")
+    with pytest.raises(TraceError, match=r'line 2, column 8 \(u\): got "99".*0 to 7'):
+        read_trace(trace, sequences=True)
+
+
 def test_times_that_rounding_alone_makes_too_long_are_cut(tmp_path: Path) -> None:
     _, path = small(tmp_path, "GTV")
     times = [repr((steps + 1e-6) / 4096) for steps in (2048.5, 2047.5)]

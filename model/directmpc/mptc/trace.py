@@ -46,6 +46,8 @@ _TIMES = ("t1", "t2")
 _ROUNDING = 1e-9
 _MEASURED = tuple(Column(name) for name in _REAL)
 _TRACE_COLUMNS = (*_MEASURED, Column("u", 0, 7))
+#: `u` beside a sequence, without meaning.
+_ANY_VECTOR = Column("u", -(2**31), 2**31 - 1)
 _SEQUENCE_COLUMNS = (*(Column(name, 0, 7) for name in _VECTORS), *map(Column, _TIMES))
 _DECISION_COLUMNS = (Column("u", 0, 7), CYCLES, Column("saturated", 0, 1))
 _SEQUENCE_DECISION_COLUMNS = (*_SEQUENCE_COLUMNS, CYCLES, Column("saturated", 0, 1))
@@ -208,7 +210,8 @@ def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
         CSV file.
     sequences : bool
         Whether the columns u1, u2, u3, t1, t2 are allowed: the drive's method applies two or three
-        vectors a period. Times are rounded to the nearest 1/4096.
+        vectors a period. Times are rounded to the nearest 1/4096. Beside them `u` may be any
+        integer.
 
     Returns
     -------
@@ -222,10 +225,13 @@ def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
     """
     columns = _TRACE_COLUMNS
     if sequences:
+        columns = (*_MEASURED, _ANY_VECTOR)
         columns += tuple(replace(column, optional=True) for column in _SEQUENCE_COLUMNS)
     table = read_table(path, columns)
     applied = None
     given = [column.name for column in _SEQUENCE_COLUMNS if column.name in table]
+    if sequences and not given:
+        table = read_table(path, _TRACE_COLUMNS)
     if given:
         for name in (*_VECTORS, *_TIMES):
             if name not in given:
