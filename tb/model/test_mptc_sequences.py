@@ -5,10 +5,11 @@ Stimulus: random states and running sequences; states that several choices serve
 at the operating points that Paper B names; files that are wrong in one way each.
 Checks: torque, flux and mean torque that a decision makes, by formulas of their own; every decision
 against a search over a grid of times; distortion and ripple against docs/mptc.md's figures.
-The bit-true twin against ideal, every method and rule: at least 99 % of the vectors, none where
-ideal's choice leads by 0.14 N*m or 1 mWb, times within 3/4096 of the period and what half an LSB of
-the inputs shifts them in 99.5 % of the periods (MPTC1: 96.5 %), within 2.5 times that in all; with
-the rules mean and best beyond that only where the cost is within 0.14 N*m.
+The bit-true twin against ideal, every method and rule: at least 99 % of the voltages, none where
+ideal's choice leads by 0.14 N*m or 1 mWb. Times are within 3/4096 of the period and what half an
+LSB of the inputs shifts them in 99.5 % of the periods (MPTC1: 96.5 %; GTV on motulator_2kw2 at the
+edge of the hexagon: 99 %), within 2.5 times that in all. With the rules mean and best they are
+beyond that only where the cost is within 0.14 N*m.
 Does not prove: what the gates compute, see test_mptc_family.
 """
 
@@ -42,6 +43,7 @@ from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sequence import last_active_of, last_of, mean_voltage, segments, whole
 from directmpc.mptc.trace import (
     MptcDecisions,
+    Sequences,
     TraceError,
     read_decisions,
     read_trace,
@@ -459,17 +461,72 @@ def lead_of(drive: MptcDrive, inputs: tuple, made: VectorSequence, wanted: Vecto
     return away[0] - away[1]
 
 
-@pytest.mark.parametrize(("method", "rule"), TWINS)
-@pytest.mark.parametrize(("rpm", "load"), [(150.0, 0.0), (900.0, 14.0), (-1400.0, 7.0)])
-def test_twin_decides_as_ideal(method: str, rule: str, rpm: float, load: float) -> None:
-    drive = drive_of(method, rule, ts=50e-6 if method == "MPTC1" else 100e-6)
-    run = sequence_loop.simulate(drive, closed_loop.constant(drive, rpm, load, 0.9, 4000))
+def voltage_of(vectors: np.ndarray, times: np.ndarray) -> tuple[int, ...]:
+    """Vectors that have more than a step of the period, in order; zero is one, neighbours too."""
+    made: list[int] = []
+    for u, t in zip(vectors % 7, (*times, 1.0 - times.sum()), strict=True):
+        if t > 1.0 / 4096 + 1e-9 and made[-1:] != [int(u)]:
+            made.append(int(u))
+    return tuple(made)
+
+
+def alike(made: Sequences, wanted: Sequences) -> tuple[np.ndarray, np.ndarray]:
+    """Periods with the same vectors by number, and with the same ones applied."""
+    named = (made.vectors == wanted.vectors).all(axis=1)
+    applied = [
+        voltage_of(*one) == voltage_of(*other)
+        for one, other in zip(
+            zip(made.vectors, made.times, strict=True),
+            zip(wanted.vectors, wanted.times, strict=True),
+            strict=True,
+        )
+    ]
+    return named, named | np.array(applied)
+
+
+def test_pairs_of_the_same_voltage_are_alike() -> None:
+    def _one(*pair: float) -> Sequences:
+        return Sequences(np.array([pair[:3]], dtype=np.int64), np.array([pair[3:]]))
+
+    edge, most = _one(1, 6, 6, 0.0, 1.0), 4095 / 4096
+    for other, same in (
+        (_one(6, 7, 7, most, 1 / 4096), True),
+        (_one(6, 0, 0, 1.0, 0.0), True),
+        (_one(6, 7, 7, 4094 / 4096, 2 / 4096), False),
+        (_one(1, 0, 0, most, 1 / 4096), False),
+    ):
+        assert alike(other, edge) == (False, same)
+    assert alike(_one(0, 3, 3, 0.5, 0.5), _one(7, 3, 3, 0.5, 0.5)) == (False, True)
+    assert alike(_one(3, 0, 0, 0.5, 0.5), _one(0, 3, 3, 0.5, 0.5)) == (False, False)
+
+
+#: Drive, speed (r/min), load (N*m), flux (Wb) of every method and rule, and where a voltage of the
+#: hexagon's edge is asked for again and again.
+EVERYWHERE = [("induction_2kw2", rpm, load, 0.9) for rpm, load in
+              ((150.0, 0.0), (900.0, 14.0), (-1400.0, 7.0))]  # fmt: skip
+EDGE = ("induction_2kw2", 1500.0, 14.0, 0.986)
+CASES = [
+    *((*twin, point) for point in EVERYWHERE for twin in TWINS),
+    *((method, "deadbeat", EDGE) for method in SEQUENCE_METHODS),
+    ("GTV", "deadbeat", ("motulator_2kw2", 1500.0, 14.0, 0.9)),
+]
+
+
+@pytest.mark.parametrize(("method", "rule", "point"), CASES)
+def test_twin_decides_as_ideal(
+    method: str, rule: str, point: tuple[str, float, float, float]
+) -> None:
+    name, rpm, load, flux = point
+    ts = 50e-6 if method == "MPTC1" else 100e-6
+    drive = core.shipped(name).with_control(method=method, duty_rule=rule, ts=ts)
+    run = sequence_loop.simulate(drive, closed_loop.constant(drive, rpm, load, flux, 4000))
     assert run.saturated.sum() == 0
-    assert abs(run.flux[400:].mean() - 0.9) < 0.03
-    same = (run.decided.vectors == run.wanted.vectors).all(axis=1)
+    assert abs(run.flux[400:].mean() - flux) < 0.03
+    named, same = alike(run.decided, run.wanted)
     assert same.mean() >= 0.99
     assert np.all(run.decided.times * 4096 % 1 == 0)
     apart = np.abs(run.decided.times - run.wanted.times).max(axis=1)
+    apart[same & ~named] = 0.0  # times of other pairs; the voltage is the same within a step
     applied, beyond = run.trace.sequences(), 0
     for k in np.flatnonzero(~same | (apart > 3 / 4096)):
         t = run.trace
@@ -496,6 +553,8 @@ def test_twin_decides_as_ideal(method: str, rule: str, rpm: float, load: float) 
                 lead = lead_of(drive, inputs, whole(made.u1), whole(wanted.u1))
             assert lead <= (0.001 if method in FLUX else 0.14)
     share = {"MPTC1": 0.035, "MPTC2": 0.005, "GTV": 0.005}.get(method, 0.001)
+    if name == "motulator_2kw2":  # the torque hardly depends on the duty there
+        share = 0.01
     assert beyond <= share * 4000
 
 
