@@ -345,6 +345,7 @@ def two_level(folder: Path, setting: str) -> Path:
         ('method = "GTV"', "GTV", "gtv"),
         ('method = "MPTC1"\nduty_rule = "best"', "MPTC1", "mptc1_best"),
         ('method = "MPTC2"\nduty_rule = "best"', "MPTC2", "mptc2_best"),
+        ('method = "MPFC3"', "MPFC3", "mpfc3"),
     ],
 )
 def test_a_two_level_run_is_replayed_and_its_signals_are_there(

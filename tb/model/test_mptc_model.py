@@ -245,8 +245,9 @@ def test_torque_reference_out_of_reach_is_flagged() -> None:
         assert by_twin[0] == by_ideal[0]
 
 
-def test_mpfc_serves_its_whole_range_of_flux() -> None:
-    drive = core.shipped("induction_2kw2").with_control(method="MPFC")
+@pytest.mark.parametrize("name", ["induction_2kw2", "motulator_2kw2"])
+def test_mpfc_serves_its_whole_range_of_flux(name: str) -> None:
+    drive = core.shipped(name).with_control(method="MPFC")
     p, q = ideal.ideal_parameters(drive), bit_true.parameters(drive)
     rng = np.random.default_rng(5)
     leads = []

@@ -299,6 +299,17 @@ def test_the_twin_keeps_the_bounds(drive) -> None:
     assert not made.saturated.any()
 
 
+def test_the_twin_keeps_the_bounds_with_noise(drive) -> None:
+    case = study.CASES["bit-true, 12 bits, noise 1 %"]
+    turned = study.transient_figures(drive, study.run(drive, case, -1500.0, 1500.0, 0.0, 0.8))
+    crawl = study.steady_figures(drive, study.run(drive, case, 15.0, 15.0, 14.0, 3.0), 15.0)
+    started = study.transient_figures(drive, study.run(drive, case, 0.0, 1500.0, 0.0, 0.6))
+    found = (
+        started["estimate_error_rpm"], turned["estimate_error_rpm"], crawl["speed_error_rpm"],
+    )  # fmt: skip
+    assert all(value <= goal for value, goal in zip(found, report.GOALS, strict=True)), found
+
+
 def test_gains_that_words_cannot_hold_are_refused(drive) -> None:
     for gains, name in ((SpeedGains(kp=50.0), "kp"), (SpeedGains(ki=5e6), "ki")):
         with pytest.raises(ValueError, match=f"{name}: got .*it must be a number from 0 to"):
