@@ -1059,6 +1059,7 @@ def _build(
             ),
         }
         document["measured"] = _measured_at(document, record(results), names)
+        document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
             "commit": document["measured"].get("mptc-runs", "unknown"),
             "tools": document["tools"],
@@ -1152,6 +1153,7 @@ def regenerate(
     elif tables_only:
         path = REPORTS / METRICS
         document = json.loads(path.read_text(encoding="utf-8")) | study_figures.sections()
+        document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         with all_or_nothing():
             tools.write(path, json.dumps(document, indent=1) + "\n")
             write_tables(document)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.mptc import closed_loop
+from directmpc.mptc import closed_loop, cycles
 from scripts.measure import budgets
 from scripts.publish import mptc_report as report
 from scripts.publish.reporting import ReportError
@@ -57,6 +57,10 @@ def test_metrics_have_the_promised_shape(figures: dict) -> None:
             assert one["ecp5"]["seeds"] >= 5
     assert figures["xc3s"]["slices_unpacked"] <= 1500
     assert figures["xc3s"]["mult"] <= 6
+    assert figures["family"]["xc3s"]["mult"] <= 4
+    assert figures["family"]["ecp5"]["dsp"] <= 4
+    slowest = max(*cycles.CORE.values(), *cycles.FAMILY.values(), *cycles.BEST.values())
+    assert figures["family"]["cycles"] == slowest == cycles.LIMIT
     assert figures["fidelity"]["steps"] >= 200_000
     assert figures["fidelity"]["worst_point_mismatch_pct"] <= 1.0
     assert figures["fidelity"]["worst_lead_nm"] <= 0.14
