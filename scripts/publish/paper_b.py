@@ -37,6 +37,12 @@ STEADY_SPAN = 1.3
 SLOW_BELOW = 1000.0
 """Below this speed, r/min, the paper calls the torque ripples of MPC2 and FOC similar."""
 
+SINUSOIDAL = 5.0
+"""THD of a current, %, that the paper may call sinusoidal."""
+
+FOLLOWS = 0.02
+"""An error of the speed below this share of the rated one counts as following."""
+
 SIMILAR = 0.25
 """Two ripples that differ by at most this share count as similar."""
 
@@ -176,6 +182,12 @@ def _torque_claims(f: Figures) -> list[Claim]:
     hertz = {name: f.over_speed(name, "switching_hz") for name in study.LOADED}
     at_rest = [f.unloaded(name) for name in ("MPTC2", "MPTC", "MPTC1")]
     calm = [f.unloaded(name, "torque_ripple_nm") for name in ("MPTC", "MPTC1", "MPTC2")]
+    still = [f.unloaded(name, "flux_ripple_mwb") for name in ("MPTC1", "MPTC2")]
+    three = ("GTV", "MPTC1", "MPTC")
+    stepped, after = (
+        f("load step", "GTV", study.FULL_SPEED, quantity)
+        for quantity in ("second_active_step_pct", "second_active_pct")
+    )
     second = f.over_speed("GTV", "second_active_pct")
     slow, fast = slice(0, 3), slice(6, None)  # of the speeds
     alike = np.abs(thd["GTV"] / thd["MPTC2"] - 1.0) <= CLOSE
@@ -193,6 +205,13 @@ def _torque_claims(f: Figures) -> list[Claim]:
             "Fig. 8", "150 r/min: torque ripple of MPTC I and II much lower than MPTC's (no load)",
             f"{_list(calm[1:], '.2f')} against {calm[0]:.2f} N m",
             _yes(max(calm[1:]) < 0.5 * calm[0]),
+        ),
+        Claim(
+            "Fig. 8", "150 r/min: oscillation of the flux and distortion of the current that MPTC "
+            "I has are gone in II (no load; less than half)",
+            f"flux ripple {still[1]:.1f} against {still[0]:.1f} mWb, THD {at_rest[0]:.2f} against "
+            f"{at_rest[2]:.2f} %",
+            _yes(still[1] < 0.5 * still[0] and at_rest[0] < 0.5 * at_rest[2]),
         ),
         Claim(
             "Fig. 9", "150 r/min, no load: THD of MPTC II below MPTC's, MPTC I's above it",
@@ -222,6 +241,23 @@ def _torque_claims(f: Figures) -> list[Claim]:
             "Fig. 11", "GTV: the second vector is not always zero, especially at medium and high "
             "speed", f"second vector active in {_list(second, '.1f')} % of the periods",
             _where(second > 0.0),
+        ),
+        Claim(
+            "Fig. 12", "1500 r/min, load step: GTV's second vector may be active, in the step and "
+            "after it", f"in {stepped:.0f} % of the periods of the first 0.1 s, {after:.0f} % at "
+            "the end", _yes(min(stepped, after) > 0.0),
+        ),
+        *(
+            Claim(
+                "Fig. 13", f"150 r/min: GTV has the least {what} of GTV, MPTC I and MPTC",
+                f"{_list(values, form)} {unit}", _yes(values[0] < min(values[1:])),
+            )
+            for what, quantity, form, unit in (
+                ("torque ripple", "torque_ripple_nm", ".2f", "N m"),
+                ("flux ripple", "flux_ripple_mwb", ".1f", "mWb"),
+                ("THD", "thd_pct", ".2f", "%"),
+            )
+            for values in [[f("rated load", n, study.LOW_SPEED, quantity) for n in three]]
         ),
         Claim(
             "Fig. 14", "GTV has a lower torque ripple than MPTC at all speeds",
@@ -412,6 +448,53 @@ def _flux_claims(f: Figures) -> list[Claim]:
     ]  # fmt: skip
 
 
+def _sensorless_claims(f: Figures) -> list[Claim]:
+    """Claims of section 6.2: without and with noise of the current."""
+    full = study.FULL_SPEED
+
+    def _pair(what: str, rpm: float, quantity: str) -> list[float]:
+        return [f(what, name, rpm, quantity) for name in study.SENSORLESS]
+
+    def _without_and_with(holds: list[bool]) -> str:
+        return "in part: without noise" if holds == [True, False] else _yes(all(holds))
+
+    claims = []
+    for source, what, text in (("Fig. 23", "start", "start"), ("Fig. 24", "reversal", "reversal")):
+        torque = _pair(what, full, "torque_mean_nm")
+        error = _pair(what, full, "estimate_error_rpm")
+        claims += [
+            Claim(
+                source, f"{text} without a speed sensor: the motor accelerates with 120 % torque "
+                f"(mean to 1400 r/min within {100 * CLOSE:g} %)",
+                f"{_list(torque, '.1f')} N m of {study.STEP_TORQUE:g}",
+                _without_and_with([abs(x / study.STEP_TORQUE - 1.0) <= CLOSE for x in torque]),
+            ),
+            Claim(
+                source, f"{text}: the estimated speed follows well (always within "
+                f"{100 * FOLLOWS:g} % of {full:g} r/min)",
+                f"{_list(error, '.1f')} r/min; the second with 12 bits and noise",
+                _without_and_with([x <= FOLLOWS * full for x in error]),
+            ),
+        ]  # fmt: skip
+    for source, rpm in (("Fig. 25", full), ("Fig. 26", study.CRAWL)):
+        error = _pair("rated load", rpm, "estimate_error_rpm")
+        distortion = _pair("rated load", rpm, "thd_pct")
+        claims += [
+            Claim(
+                source, f"{rpm:g} r/min: the estimated speed is almost the actual one (always "
+                f"within {100 * CLOSE:g} % of it)",
+                f"{_list(error, '.2f')} r/min; the second with 12 bits and noise",
+                _without_and_with([x <= CLOSE * rpm for x in error]),
+            ),
+            Claim(
+                source, f"{rpm:g} r/min: the current is sinusoidal (THD below {SINUSOIDAL:g} %)",
+                f"{_list(distortion, '.2f')} %",
+                _without_and_with([x < SINUSOIDAL for x in distortion]),
+            ),
+        ]  # fmt: skip
+    return claims
+
+
 def claims(f: Figures) -> list[Claim]:
     """Every claim of the paper that the figures decide.
 
@@ -425,7 +508,7 @@ def claims(f: Figures) -> list[Claim]:
     list of Claim
         In the order of the paper's sections.
     """
-    return [*_torque_claims(f), *_flux_claims(f)]
+    return [*_torque_claims(f), *_flux_claims(f), *_sensorless_claims(f)]
 
 
 def _numbers(f: Figures) -> str:
@@ -662,12 +745,16 @@ def _rpm(run: SequenceRun) -> np.ndarray:
 
 
 def _draw_dynamics(curves: study.Curves, path: Path) -> None:
-    """Figs. 18, 19 and 20."""
-    reversals = {n: curves.reversed[n] for n in study.FLUX_METHODS}
+    """Figs. 18, 19 and 20: methods I and II alone, as MPC2 would cover what they do."""
+    shown = study.FLUX_METHODS[:2]
     _draw_runs(
         (
-            ("100 % load step at 900 r/min (Fig. 18)", "load step", curves.disturbed),
-            ("reversal, no load (Fig. 19)", "reversal", reversals),
+            (
+                "100 % load step at 900 r/min (Fig. 18)",
+                "load step",
+                {n: curves.disturbed[n] for n in shown},
+            ),
+            ("reversal, no load (Fig. 19)", "reversal", {n: curves.reversed[n] for n in shown}),
             ("15 r/min, 14 N m (Fig. 20)", "crawl", curves.crawling),
         ),
         curves,

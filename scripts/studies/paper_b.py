@@ -21,11 +21,13 @@ from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.foc import FocTuning
 from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.plant import PlantParameters, plant_parameters
+from directmpc.mptc.sensorless import SensorlessRun
 from directmpc.mptc.sequence import WHOLE_FROM, is_active, segments
 from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import VectorSequence
 from scripts.studies import mptc as single
+from scripts.studies import sensorless as observed
 from scripts.studies.mptc import (
     GAINS,
     HIGH_SPEED_FLUX,
@@ -43,6 +45,8 @@ STEP_SECONDS = 4e-3  # time after it, s
 SLOW_SECONDS = 30e-3  # time after it with a slow current loop, s
 DISTURBED = 900.0  # r/min, of the load step; the paper states none
 CRAWL = 15.0  # r/min, Fig. 20
+FULL_SPEED = 1500.0  # r/min
+CRAWL_SECONDS = 6.0  # length of the low speed without a sensor, s: several periods of the current
 SECONDS = 3.0  # length of a run in the steady state, s
 STEP_TORQUE = 1.2 * RATED_TORQUE  # N*m
 
@@ -88,6 +92,12 @@ SLOW_FOC = "FOC, 25 Hz"
 """FOC in the torque step with a current loop so slow that its rise is the paper's."""
 
 SLOW_TUNING = FocTuning(current=25.0, flux=5.0)
+
+SENSORLESS = {
+    "SVM, no sensor": "bit-true",
+    "SVM, no sensor, noise": "bit-true, 12 bits, noise 1 %",
+}
+"""Drives without a speed sensor (Figs. 23 to 26): name -> case of `scripts.studies.sensorless`."""
 
 BANDS = (2e3, 5e3)  # Hz, of distortions besides that of all components
 
@@ -324,6 +334,24 @@ def _flux_ripple(drive: MptcDrive, run: SequenceRun, seconds: float) -> float:
     return 1e3 * float(np.abs(flux_inside(drive, run))[-round(seconds / run.sample_time) :].std())
 
 
+def flux_figures(drive: MptcDrive, run: SequenceRun) -> dict[str, float]:
+    """Ripple of the flux in the steady state; the first tenth is left out.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller of the run.
+    run : SequenceRun
+        In the steady state.
+
+    Returns
+    -------
+    dict of str to float
+        Quantity -> mWb.
+    """
+    return {"flux_ripple_mwb": _flux_ripple(drive, run, 0.9 * run.ts * len(run.torque))}
+
+
 def unloaded_figures(run: SequenceRun) -> dict[str, float]:
     """Figures of a run without load.
 
@@ -354,19 +382,25 @@ def loaded_figures(run: SequenceRun) -> dict[str, float]:
         Quantity -> value; `second_active_pct` is the share of periods whose second vector is active
         and another than the first.
     """
+    return run.figures() | {"second_active_pct": 100.0 * float(_second_active(run).mean())}
+
+
+def _second_active(run: SequenceRun) -> np.ndarray:
+    """Periods whose second vector is active and another than the first."""
     first, second = run.decided.vectors[:, 0], run.decided.vectors[:, 1]
     active = np.array([is_active(u) for u in range(8)])
-    different = active[second] & (second != first) & (run.decided.times[:, 0] < WHOLE_FROM)
-    return run.figures() | {"second_active_pct": 100.0 * float(different.mean())}
+    return active[second] & (second != first) & (run.decided.times[:, 0] < WHOLE_FROM)
 
 
-def disturbed(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
-    """A step of rated load at `DISTURBED` after 0.1 s (Fig. 18).
+def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, dict[str, float]]:
+    """A step of rated load after 0.1 s (Fig. 18).
 
     Parameters
     ----------
     drive : MptcDrive
         Machine and controller.
+    rpm : float
+        r/min.
 
     Returns
     -------
@@ -377,15 +411,93 @@ def disturbed(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     """
     ts = drive.control.ts
     steps, begin = round(0.6 / ts), round(0.1 / ts)
-    scenario = closed_loop.constant(drive, DISTURBED, 0.0, HIGH_SPEED_FLUX, steps)
+    scenario = closed_loop.constant(drive, rpm, 0.0, HIGH_SPEED_FLUX, steps)
     load = np.where(np.arange(steps) < begin, 0.0, RATED_TORQUE)
-    run = _behind_pi(drive, replace(scenario, load=load), np.full(steps, DISTURBED * RPM))
-    rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
+    run = _behind_pi(drive, replace(scenario, load=load), np.full(steps, rpm * RPM))
+    made = run.trace.omega_r / drive.machine.pole_pairs / RPM
     return run, {
         "torque_ripple_nm": float(run.torque_inside[-round(0.2 / run.sample_time) :].std()),
         "flux_ripple_mwb": _flux_ripple(drive, run, 0.2),
-        "speed_loss_rpm": DISTURBED - float(rpm.min()),
+        "speed_loss_rpm": rpm - float(made.min()),
     }
+
+
+def second_vectors(drive: MptcDrive) -> dict[str, float]:
+    """Second vectors around a step of rated load at `FULL_SPEED` (Fig. 12).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and controller.
+
+    Returns
+    -------
+    dict of str to float
+        Share of the periods whose second vector is active and another than the first: in the
+        0.1 s from the step on, and in the last 0.2 s.
+    """
+    run, _ = disturbed(drive, FULL_SPEED)
+    begin, last = (round(seconds / run.ts) for seconds in (0.1, 0.2))
+    different = _second_active(run)
+    return {
+        "second_active_step_pct": 100.0 * float(different[begin : 2 * begin].mean()),
+        "second_active_pct": 100.0 * float(different[-last:].mean()),
+    }
+
+
+def sensorless_transient(drive: MptcDrive, case: str, first: float) -> dict[str, float]:
+    """Start or reversal to `FULL_SPEED` without a speed sensor (Figs. 23 and 24).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine; the method is SVM.
+    case : str
+        Of `SENSORLESS`.
+    first : float
+        r/min.
+
+    Returns
+    -------
+    dict of str to float
+        Figures of `scripts.studies.sensorless`, and the mean torque from the step to 1400 r/min.
+    """
+    run = observed.run(drive, observed.CASES[case], first, FULL_SPEED, 0.0, 0.8)
+    found = observed.transient_figures(drive, run)
+    begin = round(0.1 / run.ts)
+    end = begin + round(1e-3 * found["to_1400_rpm_ms"] / run.ts)
+    return found | {"torque_mean_nm": float(run.torque[begin:end].mean())}
+
+
+def sensorless_steady(drive: MptcDrive, case: str, rpm: float, seconds: float) -> dict[str, float]:
+    """Rated load without a speed sensor (Figs. 25 and 26).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine; the method is SVM.
+    case : str
+        Of `SENSORLESS`.
+    rpm, seconds : float
+        r/min, s.
+
+    Returns
+    -------
+    dict of str to float
+        Figures of `scripts.studies.sensorless`, and the distortion of the current in the last two
+        thirds.
+    """
+    run = observed.run(drive, observed.CASES[case], rpm, rpm, RATED_TORQUE, seconds)
+    return observed.steady_figures(drive, run, rpm) | {"thd_pct": _sensorless_thd(run)}
+
+
+def _sensorless_thd(run: SensorlessRun) -> float:
+    """Distortion of the current in the last two thirds, at the flux's frequency, percent."""
+    first, per_step = len(run.torque) // 3, len(run.current_inside) // len(run.torque)
+    angle = np.unwrap(np.angle(run.flux[first:]))
+    omega = float(np.polyfit(np.arange(len(angle)) * run.ts, angle, 1)[0])
+    inside = run.current_inside[first * per_step :].real
+    return 100.0 * float(thd(inside, omega, run.ts / per_step))
 
 
 def reversal(
@@ -598,12 +710,15 @@ def measure(
         one = with_controller(drive, *chosen)
         run = steady(one, LOW_SPEED, 0.0, RATED_FLUX)
         curves.spectra[name] = spectrum(run)
-        _keep("no load", name, LOW_SPEED, unloaded_figures(run))
+        _keep("no load", name, LOW_SPEED, unloaded_figures(run) | flux_figures(one, run))
     for name, chosen in LOADED.items():
         one = with_controller(drive, *chosen)
         for rpm in SPEEDS:
             run = loaded(one, rpm, tuning=tuning_of(chosen[0]))
-            _keep("rated load", name, rpm, loaded_figures(run))
+            found = loaded_figures(run)
+            if rpm == LOW_SPEED:
+                found |= flux_figures(one, run)
+            _keep("rated load", name, rpm, found)
     for name in FLUX_METHODS:
         one = with_controller(drive, name, "deadbeat", 100.0)
         curves.disturbed[name], found = disturbed(one)
@@ -636,6 +751,14 @@ def measure(
         for rpm in STEP_SPEEDS:
             found = {"rise_longest_ms": longest_rise(one, rpm, STEP_STARTS, seconds, tuning)}
             _keep("torque step", name, rpm, found)
+    one = with_controller(drive, "GTV", "deadbeat", 100.0)
+    _keep("load step", "GTV", FULL_SPEED, second_vectors(one))
+    one = observed.sensorless_drive(drive)
+    for name, case in SENSORLESS.items():
+        for what, first in (("start", 0.0), ("reversal", -FULL_SPEED)):
+            _keep(what, name, FULL_SPEED, sensorless_transient(one, case, first))
+        for rpm, seconds in ((FULL_SPEED, SECONDS), (CRAWL, CRAWL_SECONDS)):
+            _keep("rated load", name, rpm, sensorless_steady(one, case, rpm, seconds))
     return rows, curves
 
 
@@ -655,4 +778,6 @@ def count() -> int:
         + len(COMPARED)
         + 2
         + (len(STEP_METHODS) + 1) * len(STEP_SPEEDS)
+        + 1
+        + 4 * len(SENSORLESS)
     )
