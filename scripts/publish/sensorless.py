@@ -27,6 +27,9 @@ PAGE = ROOT / "docs" / "sensorless.md"
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 COMMAND = "python -m scripts sensorless"
 
+CURRENT_SECONDS = 0.1
+"""So much of the current is drawn at full speed, s: all of it would be a band."""
+
 #: Largest errors that are asked for, r/min: estimate in the start, in the reversal, speed at 15.
 GOALS = (15.0, 25.0, 0.5)
 
@@ -273,7 +276,7 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
     )  # fmt: skip
     plt = pyplot()
     figure, axes = plt.subplots(
-        len(labels), len(columns), figsize=(15.0, 10.0), layout="constrained", sharex="col"
+        len(labels), len(columns), figsize=(15.0, 10.0), layout="constrained"
     )
     for column, (title, name, alone) in enumerate(columns):
         runs = (
@@ -285,13 +288,23 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
         for (label, made), colour in reversed(list(zip(runs.items(), colours, strict=False))):
             speed, estimate = study.speeds(drive, made)
             t = made.ts * np.arange(len(speed))
+            seen = t >= t[-1] - CURRENT_SECONDS if name == "full speed" else t >= 0.0
             axes[0][column].plot(t, speed, color=colour, linewidth=0.9, label=label)
             per_step = len(made.current_inside) // len(speed)
             current = made.current_inside[::per_step].real
-            drawn = (estimate - speed, made.torque, np.abs(made.flux), current)
+            drawn = (estimate - speed, made.torque, np.abs(made.flux))
             for row, values in enumerate(drawn, start=1):
                 axes[row][column].plot(t, values, color=colour, linewidth=0.4)
+            axes[-1][column].plot(t[seen], current[seen], color=colour, linewidth=0.4)
         axes[0][column].set_title(title, fontsize=9)
+        shared = axes[1:, column]
+        if name == "full speed":
+            shared = shared[:-1]
+            axes[-1][column].set_title(f"the last {CURRENT_SECONDS:g} s", fontsize=9)
+        for ax in shared:
+            ax.sharex(axes[0][column])
+        for ax in (axes[0][column], *shared[:-1]):
+            ax.tick_params(labelbottom=False)
         axes[-1][column].set_xlabel("time (s)")
     for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
