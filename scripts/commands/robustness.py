@@ -9,7 +9,7 @@ from pathlib import Path
 from scripts.publish import noise
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
-from scripts.studies import mptc_robustness, noise_decisions, robustness
+from scripts.studies import mptc_robustness, noise_decisions, outside_rules, robustness
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +26,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--decisions-out", type=Path, default=noise_decisions.REPORT,
         help="file of the decisions beside the ideal controller's",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rules-out", type=Path, default=outside_rules.REPORT,
+        help="file of the rules for what starts outside its bound",
     )  # fmt: skip
     parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
     parser.add_argument(
@@ -62,6 +66,7 @@ def _run(given: argparse.Namespace) -> int | None:
         given.decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
     )
     noise_decisions.publish(decided, given.page)
+    outside_rules.study(given.rules_out, given.jobs, anew=given.anew, scheduler=given.scheduler)
     return 0
 
 
