@@ -282,8 +282,10 @@ def advice(run: Run) -> str:
     Returns
     -------
     str
-        A sentence that names the key where deadlocks or excesses are many, and one that names the
-        capacitor filters where the voltages are noisy and there is no filter; else empty.
+        A sentence that names the key where deadlocks or excesses are many, one that names the
+        capacitor filters where the voltages are noisy and there is no filter, and one that names
+        the estimate of the leakage where the plant's is another one and nothing estimates it; else
+        empty. `delay_compensation` is never named: the loop has a delay only with it.
     """
     said = [_of_deadlocks(run)]
     noise = run.errors.noise_voltage
@@ -292,6 +294,12 @@ def advice(run: Run) -> str:
         said.append(
             f"the capacitor voltages are noisy; control.capacitor_filter = {q} filters them: "
             "docs/robustness.md"
+        )
+    factor = run.factors.get("leakage", 1.0)
+    if factor != 1.0 and run.variant == "fast" and not run.drive.control.leakage_estimate:
+        said.append(
+            f"the machine's leakage is {factor:g} times the controller's; "
+            "control.leakage_estimate = true estimates it: docs/robustness.md"
         )
     return ". ".join(one for one in said if one)
 

@@ -282,6 +282,34 @@ def test_noise_without_a_filter_names_the_filter(
     assert said is None or said in both
 
 
+@pytest.mark.parametrize(
+    ("factors", "estimate", "variant", "said"),
+    [
+        ({"leakage": 0.8}, False, "fast", "leakage is 0.8 times the controller's"),
+        ({"leakage": 0.8}, True, "fast", None),
+        ({"leakage": 0.8}, False, "paper", None),
+        ({"leakage": 1.0}, False, "fast", None),
+        ({"rr": 1.5}, False, "fast", None),
+    ],
+)
+def test_another_leakage_names_the_estimate(
+    modelled: rtl_loop.Run,
+    factors: dict[str, float],
+    estimate: bool,
+    variant: str,
+    said: str | None,
+) -> None:
+    given = dataclasses.replace(
+        modelled,
+        drive=modelled.drive.with_control(leakage_estimate=estimate),
+        factors=factors,
+        variant=variant,
+    )
+    found = rtl_loop.advice(given)
+    assert ("control.leakage_estimate = true" in found) is (said is not None)
+    assert said is None or said in found
+
+
 def test_differences_are_counted(modelled: rtl_loop.Run) -> None:
     decisions = modelled.result.decisions
     assert count_differences(decisions, decisions) == 0
