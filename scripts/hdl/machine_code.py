@@ -10,11 +10,13 @@ after a change of the design. Files of another folder than `rtl/` never go into 
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import functools
 import json
+import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from scripts.hdl.sources import LIBRARY, RTL, references
@@ -25,6 +27,8 @@ from scripts.shared.tools import ROOT
 KEPT = ROOT / "build" / "ghdl"
 #: Names and contents of the files of a library, as digests.
 _NOTES = "compiled.json"
+#: File that tells that somebody is at work.
+_LOCK = "lock"
 #: What compiles fast, for files that one bench alone will use.
 _ONCE = "-O0"
 
@@ -48,6 +52,17 @@ def compiles() -> bool:
         If there is no GHDL, or it fails.
     """
     return "mcode" not in _version(tuple(tools.tool("ghdl")))
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Nobody else is in the folder meanwhile."""
+    lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)
 
 
 def _digests(sources: Sequence[Path], rtl: Path) -> dict[str, str]:
@@ -108,11 +123,10 @@ def analyse(folder: Path, sources: Sequence[Path], rtl: Path, standard: str) -> 
     kept = KEPT / name
     kept.mkdir(parents=True, exist_ok=True)
     digests = _digests(sources, rtl)
-    with (kept / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with _alone(kept):
         if rtl == RTL:
             _analyse(kept, sources, digests, rtl, [standard])
         for path in kept.iterdir():
-            if path.name != "lock":
+            if path.name != _LOCK:
                 shutil.copy2(path, folder)
     _analyse(folder, sources, digests, rtl, [standard, _ONCE])
