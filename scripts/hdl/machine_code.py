@@ -1,9 +1,9 @@
 """The design as machine code, compiled once for all benches.
 
 GHDL's mcode compiles while it elaborates: analysing the whole of a core takes it a tenth of a
-second, for every bench anew. GHDL's other two code generators, LLVM and GCC, simulate about three
-times as fast, but compile while they analyse: ten seconds for a core. So their libraries are kept
-in `build/ghdl`, one for each GHDL, and copied into the folder of a bench. A file is compiled again
+second, for every bench anew. GHDL's other two code generators, LLVM and GCC, simulate faster, but
+compile while they analyse: ten seconds for a core. So their libraries are kept in `build/ghdl`, one
+for each GHDL and place of the design, and copied into the folder of a bench. A file is compiled again
 only if it, or one that it refers to, is another one than in the library: with a seeded fault, or
 after a change of the design. Files of another folder than `rtl/` never go into what is kept.
 """
@@ -23,7 +23,7 @@ from scripts.hdl.sources import LIBRARY, RTL, references
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
-#: Where libraries are kept, a folder for each GHDL.
+#: Where libraries are kept, a folder for each GHDL and place of the design.
 KEPT = ROOT / "build" / "ghdl"
 #: Names and contents of the files of a library, as digests.
 _NOTES = "compiled.json"
@@ -119,7 +119,8 @@ def analyse(folder: Path, sources: Sequence[Path], rtl: Path, standard: str) -> 
     ToolError
         If there is no GHDL, or a file does not compile.
     """
-    name = tools.digest(_version(tuple(tools.tool("ghdl"))), standard)[:16]
+    # a library knows where its files are
+    name = tools.digest(_version(tuple(tools.tool("ghdl"))), standard, str(RTL))[:16]
     kept = KEPT / name
     kept.mkdir(parents=True, exist_ok=True)
     digests = _digests(sources, rtl)
