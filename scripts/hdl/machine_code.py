@@ -3,9 +3,9 @@
 GHDL's mcode compiles while it elaborates: analysing the whole of a core takes it a tenth of a
 second, for every bench anew. GHDL's other two code generators, LLVM and GCC, simulate faster, but
 compile while they analyse: ten seconds for a core. So their libraries are kept in `build/ghdl`, one
-for each GHDL and place of the design, and copied into the folder of a bench. A file is compiled again
-only if it, or one that it refers to, is another one than in the library: with a seeded fault, or
-after a change of the design. Files of another folder than `rtl/` never go into what is kept.
+for each GHDL and place of the design, and copied into the folder of a bench. A file is compiled
+again only if it, or one that it refers to, is another one than in the library: with a seeded fault,
+or after a change of the design. Files of another folder than `rtl/` never go into what is kept.
 """
 
 from __future__ import annotations
