@@ -445,16 +445,18 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 # ---------------------------------------------------------------------------------------------
 
 
-def _synthesise(
-    top: str, generics: Generics, files: Sequence[Path], form: str, workdir: Path, std: str
-) -> str:
-    options = [f"--std={std}", f"--work={sources.LIBRARY}", f"--workdir={workdir}"]
-    if form == "analyse":
-        tools.run([*tools.tool("ghdl"), "-a", *options, *(str(f) for f in files)])
-        return ""
+def _synthesise(top: str, generics: Generics, files: Sequence[Path], form: str, std: str) -> str:
+    """What GHDL makes of `top`: "verilog" or "vhdl".
+
+    The files are analysed by the same call: `ghdl -a` compiles them too where GHDL has LLVM or GCC.
+    """
     chosen = [f"-g{name}={tools.generic_text(value)}" for name, value in generics.items()]
-    command = [*tools.tool("ghdl"), "--synth", *options, *chosen, f"--out={form}", top]
-    return _without_vendors(tools.run(command).stdout)
+    with tempfile.TemporaryDirectory(prefix="netlist-") as library:
+        options = [f"--std={std}", f"--work={sources.LIBRARY}", f"--workdir={library}", *chosen]
+        design = [f"--out={form}", *map(str, files), "-e", top]
+        return _without_vendors(
+            tools.run([*tools.tool("ghdl"), "--synth", *options, *design]).stdout
+        )
 
 
 def _vendors() -> str:
@@ -542,24 +544,28 @@ def _padded(top: str, files: Sequence[Path], padding: int) -> str:
     )
 
 
-def _behind(top: str, files: Sequence[Path], padding: int, workdir: Path, std: str) -> str:
-    """Analyse `top` behind that much padding and return the entity to convert."""
+def _behind(
+    top: str,
+    generics: Generics,
+    files: Sequence[Path],
+    padding: int,
+    form: str,
+    std: str,
+) -> str:
+    """What GHDL makes of `top` behind that much padding."""
     if not padding:
-        return top
-    extra = workdir / "padding.vhd"
-    extra.write_text(_padded(top, files, padding), encoding="utf-8")
-    _synthesise(_PADDED, {}, [extra], "analyse", workdir, std)
-    return _PADDED
+        return _synthesise(top, generics, files, form, std)
+    with tempfile.TemporaryDirectory(prefix="netlist-") as folder:
+        extra = Path(folder) / "padding.vhd"
+        extra.write_text(_padded(top, files, padding), encoding="utf-8")
+        return _synthesise(_PADDED, generics, [*files, extra], form, std)
 
 
-def _agreed(
-    top: str, generics: Generics, files: Sequence[Path], workdir: Path, std: str
-) -> tuple[str, int]:
+def _agreed(top: str, generics: Generics, files: Sequence[Path], std: str) -> tuple[str, int]:
     """Verilog of a conversion that another confirms, as GHDL writes it, and its padding."""
     seen: list[tuple[dict[str, str], str, int]] = []
     for padding in PADDINGS:
-        name = _behind(top, files, padding, workdir, std)
-        verilog = _synthesise(name, generics, files, "verilog", workdir, std)
+        verilog = _behind(top, generics, files, padding, "verilog", std)
         found = modules(_unpadded(verilog, top) if padding else verilog)
         for earlier, text, which in seen:
             if earlier == found:
@@ -708,19 +714,15 @@ def convert(
     std = std or sources.standard(files)
     target = out or tools.BUILD / "netlist" / f"{tools.configuration_name(top, generics)}.v"
     lossy = loses(tools.version("ghdl"))
-    with tempfile.TemporaryDirectory(prefix="netlist-") as name:
-        workdir = Path(name)
-        _synthesise(top, generics, files, "analyse", workdir, std)
-        padding, name, vhdl = 0, top, None
-        if lossy:
-            verilog, padding = _agreed(top, generics, files, workdir, std)
-            name = _behind(top, files, padding, workdir, std)
-            vhdl = ""
-            if needs_vhdl(verilog):
-                vhdl = _synthesise(name, generics, files, "vhdl", workdir, std)
-        else:
-            verilog = _synthesise(top, generics, files, "verilog", workdir, std)
-    text, log = repair(verilog, vhdl, name)
+    padding, vhdl = 0, None
+    if lossy:
+        verilog, padding = _agreed(top, generics, files, std)
+        vhdl = ""
+        if needs_vhdl(verilog):
+            vhdl = _behind(top, generics, files, padding, "vhdl", std)
+    else:
+        verilog = _synthesise(top, generics, files, "verilog", std)
+    text, log = repair(verilog, vhdl, _PADDED if padding else top)
     if padding:
         text = _unpadded(text, top)
     if check and lossy:

@@ -62,7 +62,7 @@ class BuildError(RuntimeError):
 
 @contextlib.contextmanager
 def chosen_ghdl(folder: Path) -> Iterator[None]:
-    """Let cocotb start the GHDL that `tools.tool` names: by itself it starts the PATH's `ghdl`.
+    """Let cocotb start the GHDL of `tools.simulator`: by itself it starts the `ghdl` of the PATH.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def chosen_ghdl(folder: Path) -> Iterator[None]:
     """
     script = folder / "bin" / "ghdl"
     script.parent.mkdir(parents=True, exist_ok=True)
-    script.write_text(f'#!/bin/sh\nexec {shlex.join(tools.tool("ghdl"))} "$@"\n')
+    script.write_text(f'#!/bin/sh\nexec {shlex.join(tools.simulator())} "$@"\n')
     script.chmod(0o755)
     first = os.pathsep.join([str(script.parent), os.environ.get("PATH", os.defpath)])
     with mock.patch.dict(os.environ, {"PATH": first}):
@@ -182,7 +182,7 @@ def _build(
         If a file does not compile.
     """
     own = any(top.lower() in unit.entities for unit in scan(sources))
-    ghdl = tools.tool("ghdl")
+    ghdl = tools.simulator()
     library, here = (LIBRARY if own else BENCHES), f"-P{folder}"
     compiles = machine_code.compiles()
     try:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import functools
+import itertools
 import json
 import os
 import shutil
@@ -31,6 +32,8 @@ _NOTES = "compiled.json"
 _LOCK = "lock"
 #: What compiles fast, for files that one bench alone will use.
 _ONCE = "-O0"
+#: Folder of the register blocks. LLVM takes five minutes to optimise their long processes.
+_LONG = "generated"
 
 
 @functools.lru_cache(maxsize=8)
@@ -39,7 +42,7 @@ def _version(ghdl: tuple[str, ...]) -> str:
 
 
 def compiles() -> bool:
-    """Whether the GHDL that `tools.tool` names writes machine code when it analyses.
+    """Whether the GHDL that `tools.simulator` names writes machine code when it analyses.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def compiles() -> bool:
     ToolError
         If there is no GHDL, or it fails.
     """
-    return "mcode" not in _version(tuple(tools.tool("ghdl")))
+    return "mcode" not in _version(tuple(tools.simulator()))
 
 
 @contextlib.contextmanager
@@ -83,7 +86,9 @@ def _analyse(
     sources: Sequence[Path],
     digests: Mapping[str, str],
     rtl: Path,
-    options: Sequence[str],
+    standard: str,
+    *,
+    once: bool,
 ) -> None:
     """Compile into the library of a folder what it does not hold as it is."""
     noted = _noted(folder)
@@ -94,8 +99,10 @@ def _analyse(
     for path in stale:
         noted.pop(str(path.relative_to(rtl)), None)
     tools.write(folder / _NOTES, json.dumps(noted))
-    command = [*tools.tool("ghdl"), "-a", *options, f"--work={LIBRARY}"]
-    tools.run([*command, *map(str, stale)], cwd=folder)
+    for long, paths in itertools.groupby(stale, lambda path: path.parent.name == _LONG):
+        chosen = [standard, _ONCE] if long or once else [standard]
+        command = [*tools.simulator(), "-a", *chosen, f"--work={LIBRARY}"]
+        tools.run([*command, *map(str, paths)], cwd=folder)
     noted |= {n: digests[n] for n in (str(path.relative_to(rtl)) for path in stale)}
     tools.write(folder / _NOTES, json.dumps(noted, indent=1))
 
@@ -120,14 +127,14 @@ def analyse(folder: Path, sources: Sequence[Path], rtl: Path, standard: str) -> 
         If there is no GHDL, or a file does not compile.
     """
     # a library knows where its files are
-    name = tools.digest(_version(tuple(tools.tool("ghdl"))), standard, str(RTL))[:16]
+    name = tools.digest(_version(tuple(tools.simulator())), standard, str(RTL))[:16]
     kept = KEPT / name
     kept.mkdir(parents=True, exist_ok=True)
     digests = _digests(sources, rtl)
     with _alone(kept):
         if rtl == RTL:
-            _analyse(kept, sources, digests, rtl, [standard])
+            _analyse(kept, sources, digests, rtl, standard, once=False)
         for path in kept.iterdir():
             if path.name != _LOCK:
                 shutil.copy2(path, folder)
-    _analyse(folder, sources, digests, rtl, [standard, _ONCE])
+    _analyse(folder, sources, digests, rtl, standard, once=True)

@@ -181,7 +181,7 @@ def simulate(
         If the simulator is missing or fails, or stops before the last row.
     """
     try:
-        tools.tool("ghdl")
+        tools.simulator()
     except tools.ToolError as error:
         raise SimulationError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="directmpc-") as name:

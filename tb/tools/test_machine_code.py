@@ -45,7 +45,7 @@ class Machine:
             '  cp "$one" "$(basename "$one" .vhd).o";; esac; done\n'
         )
         script.chmod(0o755)
-        monkeypatch.setenv("GHDL", str(script))
+        monkeypatch.setenv("BENCH_GHDL", str(script))
         monkeypatch.setattr(machine_code, "RTL", self.rtl)
         monkeypatch.setattr(machine_code, "KEPT", folder / "kept")
 
@@ -82,6 +82,26 @@ def test_the_second_bench_compiles_nothing(machine: Machine) -> None:
     assert machine.analysed() == []
     assert {path.name for path in first.glob("*.o")} == {path.name for path in second.glob("*.o")}
     assert len([*second.glob("*.o")]) == 4
+
+
+def test_long_processes_are_not_optimised(machine: Machine) -> None:
+    long = machine.rtl / "generated" / "long.vhd"
+    long.parent.mkdir()
+    long.write_text("use work.types.all;\nentity long is end long;\n")
+    machine.bench("first", tops="types generated/long leaf")
+    assert machine.analysed() == ["types.vhd", "-O0", "long.vhd", "leaf.vhd"]
+    machine.bench("second", tops="types generated/long leaf")
+    assert machine.analysed() == []
+
+
+def test_benches_alone_take_another_ghdl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GHDL", "sh ghdl")
+    assert tools.simulator() == tools.tool("ghdl") == ["sh", "ghdl"]
+    monkeypatch.setenv("BENCH_GHDL", "sh other")
+    assert (tools.simulator(), tools.tool("ghdl")) == (["sh", "other"], ["sh", "ghdl"])
+    monkeypatch.setenv("BENCH_GHDL", "no-such-ghdl")
+    with pytest.raises(tools.ToolError, match="BENCH_GHDL=no-such-ghdl: there is no command"):
+        tools.simulator()
 
 
 def test_a_library_grows(machine: Machine) -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import random
 import re
+import shlex
 
 import pytest
 
@@ -186,10 +187,7 @@ def converted(source):
 
 
 def raw(source, form: str) -> str:
-    workdir = source.parent / form
-    workdir.mkdir(exist_ok=True)
-    netlist._synthesise("cases", {}, [source], "analyse", workdir, "93")
-    return netlist._synthesise("cases", {}, [source], form, workdir, "93")
+    return netlist._synthesise("cases", {}, [source], form, "93")
 
 
 def signed(value: int, width: int = 8) -> int:
@@ -444,8 +442,8 @@ def whole(tmp_path, monkeypatch):
     def convert(*faulty: int) -> str:
         count = iter(range(10))
 
-        def lossy(top, generics, files, form, workdir, std):
-            text = real(top, generics, files, form, workdir, std)
+        def lossy(top, generics, files, form, std):
+            text = real(top, generics, files, form, std)
             if form == "verilog" and (number := next(count)) in faulty:
                 text, lost = re.subn(r"= clk\[0\];", f"= given[{number % 3}];", text)
                 assert lost == 1
@@ -471,6 +469,17 @@ def test_conversions_that_never_agree_are_refused(whole, monkeypatch):
     monkeypatch.setattr(netlist, "PADDINGS", (0, 10, 700))
     with pytest.raises(netlist.NetlistError, match="no two agree"):
         whole(0, 1, 2)
+
+
+def test_conversion_does_not_have_the_design_compiled(source, tmp_path, monkeypatch) -> None:
+    # LLVM takes minutes for what nobody will run
+    refusing = tmp_path / "ghdl"
+    real = shlex.join(tools.tool("ghdl"))
+    refusing.write_text(f'#!/bin/sh\n[ "$1" != -a ] || exit 1\nexec {real} "$@"\n')
+    refusing.chmod(0o755)
+    monkeypatch.setenv("GHDL", str(refusing))
+    out, _ = netlist.convert("cases", {}, tmp_path / "cases.v", files=[source])
+    assert "module cases" in out.read_text(encoding="utf-8")
 
 
 ATTRIBUTE = """library ieee;
@@ -516,9 +525,9 @@ def test_the_version_decides_how_often_is_converted(tmp_path, monkeypatch, versi
     forms = []
     real = netlist._synthesise
 
-    def counted(top, generics, files, form, workdir, std):
+    def counted(top, generics, files, form, std):
         forms.append(form)
-        return real(top, generics, files, form, workdir, std)
+        return real(top, generics, files, form, std)
 
     assert netlist.loses(version) == lossy
     monkeypatch.setattr(netlist, "loses", lambda _: lossy)
@@ -534,15 +543,13 @@ def test_a_version_that_cannot_be_read_is_refused() -> None:
 
 @pytest.mark.skipif(LOSSY, reason="`convert` itself compares conversions of GHDL 2.0")
 @pytest.mark.parametrize("top", ["mptc_core", "mpdcc_core"])
-def test_conversion_does_not_depend_on_its_surroundings(tmp_path, top) -> None:
+def test_conversion_does_not_depend_on_its_surroundings(top) -> None:
     # what GHDL 2.0 loses it loses in one conversion and not in another
     files = sources.compile_order(top, sources.rtl_files())
     std = sources.standard(files)
-    netlist._synthesise(top, {}, files, "analyse", tmp_path, std)
-    alone = netlist.modules(netlist._synthesise(top, {}, files, "verilog", tmp_path, std))
+    alone = netlist.modules(netlist._synthesise(top, {}, files, "verilog", std))
     for padding in netlist.PADDINGS[1:]:
-        name = netlist._behind(top, files, padding, tmp_path, std)
-        text = netlist._synthesise(name, {}, files, "verilog", tmp_path, std)
+        text = netlist._behind(top, {}, files, padding, "verilog", std)
         assert netlist.modules(netlist._unpadded(text, top)) == alone, padding
 
 
