@@ -270,6 +270,7 @@ def test_a_failure_leaves_an_earlier_runs_decisions_as_they_are(
 
 
 def test_a_simulator_that_is_missing(trace_file: Path, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.delenv("BENCH_GHDL", raising=False)
     monkeypatch.setenv("GHDL", "no-such-ghdl")
     done = command("--drive", DRIVE, "--trace", trace_file, "--out", tmp_path / "out.csv")
     assert_one_paragraph(done, tmp_path)

@@ -19,6 +19,11 @@ from scripts.hdl.simulator import Job, SimulationError, simulate
 from scripts.shared import tools
 
 
+@pytest.fixture(autouse=True)
+def _benches_take_it_too(monkeypatch) -> None:
+    monkeypatch.delenv("BENCH_GHDL", raising=False)
+
+
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """Set GHDL to a script; the file it writes its arguments to."""
