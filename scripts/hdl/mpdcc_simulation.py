@@ -5,10 +5,8 @@ What is simulated is the checked-in VHDL, analysed anew for every job; how, stan
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,8 +137,13 @@ def simulate(
         weighted_deadlock(job.registers),
         inwards(job.registers),
     )
-    arguments = [str(explorers), variant, *(str(int(option)) for option in options)]
-    return simulator.simulate(job, "scripts.hdl.mpdcc_simulation", arguments, progress)
+    bench = simulator.Bench(
+        ("mpdcc_core",),
+        str(BENCH),
+        "scripts.hdl.mpdcc_cosimulation",
+        generics(explorers, variant, *options),
+    )
+    return simulator.simulate(job, bench, progress)
 
 
 def generics(
@@ -181,19 +184,6 @@ def generics(
         "SESE_CLOCKS": worst_clocks(explorers, "sese"),
         "PREDICTION_CLOCKS": clocks_of("mpdcc_core", "prediction", "sese"),
     }
-
-
-def _build_and_run(
-    job_path: Path, explorers: int, variant: str, second: bool, weighted: bool, inward: bool
-) -> None:
-    """Analyse the RTL and run the bench in this process's children."""
-    simulator.build_and_run(
-        job_path,
-        core="mpdcc_core",
-        toplevel=BENCH,
-        module="scripts.hdl.mpdcc_cosimulation",
-        generics=generics(explorers, variant, second, weighted, inward),
-    )
 
 
 def simulate_rows(
@@ -241,9 +231,3 @@ def simulate_rows(
         return np.asarray(answer["decisions"], dtype=np.int64)
 
     return simulator.in_parallel(len(measurements), _run, progress, processes)
-
-
-if __name__ == "__main__":
-    _build_and_run(
-        Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3], *(given == "1" for given in sys.argv[4:7])
-    )

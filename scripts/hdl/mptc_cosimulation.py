@@ -203,6 +203,8 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
         )
         sequences[k] = bench.sequence
         progress(k + 1)
+        if job.wanted is not None and [*out[k], *sequences[k]] != job.wanted[k].tolist():
+            return {"decisions": out[: k + 1], "sequences": sequences[: k + 1]}
     return {"decisions": out, "sequences": sequences}
 
 

@@ -5,7 +5,6 @@ As `scripts.hdl.mpdcc_simulation`, for the two-level core; how, stands in `scrip
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,6 +86,8 @@ class Job(simulator.Job):
         Port `duty_rule` of each row; 0 without.
     applied : (n, 5), optional
         u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
+    wanted : (n, 10), optional
+        Decisions and sequences that are expected: the first row with others is the last one.
     """
 
     registers: IntArray
@@ -99,6 +100,7 @@ class Job(simulator.Job):
     family_method: IntArray | None = None
     duty_rule: IntArray | None = None
     applied: IntArray | None = None
+    wanted: IntArray | None = None
 
     @property
     def steps(self) -> int:
@@ -130,24 +132,19 @@ def simulate(
     -------
     dict
         ``decisions`` (n, 5) in the order of ``FIELDS``; ``sequences`` (n, 5): u1, u2, u3, t1, t2;
-        for a closed loop ``seen`` (n, 8): what the controller saw, and ``u`` last, before
-        quantisation.
+        both end with the first row that is not as the job wants it; for a closed loop ``seen``
+        (n, 8): what the controller saw, and ``u`` last, before quantisation.
 
     Raises
     ------
     SimulationError
         If the simulator is missing or fails, or stops before the last row.
     """
-    arguments = [str(job.flux_control).lower(), str(job.family).lower(), str(rtl or "")]
-    return simulator.simulate(job, "scripts.hdl.mptc_simulation", arguments, progress)
-
-
-if __name__ == "__main__":
-    simulator.build_and_run(
-        Path(sys.argv[1]),
-        core="mptc_core mptc_family_core",
-        toplevel=BENCH,
-        module="scripts.hdl.mptc_cosimulation",
-        generics={"FLUX_CONTROL": sys.argv[2], "FAMILY": sys.argv[3]},
-        rtl=Path(sys.argv[4]) if sys.argv[4] else None,
+    bench = simulator.Bench(
+        ("mptc_core", "mptc_family_core"),
+        str(BENCH),
+        "scripts.hdl.mptc_cosimulation",
+        {"FLUX_CONTROL": str(job.flux_control).lower(), "FAMILY": str(job.family).lower()},
+        str(rtl or ""),
     )
+    return simulator.simulate(job, bench, progress)

@@ -2,7 +2,7 @@
 
 A job is written to a folder of its own, a process builds and runs the bench that reads it, and the
 answers come back as arrays. What belongs to one core stands in `mpdcc_simulation` and
-`mptc_simulation`.
+`mptc_simulation`. The process does not open the job, and so need not know any of it.
 
 The process leads a group, in which GHDL is too, and watches a pipe from its parent: however the
 parent ends, the group ends with it. A signal to the parent's own group does not reach the simulator
@@ -12,6 +12,7 @@ and need not.
 from __future__ import annotations
 
 import concurrent.futures
+import json
 import os
 import pickle
 import shutil
@@ -21,9 +22,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -100,6 +101,31 @@ class Job:
         return None if self.waves is None else self.folder / "waves.fst"
 
 
+@dataclass(frozen=True)
+class Bench:
+    """What is built and run around a job.
+
+    Attributes
+    ----------
+    units : tuple of str
+        Entities whose files are compiled, with all they need.
+    toplevel : str
+        File of the bench in VHDL, named as its entity.
+    module : str
+        Python side of the bench.
+    generics : mapping
+        Of the bench.
+    rtl : str
+        Folder of the design, the project's if empty.
+    """
+
+    units: tuple[str, ...]
+    toplevel: str
+    module: str
+    generics: Mapping[str, int | str]
+    rtl: str = ""
+
+
 class Progress:
     """Tells the parent process, from within the simulator, how far a job is.
 
@@ -151,8 +177,7 @@ def load_job(path: Path) -> Any:
 
 def simulate(
     job: Job,
-    module: str,
-    arguments: Sequence[str],
+    bench: Bench,
     progress: Callable[[int], None] | None = None,
 ) -> Answer:
     """Run a job in a process of its own.
@@ -161,11 +186,8 @@ def simulate(
     ----------
     job : Job
         What to do.
-    module : str
-        Module of this package whose command line takes the job's path and `arguments`, and builds
-        and runs the bench.
-    arguments : sequence of str
-        What else it takes.
+    bench : Bench
+        What does it.
     progress : callable, optional
         Called many times a second with the number of decisions made; what it raises ends the
         simulator.
@@ -190,7 +212,8 @@ def simulate(
         with job_path.open("wb") as stream:
             pickle.dump(job, stream)
         log_path = job.folder / "log"
-        command = [sys.executable, "-m", module, str(job_path), *arguments]
+        told = json.dumps(asdict(bench) | {"waves": str(job.waves_path or "")})
+        command = [sys.executable, "-m", "scripts.hdl.simulator", str(job_path), told]
         with log_path.open("wb") as log:
             process = subprocess.Popen(
                 command,
@@ -248,32 +271,8 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def build_and_run(
-    job_path: Path,
-    *,
-    core: str,
-    toplevel: Path,
-    module: str,
-    generics: dict[str, Any],
-    rtl: Path | None = None,
-) -> None:
-    """Analyse the RTL and run a bench in this process's children; leaves with 1 where it fails.
-
-    Parameters
-    ----------
-    job_path : Path
-        Its folder holds all that is made.
-    core : str
-        Entity whose files are compiled.
-    toplevel : Path
-        The bench in VHDL, named as its file.
-    module : str
-        Python side of the bench.
-    generics : dict
-        Of the bench.
-    rtl : Path, optional
-        Folder of the design, the project's if not given.
-    """
+def _build_and_run(job_path: Path, bench: Bench, waves: str) -> None:
+    """Analyse the RTL and run a bench in this process's children; leaves with 1 where it fails."""
     # Needed here alone: who only uses the models needs no simulator packages.
     from scripts.hdl.ghdl import BenchError, BuildError, execute
     from scripts.hdl.sources import RTL
@@ -281,18 +280,19 @@ def build_and_run(
     _end_with_parent()
     # the runner hands this process's search path to the simulator's Python
     sys.path[:0] = [str(ROOT / "model"), str(ROOT)]
+    toplevel = Path(bench.toplevel)
     try:
         execute(
             toplevel.stem,
-            module,
+            bench.module,
             job_path.parent,
-            units=core.split(),
+            units=bench.units,
             files=[toplevel],
-            generics=generics,
+            generics=bench.generics,
             environment={"DIRECTMPC_JOB": str(job_path)},
-            rtl=rtl or RTL,
+            rtl=Path(bench.rtl) if bench.rtl else RTL,
             timeout=None,
-            waves=load_job(job_path).waves_path,
+            waves=Path(waves) if waves else None,
         )
     except (BenchError, BuildError, ToolError) as error:
         print(error)
@@ -360,3 +360,9 @@ def in_parallel(
             stop.set()
             raise
     return np.concatenate([future.result() for future in futures])
+
+
+if __name__ == "__main__":
+    _told = json.loads(sys.argv[2])
+    _waves = _told.pop("waves")
+    _build_and_run(Path(sys.argv[1]), Bench(**_told), _waves)

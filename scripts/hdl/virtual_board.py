@@ -24,7 +24,7 @@ import signal
 import struct
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,6 +100,32 @@ def _line(chosen: Generics) -> list[str]:
     return [period, str(chosen["DIVIDE"]), str(SETTLE_PLL if chosen.get("PLL") else SETTLE)]
 
 
+def _runtime(work: Path, own: Sequence[str]) -> Path:
+    """Folder with Verilator's own objects, compiled once for all boards."""
+    compiler = os.environ.get("CXX") or "g++"
+    key = tools.digest(tools.version("verilator"), compiler, *own, *OPTIONS)[:16]
+    folder = BUILD / "verilated" / f"runtime-{key}"
+    if not folder.exists():
+        tools.run(["make", "-s", "-C", "obj", "-f", "Vboard.mk", "OPT_FAST=-O1", *own], cwd=work)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as kept:
+            parts = Path(kept) / "parts"
+            parts.mkdir()
+            for name in own:
+                shutil.copy(work / "obj" / name, parts)
+            _moved(parts, folder)
+    return folder
+
+
+def _moved(parts: Path, folder: Path) -> None:
+    """Give a folder its name, unless another process has made the same meanwhile."""
+    try:
+        parts.rename(folder)
+    except OSError:
+        if not folder.exists():
+            raise
+
+
 def _model(chosen: Generics, verilog: Path | None, pll: Path) -> Path:
     """Folder with the compiled board, without the harness around its pins."""
     source = verilog or netlist.cached("board_top", chosen)
@@ -118,21 +144,15 @@ def _model(chosen: Generics, verilog: Path | None, pll: Path) -> Path:
             listed = (work / "obj" / "Vboard_classes.mk").read_text(encoding="utf-8")
             block = listed.split("VM_GLOBAL_FAST +=")[1].split("\n\n")[0]
             own = [f"{name}.o" for name in re.findall(r"^\s+(\w+)", block, re.M)]
-            tools.run(
-                ["make", "-s", "-C", "obj", "-f", "Vboard.mk", "OPT_FAST=-O1", *own], cwd=work
-            )
+            runtime = _runtime(work, own)
             folder.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=folder.parent) as kept:
                 parts = Path(kept) / "parts"
                 parts.mkdir()
                 shutil.copy(work / "obj" / "Vboard__ALL.a", parts)
-                for path in [*(work / "obj").glob("*.h"), *(work / "obj" / name for name in own)]:
+                for path in [*(work / "obj").glob("*.h"), *(runtime / name for name in own)]:
                     shutil.copy(path, parts)
-                try:
-                    parts.rename(folder)
-                except OSError:
-                    if not folder.exists():  # another test may have built the same meanwhile
-                        raise
+                _moved(parts, folder)
     return folder
 
 

@@ -15,7 +15,7 @@ import pytest
 from cocotb_tools.runner import get_runner
 
 from scripts.hdl import ghdl
-from scripts.hdl.simulator import Job, SimulationError, simulate
+from scripts.hdl.simulator import Bench, Job, SimulationError, simulate
 from scripts.shared import tools
 
 
@@ -81,4 +81,4 @@ def test_a_choice_that_is_not_there_is_named(monkeypatch, variable, name) -> Non
 def test_a_simulation_without_a_simulator_is_refused(monkeypatch) -> None:
     monkeypatch.setenv("GHDL", "/opt/none")
     with pytest.raises(SimulationError, match="there is no command '/opt/none'"):
-        simulate(Job(), "none", [])
+        simulate(Job(), Bench((), "none.vhd", "none", {}))

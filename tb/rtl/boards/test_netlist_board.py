@@ -94,14 +94,14 @@ class Recorder(Board):
         return answer
 
 
-def loaded(board: Board, drive: Drive | MptcDrive) -> RegisterValues:
+def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> RegisterValues:
     """A drive's registers, written, committed and read back."""
     capabilities = board.read("system.capabilities")
     built = [name for name in ("family", "sensorless") if capabilities.get(name)]
     found = values(drive, GuardSettings(clock=float(board.identity.clock)), built=built)
     found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
     board.load(found)
-    assert board.differing(found) == []
+    assert not back or board.differing(found) == []
     assert not board.read("system.status")["commit_pending"]
     return found
 
@@ -402,7 +402,7 @@ def test_the_netlist_with_an_rs232_rate_decides_but_its_watchdog_wants_spi(
         check_facts(board, chosen)
         if controller == "mpdcc":
             drive = load_drive(MPDCC)
-            loaded(board, drive)
+            loaded(board, drive, back=False)  # the decisions show it; reading takes a minute
             run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, 6, "fast")
         else:
             drive = load_drive(MPTC)
