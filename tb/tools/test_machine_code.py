@@ -95,6 +95,7 @@ def test_long_processes_are_not_optimised(machine: Machine) -> None:
 
 
 def test_benches_alone_take_another_ghdl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BENCH_GHDL", raising=False)
     monkeypatch.setenv("GHDL", "sh ghdl")
     assert tools.simulator() == tools.tool("ghdl") == ["sh", "ghdl"]
     monkeypatch.setenv("BENCH_GHDL", "sh other")
