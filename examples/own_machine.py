@@ -30,8 +30,8 @@ xph = {OMEGA * 500e-6 * Z}
 [control]
 ts = 50e-6
 bound_current = 0.1
-bound_vn = 0.05
-bound_vph = 0.08
+bound_vn = 0.08
+bound_vph = 0.12
 lambda_n = 0.1
 horizon = 63
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import cache
 from pathlib import Path
 
@@ -22,13 +23,15 @@ from directmpc.mpdcc.trace import MpdccTrace
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
 SHIPPED = ("anpc5l_6kv", "anpc5l_3kv3")
+STUDIED = {"bound_vn": 0.05, "bound_vph": 0.08}
+"""Bounds of the capacitors in the studies, tighter than those that ship: docs/pwm.md."""
 
 IntArray = NDArray[np.int64]
 
 
 @cache
 def shipped(name: str) -> Drive:
-    """A drive file that ships, with the papers' rules.
+    """A drive file that ships, with the papers' rules and the bounds of the studies.
 
     Studies and benches begin from these and set what they are about themselves.
 
@@ -40,14 +43,56 @@ def shipped(name: str) -> Drive:
     Returns
     -------
     Drive
-        The drive, but for `Drive.with_papers_rules`.
+        The drive, but for `Drive.with_papers_rules` and `STUDIED`.
 
     Raises
     ------
     DriveFileError
         If there is no such file, or it is not right.
     """
-    return load_mpdcc_drive(DRIVES / f"{name}.toml").with_papers_rules()
+    return load_mpdcc_drive(DRIVES / f"{name}.toml").with_papers_rules().with_control(**STUDIED)
+
+
+def studied_text(text: str) -> str:
+    """A drive file's text with the bounds of the studies.
+
+    Parameters
+    ----------
+    text : str
+        Of a drive file, one key a line.
+
+    Returns
+    -------
+    str
+        As it was, but for `STUDIED`.
+    """
+    for key, value in STUDIED.items():
+        text = re.sub(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.M)
+    return text
+
+
+def of_file(path: str | Path) -> Drive:
+    """The drive that a study is asked for.
+
+    Parameters
+    ----------
+    path : str or Path
+        A drive file.
+
+    Returns
+    -------
+    Drive
+        With the papers' rules; as of `shipped` if it is a drive that ships.
+
+    Raises
+    ------
+    DriveFileError
+        If there is no such file, or it is not right.
+    """
+    path = Path(path)
+    if path.resolve().parent == DRIVES and path.stem in SHIPPED:
+        return shipped(path.stem)
+    return load_mpdcc_drive(path).with_papers_rules()
 
 
 def random_drive(rng: np.random.Generator) -> Drive:

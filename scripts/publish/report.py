@@ -62,6 +62,7 @@ from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import (
     bounds,
+    capacitor_bounds,
     deadlocks,
     lengths,
     mptc_robustness,
@@ -99,7 +100,8 @@ COMMAND = "make report"
 SEEDS = 5
 """Of placement, where figures are published."""
 STUDIES = (
-    "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "deadlocks",
+    "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "capacitor-bounds",
+    "deadlocks",
     "robustness", "robustness-two-level", "noise-decisions", "fidelity",
 )  # fmt: skip
 """Names of `studies`."""
@@ -618,15 +620,15 @@ def _over_the_bounds(document: dict[str, Any]) -> str:
 
 
 def _beside_pwm(equal: dict[str, Any]) -> str:
-    """THD of SE and SESE with the shipped bounds as multiples of that of PWM, real capacitors."""
+    """THD of SE and SESE with the studies' bounds as multiples of that of PWM, real capacitors."""
 
     def _span(speed: str, *schemes: str) -> str:
         ratios = [
-            point[f"{scheme}_shipped_thd_pct"] / point["pwm_thd_pct"]
+            point[f"{scheme}_studied_thd_pct"] / point["pwm_thd_pct"]
             for by_speed in equal.values()
             for point in by_speed[speed].values()
             for scheme in schemes
-            if point[f"{scheme}_shipped_thd_pct"] is not None
+            if point[f"{scheme}_studied_thd_pct"] is not None
         ]
         return f"{min(ratios):.1f} to {max(ratios):.1f}"
 
@@ -791,7 +793,9 @@ def _pictured(variant: str) -> Callable[[Path], Any]:
     """The closed loop on the RTL of a variant, drawn."""
 
     def _run(work: Path) -> Any:
-        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml")
+        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml").with_control(
+            **states.STUDIED
+        )
         drive, _ = served(shown, variant)
         run = simulate(drive, 1.0, None, SHOWN, variant)
         if run.differing:
@@ -865,6 +869,12 @@ def studies(jobs: int) -> list[Stage]:
         ),
     )
 
+    bounded, bounded_page = _rows_and_page(
+        lambda out: capacitor_bounds.study(out, jobs),
+        capacitor_bounds.REPORT.name,
+        lambda: capacitor_bounds.publish(capacitor_bounds.read()),
+    )
+
     def _sese(work: Path) -> None:
         horizon_study.study(out=work, jobs=jobs)
 
@@ -902,6 +912,8 @@ def studies(jobs: int) -> list[Stage]:
               _modules("studies.horizon"), _sese, (*rtl, *drives), horizon_study.write_page),
         Stage("pwm", "MPDCC beside pulse-width modulation", _modules("studies.pwm"), modulated,
               (*drives,), modulated_page),
+        Stage("capacitor-bounds", "bounds of the capacitors with the rules that ship",
+              _modules("studies.capacitor_bounds"), bounded, (*drives,), bounded_page),
         Stage("deadlocks", "deadlocks and the rules that leave them",
               _modules("studies.deadlocks"), _deadlocks, (*rtl, *drives), _deadlock_page),
         Stage("robustness", "noise and wrong parameters, five-level drives",

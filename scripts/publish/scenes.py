@@ -16,6 +16,7 @@ from directmpc.mpdcc import capacitor_observer, leakage, observer
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, ROOM
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc import (
     bit_true,
@@ -346,7 +347,10 @@ GUARDED = host_registers.GuardSettings(dead_time=0.4e-6, minimum_on=0.6e-6, mini
 
 def _loaded(name: str) -> tuple[Clocks, dict[str, Any]]:
     """Reset and every register of a drive file; then the register map of its system."""
-    found = host_registers.values(load_drive(ROOT / "drives" / f"{name}.toml"), GUARDED)
+    drive = load_drive(ROOT / "drives" / f"{name}.toml")
+    if isinstance(drive, Drive):
+        drive = drive.with_control(**states.STUDIED)
+    found = host_registers.values(drive, GUARDED)
     clocks: Clocks = [{"rst": 1, "enable": 1}, {"rst": 0}, {}, {}]
     for _, address, word in found.writes():
         clocks += _write(address, word)

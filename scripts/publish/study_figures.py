@@ -21,6 +21,7 @@ from scripts.shared import tables
 from scripts.shared.tools import ROOT
 from scripts.studies import (
     bounds,
+    capacitor_bounds,
     deadlocks,
     horizon,
     lengths,
@@ -302,7 +303,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
                 "pwm_thd_pct": _mean(chosen, "thd_pct"),
             }  # fmt: skip
             for name, kind in (
-                ("same", {"bound_vn": neutral, "bound_vph": phase}), ("shipped", usual),
+                ("same", {"bound_vn": neutral, "bound_vph": phase}), ("studied", usual),
             ):  # fmt: skip
                 for scheme in HORIZONS:
                     points = pwm.curve(
@@ -544,10 +545,41 @@ def of_boards(reports: Path = REPORTS) -> Section:
     return section
 
 
+def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
+    """Switching frequency and excess with other bounds of the capacitors.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By drive, horizon, bounds of v_n and v_ph, noise and speed.
+    """
+    found = capacitor_bounds.read(reports / capacitor_bounds.REPORT.name)
+    section: Section = {}
+    for drive, scheme, (neutral, phase), noise, speed in itertools.product(
+        robustness.DRIVES, HORIZONS, capacitor_bounds.PAIRS, capacitor_bounds.NOISES,
+        capacitor_bounds.SPEEDS,
+    ):  # fmt: skip
+        at = {
+            "drive": drive, "horizon": scheme, "bound_vn": neutral, "bound_vph": phase,
+            "noise": noise, "speed": speed,
+        }  # fmt: skip
+        figures = {
+            name: capacitor_bounds.mean(found, name, **at) for name in capacitor_bounds.FIGURES
+        }
+        _put(section, (drive, scheme, f"{neutral:g} / {phase:g}", noise, speed), figures)
+    return section
+
+
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "boards": of_boards,
     "robustness": of_robustness,
     "pwm": of_pwm,
+    "capacitor_bounds": of_capacitor_bounds,
     "bounds": of_bounds,
     "lengths": of_lengths,
     "deadlocks": of_deadlocks,

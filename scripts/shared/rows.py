@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 from scripts.shared import tools
+from scripts.shared.workers import Pool
 
 Setting = TypeVar("Setting")
 
@@ -91,3 +92,54 @@ def write(path: Path, rows: Mapping[Setting, Mapping[str, float]], figures: Sequ
         values = asdict(setting) | dict(rows[setting])  # type: ignore[call-overload]
         writer.writerow([_cell(values[name]) for name in (*columns, *figures)])
     tools.write(path, out.getvalue())
+
+
+def study(
+    task: str,
+    loop: Callable[[Setting], Mapping[str, Any]],
+    settings: Iterable[Setting],
+    figures: Sequence[str],
+    out: Path,
+    jobs: int,
+    *,
+    anew: bool = False,
+    scheduler: str | None = None,
+) -> dict[Setting, dict[str, float]]:
+    """Run the settings that a file does not have yet, and keep each as soon as it is through.
+
+    Parameters
+    ----------
+    task : str
+        What is shown while it runs.
+    loop : callable
+        Takes a setting, returns its fields and figures by name.
+    settings : iterable of Setting
+        All that are wanted; others leave the file.
+    figures : sequence of str
+        Names of the figures.
+    out : Path
+        The file.
+    jobs : int
+        Processes.
+    anew : bool
+        Whether all are run, whatever the file has.
+    scheduler : str | None
+        Of a Dask cluster that runs them; None for processes of this machine.
+
+    Returns
+    -------
+    dict
+        Figures by setting, as the file has them.
+    """
+    wanted = list(settings)
+    kind = type(wanted[0])
+    known = set(map(rounded, wanted))
+    found = {} if anew else {k: v for k, v in read(out, kind, figures).items() if k in known}
+    missing = [(setting,) for setting in wanted if rounded(setting) not in found]
+    with Pool(jobs, scheduler) as pool:
+        for _, row in pool.each(task, loop, missing):
+            setting = kind(**{field.name: row[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+            found[rounded(setting)] = {name: row[name] for name in figures}
+            write(out, found, figures)
+    write(out, found, figures)
+    return read(out, kind, figures)

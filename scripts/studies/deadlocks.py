@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
 from directmpc.host.console import progress_bar
 from directmpc.mpdcc import closed_loop, metrics
@@ -620,7 +619,7 @@ def draw_stored(drive: Path, out: Path = REPORTS) -> None:
     OSError
         If the study has not been run.
     """
-    base = load_mpdcc_drive(drive).with_papers_rules()
+    base = states.of_file(drive)
     _draw(base, _read(out / "deadlocks.csv"), out / "deadlocks.png")
 
 
@@ -827,7 +826,7 @@ def study(
     DriveFileError
         If the drive file is not right.
     """
-    base = load_mpdcc_drive(drive).with_papers_rules()
+    base = states.of_file(drive)
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     out.mkdir(parents=True, exist_ok=True)
 

@@ -27,6 +27,7 @@ from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc import ideal_sequences
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
+from scripts.hdl import states
 from scripts.shared import progress, tables, tools
 from scripts.shared.command import InputError
 
@@ -95,8 +96,8 @@ class BenchError(InputError):
 
 
 def _drive_text(setting: Setting) -> str:
-    """The drive file of a set: a shipped one, without the keys that depart from Paper A."""
-    lines = shipped_drives()[setting.drive].splitlines(keepends=True)
+    """The drive file of a set: a shipped one with the studies' bounds and the papers' rules."""
+    lines = states.studied_text(shipped_drives()[setting.drive]).splitlines(keepends=True)
     text = "".join(line for line in lines if line.split(" ", 1)[0] not in (*PAPERS_RULES, *FURTHER))
     if setting.replaced is not None:
         old, new = setting.replaced

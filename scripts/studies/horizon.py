@@ -31,6 +31,7 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import discretise
+from scripts.hdl import states
 from scripts.measure import budgets as budgets_file
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png
@@ -447,7 +448,7 @@ def study(
     DriveFileError
         If the drive file is not right.
     """
-    base = load_mpdcc_drive(drive).with_papers_rules()
+    base = states.of_file(drive)
     settings = [
         Setting(horizon, bound, speed, start)
         for horizon in ("SE", "SESE")

@@ -26,7 +26,6 @@ from scripts.hdl import states
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT, ToolError
-from scripts.shared.workers import Pool
 from scripts.studies.bounds import differing
 from scripts.studies.robustness import DRIVES, NOISE_CURRENT, NOISE_VOLTAGE
 
@@ -149,19 +148,14 @@ def study(
     NoiseError
         If the RTL decided otherwise than its model.
     """
-    wanted = list(settings())
-    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
-    missing = [(setting,) for setting in wanted if setting not in rows]
-    with Pool(jobs, scheduler) as pool:
-        for _, found in pool.each("decisions under noise", loop, missing):
-            setting = Setting(**{name: found[name] for name in asdict(wanted[0])})
-            rows[setting] = {name: found[name] for name in FIGURES}
-            stored_rows.write(out, rows, FIGURES)
-    stored_rows.write(out, rows, FIGURES)
+    rows = stored_rows.study(
+        "decisions under noise", loop, settings(), FIGURES, out, jobs,
+        anew=anew, scheduler=scheduler,
+    )  # fmt: skip
     for setting, row in rows.items():
         if row["rtl_differing"]:
             raise NoiseError(f"the RTL decides otherwise than its model: {setting}")
-    return read(out)
+    return rows
 
 
 def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, dict[str, float]]]:

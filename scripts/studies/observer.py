@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import common
@@ -24,6 +23,7 @@ from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import plant_data, plant_step
+from scripts.hdl import states
 from scripts.shared import progress, tables, tools
 from scripts.shared.figures import drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
@@ -274,7 +274,7 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     MarkerError
         If the page lacks the markers of the table.
     """
-    drive = load_mpdcc_drive(drive_file).with_papers_rules()
+    drive = states.of_file(drive_file)
     rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
     _plot(rows, drive_title(drive.base.voltage), ROOT / "reports" / "observer.png")

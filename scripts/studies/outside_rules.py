@@ -25,7 +25,6 @@ from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.ideal import phases
 from scripts.shared import rows
 from scripts.shared.tools import ROOT
-from scripts.shared.workers import Pool
 from scripts.studies import robustness
 
 REPORT = ROOT / "reports" / "outside_rules.csv"
@@ -194,13 +193,7 @@ def study(
     dict
         Figures of all settings.
     """
-    wanted = list(settings())
-    found = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
-    missing = [(setting,) for setting in wanted if setting not in found]
-    with Pool(jobs, scheduler) as pool:
-        for _, row in pool.each("rules for what is outside", loop, missing):
-            setting = Setting(**{name: row[name] for name in asdict(wanted[0])})
-            found[setting] = {name: row[name] for name in FIGURES}
-            rows.write(out, found, FIGURES)
-    rows.write(out, found, FIGURES)
-    return read(out)
+    return rows.study(
+        "rules for what is outside", loop, settings(), FIGURES, out, jobs,
+        anew=anew, scheduler=scheduler,
+    )  # fmt: skip

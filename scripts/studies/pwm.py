@@ -129,10 +129,10 @@ def controlled(found: Rows, starts: int) -> Iterator[Setting]:
         The next one.
     """
     for name, speed in itertools.product(DRIVES, SPEEDS):
-        shipped = _load(name).control
+        control = _load(name).control
         capacitors = [
-            ("real", shipped.bound_vn, shipped.bound_vph),
-            ("ideal", shipped.bound_vn, shipped.bound_vph),
+            ("real", control.bound_vn, control.bound_vph),
+            ("ideal", control.bound_vn, control.bound_vph),
             *(("real", *ripple(found, name, speed, pulses)) for pulses in COMPARED[speed]),
         ]
         for kind, scheme, bound, start in itertools.product(
@@ -353,7 +353,7 @@ def _percent(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.1f}"
 
 
-def _shipped(name: str) -> dict[str, object]:
+def _studied(name: str) -> dict[str, object]:
     control = _load(name).control
     return {"bound_vn": control.bound_vn, "bound_vph": control.bound_vph}
 
@@ -381,7 +381,7 @@ def equal_table(found: Rows) -> str:
             bounds: dict[str, object] = {"bound_vn": neutral, "bound_vph": phase}
             cells = [
                 thd_at(curve(found, BOUNDS, scheme=scheme, capacitors="real", **kind, **at), fsw)
-                for kind in (bounds, _shipped(name))
+                for kind in (bounds, _studied(name))
                 for scheme in ("SE", "SESE")
             ]
             perfect = curve(found, PULSES[speed], scheme="PWM", capacitors="ideal", **at)
@@ -394,8 +394,8 @@ def equal_table(found: Rows) -> str:
             )  # fmt: skip
     head = (
         "drive", "speed, pu", "f_sw, Hz", "v_n / v_ph of PWM up to, pu", "PWM, real",
-        "SE, same v_n / v_ph", "SESE, same v_n / v_ph", "SE, shipped bounds",
-        "SESE, shipped bounds", "PWM, ideal",
+        "SE, same v_n / v_ph", "SESE, same v_n / v_ph", "SE, 0.05 / 0.08",
+        "SESE, 0.05 / 0.08", "PWM, ideal",
     )  # fmt: skip
     return f"{tables.markdown(head, lines)}\n\n{_excess(found)}"
 
@@ -466,7 +466,7 @@ def balance_table(found: Rows) -> str:
             real, still = (
                 select(
                     found, drive=name, speed=speed, scheme=scheme, capacitors=kind, value=bound,
-                    **_shipped(name),
+                    **_studied(name),
                 )
                 for kind in ("real", "ideal")
             )  # fmt: skip
@@ -497,7 +497,7 @@ def draw(found: Rows, path: Path) -> None:
     for (name, speed), axis in zip(itertools.product(DRIVES, SPEEDS), axes.flat, strict=True):
         at = {"drive": name, "speed": speed}
         for scheme, colour in zip(("SE", "SESE"), COLOURS, strict=False):
-            points = curve(found, BOUNDS, scheme=scheme, capacitors="real", **_shipped(name), **at)
+            points = curve(found, BOUNDS, scheme=scheme, capacitors="real", **_studied(name), **at)
             axis.plot(*points.T, "o-", color=colour, markersize=3, linewidth=1, label=scheme)
         for kind, style in (("real", "s-"), ("ideal", "s:")):
             points = curve(found, PULSES[speed], scheme="PWM", capacitors=kind, **at)
@@ -519,8 +519,8 @@ def draw(found: Rows, path: Path) -> None:
     axes.flat[0].set_xlim(100, 50 * math.ceil(max(axis.dataLim.x1 for axis in axes.flat) / 50))
     axes.flat[0].set_ylim(0.9 * min(axis.dataLim.y0 for axis in axes.flat), 15)
     figure.suptitle(
-        "MPDCC with the shipped capacitor bounds beside phase-disposition PWM, five-level ANPC, "
-        "rated current",
+        "MPDCC with capacitor bounds of 0.05 and 0.08 pu beside phase-disposition PWM, "
+        "five-level ANPC, rated current",
         fontsize=10,
     )
     save_png(figure, path)

@@ -234,7 +234,7 @@ def factors_of(setting: Setting) -> dict[str, dict[str, float]]:
     return {"machine": {"xls": factor, "xlr": factor}}
 
 
-def loop(setting: Setting, steps: int) -> dict[str, Any]:
+def loop(setting: Setting, steps: int, drive: Drive | None = None) -> dict[str, Any]:
     """Run a closed loop.
 
     Parameters
@@ -243,6 +243,8 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
         The loop.
     steps : int
         Control steps that count.
+    drive : Drive, optional
+        What the controller knows; that of `drive_of` if not given.
 
     Returns
     -------
@@ -250,7 +252,7 @@ def loop(setting: Setting, steps: int) -> dict[str, Any]:
         The setting and its figures. `outside_pct` is the share of steps in which a voltage is more
         than 0.002 pu outside its bound.
     """
-    drive = drive_of(setting)
+    drive = drive_of(setting) if drive is None else drive
     real = drive.changed(
         **{
             table: {key: getattr(getattr(drive, table), key) * x for key, x in factors.items()}

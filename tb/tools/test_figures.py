@@ -351,6 +351,18 @@ def wide() -> dict[str, float]:
     return metrics()["pwm"]["equal"]["anpc5l_6kv"]["1.0"]["12"]
 
 
+def of_bounds(pair: str, low: bool) -> list[float]:
+    """Change of f_sw, %, from 0.05 and 0.08 pu to other bounds of the capacitors, noise 1."""
+    found = metrics()["capacitor_bounds"]
+    return [
+        100 * (by[pair]["1.0"][speed]["fsw_hz"] / point["fsw_hz"] - 1)
+        for by_horizon in found.values()
+        for by in by_horizon.values()
+        for speed, point in by["0.05 / 0.08"]["1.0"].items()
+        if (float(speed) < 0.4) == low
+    ]
+
+
 def swings() -> list[float]:
     """Largest v_ph of PWM at 0.6 pu."""
     equal = metrics()["pwm"]["equal"]
@@ -610,8 +622,16 @@ SAID: dict[str, list[Said]] = {
          lambda: span(ratios(7, "0.6") + ratios(8, "0.6"))),
         ("moves the phase capacitors by {} to {} pu", lambda: span(swings(), ".2f")),
         ("at rated speed and {} Hz these bounds lower the THD of SESE from {} to {} %",
-         lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_shipped_thd_pct']:.1f}",
+         lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_studied_thd_pct']:.1f}",
                   f"{wide()['sese_same_thd_pct']:.1f}")),
+        ("With noise, 0.08 and 0.12 pu switch {} to {} % less than 0.05 and 0.08 pu from 0.45 pu",
+         lambda: span([-one for one in of_bounds("0.08 / 0.12", low=False)], ".0f")),
+        ("at 0.2 and 0.3 pu the change is {} to {} %. 0.10 and",
+         lambda: span(of_bounds("0.08 / 0.12", low=True), "+.0f")),
+        ("0.10 and 0.16 pu switch {} to {} % less from 0.45 pu on; at 0.2 and 0.3 pu the change "
+         "is {} to {} %",
+         lambda: (*span([-one for one in of_bounds("0.1 / 0.16", low=False)], ".0f"),
+                  *span(of_bounds("0.1 / 0.16", low=True), "+.0f"))),
         ("MPDCC has {} to {} times the THD of PWM at rated speed, and {} to {} times it",
          lambda: (*span(ideal_ratios("1.0"), ".2f"), *span(ideal_ratios("0.6"), ".2f"))),
     ],

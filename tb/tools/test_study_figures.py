@@ -127,8 +127,8 @@ def _of_speed(section: dict[str, Any], drive: str, speed: str) -> dict[str, Any]
 def test_pwm() -> None:
     section = METRICS["pwm"]
     for name, columns in (
-        ("equal", ("pwm_thd_pct", "se_same_thd_pct", "sese_same_thd_pct", "se_shipped_thd_pct",
-                   "sese_shipped_thd_pct", "pwm_ideal_thd_pct")),
+        ("equal", ("pwm_thd_pct", "se_same_thd_pct", "sese_same_thd_pct", "se_studied_thd_pct",
+                   "sese_studied_thd_pct", "pwm_ideal_thd_pct")),
         ("ideal", ("pwm_thd_pct", "se_thd_pct", "sese_thd_pct")),
     ):  # fmt: skip
         for drive, speed, fsw, *cells in table("pwm.md", name):

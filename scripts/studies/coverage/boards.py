@@ -15,6 +15,7 @@ from directmpc.host import protocol as p
 from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
+from scripts.hdl import states
 from scripts.hdl.mptc_simulation import FAMILY_METHODS
 from scripts.hdl.virtual_board import Script, generics
 from scripts.shared.tools import Generics, ToolError
@@ -259,7 +260,7 @@ def mpdcc(netlist: Path, folder: Path) -> None:
     ToolError
         If hardly any decision is made.
     """
-    drive = load_mpdcc_drive("anpc5l_6kv")
+    drive = load_mpdcc_drive("anpc5l_6kv").with_control(**states.STUDIED)
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
         (drive, {}),
         (drive.with_control(capacitor_filter=4, outside_rule="inwards"), {"control": OBSERVER}),
