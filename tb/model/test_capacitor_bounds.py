@@ -68,7 +68,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path) -> None:
 
 
 def _short(setting: Setting) -> dict[str, object]:
-    return capacitor_bounds.loop(setting, 100)
+    return capacitor_bounds.loop(setting, 2000)  # a period at 0.2 pu
 
 
 @pytest.mark.parametrize("name", states.SHIPPED)
