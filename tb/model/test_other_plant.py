@@ -19,6 +19,7 @@ from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import observer
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
 from directmpc.mpdcc.errors import DriveErrors
+from scripts.hdl import states
 
 
 @pytest.mark.parametrize("name", MPDCC_FACTORS)
@@ -95,7 +96,7 @@ def test_the_controller_sees_the_flux_of_the_observer() -> None:
 
 
 def test_a_wrong_machine_shows_in_the_flux_of_the_observer() -> None:
-    drive = load_drive("anpc5l_6kv")
+    drive = load_drive("anpc5l_6kv").with_control(**states.STUDIED)
     seen, flux = observed(drive)
     assert np.abs(seen - flux).max() < 2e-3
     seen, flux = observed(drive, plant_factors={"leakage": 0.6})
