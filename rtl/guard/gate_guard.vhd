@@ -11,6 +11,8 @@
 --
 -- Formats: positions a, b, c of three bits each, of two-level legs 0 or 1 ('1': upper gate); gates of phase
 -- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
+-- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
+-- running, from two clocks after the first decision on.
 -- Latency: gates begin to move two clocks after decided.  All gates are off one clock (10 ns at 100 MHz) after
 -- external_trip, an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks (40 ns at
 -- 100 MHz) after measured brings a value beyond its limit.
@@ -63,6 +65,9 @@ entity gate_guard is
     running        : out   std_logic;                                              -- '1': gates follow decisions
     waits          : out   std_logic_vector(2 downto 0);                           -- a, b, c; '1': no other goal yet
     resting        : out   std_logic;                                              -- '1': no leg is moving or about to
+    taken_a        : out   std_logic_vector(2 downto 0);                           -- position of the gates of phase a
+    taken_b        : out   std_logic_vector(2 downto 0);                           -- position of the gates of phase b
+    taken_c        : out   std_logic_vector(2 downto 0);                           -- position of the gates of phase c
     faults         : out   std_logic_vector(FAULT_COUNT - 1 downto 0)              -- latched, bits as in gate_tables
   );
 end entity gate_guard;
@@ -76,6 +81,7 @@ architecture rtl of gate_guard is
   signal legal    : std_logic_vector(2 downto 0);
   signal blocked  : std_logic_vector(2 downto 0);
   signal at_rest  : std_logic_vector(2 downto 0);
+  signal taken    : std_logic_vector(8 downto 0);
   signal refused  : std_logic_vector(2 downto 0);
   signal all_legal   : std_logic;
   signal any_blocked : std_logic;
@@ -116,6 +122,10 @@ begin
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
   any_refused <= refused(0) or refused(1) or refused(2);
   resting     <= at_rest(0) and at_rest(1) and at_rest(2);
+
+  taken_a <= taken(2 downto 0);
+  taken_b <= taken(5 downto 3);
+  taken_c <= taken(8 downto 6);
 
   i_supervisor : entity work.gate_supervisor
     generic map (
@@ -164,6 +174,7 @@ begin
         blocked   => blocked(x),
         waits     => waits(2 - x),
         resting   => at_rest(x),
+        position  => taken(3 * x + 2 downto 3 * x),
         refused   => refused(x),
         gates     => gates((x + 1) * GATES_OF_LEG - 1 downto x * GATES_OF_LEG)
       );

@@ -3,15 +3,21 @@
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
 -- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or
 -- f_q_phase is not 0, it begins with the capacitors, and the core gets filtered voltages. With
--- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates. With
+-- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates, with
+-- compensate from the next start on, since it was made for that step. With
 -- l_mode the step goes on with the leakage beside the core, on what the core gets. Between two decisions the slopes'
 -- coefficients are scaled for the next one. Parameters and the guard's settings are shadows that take effect together
 -- between two decisions, the parameters once the observer's step is over. What is common to all systems is in
 -- system_shell.
 --
+-- The observer needs the positions applied since the measurement before. While the gates run these are the guard's:
+-- a commutation that waits for a minimum time has not been applied. Else they are the decisions. The filters begin
+-- anew once the guard has stopped.
+--
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, 12 clocks later with the filters, 19 with the flux, 27 with both.
 -- Parameters take effect a clock after the guard's settings; a decision that begins in between has the new ones.
+-- The guard has a decision one clock after valid, with compensate one clock after the next start.
 -- With LEAKAGE_ESTIMATE a commit is pending for 21 clocks more, in which no decision goes on; nor does it, with l_mode,
 -- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
@@ -185,6 +191,19 @@ architecture rtl of mpdcc_system is
   signal earlier_a      : std_logic_vector(2 downto 0); -- until_a of the decision before
   signal earlier_b      : std_logic_vector(2 downto 0);
   signal earlier_c      : std_logic_vector(2 downto 0);
+  signal taken_a        : std_logic_vector(2 downto 0); -- position of the gates
+  signal taken_b        : std_logic_vector(2 downto 0);
+  signal taken_c        : std_logic_vector(2 downto 0);
+  signal gates_a        : std_logic_vector(2 downto 0); -- the same when the decision began
+  signal gates_b        : std_logic_vector(2 downto 0);
+  signal gates_c        : std_logic_vector(2 downto 0);
+  signal is_running     : std_logic; -- gates follow decisions
+  signal followed       : std_logic; -- they have since the last start
+  signal followed_on    : std_logic; -- the same when the decision began
+  signal stopped        : std_logic; -- they no longer do; the filters have not begun anew
+  signal waits_for_go   : std_logic; -- a decision is for the next start
+  signal given_now      : std_logic; -- a decision is for now
+  signal apply          : std_logic;
   signal watched_a      : std_logic_vector(2 downto 0); -- applied from k-1 to k
   signal watched_b      : std_logic_vector(2 downto 0);
   signal watched_c      : std_logic_vector(2 downto 0);
@@ -271,16 +290,20 @@ begin
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
-      apply              => core_valid,
-      position_a         => core_a,
-      position_b         => core_b,
-      position_c         => core_c,
+      apply              => apply,
+      position_a         => own_a,
+      position_b         => own_b,
+      position_c         => own_c,
       gates              => gates,
-      running            => running,
+      taken_a            => taken_a,
+      taken_b            => taken_b,
+      taken_c            => taken_c,
+      running            => is_running,
       faults             => faults
     );
 
-  busy <= deciding;
+  busy    <= deciding;
+  running <= is_running;
 
   -- the observer may still work with those before; a decision reads them two clocks after load at the earliest
   taking <= load_waits and not observer_busy;
@@ -338,12 +361,61 @@ begin
 
   -- with delay compensation until_a to until_c take effect now, and those of the step before did until now
   delayed   <= in_force.compensate.value.value and to_std_logic(SECOND_LEVEL and not FOLDED);
-  watched_a <= earlier_a when delayed = '1' else
+  watched_a <= gates_a when followed_on = '1' else
+               earlier_a when delayed = '1' else
                until_a;
-  watched_b <= earlier_b when delayed = '1' else
+  watched_b <= gates_b when followed_on = '1' else
+               earlier_b when delayed = '1' else
                until_b;
-  watched_c <= earlier_c when delayed = '1' else
+  watched_c <= gates_c when followed_on = '1' else
+               earlier_c when delayed = '1' else
                until_c;
+
+  -- A decision for the next step waits for its start; what waits is given, whatever has been committed since.
+  apply <= given_now or (go and waits_for_go);
+
+  p_gates : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      given_now <= core_valid and not delayed;
+
+      if (core_valid = '1') then
+        waits_for_go <= delayed;
+      elsif (go = '1') then
+        waits_for_go <= '0';
+      end if;
+
+      -- until a decision begins; with go the guard may get the next one
+      if (deciding = '0') then
+        gates_a     <= taken_a;
+        gates_b     <= taken_b;
+        gates_c     <= taken_c;
+        followed_on <= followed and is_running;
+      end if;
+
+      if (is_running = '0') then
+        followed <= '0';
+      elsif (go = '1') then
+        followed <= '1';
+      end if;
+
+      if (followed = '1' and is_running = '0') then
+        stopped <= '1';
+      elsif (observer_busy = '0') then
+        stopped <= '0';
+      end if;
+
+      if (rst = '1') then
+        given_now    <= '0';
+        waits_for_go <= '0';
+        followed_on  <= '0';
+        followed     <= '0';
+        stopped      <= '0';
+      end if;
+    end if;
+
+  end process p_gates;
 
   -- A step begins before the decision, once the step before and a scaling are over.
   may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
@@ -352,7 +424,7 @@ begin
   observer_start <= (stale and not load_at_rest and not load_waits)
                     or ((go or waiting) and (filtering or watching) and not stale and not load_waits);
   observer_rst   <= rst or (forget and not deciding);
-  forget_filters <= not filtering;
+  forget_filters <= not filtering or (stopped and not observer_busy);
 
   p_waiting : process (clk) is
   begin

@@ -82,6 +82,9 @@ entity system_shell is
     position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c
     gates              : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     waits              : out   std_logic_vector(2 downto 0);  -- a, b, c; '1': no other position yet
+    taken_a            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase a, while running
+    taken_b            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase b, while running
+    taken_c            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase c, while running
     running            : out   std_logic;                     -- '1': gates follow decisions
     faults             : out   std_logic_vector(FAULT_COUNT - 1 downto 0) -- latched, bits as in gate_tables
   );
@@ -258,6 +261,9 @@ begin
       waits          => waits,
       running        => is_running,
       resting        => is_resting,
+      taken_a        => taken_a,
+      taken_b        => taken_b,
+      taken_c        => taken_c,
       faults         => latched
     );
 

@@ -226,6 +226,17 @@ class Leg:
         unsettled = self.goal != self.settled or self.starts_at is not None
         return self.alive and unsettled
 
+    @property
+    def taken(self) -> int | None:
+        """Position that the gates have or move to.
+
+        Returns
+        -------
+        int or None
+            None of a leg that is off, or whose first gates are not on yet.
+        """
+        return self.settled if self.alive and self.starts_at is None else None
+
     def clock(self, now: int, dead: int, rest: int) -> None:
         """One rising edge.
 
@@ -543,6 +554,17 @@ class GateGuard:
             True as well of a guard that is off.
         """
         return all(leg.resting(self.now) for leg in self.legs)
+
+    @property
+    def taken(self) -> tuple[int | None, ...]:
+        """Positions that the gates have or move to.
+
+        Returns
+        -------
+        tuple of int or None
+            Of phases a, b, c, as `Leg.taken`.
+        """
+        return tuple(leg.taken for leg in self.legs)
 
     @property
     def waits(self) -> int:

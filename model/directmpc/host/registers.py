@@ -67,8 +67,8 @@ class GuardSettings:
     link_high, link_low : float
         Trip levels of the dc-link voltage, of the nominal one.
     decision_limit : float or None
-        Longest time from start to decision, control periods; by default 0.9, for MPTC, whose
-        decisions reach the guard with the next start, 1.1.
+        Longest time from start to decision, control periods; by default 0.9, and 1.1 where
+        decisions reach the guard with the next start: MPTC, and MPDCC with delay compensation.
     watchdog : float
         Longest time between two decisions, control periods.
     """
@@ -278,7 +278,8 @@ def guard_words(
         raise ValueError(f"clock: got {clock:g} Hz; it must be a number above 0")
     limit, current = settings.decision_limit, settings.current
     if isinstance(drive, Drive):
-        limit = 0.9 if limit is None else limit
+        if limit is None:  # a decision for the next step waits for its start
+            limit = 1.1 if drive.control.delay_compensation else 0.9
         current, unit = 1.8 if current is None else current, "pu"
         current_scale, link = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
     else:
@@ -565,10 +566,10 @@ def refuse_slow(
     """
     limit = found.words["guard.decision_limit"]
     told = f"{limit} (guard.decision_limit)"
+    period = math.floor(settings.clock * drive.control.ts + 1e-6)
+    if settings.decision_limit is None and period < limit:  # the next start comes then
+        limit, told = period, f"{period} (control.ts)"
     if isinstance(drive, MptcDrive):
-        period = math.floor(settings.clock * drive.control.ts + 1e-6)
-        if settings.decision_limit is None and period < limit:  # the next start comes then
-            limit, told = period, f"{period} (control.ts)"
         method, rule = drive.control.method, drive.control.duty_rule
         clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
         if clocks > limit:
@@ -659,7 +660,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="MPDCC only: of the core, which has to decide in time; 1 by default",
     )  # fmt: skip
     defaults = GuardSettings()
-    unset = {"current": "1.8 pu, or 0.95 of full scale", "decision_limit": "0.9, MPTC 1.1"}
+    unset = {
+        "current": "1.8 pu, or 0.95 of full scale",
+        "decision_limit": "0.9, MPTC and with delay_compensation 1.1",
+    }
     for name, unit in (
         ("clock", "clock of the core that its times are counted in, Hz"),
         ("dead_time", "s"),

@@ -17,6 +17,7 @@ from directmpc.mpdcc import capacitor_observer, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
+from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import observer as mptc_observer
 from scripts.generate import register_files
@@ -571,6 +572,129 @@ def near(system: System, rng: random.Random) -> dict[str, int]:
     return m | {f"s_prev_{x}": rng.randrange(8) for x in "abc"}
 
 
+#: Options beside own positions, and the minimum time that makes commutations wait beyond a start.
+SWITCHED = (
+    {"q": 4, "minimum": 330},
+    {"q": 3, "minimum": 480, "compensate": 1, "use_observer": 1},
+)
+INTERVAL = 180  # clocks from start to start
+TRIP = 26  # step behind which the guard stops
+BACK = 30  # step from which on it may run again
+STEPS = 60
+TRIES = 400
+
+
+async def switched(system: System) -> None:
+    """Filters and flux observer go by the gates, which wait for minimum times, and which stop."""
+    bus, board, rng, dut = system.bus, system.board, system.rng, system.dut
+    guard = dut.i_shell.i_guard
+    names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
+    drive = states.shipped("anpc5l_6kv")
+    o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
+    base = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0)).words
+    all_faults = dict.fromkeys(bus.registers["system.faults"][1], 1)
+
+    def taken() -> IntArray:
+        return np.array([number(getattr(guard, f"taken_{x}")) for x in "abc"])
+
+    for chosen in SWITCHED:
+        compensate, watched = chosen.get("compensate", 0), chosen.get("use_observer", 0)
+        filters = capacitor_observer.coefficients(
+            drive, q_midpoint=chosen["q"], q_phase=chosen["q"]
+        )
+        c = capacitor_observer.array(filters)
+        parameters = {n: base[f"parameters.{n}"] for n in system.words} | {"compensate": compensate}
+        parameters |= {f"f_{name}": value for name, value in filters.items()}
+        dut.enable.value = 1
+        await bus.write("system.control", enable=0, use_observer=watched, own_positions=1)
+        settings = {
+            "watchdog": 60_000, "decision_limit": 59_000, "current_limit": 30_000,
+            "link_high": 65_000, "link_low": 0, "dead_time": 10, "minimum_on": chosen["minimum"],
+            "minimum_off": 1,
+        }  # fmt: skip
+        for name, value in settings.items():
+            _, fields = bus.registers[f"guard.{name}"]
+            await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+        await system.write_parameters(parameters)
+        await bus.write("system.command", commit=1)
+        while await bus.read("system.status", "commit_pending"):
+            pass
+        decisions = []
+        for _ in range(2):  # own positions are those of decisions
+            await system.decide(near(system, rng))
+            decisions.append(np.array(system.decided()[:3]))
+        before, last = decisions
+        await bus.write("system.command", reset_observer=1)
+        await bus.write("system.faults", **all_faults)
+        await bus.write("system.control", enable=1, use_observer=watched, own_positions=1)
+        state = np.zeros(capacitor_observer.STATE_WORDS, dtype=np.int64)
+        flux = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+        moved = latest = np.zeros(3, dtype=bool)  # legs that the last two decisions move
+        ran = False  # gates have followed since the last start
+        for n in range(STEPS):
+            label = f"{chosen}, decision {n}"
+            running = bool(number(dut.running))
+            at = taken() if running else last  # undefined before the first
+            waiting = number(guard.waits) if running else 0
+            waits = np.array([bool(waiting & bit) for bit in (4, 2, 1)])
+            if running and number(guard.resting):
+                legs = [anpc_gates(int(position)) for position in at]
+                on = sum(1 << (x * 8 + gate - 1) for x, leg in enumerate(legs) for gate in leg)
+                board.check("taken", number(dut.gates), on, label)
+            # with delay compensation a decision is for the next start, and applies from then on
+            asked = before if compensate else last
+            applied = at if ran and running else asked
+            other = bool(np.any(applied != asked))
+            if ran and running:
+                board.check("applied", list(applied[~waits]), list(asked[~waits]), label)
+            kept = state.copy(), flux.copy()
+            # a move of a leg that waits would be an overrun; moves of one that rests are looked for
+            refused = waits | (moved if compensate else False)
+            rests = moved if not compensate else latest
+            for attempt in range(TRIES):
+                state[:], flux[:] = kept
+                m = near(system, rng)
+                m |= {"is_alpha": 9_000 + rng.randrange(-2_000, 2_000)}
+                m |= {"is_beta": rng.randrange(-2_000, 2_000)}
+                *voltages, _ = capacitor_observer.step_words(
+                    c, state, np.array([m[x] for x in names]), applied, 0
+                )
+                used = m | dict(zip(names[2:], voltages, strict=True))
+                used |= dict(zip(("s_prev_a", "s_prev_b", "s_prev_c"), last, strict=True))
+                if watched:
+                    words = np.array([used[x] for x in (*names, "v_dc", "omega_r")])
+                    *estimate, _ = rotor_flux_observer.step_words(o, flux, words, applied)
+                    used |= dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
+                wanted = system.model(parameters, {x: int(used[x]) for x in system.inputs})
+                moves = np.array(wanted[:3]) != last
+                enough = np.any(moves & rests) or attempt > TRIES // 2
+                if enough and not np.any(moves & refused):
+                    break
+            assert not np.any(moves & refused), label
+            clocks = await system.decide(m)
+            board.check("switched", system.decided(), wanted, label)
+            board.cover("late commutation", int(other and ran and running))
+            ran = running and bool(number(dut.running))
+            before, last, moved, latest = last, np.array(wanted[:3]), moves, moved
+            for _ in range(INTERVAL - clocks):
+                await FallingEdge(dut.clk)
+            if n == TRIP:
+                board.check("ran", ran, True, label)
+                dut.external_trip.value = 1
+                await FallingEdge(dut.clk)
+                dut.external_trip.value = 0
+                # what the filters know is forgotten; the flux is not
+                state[:], ran = 0, False
+            if n == BACK:
+                await bus.write("system.control", enable=0, use_observer=watched, own_positions=1)
+                await bus.write("system.faults", **all_faults)
+                await bus.write("system.control", enable=1, use_observer=watched, own_positions=1)
+        board.check("no fault", number(dut.faults), 0, chosen)
+        board.check("ran", (ran, number(dut.running)), (True, 1), chosen)
+        await bus.write("system.control", enable=0)
+    await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
+
+
 async def faults(system: System) -> None:
     """Enable, trip, clear: the guard behind the registers."""
     bus, board, dut = system.bus, system.board, system.dut
@@ -774,9 +898,9 @@ async def system(dut) -> None:
     given = arguments()
     under_test = System(dut, given)
     await under_test.begin()
-    if given["only"] == "estimated":
-        await estimated(under_test)
-        under_test.board.finish({"estimated": 1})
+    if given["only"]:
+        await {"estimated": estimated, "switched": switched}[given["only"]](under_test)
+        under_test.board.finish({given["only"]: 1})
         return
     if given["registers"]:
         await every_register(under_test)
@@ -785,6 +909,7 @@ async def system(dut) -> None:
     if given["controller"] == "mpdcc":
         await filtered(under_test)
         await estimated(under_test)
+        await switched(under_test)
     await faults(under_test)
     await unmeasured(under_test)
     dut.enable.value = 1
@@ -807,6 +932,10 @@ async def system(dut) -> None:
     if given["controller"] == "mpdcc":
         assert under_test.board.checks["filtered"] == 14 * len(FILTERED)
         assert under_test.board.checks["later"] > 1
+        assert under_test.board.checks["switched"] == STEPS * len(SWITCHED)
+        assert under_test.board.checks["taken"] > STEPS // 4
+        assert under_test.board.checks["applied"] > STEPS
+        assert under_test.board.covered["late commutation"] > 10
         assert under_test.board.checks["estimated"] == (ESTIMATES + 8) * len(ESTIMATED)
         assert under_test.board.checks["theta"] > ESTIMATES * len(ESTIMATED) // 2
         assert under_test.board.covered["scaled"] > ESTIMATES * len(ESTIMATED) // 2

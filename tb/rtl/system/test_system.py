@@ -97,10 +97,10 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
 #: What is wrong in front of the core of MPDCC, and the check that sees it.
 BEFORE_THE_CORE = {
     "old estimate": ("(forget and not deciding)", "'0'", "observed flux"),
-    "kept while off": ("forget_filters <= not filtering;", "forget_filters <= '0';", "filtered"),
+    "kept while off": ("forget_filters <= not filtering or", "forget_filters <=", "filtered"),
     "wrong phase": ("=> watched_b", "=> watched_c", "observed flux"),
     "not filtered": ("ready         <= filters_valid", "ready         <= may_begin", "filtered"),
-    "another interval": ("watched_a <= earlier_a", "watched_a <= until_a", "observed flux"),
+    "another interval": ("earlier_a when delayed", "until_a when delayed", "observed flux"),
     "untold": ("observer_flag or filters_flag", "observer_flag", "told"),
 }  # fmt: skip
 #: What is wrong in the estimate of the leakage.
@@ -112,6 +112,29 @@ ESTIMATE = {
     "never frozen": ("=> in_force.l_mode.value.value(1)", "=> '0'"),
     "no flux": ("watching       <= observing or estimating;", "watching       <= observing;"),
 }
+
+
+#: What is wrong between decisions, gates and observer, and the check that sees it.
+SWITCHED = {
+    "decisions for gates": ("followed <= '1';", "followed <= '0';", "switched"),
+    "gates of now": ("if (deciding = '0') then", "if (true) then", "switched"),
+    "kept beyond a stop": (" or (stopped and not observer_busy);", ";", "switched"),
+    "a step early": ("given_now <= core_valid and not delayed;", "given_now <= core_valid;",
+                     "applied"),
+    "never given": ("(go and waits_for_go);", "'0';", "(applied|ran)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SWITCHED)
+def test_a_fault_between_decisions_and_gates_is_found(name: str, tmp_path: Path) -> None:
+    old, new, check = SWITCHED[name]
+    rtl = altered(tmp_path, "mpdcc_system", old, new)
+    with pytest.raises(CheckError, match=rf"{check}: .* expected"):
+        bench("mpdcc", 0, rtl, only="switched")
+
+
+def test_the_observer_goes_by_the_gates() -> None:
+    assert bench("mpdcc", 0, only="switched").covered["late commutation"] > 10
 
 
 @pytest.mark.parametrize("name", ESTIMATE)

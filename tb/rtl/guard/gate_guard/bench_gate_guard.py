@@ -53,6 +53,10 @@ async def every_clock(dut) -> None:
         board.check("running", number(dut.running), int(guard.running), context)
         board.check("resting", number(dut.resting), int(guard.resting), context)
         board.check("waits", number(dut.waits), guard.waits, context)
+        for phase, position in zip("abc", guard.taken, strict=True):
+            if position is not None:
+                shown = number(getattr(dut, f"taken_{phase}"))
+                board.check(f"taken {phase}", shown, position, context)
         board.cover("moved", int(was != guard.gates))
         board.cover("running", int(guard.running))
         for fault in guard.faults - old:
@@ -60,7 +64,8 @@ async def every_clock(dut) -> None:
     kinds = [fault for fault in FAULTS[:-1] if five_level or fault != "illegal_edge"]
     kinds += [f"{FAULTS[-1]} {leg}" for leg in range(3)]
     board.finish(
-        {"gates": given["clocks"] - 2},
+        {"gates": given["clocks"] - 2}
+        | {f"taken {phase}": given["clocks"] // 4 for phase in "abc"},
         {"moved": given["clocks"] // 40, "running": given["clocks"] // 4}
         | (dict.fromkeys(kinds, 1) if given["all"] else {}),
     )

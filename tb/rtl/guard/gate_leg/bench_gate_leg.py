@@ -102,6 +102,8 @@ class Bench:
             board.check("blocked", number(dut.blocked), int(leg.blocked(goal)), context)
             board.check("waits", number(dut.waits), int(leg.waits), context)
             board.check("resting", number(dut.resting), int(leg.resting(self.now)), context)
+            if leg.taken is not None:
+                board.check("position", number(dut.position), leg.taken, context)
             refused = isinstance(leg, Unguarded) and leg.refused
             board.check("refused", number(dut.refused), int(refused), context)
             board.cover(f"{leg.goal} to {goal}", int(leg.alive))
