@@ -9,7 +9,13 @@ from pathlib import Path
 from scripts.publish import noise
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
-from scripts.studies import mptc_robustness, noise_decisions, outside_rules, robustness
+from scripts.studies import (
+    mptc_robustness,
+    noise_decisions,
+    outside_rules,
+    random_decisions,
+    robustness,
+)
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +32,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--decisions-out", type=Path, default=noise_decisions.REPORT,
         help="file of the decisions beside the ideal controller's",
+    )  # fmt: skip
+    parser.add_argument(
+        "--random-decisions-out", type=Path, default=random_decisions.REPORT,
+        help="file of the RTL's decisions on random drives",
     )  # fmt: skip
     parser.add_argument(
         "--rules-out", type=Path, default=outside_rules.REPORT,
@@ -47,6 +57,7 @@ def _run(given: argparse.Namespace) -> int | None:
         _publish(robustness.read(given.out), given)
         mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)
         noise_decisions.publish(noise_decisions.read(given.decisions_out), given.page)
+        random_decisions.publish(random_decisions.read(given.random_decisions_out), given.page)
         return 0
     rows = robustness.study(
         given.out,
@@ -66,6 +77,10 @@ def _run(given: argparse.Namespace) -> int | None:
         given.decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
     )
     noise_decisions.publish(decided, given.page)
+    by_rtl = random_decisions.study(
+        given.random_decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
+    )
+    random_decisions.publish(by_rtl, given.page)
     outside_rules.study(given.rules_out, given.jobs, anew=given.anew, scheduler=given.scheduler)
     return 0
 

@@ -68,6 +68,7 @@ from scripts.studies import (
     mptc_robustness,
     noise_decisions,
     pwm,
+    random_decisions,
     robustness,
 )
 from scripts.studies import horizon as horizon_study
@@ -102,7 +103,7 @@ SEEDS = 5
 STUDIES = (
     "observer", "paper-b", "sensorless", "bounds", "lengths", "sese", "pwm", "capacitor-bounds",
     "deadlocks",
-    "robustness", "robustness-two-level", "noise-decisions", "fidelity",
+    "robustness", "robustness-two-level", "noise-decisions", "random-decisions", "fidelity",
 )  # fmt: skip
 """Names of `studies`."""
 STAGES = (
@@ -861,6 +862,11 @@ def studies(jobs: int) -> list[Stage]:
         noise_decisions.REPORT.name,
         lambda: noise_decisions.publish(noise_decisions.read(), robustness.PAGE),
     )
+    by_rtl, by_rtl_page = _rows_and_page(
+        lambda out: random_decisions.study(out, jobs),
+        random_decisions.REPORT.name,
+        lambda: random_decisions.publish(random_decisions.read(), robustness.PAGE),
+    )
     modulated, modulated_page = _rows_and_page(
         lambda out: pwm.study(out, pwm.STEPS, pwm.PERIODS, pwm.STARTS),
         pwm.REPORT.name,
@@ -922,6 +928,8 @@ def studies(jobs: int) -> list[Stage]:
               _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
         Stage("noise-decisions", "decisions under noise beside the ideal controller",
               _modules("studies.noise_decisions"), decided, (*rtl, *drives), decided_page),
+        Stage("random-decisions", "decisions of the RTL on random drives",
+              _modules("studies.random_decisions"), by_rtl, (*rtl, *drives), by_rtl_page),
         Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
               _modules("studies.fidelity.study"), in_place(_fidelity), (*rtl, *drives),
               accuracy.write_page),

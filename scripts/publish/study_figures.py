@@ -28,6 +28,7 @@ from scripts.studies import (
     mptc_robustness,
     noise_decisions,
     pwm,
+    random_decisions,
     robustness,
 )
 
@@ -257,8 +258,8 @@ def of_robustness(reports: Path = REPORTS) -> Section:
     Returns
     -------
     dict
-        `shipped`, `random`, `mismatch`, `two_level` and `decisions`, as docs/robustness.md has
-        them.
+        `shipped`, `random`, `mismatch`, `two_level`, `decisions` and `random_decisions`, as
+        docs/robustness.md has them.
     """
     found = robustness.read(reports / robustness.REPORT.name)
     two_level = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
@@ -267,6 +268,9 @@ def of_robustness(reports: Path = REPORTS) -> Section:
         "two_level": _two_level(two_level),
         "decisions": noise_decisions.shares(
             noise_decisions.read(reports / noise_decisions.REPORT.name)
+        ),
+        "random_decisions": random_decisions.counts(
+            random_decisions.read(reports / random_decisions.REPORT.name)
         ),
     }  # fmt: skip
 

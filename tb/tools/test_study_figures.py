@@ -116,6 +116,16 @@ def test_decisions_under_noise() -> None:
         assert (share, worst) == (f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}")
 
 
+def test_decisions_on_random_drives() -> None:
+    section = METRICS["robustness"]["random_decisions"]
+    found = table("robustness.md", "random decisions")
+    assert [horizon for horizon, *_ in found] == ["SE", "SESE"]
+    for horizon, drives, by_rtl, differing in found:
+        one = section[horizon]
+        assert (drives, by_rtl) == (f"{one['drives']}", f"{one['rtl_rows']:,}")
+        assert differing == f"{one['rtl_differing']}"
+
+
 def _percent(value: float | None) -> str:
     return "–" if value is None else f"{value:.1f}"
 
