@@ -4,9 +4,9 @@ Sweep: each error alone and all together; one vector a period and several; both 
 loop; every factor of the plant's machine at both ends of its range, with every method.
 Stimulus: the 2.2 kW drive, ideal controllers and bit-true models.
 Checks: that no error changes nothing; noise by its statistics in what a controller is shown;
-offset, gain and word length by what is seen; that observers see the same; dead time against vectors
-that the diodes hold, one that outlasts a vector or a period too; ripple against a plant with another
-voltage; values that make no sense.
+offset, gain and word length by what is seen; that observers see the same; dead time against
+vectors that the diodes hold, one that outlasts a vector or a period too; ripple against a plant
+with another voltage; values that make no sense.
 Does not prove: that a real sensor is like this; a current that changes its sign in a dead time.
 """
 
