@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from directmpc.mpdcc.drive import Drive
     from directmpc.mpdcc.errors import DriveErrors
     from directmpc.mptc.drive import MptcDrive
+    from directmpc.mptc.errors import MptcErrors
     from directmpc.mptc.foc import FocController, FocTuning
     from directmpc.mptc.sensorless import SensorlessController
     from directmpc.mptc.speed_observer import SpeedGains
@@ -45,6 +46,7 @@ _HOMES = {
     "mpdcc.drive": ("Drive",),
     "mpdcc.errors": ("DriveErrors",),
     "mptc.drive": ("MptcDrive",),
+    "mptc.errors": ("MptcErrors",),
     "mptc.foc": ("FocController", "FocTuning"),
     "mptc.sensorless": ("SensorlessController",),
     "mptc.speed_observer": ("SpeedGains",),
@@ -69,6 +71,7 @@ __all__ = [
     "MpdccState",
     "MptcDecision",
     "MptcDrive",
+    "MptcErrors",
     "MptcState",
     "SensorlessController",
     "SimulationResult",

@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import math
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,14 +15,15 @@ from rich.console import Console
 from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
-from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS
+from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS, MPTC_FACTORS
 from directmpc.host.console import check_output, terminable
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import MptcErrors, check_errors
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
@@ -37,55 +39,65 @@ OUTPUTS = {
 }
 """Arguments that name a file to write, and what it is; `view` follows from `waves`."""
 
-MPDCC_ONLY = ("explorers", "variant", "errors", "plant", "flux_observer")
+MPDCC_ONLY = ("explorers", "variant", "flux_observer")
 """Arguments that a two-level drive has no use for."""
 
 Outputs = dict[str, Path]
 
 
-def _errors(text: str) -> DriveErrors:
-    """Errors as a user writes them: ``noise_current=0.005,bits=12``."""
-    kinds = {field.name: type(field.default) for field in dataclasses.fields(DriveErrors)}
-    found: dict[str, Any] = {}  # what each field's type made of its text
-    for part in text.split(","):
-        name, _, value = part.strip().partition("=")
-        if name not in kinds:
-            raise argparse.ArgumentTypeError(
-                f"got {name!r:.40}; it may hold {', '.join(kinds)}, each with = and a number"
-            )
-        try:
-            found[name] = kinds[name](value)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{name}: got {value!r:.40}; not a number") from None
-    try:
-        return DriveErrors(**found)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _factors(text: str) -> dict[str, float]:
-    """Factors of the plant as a user writes them: ``rs=1.5,leakage=0.8``."""
-    found: dict[str, float] = {}
+def _pairs(option: str, text: str, names: Iterable[str], what: str) -> dict[str, str]:
+    """Values as a user writes them, by name: ``rs=1.5,leakage=0.8``."""
+    known, found = tuple(names), dict[str, str]()
     for part in text.split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
-        if name not in MPDCC_FACTORS:
-            raise argparse.ArgumentTypeError(
-                f"got {name!r:.40}; it may hold {', '.join(MPDCC_FACTORS)}, each with = and a "
-                f"factor from {LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+        if name not in known:
+            raise UsageError(
+                f"argument --{option}: got {name!r:.40}; it may hold {', '.join(known)}, each with "
+                f"= and {what}"
             )
         if name in found:
-            raise argparse.ArgumentTypeError(f"{name}: given twice; one factor is needed")
+            raise UsageError(f"argument --{option}: {name}: given twice; one value is needed")
+        found[name] = value
+    return found
+
+
+def _errors(text: str | None, kind: type[Any]) -> Any:
+    """Errors of `kind` as a user writes them: ``noise_current=0.005,bits=12``."""
+    types = {field.name: type(field.default) for field in dataclasses.fields(kind)}
+    found: dict[str, int | float] = {}
+    pairs = {} if text is None else _pairs("errors", text, types, "a number")
+    for name, value in pairs.items():
         try:
-            found[name] = float(value)
+            found[name] = types[name](value)
         except ValueError:
-            raise argparse.ArgumentTypeError(
-                f"{name}: got {value!r:.40}; it must be a number from {LEAST_FACTOR:g} to "
-                f"{MOST_FACTOR:g}"
+            needed = "an integer" if types[name] is int else "a number"
+            raise UsageError(
+                f"argument --errors: {name}: got {value!r:.40}; it must be {needed}"
             ) from None
-        if not LEAST_FACTOR <= found[name] <= MOST_FACTOR:
-            raise argparse.ArgumentTypeError(
-                f"{name}: got {value}; it must be a number from {LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+    try:
+        return kind(**found)
+    except ValueError as error:
+        raise UsageError(f"argument --errors: {error}") from None
+
+
+def _factors(text: str | None, names: Iterable[str]) -> dict[str, float] | None:
+    """Factors of the plant as a user writes them: ``rs=1.5,leakage=0.8``."""
+    if text is None:
+        return None
+    allowed = f"from {LEAST_FACTOR:g} to {MOST_FACTOR:g}"
+    found: dict[str, float] = {}
+    for name, value in _pairs("plant", text, names, f"a factor {allowed}").items():
+        try:
+            factor = float(value)
+        except ValueError:
+            raise UsageError(
+                f"argument --plant: {name}: got {value!r:.40}; it must be a number {allowed}"
+            ) from None
+        if not LEAST_FACTOR <= factor <= MOST_FACTOR:
+            raise UsageError(
+                f"argument --plant: {name}: got {value}; it must be a number {allowed}"
             )
+        found[name] = factor
     return found
 
 
@@ -108,16 +120,15 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--errors",
-        type=_errors,
         metavar="NAME=VALUE,...",
-        help="MPDCC: errors of sensors and switches, see directmpc.DriveErrors",
+        help="errors of sensors and switches: directmpc.DriveErrors, MPTC: directmpc.MptcErrors",
     )
     parser.add_argument(
         "--plant",
-        type=_factors,
         metavar="NAME=FACTOR,...",
-        help="MPDCC: factors on the machine and the capacitors of the plant, which the controller "
-        f"does not know: {', '.join(MPDCC_FACTORS)}, each from {LEAST_FACTOR:g} to {MOST_FACTOR:g}",
+        help="factors on the machine and the capacitors of the plant, which the controller does "
+        f"not know: {', '.join(MPDCC_FACTORS)}, MPTC: {', '.join(MPTC_FACTORS)}, each from "
+        f"{LEAST_FACTOR:g} to {MOST_FACTOR:g}",
     )
     parser.add_argument(
         "--flux-observer",
@@ -165,7 +176,7 @@ def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
     drive, note = served(drive, variant)
     run = rtl_loop.simulate(
         drive, given.speed, given.steps, given.explorers or 2, variant,
-        given.errors or NO_ERRORS, new.get("waves"), given.plant, bool(given.flux_observer),
+        given.errors, new.get("waves"), given.plant, bool(given.flux_observer),
     )  # fmt: skip
     rtl_loop.draw(run, new["out"])
     if "trace" in new:
@@ -187,7 +198,7 @@ def _mpdcc(given: argparse.Namespace, drive: Drive, new: Outputs) -> _Result:
 def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
     """Run a two-level drive and write its files."""
     point = mptc_loop.Point.of(drive, given.speed)
-    run = mptc_loop.simulate(drive, point, given.steps, new.get("waves"))
+    run = mptc_loop.simulate(drive, point, given.steps, new.get("waves"), given.errors, given.plant)
     mptc_loop.draw(run, given.drive.name, new["out"])
     if "trace" in new:
         mptc_trace.write_trace(new["trace"], run.trace)
@@ -210,6 +221,8 @@ def _check_mpdcc(given: argparse.Namespace) -> None:
         raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
     if given.speed == 0.0:
         raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
+    given.errors = _errors(given.errors, DriveErrors)
+    given.plant = _factors(given.plant, MPDCC_FACTORS)
 
 
 def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
@@ -224,6 +237,12 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
         mptc_loop.Point.of(drive, given.speed)
     except ValueError as error:
         raise UsageError(f"argument --speed: {error}") from error
+    given.errors = _errors(given.errors, MptcErrors)
+    try:
+        check_errors(given.errors, drive)
+    except ValueError as error:
+        raise UsageError(f"argument --errors: {error}") from error
+    given.plant = _factors(given.plant, MPTC_FACTORS)
 
 
 def _run(given: argparse.Namespace) -> int | None:

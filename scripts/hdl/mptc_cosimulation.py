@@ -15,8 +15,8 @@ from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.errors import erring_sequence, erring_step, legs_at_rest, measure
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
-from directmpc.mptc.plant import step, step_sequence
 from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
@@ -219,7 +219,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
     steps = job.steps
     out = np.empty((steps, len(FIELDS)), dtype=np.int64)
     sequences = np.empty((steps, 5), dtype=np.int64)
-    seen = np.empty((steps, 8))
+    seen, currents, legs = np.empty((steps, 8)), np.empty((steps, 2)), legs_at_rest()
     current, flux, omega_r, integral = loop.current, loop.flux, loop.omega_r, 0.0
     applied = np.array([0, 0, 0, TIME_STEPS, 0])
     inside = np.empty(1, dtype=np.complex128), np.empty(1)
@@ -232,12 +232,14 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
             if abs(gain * error + integral) < limit:
                 integral += rate * error * loop.plant.ts
             wanted += min(max(gain * error + integral, -limit), limit)
+        measured = measure(loop.errors, k, current)
+        currents[k] = current.real, current.imag
         seen[k] = (
-            current.real, current.imag, flux.real, flux.imag, omega_r, wanted, loop.psi_ref[k],
+            measured.real, measured.imag, flux.real, flux.imag, omega_r, wanted, loop.psi_ref[k],
             applied[0],
         )  # fmt: skip
         measurement, clipped = bit_true.encode_row(
-            loop.scales, loop.lows, loop.highs, current, flux, omega_r, loop.vdc, wanted,
+            loop.scales, loop.lows, loop.highs, measured, flux, omega_r, loop.vdc, wanted,
             loop.psi_ref[k],
         )  # fmt: skip
         code = 0 if job.family_method is None else int(job.family_method[k])
@@ -245,19 +247,19 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         out[k] = await bench.decide(measurement, applied[0], applied, code, rule)
         out[k, 2] |= clipped
         if code == 0:
-            current, flux, omega_r = step(
-                loop.plant, current, flux, omega_r, applied[0], loop.load[k]
+            current, flux, omega_r = erring_step(
+                loop.errors, k, legs, loop.plant, current, flux, omega_r, applied[0], loop.load[k]
             )
         else:
             known = VectorSequence(*(int(u) for u in applied[:3]), *(applied[3:] / TIME_STEPS))
             count = segments(known, code == FAMILY_METHODS["SVM"], vectors, lengths)
-            current, flux, omega_r = step_sequence(
-                loop.plant, current, flux, omega_r, vectors[:count], lengths[:count],
-                loop.load[k], *inside,
+            current, flux, omega_r = erring_sequence(
+                loop.errors, k, legs, loop.plant, current, flux, omega_r, vectors[:count],
+                lengths[:count], loop.load[k], *inside,
             )  # fmt: skip
         applied = sequences[k] = np.array(bench.sequence)
         progress(k + 1)
-    return {"decisions": out, "sequences": sequences, "seen": seen}
+    return {"decisions": out, "sequences": sequences, "seen": seen, "current": currents}
 
 
 @cocotb.test()

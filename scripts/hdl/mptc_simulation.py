@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from directmpc.mptc.drive import SEQUENCE_METHODS
+from directmpc.mptc.errors import EXACT, CompiledErrors
 from directmpc.mptc.plant import PlantParameters
 from directmpc.mptc.trace import FloatArray, IntArray
 from scripts.hdl import simulator
@@ -46,6 +47,8 @@ class Loop:
         Plant state at the first step.
     omega_r : float
         Electrical speed at the first step, rad/s.
+    errors : CompiledErrors
+        Of sensors and switches; none unless given.
     """
 
     plant: PlantParameters
@@ -62,6 +65,7 @@ class Loop:
     current: complex
     flux: complex
     omega_r: float
+    errors: CompiledErrors = EXACT
 
 
 @dataclass
@@ -133,7 +137,8 @@ def simulate(
     dict
         ``decisions`` (n, 5) in the order of ``FIELDS``; ``sequences`` (n, 5): u1, u2, u3, t1, t2;
         both end with the first row that is not as the job wants it; for a closed loop ``seen``
-        (n, 8): what the controller saw, and ``u`` last, before quantisation.
+        (n, 8): what the controller saw, and ``u`` last, before quantisation; ``current`` (n, 2):
+        the plant's, A.
 
     Raises
     ------

@@ -181,7 +181,7 @@ def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
         "flux_mean_wb": float(run.flux[first:].mean()),
         "switching_hz": float(changes / (6.0 * len(run.u[first:]) * run.ts)),
         "fundamental_hz": omega / (2.0 * np.pi),
-        "thd_pct": 100.0 * float(thd(run.trace.i_s[first:, 0], omega, run.ts)),
+        "thd_pct": 100.0 * float(thd(run.current[first:].real, omega, run.ts)),
         "mismatch_pct": 100.0 * run.mismatch,
         "worst_margin": run.worst_margin,
     }

@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
+from directmpc.api.simulation import plant_with
 from directmpc.host.console import progress_bar
 from directmpc.host.registers import duty_rule_word
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import RPM, Scenario, constant
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import NO_ERRORS, MptcErrors, compiled_errors
 from directmpc.mptc.formats import MEASUREMENTS, measurement_formats
 from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import plant_parameters
@@ -109,11 +112,13 @@ class Run:
     Attributes
     ----------
     drive : MptcDrive
-        Plant and controller.
+        What the controller is set up for.
     point : Point
         What was asked for.
     trace : MptcTrace
         What the controller saw.
+    current : (n, 2)
+        Stator current of the plant, alpha and beta, A.
     decisions : MptcDecisions
         What it decided, applied one period later.
     torque : (n,)
@@ -124,16 +129,23 @@ class Run:
         Periods in which the ideal controller takes other vectors.
     seconds : float
         Time the simulation took.
+    factors : mapping of str to float
+        Of the plant's machine, as of `plant_with`.
+    errors : MptcErrors
+        Of sensors and switches.
     """
 
     drive: MptcDrive
     point: Point
     trace: MptcTrace
+    current: FloatArray
     decisions: MptcDecisions
     torque: FloatArray
     differing: int
     unlike_ideal: int
     seconds: float
+    factors: Mapping[str, float] = field(default_factory=dict)
+    errors: MptcErrors = NO_ERRORS
 
     def __len__(self) -> int:
         return len(self.torque)
@@ -173,15 +185,16 @@ def _scenario(drive: MptcDrive, point: Point, steps: int | None) -> Scenario:
 
 
 def _on_rtl(
-    drive: MptcDrive, scenario: Scenario, waves: Path | None
-) -> tuple[MptcTrace, MptcDecisions]:
-    """What the RTL saw and decided."""
+    drive: MptcDrive, real: MptcDrive, scenario: Scenario, errors: MptcErrors, waves: Path | None
+) -> tuple[MptcTrace, FloatArray, MptcDecisions]:
+    """What the RTL saw, the current of the plant, and what it decided."""
     count, several = len(scenario.torque_ref), drive.control.sequences
     _, scales, lows, highs = bit_true.parameters(drive)
     loop = Loop(
-        plant_parameters(drive), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
+        plant_parameters(real), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
         scenario.psi_ref, scenario.load, scenario.torque_ref, False, scenario.gains,
         scenario.current, scenario.flux, scenario.omega_r,
+        compiled_errors(errors, drive, count),
     )  # fmt: skip
     empty = np.zeros((0, len(MEASUREMENTS)), dtype=np.int64)
     method = np.full(count, FAMILY_METHODS[drive.control.method]) if several else None
@@ -193,6 +206,7 @@ def _on_rtl(
     with progress_bar("RTL in closed loop", count) as progress:
         answer = mptc_simulation.simulate(job, progress)
     told, seen = np.asarray(answer["decisions"], dtype=np.int64), np.asarray(answer["seen"])
+    current = np.asarray(answer["current"])
     made: IntArray = np.asarray(answer["sequences"], dtype=np.int64)
     applied = np.vstack([[0, 0, 0, TIME_STEPS, 0], made[:-1]])
     trace = MptcTrace(
@@ -202,19 +216,25 @@ def _on_rtl(
     flags = told[:, 2] | told[:, 3]
     if several:
         out = np.column_stack([made, flags])
-        return trace, bit_true_sequences.decisions(out, np.zeros(count, np.int64), told[:, 1])
-    return trace, MptcDecisions(u=told[:, 0], cycles=told[:, 1], saturated=flags)
+        no_flags = np.zeros(count, np.int64)
+        return trace, current, bit_true_sequences.decisions(out, no_flags, told[:, 1])
+    return trace, current, MptcDecisions(u=told[:, 0], cycles=told[:, 1], saturated=flags)
 
 
 def simulate(
-    drive: MptcDrive, point: Point, steps: int | None = None, waves: Path | None = None
+    drive: MptcDrive,
+    point: Point,
+    steps: int | None = None,
+    waves: Path | None = None,
+    errors: MptcErrors = NO_ERRORS,
+    factors: Mapping[str, float] | None = None,
 ) -> Run:
     """Run a closed loop from the steady state without load, on the RTL.
 
     Parameters
     ----------
     drive : MptcDrive
-        Plant and controller.
+        What the controller is set up for; the plant's too, but for `factors`.
     point : Point
         What is asked for.
     steps : int, optional
@@ -222,6 +242,10 @@ def simulate(
         ``MOST_STEPS``.
     waves : Path, optional
         File for every signal of the simulation (FST).
+    errors : MptcErrors
+        Of sensors and switches; none unless given.
+    factors : mapping of str to float, optional
+        Of the plant's machine, from 0.5 to 1.5, as of `plant_with`.
 
     Returns
     -------
@@ -231,35 +255,42 @@ def simulate(
     Raises
     ------
     ValueError
-        If the drive cannot be represented; the message names the key.
+        If the drive cannot be represented or have such errors, or a factor is none; the message
+        names the key.
     SimulationError
         If the simulation fails.
     """
+    factors = dict(factors or {})
+    real = plant_with(drive, factors)
+    assert isinstance(real, MptcDrive)
     scenario = _scenario(drive, point, steps)
     several = drive.control.sequences
     twin = bit_true_sequences.run if several else bit_true.run
     began = time.perf_counter()
-    trace, decisions = _on_rtl(drive, scenario, waves)
+    trace, current, decisions = _on_rtl(drive, real, scenario, errors, waves)
     expected = twin(drive, trace)
     other = np.any(_rows(decisions) != _rows(expected), axis=1)
     differing = int((other | (decisions.saturated != expected.saturated)).sum())
     seconds = time.perf_counter() - began
     wanted = (ideal_sequences.run if several else ideal.run)(drive, trace)
-    plant = plant_parameters(drive)
+    plant = plant_parameters(real)
     return Run(
         drive=drive,
         point=point,
         trace=trace,
+        current=current,
         decisions=decisions,
         torque=np.array(
             [
                 torque(plant, complex(*i), complex(*psi))
-                for i, psi in zip(trace.i_s, trace.psi_s, strict=True)
+                for i, psi in zip(current, trace.psi_s, strict=True)
             ]
         ),
         differing=differing,
         unlike_ideal=int(np.any(_rows(decisions)[:, :3] != _rows(wanted)[:, :3], axis=1).sum()),
         seconds=seconds,
+        factors=factors,
+        errors=errors,
     )
 
 
@@ -357,13 +388,19 @@ def outcome(run: Run) -> Table:
         f"takes other vectors in {run.unlike_ideal} of {n} periods on the same states "
         f"({100 * run.unlike_ideal / n:.1f} %)",
     )
+    if run.factors:
+        said = ", ".join(f"{name} x {factor:g}" for name, factor in run.factors.items())
+        table.add_row("plant", f"{said}; the controller does not know")
+    if run.errors != NO_ERRORS:
+        off = float(np.sqrt(np.mean(np.sum((run.trace.i_s - run.current) ** 2, axis=1))))
+        table.add_row("measured current", f"{off:.3f} A off the plant's (rms)")
     table.add_row(
         "torque after the step",
         f"{run.torque[last].mean():.2f} N m (asked {run.point.torque:g}), standard deviation "
         f"{run.torque[last].std():.2f} N m at control instants",
     )
     table.add_row("stator flux", f"{flux[last].mean():.3f} Wb (asked {run.point.flux:.4g})")
-    table.add_row("largest current", f"{np.hypot(*run.trace.i_s.T).max():.2f} A")
+    table.add_row("largest current", f"{np.hypot(*run.current.T).max():.2f} A")
     if cycles is not None:
         most = int(cycles.max())
         times = ", ".join(f"{most / clock:.2f} us at {clock} MHz" for clock in CLOCKS_MHZ)
@@ -402,7 +439,7 @@ def draw(run: Run, name: str, path: Path) -> None:
         ax.step(t, asked, where="post", color="0.4", linewidth=0.8, label="reference")
         ax.set_ylabel(label)
     axes[1].legend(loc="upper left", ncols=2, frameon=False)
-    axes[3].plot(t, run.trace.i_s[:, 0], color=COLOURS[0], linewidth=0.8)
+    axes[3].plot(t, run.current[:, 0], color=COLOURS[0], linewidth=0.8)
     axes[3].set_ylabel("current of phase a (A)")
     axes[3].set_xlabel("time (ms)")
     axes[3].set_xlim(0, t[-1] if len(t) > 1 else 1)

@@ -9,23 +9,21 @@ a table of ``docs/robustness.md``. Rows that the file has are not run again.
 from __future__ import annotations
 
 import csv
-import math
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from directmpc.api.drive_file import load_mptc_drive
-from directmpc.compiled import njit
 from directmpc.drive_tables import DriveError
 from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import PlantParameters, plant_parameters
-from directmpc.mptc.trace import FloatArray, IntArray
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
@@ -41,6 +39,9 @@ SECONDS, SETTLE = 0.3, 0.05
 
 RATED_CURRENT = 7.0
 """Amplitude at rated load, A: what errors of the sensors are shares of."""
+
+FIRST_SEED = 10_000
+"""Of the noise of the first drive; each drive has its own."""
 
 SPEEDS = (300.0, 600.0, 900.0)
 """1/min; drives take them in turn."""
@@ -93,65 +94,6 @@ class Setting:
     number: int
     method: str
     case: str
-
-
-class Sensed(NamedTuple):
-    """A controller behind sensors that err, for compiled code.
-
-    Attributes
-    ----------
-    inner : drive_twin.Controller
-        It decides.
-    matrix : ndarray of float64, shape (2, 2)
-        What the sensors make of the current, alpha and beta.
-    added : ndarray of float64, shape (n, 2)
-        Added to it, A.
-    lsb : float
-        Of the converters, A; 0 for none.
-    count : ndarray of int64, shape (1,)
-        Periods so far.
-    """
-
-    inner: joined.Controller
-    matrix: FloatArray
-    added: FloatArray
-    lsb: float
-    count: IntArray
-
-
-@njit
-def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """``drive_twin.decide`` on what the sensors say.
-
-    Parameters
-    ----------
-    p : Sensed
-        Moved on: call once a period.
-    i : complex
-        Stator current at k, A.
-    psi : complex
-        Not looked at: the flux is the observer's.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    u : int
-        Not looked at: the applied vector is the last decision.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    u : int
-        Vector to apply from k+1 on, 0 to 7.
-    saturated, clamped : int
-        Flags.
-    """
-    k = p.count[0]
-    p.count[0] = k + 1
-    alpha = p.matrix[0, 0] * i.real + p.matrix[0, 1] * i.imag + p.added[k, 0]
-    beta = p.matrix[1, 0] * i.real + p.matrix[1, 1] * i.imag + p.added[k, 1]
-    if p.lsb > 0.0:
-        alpha, beta = np.rint(alpha / p.lsb) * p.lsb, np.rint(beta / p.lsb) * p.lsb
-    return joined.decide(p.inner, complex(alpha, beta), psi, omega_r, u, vdc, torque_ref, psi_ref)
 
 
 def settings(count: int) -> Iterator[Setting]:
@@ -232,6 +174,29 @@ def plant_of(drive: MptcDrive, case: Case) -> PlantParameters:
     )
 
 
+def errors_of(setting: Setting) -> MptcErrors:
+    """What the sensors of a loop do.
+
+    Parameters
+    ----------
+    setting : Setting
+        The loop.
+
+    Returns
+    -------
+    MptcErrors
+        SI; the noise of a drive is the same in all of its loops but for its size.
+    """
+    case = CASES[setting.case]
+    return MptcErrors(
+        noise_current=case.noise * RATED_CURRENT,
+        offset_current=case.offset * RATED_CURRENT,
+        gain_current=case.gain,
+        bits=case.bits,
+        seed=FIRST_SEED + setting.number,
+    )
+
+
 def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
     """Run a closed loop.
 
@@ -252,21 +217,13 @@ def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
     settle = round(SETTLE / drive.control.ts)
     total = settle + round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, torque, flux, total)
-    rng = np.random.default_rng(10_000 + setting.number)
-    added = case.noise * RATED_CURRENT * rng.standard_normal((total, 2))
-    added += case.offset * RATED_CURRENT * np.array([1.0, -1.0 / math.sqrt(3.0)])
     words = joined.parameters(drive)
     state = joined.state_at(drive, words, scenario.current, scenario.flux)
-    sensed = Sensed(
-        joined.controller(drive, words, state),
-        np.array([[1.0 + case.gain, 0.0], [2.0 * case.gain / math.sqrt(3.0), 1.0 - case.gain]]),
-        added,
-        drive.control.current_max / 2 ** (case.bits - 1) if case.bits else 0.0,
-        np.zeros(1, dtype=np.int64),
-    )
     run = closed_loop.simulate(
-        drive, scenario, plant=plant_of(drive, case), controller=(decide, sensed)
-    )
+        drive, scenario, plant=plant_of(drive, case),
+        controller=(joined.decide, joined.controller(drive, words, state)),
+        errors=errors_of(setting),
+    )  # fmt: skip
     found = figures(run.after(settle))
     return (
         asdict(setting)

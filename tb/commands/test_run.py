@@ -1,7 +1,8 @@
 """`make run` on few steps: it checks, prints, draws, records, and says no to a difference.
 
 Stimulus: a tenth of a fundamental period on the simulated RTL; errors of sensors; every output;
-two-level drives with one vector a period and with two, by each rule of the duty.
+two-level drives with one vector a period and with several, by each rule of the duty, with errors
+and another machine too.
 Checks: the recorded trace, replayed on the RTL, gives the recorded decisions, byte by byte; every
 signal of the view is in the file of signals; of several outputs all are written or none. The RTL of
 a two-level drive makes the loop of its bit-true model; a falsified answer of the RTL is counted.
@@ -20,11 +21,18 @@ from rich.console import Console
 
 from directmpc import simulate
 from directmpc.api.drive_file import load_mptc_drive
+from directmpc.api.simulation import plant_with
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from directmpc.mptc import closed_loop as mptc_closed_loop
+from directmpc.mptc import errors as mptc_errors
+from directmpc.mptc import sequence_loop
+from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import MptcErrors
+from directmpc.mptc.plant import plant_parameters
 from scripts.commands import replay, run
 from scripts.hdl import mptc_simulation, states
 from scripts.hdl.clocks import clocks_of
@@ -335,6 +343,26 @@ def test_errors_are_one_line(
 
 
 @pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ("noise=1", "argument --errors: got 'noise'; it may hold noise_current, noise_voltage"),
+        ("bits=12.5", "argument --errors: bits: got '12.5'; it must be an integer"),
+        ("ripple=0.6", "argument --errors: ripple: got 0.6; it must be a number from 0 to 0.5"),
+        ("bits=8,bits=9", "argument --errors: bits: given twice"),
+    ],
+)
+def test_errors_that_make_no_sense_are_refused(
+    errors: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.png"
+    with pytest.raises(SystemExit) as left:
+        run.COMMAND.main(["--errors", errors, "--out", str(out)])
+    assert left.value.code == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
     ("plant", "words"),
     [
         ("rs=1.6", "rs: got 1.6; it must be a number from 0.5 to 1.5"),
@@ -433,6 +461,63 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
         simulated_decisions[7, column] ^= 1
 
 
+@pytest.mark.parametrize("method", ["MPFC", "SVM"])
+def test_the_rtl_controls_another_two_level_machine_with_errors(method: str) -> None:
+    drive = load_mptc_drive(TWO_LEVEL).with_control(method=method)
+    point = mptc_loop.Point.of(drive, 900.0)
+    factors = {"rr": 1.5, "leakage": 0.8}
+    errors = MptcErrors(
+        noise_current=0.1, offset_current=0.2, gain_current=0.02, dead_time=3e-6, ripple=30.0,
+        seed=4,
+    )  # fmt: skip
+    found = mptc_loop.simulate(drive, point, 40, None, errors, factors)
+    assert found.differing == 0
+    scenario = mptc_closed_loop.constant(drive, 900.0, 0.0, point.flux, 40)
+    asked = np.where(np.arange(40) < 20, 0.0, point.torque)
+    scenario = dataclasses.replace(scenario, torque_ref=asked)
+    plant = plant_parameters(plant_with(drive, factors))
+    loop = sequence_loop if method == "SVM" else mptc_closed_loop
+    wanted = loop.simulate(drive, scenario, plant=plant, errors=errors)
+    np.testing.assert_allclose(found.trace.i_s, wanted.trace.i_s, atol=1e-9)
+    np.testing.assert_allclose(found.trace.psi_s, wanted.trace.psi_s, atol=1e-9)
+    np.testing.assert_allclose(found.torque, wanted.torque, atol=1e-9)
+    np.testing.assert_allclose(
+        found.trace.i_s @ [1.0, 1.0j] - found.current @ [1.0, 1.0j],
+        _added(errors, drive, found.current), atol=1e-9,
+    )  # fmt: skip
+    console = Console(file=io.StringIO(), width=200)
+    console.print(mptc_loop.outcome(found))
+    shown = console.file.getvalue()
+    assert "rr x 1.5, leakage x 0.8; the controller does not know" in shown
+    assert "A off the plant's (rms)" in shown
+
+
+def _added(errors: MptcErrors, drive: MptcDrive, currents: np.ndarray) -> np.ndarray:
+    """What the sensors add to the plant's currents, A."""
+    told = mptc_errors.compiled_errors(errors, drive, len(currents))
+    seen = [mptc_errors.measure(told, k, complex(*i)) for k, i in enumerate(currents)]
+    return np.array(seen) - currents @ [1.0, 1.0j]
+
+
+def test_a_two_level_run_with_errors_is_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outputs = {name: tmp_path / name for name in ("out", "trace", "decisions")}
+    given = ["--drive", str(TWO_LEVEL), "--steps", "30", "--plant", "lm=0.8,rs=1.2"]
+    given += ["--errors", "noise_current=0.2,bits=10,dead_time=2e-6", *arguments_for(outputs)]
+    assert run.COMMAND.main(given) == 0
+    shown = capsys.readouterr().out
+    for words in ("30 checked", "0 differ", "lm x 0.8, rs x 1.2", "A off the plant's"):
+        assert words in shown
+    replayed = tmp_path / "replayed.csv"
+    given = ["--drive", str(TWO_LEVEL), "--trace", str(outputs["trace"]), "--out", str(replayed)]
+    assert replay.COMMAND.main(given) == 0
+    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+    # the trace is what the converters said
+    measured = mptc_trace.read_trace(outputs["trace"]).i_s / (32.0 / 512)
+    np.testing.assert_allclose(measured, np.rint(measured), atol=1e-9)
+
+
 def test_full_scales_that_were_exceeded_are_named() -> None:
     drive = load_mptc_drive(TWO_LEVEL).with_control(method="MPC2")
     point = mptc_loop.Point.of(drive, 900.0)
@@ -453,9 +538,17 @@ def test_full_scales_that_were_exceeded_are_named() -> None:
         (["--speed", "nan"], "--speed: got nan"),
         (["--variant", "paper"], "--variant: it is for MPDCC"),
         (["--explorers", "2"], "--explorers: it is for MPDCC"),
-        (["--errors", "bits=12"], "--errors: it is for MPDCC"),
-        (["--plant", "rs=1.5"], "--plant: it is for MPDCC"),
         (["--flux-observer"], "--flux-observer: it is for MPDCC"),
+        (["--errors", "noise=1"], "--errors: got 'noise'; it may hold noise_current, offset_curr"),
+        (["--errors", "noise_voltage=1"], "--errors: got 'noise_voltage'; it may hold noise_curr"),
+        (["--errors", "bits=12.5"], "--errors: bits: got '12.5'; it must be an integer"),
+        (["--errors", "bits=40"], "--errors: bits: got 40; it must be an integer from 0 to 32"),
+        (["--errors", "ripple"], "--errors: ripple: got ''; it must be a number"),
+        (["--errors", "seed=1,seed=2"], "--errors: seed: given twice"),
+        (["--errors", "noise_current=20"], "--errors: noise_current: got 20; it must be from 0 to"),
+        (["--errors", "dead_time=1"], "--errors: dead_time: got 1; it must be from 0 to less than"),
+        (["--plant", "xdc=0.9"], "--plant: got 'xdc'; it may hold rs, rr, leakage, lm, each with"),
+        (["--plant", "lm=1.6"], "--plant: lm: got 1.6; it must be a number from 0.5 to 1.5"),
     ],
 )
 def test_what_a_two_level_run_cannot_have_is_one_line(

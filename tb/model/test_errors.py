@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc import DriveErrors, IdealController, simulate
+from directmpc import DriveErrors, IdealController, MptcErrors, load_drive, simulate
 from directmpc.mpdcc import errors as e
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import Plant
@@ -110,8 +110,14 @@ def test_a_dead_time_is_shorter_than_the_period(drive: Drive) -> None:
         simulate(drive, "ideal", steps=5, errors=DriveErrors(dead_time=60e-6))
 
 
-def test_only_mpdcc_has_errors() -> None:
-    from directmpc import load_drive
-
-    with pytest.raises(TypeError, match="MPTC"):
-        simulate(load_drive("induction_2kw2"), steps=5, errors=DriveErrors(ripple=0.01))
+def test_errors_of_the_other_kind_are_refused(drive: Drive) -> None:
+    two_level = load_drive("induction_2kw2")
+    with pytest.raises(TypeError, match=r"got a DriveErrors; for a drive of mptc .* MptcErrors"):
+        simulate(two_level, steps=5, errors=DriveErrors(ripple=0.01))
+    with pytest.raises(TypeError, match=r"got a MptcErrors; for a drive of mpdcc .* DriveErrors"):
+        simulate(drive, steps=5, errors=MptcErrors(ripple=10.0))
+    with pytest.raises(TypeError, match="got a dict"):
+        simulate(drive, steps=5, errors={"ripple": 0.1})  # type: ignore[arg-type]
+    # none at all are none of either kind
+    assert len(simulate(two_level, steps=5, errors=DriveErrors())) == 5
+    assert len(simulate(drive, steps=5, errors=MptcErrors())) == 5

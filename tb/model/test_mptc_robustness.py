@@ -1,19 +1,19 @@
 """The robustness study of two-level drives: its file, its page, and what its sensors do.
 
-Stimulus: rows of the published file of both methods; sensors with every error, one after the other.
+Stimulus: rows of the published file of both methods; every error, one after the other.
 Checks: rows run again are those of the file; every setting has its row; the page's table is the
-file's; a sensor without an error leaves the decisions as they are, every error changes them;
-noise is what it is said to be.
-Does not prove: that the settings are those of a real drive.
+file's; a sensor without an error leaves the decisions as they are, every error changes them; shares
+of the rated current become A.
+Does not prove: that the settings are those of a real drive; what a sensor does (test_mptc_errors).
 """
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
+from directmpc.mptc.errors import MptcErrors
 from scripts.shared import tables
 from scripts.studies import mptc_robustness as robustness
 from scripts.studies import robustness as five_level
@@ -71,24 +71,8 @@ def test_every_error_changes_the_loop() -> None:
     assert ripples["noise 2 %"] > ripples["none"]
 
 
-def test_what_a_sensor_says() -> None:
-    seen: list[complex] = []
-    sensed = robustness.Sensed(
-        None,  # type: ignore[arg-type]
-        np.array([[1.01, 0.0], [0.02 / np.sqrt(3.0), 0.99]]),
-        np.full((2, 2), 0.5),
-        0.25,
-        np.zeros(1, dtype=np.int64),
-    )
-
-    def decide(_p: object, i: complex, *_rest: object) -> tuple[int, int, int]:
-        seen.append(i)
-        return 0, 0, 0
-
-    patched = pytest.MonkeyPatch()
-    with patched.context() as context:
-        context.setattr(robustness.joined, "decide", decide)
-        robustness.decide.py_func(sensed, 3 + 2j, 0j, 0.0, 0, 540.0, 1.0, 0.9)
-    # 3 * 1.01 + 0.5 and 3 * 0.02/sqrt 3 + 2 * 0.99 + 0.5, rounded to quarters
-    assert seen == [3.5 + 2.5j]
-    assert sensed.count[0] == 1
+def test_the_sensors_of_a_setting() -> None:
+    found = robustness.errors_of(Setting(11, "MPFC", "offset 1 %, gain 1 %"))
+    assert found == MptcErrors(offset_current=0.07, gain_current=0.01, seed=10_011)
+    assert robustness.errors_of(Setting(3, "MPTC", "noise 2 %")).noise_current == 0.14
+    assert robustness.errors_of(Setting(3, "MPTC", "12 bits")).bits == 12

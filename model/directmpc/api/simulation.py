@@ -24,9 +24,11 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
+from directmpc.mptc import errors as mptc_errors
 from directmpc.mptc import sequence_loop
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import plant_parameters, slip
 from directmpc.mptc.sensorless import SensorlessController
 from directmpc.mptc.sequence_loop import SequenceRun
@@ -279,7 +281,7 @@ def simulate(
     plant: Drive | MptcDrive | None = None,
     plant_factors: Mapping[str, float] | None = None,
     variant: str = DEFAULT_VARIANT,
-    errors: DriveErrors = NO_ERRORS,
+    errors: DriveErrors | MptcErrors | None = None,
     flux_observer: bool = False,
     sensorless: bool = False,
 ) -> SimulationResult:
@@ -320,10 +322,10 @@ def simulate(
         `leakage`, `lm`. References and speeds are still those of the controller's drive.
     variant : str
         "fast" or "paper", for "model" of MPDCC.
-    errors : DriveErrors
-        MPDCC: errors of sensors and switches; none unless given. The result's `current` and `flux`
-        are the plant's, its `trace` is what the sensors said, with the voltages of the capacitor
-        filters where the drive has them.
+    errors : DriveErrors or MptcErrors, optional
+        Errors of sensors and switches, `DriveErrors` for MPDCC and `MptcErrors` for MPTC; none
+        unless given. The result's `current` and `flux` are the plant's, its `trace` is what the
+        sensors said, with the voltages of the capacitor filters where the drive has them.
     flux_observer : bool
         MPDCC: the controller sees the rotor flux of the bit-true observer (docs/observer.md) in
         place of the plant's, whatever the controller. It is set up for `drive` and goes on from
@@ -331,8 +333,8 @@ def simulate(
         observer's.
     sensorless : bool
         MPTC: the controller sees the flux and the speed that a speed-adaptive observer estimates
-        from the stator currents (docs/sensorless.md), bit-true for "model". The result's `flux` and
-        `omega_r` are the plant's, its `trace` is what the controller saw.
+        from the measured currents (docs/sensorless.md), bit-true for "model". The result's `flux`
+        and `omega_r` are the plant's, its `trace` is what the controller saw.
 
     Returns
     -------
@@ -343,11 +345,12 @@ def simulate(
     ------
     TypeError
         If `drive` is no drive, `plant` not of its kind, `controller` has no `decide`, or `errors`
-        are given that are no `DriveErrors` or are for MPTC, or `flux_observer` for MPTC, or
+        are given that are not those of the drive's kind, or `flux_observer` for MPTC, or
         `sensorless` for MPDCC, or `plant_factors` are no mapping.
     ValueError
-        If a number makes no sense, a factor is unknown or out of its range, there is no such steady
-        state, the model cannot represent the drive, or an own controller's decision is none.
+        If a number makes no sense, a factor is unknown or out of its range, the drive cannot have
+        such errors, there is no such steady state, the model cannot represent the drive, or an own
+        controller's decision is none.
     """
     check_drive(drive)
     if isinstance(controller, str):
@@ -361,10 +364,7 @@ def simulate(
         raise TypeError(
             f"plant: got {_named(plant)}; a drive of the same kind, {drive.controller}, is needed"
         )
-    if not isinstance(errors, DriveErrors):
-        raise TypeError(f"errors: got {_named(errors)}; a DriveErrors is needed")
-    if errors != NO_ERRORS and not isinstance(drive, Drive):
-        raise TypeError("errors: given for a drive of MPTC; only those of MPDCC have them")
+    given_errors = _errors_of(drive, errors)
     if sensorless and isinstance(drive, Drive):
         raise TypeError("sensorless: given for a drive of MPDCC; only those of MPTC have it")
     if not isinstance(flux_observer, bool):
@@ -389,9 +389,9 @@ def simulate(
     short = settle + steps < COMPILED_FROM and not estimate
     if isinstance(controller, str) and (sensorless or short):
         controller = make_controller(drive, controller, variant)
-    run = functools.partial(_run_mptc, sensorless=sensorless)
+    run = functools.partial(_run_mptc, sensorless=sensorless, errors=given_errors)
     if isinstance(drive, Drive):
-        run = functools.partial(_run_mpdcc, errors=errors, flux_observer=flux_observer)
+        run = functools.partial(_run_mpdcc, errors=given_errors, flux_observer=flux_observer)
     return run(
         drive,
         controller,
@@ -404,6 +404,22 @@ def simulate(
         angle,
         real,
         variant,
+    )
+
+
+def _errors_of(drive: Drive | MptcDrive, errors: Any) -> DriveErrors | MptcErrors:
+    """Errors of the drive's kind; none of either kind are none of this one."""
+    of_kind = isinstance(drive, Drive)
+    none: DriveErrors | MptcErrors = NO_ERRORS if of_kind else mptc_errors.NO_ERRORS
+    if errors is None:
+        return none
+    if isinstance(errors, type(none)):
+        return errors
+    if isinstance(errors, DriveErrors | MptcErrors) and errors == type(errors)():
+        return none
+    raise TypeError(
+        f"errors: got {_named(errors)}; for a drive of {drive.controller} an object of the class "
+        f"{type(none).__name__} is needed"
     )
 
 
@@ -505,6 +521,7 @@ def _run_mptc(
     plant: MptcDrive,
     variant: str,
     sensorless: bool,
+    errors: MptcErrors,
 ) -> SimulationResult:
     """`simulate` for MPTC, SI."""
     c = drive.control
@@ -528,17 +545,25 @@ def _run_mptc(
         result = _of_sequences(
             drive,
             engine,
-            sequence_loop.simulate(drive, scenario, engine=controller, plant=parameters)
+            sequence_loop.simulate(
+                drive, scenario, engine=controller, plant=parameters, errors=errors
+            )
             if isinstance(controller, str)
-            else sequence_loop.drive_controller(drive, controller, scenario, plant=parameters),
+            else sequence_loop.drive_controller(
+                drive, controller, scenario, plant=parameters, errors=errors
+            ),
             omega_s,
             settle,
         )
         return _as_seen(result, observed, settle)
     if isinstance(controller, str):
-        run = mptc_loop.simulate(drive, scenario, engine=controller, plant=parameters)
+        run = mptc_loop.simulate(
+            drive, scenario, engine=controller, plant=parameters, errors=errors
+        )
     else:
-        run = mptc_loop.drive_controller(drive, controller, scenario, plant=parameters)
+        run = mptc_loop.drive_controller(
+            drive, controller, scenario, plant=parameters, errors=errors
+        )
     keep = slice(settle, None)
     seen = run.trace.rows(keep)
     saturated = run.saturated | run.clamped if engine == "model" else run.saturated
@@ -547,7 +572,7 @@ def _run_mptc(
         controller=engine,
         speed=omega_s,
         time=c.ts * np.arange(steps),
-        current=seen.i_s[:, 0] + 1j * seen.i_s[:, 1],
+        current=run.current[keep],
         flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
         torque=run.torque[keep],
         omega_r=seen.omega_r,
@@ -581,17 +606,18 @@ def _of_sequences(
     vectors, times = decided.vectors[keep], decided.times[keep]
     saturated = run.saturated | run.clamped if engine == "model" else run.saturated
     per_step = len(run.current_inside) // len(run.torque)
+    inside = run.current_inside[settle * per_step :]
     return SimulationResult(
         drive=drive,
         controller=engine,
         speed=omega_s,
         time=run.ts * np.arange(len(seen)),
-        current=seen.i_s[:, 0] + 1j * seen.i_s[:, 1],
+        current=inside[::per_step],
         flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
         torque=run.torque[keep],
         omega_r=seen.omega_r,
         applied=np.column_stack([applied.vectors, applied.times]),
         trace=seen,
         decisions=mptc_trace.MptcDecisions(vectors[:, 0], None, saturated[keep], vectors, times),
-        current_inside=run.current_inside[settle * per_step :],
+        current_inside=inside,
     )

@@ -12,13 +12,22 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.mptc import bit_true, ideal
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import (
+    NO_ERRORS,
+    MptcErrors,
+    compiled_errors,
+    erring_step,
+    legs_at_rest,
+    measure,
+)
 from directmpc.mptc.machine import torque
-from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state, step
+from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 from directmpc.states import Controller, MptcState, mptc_decision
 
@@ -66,7 +75,9 @@ class Run:
     ts : float
         Control period, s.
     trace : MptcTrace
-        What the controller saw.
+        What the controller saw: the current is what the sensors said.
+    current : (n,) complex
+        Stator current of the plant, A.
     u : (n,)
         What it decided, applied one step later.
     saturated, clamped : (n,)
@@ -83,6 +94,7 @@ class Run:
 
     ts: float
     trace: MptcTrace
+    current: NDArray[np.complex128]
     u: IntArray
     saturated: IntArray
     clamped: IntArray
@@ -93,7 +105,13 @@ class Run:
 
     @classmethod
     def recorded(
-        cls, ts: float, seen: FloatArray, seen_u: IntArray, out: IntArray, result: FloatArray
+        cls,
+        ts: float,
+        seen: FloatArray,
+        seen_u: IntArray,
+        out: IntArray,
+        result: FloatArray,
+        current: NDArray[np.complex128] | None = None,
     ) -> Run:
         """Make a run of the arrays that a loop has filled.
 
@@ -110,15 +128,20 @@ class Run:
             u, saturated and clamped of the controller, u of the ideal one.
         result : ndarray of float64, shape (n, 3)
             Torque (N*m), flux magnitude (Wb), margin (N*m; Wb for MPFC).
+        current : ndarray of complex128, shape (n,), optional
+            Stator current of the plant, A; what the controller saw if not given.
 
         Returns
         -------
         Run
             n steps that share the memory of the arrays.
         """
+        if current is None:
+            current = ideal.as_complex(seen[:, 0:2])
         return cls(
             ts=ts,
             trace=MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], seen_u),
+            current=current,
             u=out[:, 0],
             saturated=out[:, 1],
             clamped=out[:, 2],
@@ -175,7 +198,7 @@ class Run:
 @njit(kept=False)
 def _loop(
     decide, parameters, reference, plant, vdc, torque_ref, psi_ref, load, speed_ref, use_speed,
-    gains, i, psi, omega_r, seen, seen_u, out, result,
+    gains, given, i, psi, omega_r, seen, seen_u, out, result, current,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -183,6 +206,7 @@ def _loop(
     """
     applied = 0
     integral = 0.0
+    legs = legs_at_rest()
     for k in range(len(torque_ref)):
         wanted = torque_ref[k]
         if use_speed:
@@ -191,19 +215,25 @@ def _loop(
             if abs(free) < gains[2]:
                 integral += gains[1] * error * plant.ts
             wanted += min(max(gains[0] * error + integral, -gains[2]), gains[2])
-        seen[k, 0], seen[k, 1] = i.real, i.imag
+        current[k] = i
+        measured = measure(given, k, i)
+        seen[k, 0], seen[k, 1] = measured.real, measured.imag
         seen[k, 2], seen[k, 3] = psi.real, psi.imag
         seen[k, 4], seen[k, 5], seen[k, 6] = omega_r, wanted, psi_ref[k]
         seen_u[k] = applied
         u, saturated, clamped = decide(
-            parameters, i, psi, omega_r, applied, vdc, wanted, psi_ref[k]
+            parameters, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
         )
         out[k, 0], out[k, 1], out[k, 2] = u, saturated, clamped
-        out[k, 3], _, _ = ideal.decide(reference, i, psi, omega_r, applied, vdc, wanted, psi_ref[k])
+        out[k, 3], _, _ = ideal.decide(
+            reference, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
+        )
         result[k, 0] = torque(plant, i, psi)
         result[k, 1] = abs(psi)
-        result[k, 2] = ideal.margin(reference, i, psi, omega_r, applied, vdc, wanted, psi_ref[k])
-        i, psi, omega_r = step(plant, i, psi, omega_r, applied, load[k])
+        result[k, 2] = ideal.margin(
+            reference, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
+        )
+        i, psi, omega_r = erring_step(given, k, legs, plant, i, psi, omega_r, applied, load[k])
         applied = u
 
 
@@ -215,6 +245,7 @@ def simulate(
     plant: PlantParameters | None = None,
     values: Registers | None = None,
     controller: tuple[Any, Any] | None = None,
+    errors: MptcErrors = NO_ERRORS,
 ) -> Run:
     """Run a closed loop.
 
@@ -233,11 +264,18 @@ def simulate(
     controller : tuple, optional
         A compiled function with the signature of ``ideal.decide`` and its parameters, instead of
         the engine's.
+    errors : MptcErrors
+        Of sensors and switches; none unless given. The ideal controller beside it sees the same.
 
     Returns
     -------
     Run
         One row per entry of the scenario.
+
+    Raises
+    ------
+    ValueError
+        If the drive cannot have such errors.
     """
     n = len(scenario.torque_ref)
     reference = ideal.ideal_parameters(drive)
@@ -252,16 +290,16 @@ def simulate(
     seen = np.empty((n, 7))
     seen_u = np.empty(n, dtype=np.int64)
     out = np.empty((n, 4), dtype=np.int64)
-    result = np.empty((n, 3))
+    result, current = np.empty((n, 3)), np.empty(n, dtype=np.complex128)
     speed = scenario.speed_ref
     _loop(
         decide, parameters, reference, plant or plant_parameters(drive), drive.inverter.vdc,
         scenario.torque_ref, scenario.psi_ref, scenario.load,
         scenario.torque_ref if speed is None else speed, speed is not None, scenario.gains,
-        complex(scenario.current), complex(scenario.flux), float(scenario.omega_r), seen, seen_u,
-        out, result,
+        compiled_errors(errors, drive, n), complex(scenario.current), complex(scenario.flux),
+        float(scenario.omega_r), seen, seen_u, out, result, current,
     )  # fmt: skip
-    return Run.recorded(drive.control.ts, seen, seen_u, out, result)
+    return Run.recorded(drive.control.ts, seen, seen_u, out, result, current)
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
@@ -331,6 +369,7 @@ def drive_controller(
     scenario: Scenario,
     *,
     plant: PlantParameters | None = None,
+    errors: MptcErrors = NO_ERRORS,
     progress: Callable[[int], None] | None = None,
 ) -> Run:
     """Run any controller in closed loop with our plant, step by step in Python.
@@ -345,6 +384,8 @@ def drive_controller(
         References, load and first state; without a speed reference.
     plant : PlantParameters, optional
         The drive's own with imposed speed if not given.
+    errors : MptcErrors
+        Of sensors and switches; none unless given.
     progress : callable, optional
         Called with the number of decisions made.
 
@@ -358,7 +399,7 @@ def drive_controller(
     StateError
         If an answer is no decision.
     ValueError
-        If the scenario has a speed reference.
+        If the scenario has a speed reference, or the drive cannot have such errors.
     """
     if scenario.speed_ref is not None:
         raise ValueError("scenario: has a speed reference; simulate serves those")
@@ -368,22 +409,28 @@ def drive_controller(
     omega_r, applied = float(scenario.omega_r), 0
     seen, seen_u = np.empty((n, 7)), np.empty(n, dtype=np.int64)
     out, result = np.empty((n, 4), dtype=np.int64), np.empty((n, 3))
+    currents, given, legs = (
+        np.empty(n, dtype=np.complex128), compiled_errors(errors, drive, n), legs_at_rest(),
+    )  # fmt: skip
     for k in range(n):
+        currents[k], measured = current, measure(given, k, current)
         state = MptcState(
-            current, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied
+            measured, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied
         )
         decision = mptc_decision(controller.decide(state), k)
-        inputs = (current, flux, omega_r, applied, vdc, state.torque_ref, state.psi_ref)
+        inputs = (measured, flux, omega_r, applied, vdc, state.torque_ref, state.psi_ref)
         seen[k] = (
-            current.real, current.imag, flux.real, flux.imag, omega_r, state.torque_ref,
+            measured.real, measured.imag, flux.real, flux.imag, omega_r, state.torque_ref,
             state.psi_ref,
         )  # fmt: skip
         seen_u[k] = applied
         wanted = ideal.decide(reference, *inputs)[0]
         out[k] = decision.apply, decision.saturated, decision.clamped, wanted
         result[k] = torque(parameters, current, flux), abs(flux), ideal.margin(reference, *inputs)
-        current, flux, omega_r = step(parameters, current, flux, omega_r, applied, scenario.load[k])
+        current, flux, omega_r = erring_step(
+            given, k, legs, parameters, current, flux, omega_r, applied, scenario.load[k]
+        )
         applied = int(decision.apply)
         if progress is not None:
             progress(k + 1)
-    return Run.recorded(drive.control.ts, seen, seen_u, out, result)
+    return Run.recorded(drive.control.ts, seen, seen_u, out, result, currents)

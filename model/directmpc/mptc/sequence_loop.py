@@ -20,9 +20,17 @@ from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import Scenario
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.errors import (
+    NO_ERRORS,
+    MptcErrors,
+    compiled_errors,
+    erring_sequence,
+    legs_at_rest,
+    measure,
+)
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.machine import torque
-from directmpc.mptc.plant import PlantParameters, plant_parameters, step_sequence
+from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.sequence import VectorSequence, segments, whole
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace, Sequences
 from directmpc.states import Controller, MptcState, mptc_decision
@@ -56,7 +64,7 @@ class SequenceRun:
     ts : float
         Control period, s.
     trace : MptcTrace
-        What the controller saw, with what was being applied.
+        What the controller saw, with what was being applied; the current is what the sensors said.
     decided : Sequences
         What it decided, applied one period later.
     wanted : Sequences
@@ -66,7 +74,7 @@ class SequenceRun:
     torque, flux : (n,)
         Electromagnetic torque (N*m) and stator flux magnitude (Wb) at each step.
     current_inside : (n * s,) complex
-        Stator current at equal distances, A.
+        Stator current of the plant at equal distances, A.
     torque_inside : (n * s,)
         Electromagnetic torque there, N*m.
     commutations : (n,)
@@ -194,8 +202,8 @@ def _kept(sequence, vectors, times, k):
 
 
 def _steps(
-    decide, parameters, wish, reference, plant, centred, vdc, scenario, gains, use_speed, i, psi,
-    omega_r, seen, applied_out, decided_out, wanted_out, result, flags, inside_i, inside_t,
+    decide, parameters, wish, reference, plant, centred, vdc, scenario, gains, use_speed, given,
+    i, psi, omega_r, seen, applied_out, decided_out, wanted_out, result, flags, inside_i, inside_t,
 ):  # fmt: skip
     """Run the loop; `_loop` is the same, compiled for the controllers passed."""
     torque_ref, psi_ref, load, speed_ref = scenario
@@ -203,6 +211,7 @@ def _steps(
     vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
     applied = whole(0)
     before, integral = 0, 0.0
+    legs = legs_at_rest()
     for k in range(len(torque_ref)):
         asked = torque_ref[k]
         if use_speed:
@@ -211,14 +220,15 @@ def _steps(
             if abs(free) < gains[2]:
                 integral += gains[1] * error * plant.ts
             asked += min(max(gains[0] * error + integral, -gains[2]), gains[2])
-        seen[k, 0], seen[k, 1] = i.real, i.imag
+        measured = measure(given, k, i)
+        seen[k, 0], seen[k, 1] = measured.real, measured.imag
         seen[k, 2], seen[k, 3] = psi.real, psi.imag
         seen[k, 4], seen[k, 5], seen[k, 6] = omega_r, asked, psi_ref[k]
         _kept(applied, applied_out[0], applied_out[1], k)
         decided, flags[k, 0], flags[k, 1] = decide(
-            parameters, i, psi, omega_r, applied, vdc, asked, psi_ref[k]
+            parameters, measured, psi, omega_r, applied, vdc, asked, psi_ref[k]
         )
-        wanted, _, _ = wish(reference, i, psi, omega_r, applied, vdc, asked, psi_ref[k])
+        wanted, _, _ = wish(reference, measured, psi, omega_r, applied, vdc, asked, psi_ref[k])
         _kept(decided, decided_out[0], decided_out[1], k)
         _kept(wanted, wanted_out[0], wanted_out[1], k)
         result[k, 0], result[k, 1] = torque(plant, i, psi), abs(psi)
@@ -230,9 +240,9 @@ def _steps(
                 before = vectors[n]
         flags[k, 2] = changes
         here = slice(k * samples, (k + 1) * samples)
-        i, psi, omega_r = step_sequence(
-            plant, i, psi, omega_r, vectors[:count], lengths[:count], load[k], inside_i[here],
-            inside_t[here],
+        i, psi, omega_r = erring_sequence(
+            given, k, legs, plant, i, psi, omega_r, vectors[:count], lengths[:count], load[k],
+            inside_i[here], inside_t[here],
         )  # fmt: skip
         applied = decided
 
@@ -264,6 +274,7 @@ def simulate(
     plant: PlantParameters | None = None,
     values: Registers | None = None,
     controller: tuple[Any, Any] | None = None,
+    errors: MptcErrors = NO_ERRORS,
 ) -> SequenceRun:
     """Run a closed loop of any method.
 
@@ -282,6 +293,8 @@ def simulate(
     controller : tuple, optional
         Another compiled function with the signature of `ideal_sequences.decide`, and its
         parameters, instead of the engine's.
+    errors : MptcErrors
+        Of sensors and switches; none unless given. The ideal controller beside it sees the same.
 
     Returns
     -------
@@ -291,11 +304,12 @@ def simulate(
     Raises
     ------
     ValueError
-        If there is no bit-true twin of the method, or a value of the drive cannot be represented.
+        If there is no bit-true twin of the method, a value of the drive cannot be represented, or
+        the drive cannot have such errors.
     """
     controllers = _controllers(drive, "ideal" if controller else engine, values)
-    return _recorded(_loop, drive, scenario, (*(controller or controllers[:2]), *controllers[2:]),
-                     plant)  # fmt: skip
+    chosen = (*(controller or controllers[:2]), *controllers[2:])
+    return _recorded(_loop, drive, scenario, chosen, plant, errors)
 
 
 def drive_controller(
@@ -304,6 +318,7 @@ def drive_controller(
     scenario: Scenario,
     *,
     plant: PlantParameters | None = None,
+    errors: MptcErrors = NO_ERRORS,
 ) -> SequenceRun:
     """Run any controller in closed loop with our plant, step by step in Python.
 
@@ -317,6 +332,8 @@ def drive_controller(
         References, load and first state.
     plant : PlantParameters, optional
         The drive's own with imposed speed if not given.
+    errors : MptcErrors
+        Of sensors and switches; none unless given.
 
     Returns
     -------
@@ -327,6 +344,8 @@ def drive_controller(
     ------
     StateError
         If an answer is no decision.
+    ValueError
+        If the drive cannot have such errors.
     """
     made = 0
 
@@ -342,9 +361,8 @@ def drive_controller(
         sequence = whole(chosen) if isinstance(chosen, int) else VectorSequence(*chosen)
         return sequence, int(decision.saturated), int(decision.clamped)
 
-    return _recorded(
-        _steps, drive, scenario, (_decide, None, *_controllers(drive, "ideal", None)[2:]), plant
-    )
+    chosen = (_decide, None, *_controllers(drive, "ideal", None)[2:])
+    return _recorded(_steps, drive, scenario, chosen, plant, errors)
 
 
 def _recorded(
@@ -353,6 +371,7 @@ def _recorded(
     scenario: Scenario,
     controllers: tuple[Any, ...],
     plant: PlantParameters | None,
+    errors: MptcErrors,
 ) -> SequenceRun:
     """Run `loop` and keep what it records."""
     n, ts = len(scenario.torque_ref), drive.control.ts
@@ -366,8 +385,9 @@ def _recorded(
     loop(
         *controllers, plant or plant_parameters(drive),
         drive.control.method == "SVM", drive.inverter.vdc, arrays, scenario.gains, use_speed,
-        complex(scenario.current), complex(scenario.flux), float(scenario.omega_r), seen,
-        *(tuple(part) for part in made), result, flags, inside_i, inside_t,
+        compiled_errors(errors, drive, n), complex(scenario.current), complex(scenario.flux),
+        float(scenario.omega_r), seen, *(tuple(part) for part in made), result, flags, inside_i,
+        inside_t,
     )  # fmt: skip
     applied, decided, wanted = made
     return SequenceRun(
