@@ -565,10 +565,10 @@ def refuse_slow(
         If a decision can be late; names the key and what would serve.
     """
     limit = found.words["guard.decision_limit"]
-    told = f"{limit} (guard.decision_limit)"
+    told, ends = f"{limit} (guard.decision_limit)", "the gate guard trips"
     period = math.floor(settings.clock * drive.control.ts + 1e-6)
     if settings.decision_limit is None and period < limit:  # the next start comes then
-        limit, told = period, f"{period} (control.ts)"
+        limit, told, ends = period, f"{period} (control.ts)", "the next start comes"
     if isinstance(drive, MptcDrive):
         method, rule = drive.control.method, drive.control.duty_rule
         clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
@@ -594,7 +594,7 @@ def refuse_slow(
     whose = "one explorer takes" if explorers == 1 else f"{explorers} explorers take"
     paper = " in the variant paper" if variant == "paper" else ""
     raise ValueError(
-        f"{key}; {whose} up to {clocks} clocks to decide{paper}, and the gate guard trips after "
+        f"{key}; {whose} up to {clocks} clocks to decide{paper}, and {ends} after "
         f"{told} at {settings.clock / 1e6:g} MHz; {', '.join(ways[:-1])}{' or ' * (len(ways) > 1)}"
         f"{ways[-1]} is needed; in lock-step, which is not real time, a longer --decision-limit"
     )

@@ -302,11 +302,24 @@ def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> Non
         ),
         ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 400}, (), None),
         ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 960}, (), None),
-        # the prediction's 33 clocks are too many
+        # with delay compensation the prediction takes 33 clocks, and a decision has all of its period
         (
             "anpc5l_6kv",
             {"switching_horizon": "SESE", "budget": 960, "delay_compensation": True},
             (),
+            None,
+        ),
+        (
+            "anpc5l_6kv",
+            {"switching_horizon": "SESE", "budget": 1100, "delay_compensation": True},
+            (),
+            r"got 1100; .* next start comes after 1250 \(control.ts\) .* a budget of at most 1058",
+        ),
+        # what is asked for holds
+        (
+            "anpc5l_6kv",
+            {"switching_horizon": "SESE", "budget": 960, "delay_compensation": True},
+            ("--decision-limit", "0.9"),
             r"got 960; .* a budget of at most 934",
         ),
         ("motulator_2kw2", {}, ("--clock", "1e6"), None),
