@@ -6,6 +6,8 @@
 --
 -- A program can have parts.  A step begins where entry says.  leave ends it with any clock.
 --
+-- The rows are in LUTs, or with IN_RAM in block RAM: fewer LUTs for a long program, and the same clocks.
+--
 -- Formats: clocks are counted from 0 in the clock after the edge that accepts start; the tables are explained in
 -- mac_programs.  A row without a product leaves all outputs of the first group at zero.
 -- Latency: the outputs of clock n follow the edge that accepts start by n clocks.  They are registers: the tables are
@@ -31,7 +33,8 @@ entity mac_sequencer is
     B_BITS    : positive      := 2;               -- bits of b_select
     SEEDS     : positive      := 2;               -- number of seeds
     SECOND_AT : natural       := 0;               -- clock of the second entry
-    THIRD_AT  : natural       := 0                -- clock of the third entry
+    THIRD_AT  : natural       := 0;               -- clock of the third entry
+    IN_RAM    : boolean       := false            -- true: the rows are in block RAM, false: in LUTs
   );
   port (
     clk         : in    std_logic;                                    -- rising edge
@@ -83,6 +86,7 @@ architecture rtl of mac_sequencer is
   signal shown     : natural range 0 to PARKED; -- clock whose row is read
   signal following : natural range 0 to PARKED; -- clock behind that of address
   signal idles     : std_logic;                 -- in the next clock
+  signal next_row  : row_t;                     -- that of following
   signal row       : row_t;                     -- of the next clock, unless it idles
   signal outputs   : row_t;
 
@@ -187,10 +191,80 @@ begin
            not start;
 
   -- the first rows are constants: entry is late and does not go through the table
-  row <= row_of(following) when active = '1' else
+  row <= next_row when active = '1' else
          row_of(THIRD_AT) when entry(1) = '1' else
          row_of(SECOND_AT) when entry(0) = '1' else
          row_of(0);
+
+  g_luts : if not IN_RAM generate
+    next_row <= row_of(following);
+  end generate g_luts;
+
+  g_ram : if IN_RAM generate
+
+    constant ROW_BITS     : positive := 4 + A_BITS + B_BITS + SEEDS + EVENTS'length;
+    constant ADDRESS_BITS : positive := selector_width(PARKED + 1);
+
+    subtype bits_t is std_logic_vector(ROW_BITS - 1 downto 0);
+
+    subtype rows_t is std_logic_vector((PARKED + 1) * ROW_BITS - 1 downto 0);
+
+    -- all rows, that of clock 0 rightmost
+    function packed return std_logic_vector is
+
+      variable one  : row_t;
+      variable rows : rows_t;
+
+    begin
+
+      for clock in 0 to PARKED loop
+        one := row_of(clock);
+        rows((clock + 1) * ROW_BITS - 1 downto clock * ROW_BITS) := one.due & one.seed_select & one.b_select
+                                                                    & one.a_select & one.alignment & one.accumulate
+                                                                    & one.enable;
+      end loop;
+
+      return rows;
+
+    end function packed;
+
+    constant ROWS : rows_t := packed;
+
+    signal place : std_logic_vector(ADDRESS_BITS - 1 downto 0);
+    signal bits  : bits_t;
+
+  begin
+
+    -- the word comes when following has this clock
+    place <= std_logic_vector(to_unsigned((shown + 1) mod (PARKED + 1), ADDRESS_BITS));
+
+    i_rows : entity work.ram
+      generic map (
+        ADDRESS_WIDTH => ADDRESS_BITS,
+        WIDTH         => ROW_BITS,
+        LATENCY       => 1,
+        STYLE         => "block",
+        CONTENTS      => ROWS
+      )
+      port map (
+        clk           => clk,
+        write         => '0',
+        write_address => (others => '0'),
+        write_word    => (others => '0'),
+        read          => '1',
+        read_address  => place,
+        read_word     => bits
+      );
+
+    next_row.enable      <= bits(0);
+    next_row.accumulate  <= bits(1);
+    next_row.alignment   <= bits(3 downto 2);
+    next_row.a_select    <= bits(3 + A_BITS downto 4);
+    next_row.b_select    <= bits(3 + A_BITS + B_BITS downto 4 + A_BITS);
+    next_row.seed_select <= bits(3 + A_BITS + B_BITS + SEEDS downto 4 + A_BITS + B_BITS);
+    next_row.due         <= bits(ROW_BITS - 1 downto 4 + A_BITS + B_BITS + SEEDS);
+
+  end generate g_ram;
 
   p_outputs : process (clk) is
   begin

@@ -320,7 +320,8 @@ begin
       B_BITS     => B_BITS,
       SEEDS      => SEED_KINDS,
       SECOND_AT  => FLUX_PART,
-      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
+      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART),
+      IN_RAM     => true
     )
     port map (
       clk         => clk,
@@ -349,7 +350,8 @@ begin
       B_BITS     => MOVE_BITS,
       SEEDS      => TAKERS,
       SECOND_AT  => FLUX_PART,
-      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART)
+      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART),
+      IN_RAM     => true
     )
     port map (
       clk         => clk,

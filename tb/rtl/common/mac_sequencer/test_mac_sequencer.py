@@ -1,6 +1,6 @@
 """The sequencer of the observers' programs, with its example program.
 
-Sweep: programs and generics that contradict each other.
+Sweep: rows in LUTs and in block RAM; programs and generics that contradict each other.
 Stimulus: starts with every entry and resets at random, also while a step is under way; steps that
 are left early.
 Checks: every output in every clock.
@@ -39,8 +39,9 @@ def bench(rtl: Path = RTL, generics: dict[str, object] | None = None) -> Outcome
     )
 
 
-def test_it_follows_its_program() -> None:
-    assert bench().checks["program"] == 2000
+@pytest.mark.parametrize("in_ram", ["false", "true"])
+def test_it_follows_its_program(in_ram: str) -> None:
+    assert bench(generics={"IN_RAM": in_ram}).checks["program"] == 2000
 
 
 FAULTS = [
@@ -64,6 +65,19 @@ FAULTS = [
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
 ]
+
+
+#: Of the rows in RAM: a word too far, and fields that are read where others are.
+IN_RAM = [
+    Fault("mac_sequencer", "to_unsigned((shown + 1)", "to_unsigned((shown + 2)", "(program|due)"),
+    Fault("mac_sequencer", "<= bits(3 downto 2);", "<= bits(2 downto 1);", "program"),
+    Fault("mac_sequencer", "bits(3 + A_BITS downto 4);", "bits(4 + A_BITS downto 5);", "program"),
+]
+
+
+@pytest.mark.parametrize("fault", IN_RAM, ids=str)
+def test_a_fault_of_rows_in_ram_is_found(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, {"IN_RAM": "true"}))
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
