@@ -641,8 +641,8 @@ SAID: dict[str, list[Said]] = {
     "docs/robustness.md": [
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
          lambda: span(shipped("noise 1, dead") + shipped("noise 2, dead"), ".0f")),
-        ('The rule `"inwards"` alone takes {} % of that rise back, and {} to {} % of the deadlocks',
-         lambda: (*set(span(taken_back("fsw_change_pct"), ".0f")),
+        ('The rule `"inwards"` alone takes {} to {} % of that rise back, and {} to {} % of the deadlocks',
+         lambda: (*span(taken_back("fsw_change_pct"), ".0f"),
                   *span(taken_back("deadlocks_per_1000"), ".0f"))),
         ("under noise 1 is within {} % of the exact one on the shipped drives",
          lambda: (furthest([one for q in (16, 32)
@@ -717,9 +717,10 @@ SAID: dict[str, list[Said]] = {
                   robustness.FLAWS["resistances x 1.5, sensors, dead time"]["offset_voltage"])),
         ("At 0.6 pu the switching frequency of these plants changes by {} % at most",
          lambda: (furthest(at_low_speeds("resistances", "theta, observer")),)),
-        ("at most {} steps in 1,000 more are deadlocks under noise 1 than with exact measurements "
-         'and the rule `"dead"` (1/16; with 1/32 at most {}). In the mean they are {} and {} fewer',
-         lambda: (*(f"{max(more_deadlocks(q)):.1f}" for q in (16, 32)),
+        ("every point has at least {} deadlocks in 1,000 steps fewer under noise 1 than with exact "
+         'measurements and the rule `"dead"`, with either gain. In the mean they are {} (1/16) and '
+         "{} (1/32) fewer",
+         lambda: (f"{min(-max(more_deadlocks(q)) for q in (16, 32)):.1f}",
                   *(f"{-mean(more_deadlocks(q)):.1f}" for q in (16, 32)))),
         ("the worst point has {} % of such decisions with SE and {} % with SESE, beside means of "
          "{} and {} %",
