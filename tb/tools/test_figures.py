@@ -304,6 +304,12 @@ def slices_of(configuration: str) -> str:
     return f"{-(-(one['lut'] + one['ff']) // 2)}"
 
 
+def of_an_ecp5(configuration: str) -> tuple[str, str]:
+    """LUT and flip-flops, as Yosys counts them."""
+    one = budgets.load().resources[configuration]["ecp5"]
+    return f"{one['lut']}", f"{one['ff']}"
+
+
 def placed(configuration: str, seeds: int = 5) -> tuple[str, str]:
     """Slowest and fastest placement on ECP5, MHz; of entity and generics with a comma between."""
     lines = (ROOT / "reports" / "fmax.csv").read_text(encoding="utf-8").splitlines()
@@ -637,6 +643,10 @@ SAID: dict[str, list[Said]] = {
                   *span(of_bounds("0.1 / 0.16", low=True), "+.0f"))),
         ("MPDCC has {} to {} times the THD of PWM at rated speed, and {} to {} times it",
          lambda: (*span(ideal_ratios("1.0"), ".2f"), *span(ideal_ratios("0.6"), ".2f"))),
+    ],
+    "docs/gate-guard.md": [
+        ("ECP5: {} LUT and {} flip-flops (ANPC), {} and {} (two-level)",
+         lambda: (*of_an_ecp5("gate_guard"), *of_an_ecp5("gate_guard-five_level_false"))),
     ],
     "docs/robustness.md": [
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
