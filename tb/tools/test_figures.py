@@ -45,6 +45,7 @@ from scripts.studies import (
     observer,
     outside_rules,
     pwm,
+    random_decisions,
     robustness,
     rtl_loop,
 )
@@ -105,6 +106,7 @@ def of_pwm(page: Path) -> None:
 def of_robustness(page: Path) -> None:
     robustness.publish(robustness.read(robustness.REPORT), page)
     mptc_robustness.publish(mptc_robustness.read(mptc_robustness.REPORT), page)
+    random_decisions.publish(random_decisions.read(), page)
     noise_decisions.publish(noise_decisions.read(), page)
 
 
@@ -759,6 +761,8 @@ SAID: dict[str, list[Said]] = {
          lambda: (slices(f"{ONE}inwards_true", PLAIN),)),
     ],
     "docs/sese.md": [
+        ("100 MHz, 50 us of control period | no budget is needed: at most {} clocks, {} us",
+         lambda: clocks_and_time(0, 100)),
         ("`budget = 3100`: at most {} clocks, {} us", lambda: clocks_and_time(3100, 75)),
         ("`budget = 400`: at most {} clocks, {} us", lambda: clocks_and_time(400, 25)),
         ("no budget is needed: at most {} clocks", lambda: (f"{cycles.bound(4, 0):,}",)),

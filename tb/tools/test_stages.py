@@ -224,7 +224,7 @@ def test_every_study_has_its_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tools, "version", lambda name: f"another {name}")
     others = {one.name: one.key() for one in report.studies(1)}
     assert {name for name in keys if keys[name] != others[name]} == {
-        "bounds", "sese", "deadlocks", "noise-decisions", "fidelity",
+        "bounds", "sese", "deadlocks", "noise-decisions", "random-decisions", "fidelity",
     }  # fmt: skip
 
 
