@@ -41,7 +41,7 @@ entity gate_leg is
     blocked   : out   std_logic; -- '1': goal moves, but a move waits already
     waits     : out   std_logic; -- '1': a move waits to begin: a goal that moves would be blocked
     resting   : out   std_logic;                                               -- '1': off or at rest, nothing to do
-    position  : out   std_logic_vector(2 downto 0); -- that the gates have or move to, from two clocks after the first on
+    position  : out   std_logic_vector(2 downto 0); -- that the gates have or move to; from clock 2 after the first on
     refused   : out   std_logic;                                               -- '1': a forbidden pattern was to come
     gates     : out   std_logic_vector(gates_of(FIVE_LEVEL) - 1 downto 0)      -- '1': on
   );

@@ -199,7 +199,9 @@ def parameters(controller: str) -> list[Word]:
             Word(
                 "budget", formats.BUDGET_WIDTH, False, "Candidates of SESE's second level, 0: all"
             ),
-            Word("compensate", 1, False, "1: decide for k+1, which the gates get with the next start"),
+            Word(
+                "compensate", 1, False, "1: decide for k+1, which the gates get with the next start"
+            ),
         ]
         words += [
             Word(f"o_{name}", rotor_flux_observer.WORD_WIDTH, True, f"Observer: {text}")

@@ -653,7 +653,8 @@ SAID: dict[str, list[Said]] = {
     "docs/robustness.md": [
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
          lambda: span(shipped("noise 1, dead") + shipped("noise 2, dead"), ".0f")),
-        ('The rule `"inwards"` alone takes {} to {} % of that rise back, and {} to {} % of the deadlocks',
+        ('The rule `"inwards"` alone takes {} to {} % of that rise back, and {} to {} % of the '
+         "deadlocks",
          lambda: (*span(taken_back("fsw_change_pct"), ".0f"),
                   *span(taken_back("deadlocks_per_1000"), ".0f"))),
         ("under noise 1 is within {} % of the exact one on the shipped drives",
@@ -716,9 +717,9 @@ SAID: dict[str, list[Said]] = {
         ("off by {} to {} N m in the middle, and by up to {} N m on 95 % of the drives",
          lambda: (*span(two_level("resistances", "torque_off_nm")),
                   f"{max(two_level('resistances', 'torque_off_nm', 'p95')):.1f}")),
-        ("within {} % under the noise, within {} % under twice the noise, and within {} % with exact "
-         "measurements.** The THD rises by {} % of it at most, and there are at most {} in 100 "
-         "steps more with a deadlock. Filters that no noise calls for do no harm: with exact "
+        ("within {} % under the noise, within {} % under twice the noise, and within {} % with "
+         "exact measurements.** The THD rises by {} % of it at most, and there are at most {} in "
+         "100 steps more with a deadlock. Filters that no noise calls for do no harm: with exact "
          "measurements the worst point is {} % with 1/16 and {} % with 1/32. Under twice the "
          "noise the worst point is {} % with 1/16 and {} % with 1/32",
          lambda: kept()),
@@ -842,7 +843,9 @@ def kept() -> tuple[str, ...]:
             assert worst[noise, gain] < least
             assert max(one.thd for one in found) < 1
             assert max(one.deadlocks for one in found) < 10
-    at = [(noise, gain) for noise in (0.0, 2.0) for gain in (robustness.GAIN, robustness.LOWER_GAIN)]
+    at = [
+        (noise, gain) for noise in (0.0, 2.0) for gain in (robustness.GAIN, robustness.LOWER_GAIN)
+    ]
     return "8", "12", "3", "1", "1", *(f"{worst[one]:+.1f}" for one in at)
 
 

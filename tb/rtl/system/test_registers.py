@@ -302,7 +302,7 @@ def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> Non
         ),
         ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 400}, (), None),
         ("anpc5l_6kv", {"switching_horizon": "SESE", "budget": 960}, (), None),
-        # with delay compensation the prediction takes 33 clocks, and a decision has all of its period
+        # delay compensation: the prediction takes 33 clocks, a decision has all of its period
         (
             "anpc5l_6kv",
             {"switching_horizon": "SESE", "budget": 960, "delay_compensation": True},
