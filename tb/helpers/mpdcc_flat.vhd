@@ -22,7 +22,7 @@ package mpdcc_flat is
   constant LIMITS_BITS    : natural := 3 * BOUND_WIDTH + LENGTH_WIDTH + 4;
   constant CANDIDATE_BITS : natural := 1 + INDEX_WIDTH + 9 + EFFORT_WIDTH;
   constant RESULT_BITS    : natural := 2 + INDEX_WIDTH + LENGTH_WIDTH + RANK_WIDTH;
-  constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 1;
+  constant DECISION_BITS  : natural := 9 + 2 + LENGTH_WIDTH + 2;
 
   function to_vector (value : node_t) return std_logic_vector;
 
@@ -152,7 +152,8 @@ package body mpdcc_flat is
   function to_vector (value : decision_t) return std_logic_vector is
   begin
 
-    return value.saturated & std_logic_vector(value.length) & value.deadlock & value.held & to_vector(value.position);
+    return value.exhausted & value.saturated & std_logic_vector(value.length) & value.deadlock & value.held
+           & to_vector(value.position);
 
   end function to_vector;
 

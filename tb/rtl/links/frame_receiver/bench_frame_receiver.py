@@ -60,6 +60,14 @@ class Line:
         elif name == "valid" and self.inside:
             self.end(*((Outcome.LINE, None) if self.lost else p.judge(bytes(self.stuffed))))
 
+    def forget(self, seen: int) -> None:
+        """A reset: of the outcomes only those are left that were seen."""
+        del self.outcomes[seen:]
+        self.stuffed.clear()
+        self.events.clear()
+        self.inside = self.lost = self.blocked = self.late = False
+        self.waiting, self.after = None, 0
+
     def plan(self) -> None:
         """The next frame, whole or not, and when the one that waits is released."""
         rng, events = self.rng, self.events
@@ -106,11 +114,17 @@ async def lines(dut) -> None:
     looked: tuple[int, int, Frame] | None = None
     coming: tuple[int, int, Frame] | None = None
     turn = clocks = 0
+    reset = False
     while sum(map(len, seen)) < given["frames"] or any(link.events for link in line):
         clocks += 1
         assert clocks < 100_000, "frames go missing"
         inputs = dict.fromkeys(("valid", "broken", "ended", "served"), 0)
+        # what a link tells after a reset may still be of a frame before it
+        forgotten, reset = reset, clocks > 100 and rng.random() < given["resets"]
         for index, link in enumerate(line):
+            if reset:
+                inputs = {name: rng.randrange(4) for name in inputs}
+                break
             if not link.events and sum(map(len, seen)) < given["frames"]:
                 link.plan()
             link.after += 1
@@ -148,9 +162,12 @@ async def lines(dut) -> None:
             dut.link.value, dut.address.value = rng.randrange(2), rng.randrange(64)
         turn ^= 1
         dut.turn.value = turn
+        dut.rst.value = int(reset)
         await clock.settle()
+        if forgotten:
+            board.check("pending after a reset", number(dut.pending), 0)
         for index in (0, 1):
-            if number(dut.rejected) >> index & 1:
+            if not forgotten and number(dut.rejected) >> index & 1:
                 seen[index].append(number(dut.outcome))
         waits = number(dut.pending)
         for index, link in enumerate(line):
@@ -163,6 +180,11 @@ async def lines(dut) -> None:
             board.check("content", number(dut.content), frame.body()[place], f"link {index}")
         await clock.edge()
         looked, coming = coming, wanted
+        if reset:
+            looked = coming = None
+            board.cover("reset", int(line[0].inside and line[1].inside))
+            for link, outcomes in zip(line, seen, strict=True):
+                link.forget(len(outcomes))
     for index, link in enumerate(line):
         for _ in range(SETTLED):
             turn ^= 1
@@ -173,4 +195,4 @@ async def lines(dut) -> None:
         for outcome in link.outcomes:
             board.cover(Outcome(outcome).name)
     names = ("ACCEPTED", "LINE", "OVERSIZED", "STUFFING", "CRC", "LATE", "BUSY")
-    board.finish({"outcome": 100, "content": 1000}, dict.fromkeys(names, 1))
+    board.finish({"outcome": 100, "content": 1000}, dict.fromkeys(names, 1) | {"reset": 3})

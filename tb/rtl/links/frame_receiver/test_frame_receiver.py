@@ -1,9 +1,10 @@
 """Frames of two links through one receiver, byte by byte.
 
 Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames cut off
-or take too long; frames that come while one waits, or while it is being released.
+or take too long; frames that come while one waits, or while it is being released; resets of one
+clock in the middle of frames.
 Checks: what becomes of every frame, in order; that a frame that waits keeps every byte, whatever
-comes after it; nothing of one link on the other.
+comes after it; nothing of one link on the other; nothing of what came before a reset.
 Timing: a byte of each link in every fourth clock, and slower.
 Faults: a frame that is written over, a blocked frame that passes, one that is late, and others.
 """
@@ -27,7 +28,7 @@ def bench(rtl: Path = RTL, frames: int = 120) -> Outcome:
         f"tb.rtl.links.{NAME}.bench_{NAME}",
         units=[NAME],
         generics={"LIMIT": 800},
-        arguments={"frames": frames},
+        arguments={"frames": frames, "resets": 0.001},
         rtl=rtl,
     )
 
@@ -44,6 +45,7 @@ FAULTS = [
     Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
     Fault(NAME, "place <= turn &", "place <= link &", "content"),
     Fault(NAME, "data_0 when turn = '0' else", "data_0 when link = '0' else", "(outcome|content)"),
+    Fault(NAME, "        other   <= STATE_INIT;\n", "", "outcome"),
     Fault(NAME, "elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
 ]
 

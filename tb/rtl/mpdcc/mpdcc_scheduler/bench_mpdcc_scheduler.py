@@ -255,9 +255,9 @@ async def random_searches(dut) -> None:
             board.check("one-hot", offered & (offered - 1), 0)
             if offered and probe_due is None:
                 board.check("clocks to the probe", k, TO_PROBE[variant])
-                board.check("probe", (offered, number(dut.candidate) & 1), (1, 1), f"{s_prev}")
-                position = number(dut.candidate) >> 7 & 0x1FF
-                board.check("probe", position, s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6)
+                board.check("offered to the first explorer", offered, 1)
+                # the second level keeps the probe's slope at place 0
+                board.check("probe", number(dut.candidate), pack_candidate(1, 0, s_prev, 0))
                 if not fast:
                     board.check("node", number(dut.node), plain.pack_node(node))
                 probe_due = k + (rng.randrange(10, 15) if fast else rng.randrange(1, 14))
@@ -354,7 +354,7 @@ async def random_searches(dut) -> None:
 
 
 def plain_decision(s, held, deadlock, length, saturated) -> int:
-    """A decision as the flat bench shows it."""
+    """A decision as the flat bench shows it; with one level none is exhausted."""
     return (
         s[0] | s[1] << 3 | s[2] << 6 | int(held) << 9 | int(deadlock) << 10
         | int(length) << 11 | int(saturated) << 17
