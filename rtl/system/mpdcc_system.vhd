@@ -3,9 +3,9 @@
 -- Measurements come with start, from the ports or from registers (control.registers_as_source, then
 -- command.start), and are kept in the registers. The observer takes its step first. Where f_q_midpoint or
 -- f_q_phase is not 0, it begins with the capacitors, and the core gets filtered voltages. With
--- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates, with
--- compensate from the next start on, since it was made for that step. With
--- l_mode the step goes on with the leakage beside the core, on what the core gets. Between two decisions the slopes'
+-- control.use_observer its flux replaces psir. The core decides; the guard turns the decision into gates: at once, or
+-- with compensate from the next start on, since it was made for that step. With l_mode the observer's step goes on with
+-- the leakage beside the core, on what the core gets. Between two decisions the slopes'
 -- coefficients are scaled for the next one. Parameters and the guard's settings are shadows that take effect together
 -- between two decisions, the parameters once the observer's step is over. What is common to all systems is in
 -- system_shell.

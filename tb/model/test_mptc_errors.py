@@ -27,6 +27,7 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import errors as e
 from directmpc.mptc.drive import SEQUENCE_METHODS, SINGLE_METHODS, MptcDrive
 from directmpc.mptc.plant import advance, plant_parameters, step, step_sequence
+from directmpc.mptc.trace import MptcTrace
 from directmpc.states import MptcDecision, MptcState
 from scripts.shared.tools import ROOT
 
@@ -357,6 +358,8 @@ def test_what_a_drive_cannot_have_is_refused(
 def test_the_public_name_is_this_class() -> None:
     assert MptcErrors is e.MptcErrors
     found = simulate(load_drive("motulator_2kw2"), steps=20, errors=MptcErrors(bits=8))
-    lsb = found.drive.control.current_max / 128  # type: ignore[union-attr]
-    steps = found.trace.i_s / lsb  # type: ignore[union-attr]
+    assert isinstance(found.drive, MptcDrive)
+    assert isinstance(found.trace, MptcTrace)
+    lsb = found.drive.control.current_max / 128
+    steps = found.trace.i_s / lsb
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
