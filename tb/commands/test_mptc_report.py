@@ -118,7 +118,14 @@ def test_distortion_is_taken_at_the_frequency_of_the_flux() -> None:
     )  # a clean sine, 0.01 Hz from where the speed would have it
     nothing = np.zeros(n)
     clean = replace(
-        run, trace=trace, u=trace.u, shadow=trace.u, torque=nothing, flux=nothing, margin=nothing
+        run,
+        trace=trace,
+        current=4.0 * turning,
+        u=trace.u,
+        shadow=trace.u,
+        torque=nothing,
+        flux=nothing,
+        margin=nothing,
     )
     assert study.figures(clean)["thd_pct"] < 0.01
     assert abs(study.figures(clean)["fundamental_hz"] - 4.99) < 1e-6
