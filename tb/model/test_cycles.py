@@ -49,6 +49,18 @@ def test_the_bound_is_the_most_of_all_choices(
                 assert cycles.bounds(explorers, 170)[budget] == most
 
 
+@pytest.mark.parametrize("explorers", [1, 2, 4])
+def test_the_bound_holds_for_a_budget_that_ends_the_search_at_its_first_node(
+    explorers: int,
+) -> None:
+    longest = cycles.search(explorers, cycles.CANDIDATES + 1, (), cut=True)
+    assert longest > cycles.search(explorers, cycles.CANDIDATES + 1, ())
+    for budget in (1, 26):  # 27 positions follow a node at least
+        assert cycles.bound(explorers, budget) == longest
+        assert cycles.bounds(explorers, 100)[budget] == longest
+    assert cycles.bound(explorers, 27) > longest
+
+
 def test_the_order_of_the_queue_is_what_the_bound_rests_on() -> None:
     """Nodes in any other order may take longer: that of the queue is proven in tb/proofs."""
     rng = np.random.default_rng(5)

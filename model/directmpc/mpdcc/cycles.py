@@ -39,7 +39,7 @@ def _schedule(explorers, root, nodes, cut):
     """Clock for clock; see ``search``."""
     level = ROOT + root
     if len(nodes) == 0 and not cut:
-        return level + 3
+        return level + 4
     in_step = min(explorers, 4)
     spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)  # blocks
     clock = level + 2  # the queue shows its first entry
@@ -70,8 +70,8 @@ def _schedule(explorers, root, nodes, cut):
             cut_at = clock
         clock += 1
     if len(nodes) == 0:
-        return cut_at + 3
-    over = max(free + 2, cut_at + 1)
+        return cut_at + 4
+    over = max(free + 2, cut_at + 1) + 1
     # results are taken one a clock, of the first explorer that has one
     taken = over - 1
     done = np.zeros(explorers, dtype=np.bool_)
@@ -246,7 +246,7 @@ def bounds(explorers: int, largest: int) -> NDArray[np.int64]:
     -------
     ndarray of int64, shape (largest + 1,)
         Clocks from ``start`` to ``valid`` for budgets of 1 to ``largest``. Number 0 is the search
-        without a limit if ``largest`` is 0, and else one that finds no node.
+        without a limit if ``largest`` is 0, and else one that looks at no node.
     """
     in_step = min(explorers, 4)
     spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)
@@ -255,6 +255,8 @@ def bounds(explorers: int, largest: int) -> NDArray[np.int64]:
     for root, nodes in _roots():
         ends = _latest(np.array(nodes), largest, in_step, spare, behind)
         np.maximum(found, ROOT + root + 2 + ends, out=found)
+        # a budget below what follows any node ends the search at its first node
+        np.maximum(found, search(explorers, root, (), cut=largest > 0), out=found)
     found.flags.writeable = False
     return found
 

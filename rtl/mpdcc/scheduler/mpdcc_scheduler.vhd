@@ -65,12 +65,14 @@ architecture rtl of mpdcc_scheduler is
   type state_t is record
     phase     : phase_t;
     started   : std_logic; -- first clock of the search is over
+    over      : std_logic; -- no more leaves will come
     predicted : std_logic; -- the node is that of k+1
   end record state_t;
 
   constant STATE_INIT : state_t := (
     phase     => IDLE,
     started   => '0',
+    over      => '0',
     predicted => '0'
   );
 
@@ -352,7 +354,7 @@ begin
     );
 
   broadcast.last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerated)
-                          or (to_std_logic(r.phase = LEAVES) and r.started and level.over);
+                          or (to_std_logic(r.phase = LEAVES) and r.over);
   broadcast.best_valid <= best.feasible;
   broadcast.best_cost  <= resize(best.rank, COST_WIDTH);
 
@@ -372,15 +374,18 @@ begin
 
   -- the enumerator still shows the last search's end in the first clock; what arrived is compared
   -- by then, and what has not is busy
-  searched <= r.started and explorers_idle
-              and ((to_std_logic(r.phase = SEARCH) and not two_levels and enumerated)
-                   or (to_std_logic(r.phase = LEAVES) and level.over));
+  searched <= explorers_idle
+              and ((to_std_logic(r.phase = SEARCH) and r.started and not two_levels and enumerated)
+                   or (to_std_logic(r.phase = LEAVES) and r.over));
 
   p_phase : process (clk) is
   begin
 
     if rising_edge(clk) then
       r.started <= to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
+
+      -- costs no clock: an explorer is busy with the last leaf for longer
+      r.over <= to_std_logic(r.phase = LEAVES) and r.started and level.over;
 
       case r.phase is
 

@@ -83,8 +83,8 @@ PAPER_FAULTS = [
     ),
     Fault(
         "mpdcc_scheduler",
-        "searched <= r.started and explorers_idle",
-        "searched <= r.started",
+        "searched <= explorers_idle",
+        "searched <= '1'",
         r"clocks after the last result:",
     ),
 ]
