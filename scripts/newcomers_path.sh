@@ -9,13 +9,13 @@
 #
 #   scripts/fresh_machine.sh scripts/newcomers_path.sh
 #
-# The last lines are the times as a Markdown table, for docs/installing.md. The first step that
-# fails ends it with that step's exit code. What it makes is in build/newcomer.
+# After each step stands what it took, and last on which system and commit. `python -m scripts newcomer`
+# stores that and writes the table of docs/installing.md. The first step that fails ends it with that
+# step's exit code. What it makes is in build/newcomer.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 mine=build/newcomer
 python=.venv/bin/python
-table=$'| step | s |\n| --- | ---: |'
 board=
 
 finish() { [ -z "$board" ] || kill "$board" 2>/dev/null || true; }
@@ -27,7 +27,7 @@ step() {
   shift
   printf 'newcomer: %s: %s\n' "$name" "$*"
   "$@"
-  table+=$'\n'"| $name | $((SECONDS - begin)) |"
+  printf 'newcomer: took %s s: %s\n' "$((SECONDS - begin))" "$name"
 }
 
 on_a_virtual_board() {
@@ -52,4 +52,5 @@ step 'the trace through the RTL' make --no-print-directory replay \
   DRIVE="$mine/drive.toml" IN="$mine/trace.csv" OUT="$mine/decisions.csv"
 step 'a virtual board, 400 steps with gates' on_a_virtual_board
 [ "$(wc -l < "$mine/decisions.csv")" -eq 401 ]
-printf '%s\n' "$table"
+printf 'newcomer: all steps work: %s, %s cores, commit %s\n' \
+  "$(. /etc/os-release && printf '%s' "$PRETTY_NAME")" "$(nproc)" "$(git rev-parse HEAD)"

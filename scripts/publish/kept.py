@@ -1,7 +1,7 @@
 """Figures of pages that are measured apart from `make report`: stored in reports/, and written.
 
-Coverage, throughput of a cluster, the comparison of straight lines, the bench of a field and the
-bitstreams of boards are measured by commands of their own. What they find is stored here, and the
+Coverage, throughput of a cluster, the comparison of straight lines, the bench of a field,
+bitstreams of boards and a newcomer's first steps are measured by commands of their own. What they find is stored here, and the
 tables of their pages are written from the stored files alone.
 """
 
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from scripts.measure import bitstream
+from scripts.publish import newcomer
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 from scripts.studies import field_bench, linear_comparison, scaling
@@ -286,6 +287,7 @@ PAGES = {
     "cluster.md": scaling_page,
     "coverage.md": coverage_page,
     "field-bench.md": field_bench_page,
+    "installing.md": newcomer.page,
     "linear-comparison.md": linear_page,
     "torture.md": lambda page: torture.publish(page=page),
 }

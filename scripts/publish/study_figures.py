@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from scripts.hdl import states
+from scripts.publish import newcomer
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
@@ -579,8 +580,26 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
     return section
 
 
+def of_newcomer(reports: Path = REPORTS) -> Section:
+    """First steps on a bare machine.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        `cores`, and `seconds` by step.
+    """
+    found = json.loads((reports / newcomer.TIMES.name).read_text(encoding="utf-8"))
+    return {"cores": found["cores"], "seconds": found["seconds"]}
+
+
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "boards": of_boards,
+    "newcomer": of_newcomer,
     "robustness": of_robustness,
     "pwm": of_pwm,
     "capacitor_bounds": of_capacitor_bounds,

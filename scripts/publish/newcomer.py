@@ -1,0 +1,102 @@
+"""How long somebody's first steps take, from the output of scripts/newcomers_path.sh."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from scripts.shared import tables, tools
+from scripts.shared.command import InputError
+from scripts.shared.tools import ROOT
+
+LOG = ROOT / "build" / "fresh_machine" / "bookworm.log"
+"""Where scripts/fresh_machine.sh keeps the output of what it runs."""
+
+TIMES = ROOT / "reports" / "newcomer.json"
+PAGE = ROOT / "docs" / "installing.md"
+MARKS = ("<!-- newcomer: begin -->", "<!-- newcomer: end -->")
+
+_TOOK = re.compile(r"^newcomer: took (\d+) s: (.+)$", re.MULTILINE)
+_DONE = re.compile(
+    r"^newcomer: all steps work: (.+), (\d+) cores, commit ([0-9a-f]{40})$", re.MULTILINE
+)
+
+
+def times(output: str) -> dict[str, Any]:
+    """What the script found.
+
+    Parameters
+    ----------
+    output : str
+        All that it printed; lines of other programs may stand between.
+
+    Returns
+    -------
+    dict
+        `system`, `cores`, `commit`, and `seconds` by step.
+
+    Raises
+    ------
+    InputError
+        If a step failed, or it was not this script.
+    """
+    text = output.replace("\r", "")
+    done = _DONE.search(text)
+    if done is None:
+        raise InputError(
+            "no line 'newcomer: all steps work'; run scripts/fresh_machine.sh "
+            "scripts/newcomers_path.sh to its end"
+        )
+    seconds = {name: int(took) for took, name in _TOOK.findall(text)}
+    system, cores, commit = done.groups()
+    return {"system": system, "cores": int(cores), "commit": commit, "seconds": seconds}
+
+
+def keep(log: Path = LOG, path: Path = TIMES) -> None:
+    """Store the times of a run.
+
+    Parameters
+    ----------
+    log : Path
+        What the script printed.
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If there is no such log, or the run did not end well.
+    """
+    try:
+        output = log.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{log}: {error.strerror or error}") from error
+    try:
+        found = times(output)
+    except InputError as error:
+        raise InputError(f"{log}: {error}") from error
+    tools.write(path, json.dumps(found, indent=1) + "\n")
+
+
+def page(page: Path = PAGE, path: Path = TIMES) -> None:
+    """Write the table of docs/installing.md from the stored times.
+
+    Parameters
+    ----------
+    page, path : Path
+        The page, and the file.
+
+    Raises
+    ------
+    MarkerError
+        If the page lacks the markers.
+    """
+    known = json.loads(path.read_text(encoding="utf-8"))
+    rows = [[name, str(took)] for name, took in known["seconds"].items()]
+    text = (
+        f"On a bare {known['system']} with {known['cores']} cores, at commit "
+        f"`{known['commit'][:12]}`:\n\n{tables.markdown(['step', 's'], rows)}"
+    )
+    tables.rewrite(page, {MARKS: text.rstrip("\n")})
