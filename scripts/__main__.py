@@ -11,6 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from directmpc.host.console import interrupted
+
 COMMANDS = Path(__file__).resolve().parent / "commands"
 
 
@@ -46,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code of the command; 0 for the overview, 2 if there is no such command.
+        Exit code of the command; 0 for the overview, 2 if there is no such command, 130 if it
+        was interrupted.
 
     Raises
     ------
@@ -62,8 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = ", ".join(known)
         print(f"scripts: no command '{given[0]}'; there are: {names}", file=sys.stderr)
         return 2
-    module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
-    return module.COMMAND.main(given[1:])
+    try:
+        module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
+        return module.COMMAND.main(given[1:])
+    except KeyboardInterrupt:  # before the command itself could take it
+        print(f"{given[0]}: interrupted", file=sys.stderr)
+        return interrupted()
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Figures of pages that are measured apart from `make report`: stored in reports/, and written.
 
 Coverage, throughput of a cluster, the comparison of straight lines, the bench of a field,
-bitstreams of boards and a newcomer's first steps are measured by commands of their own. What they find is stored here, and the
-tables of their pages are written from the stored files alone.
+bitstreams of boards and a newcomer's first steps are measured by commands of their own. What they
+find is stored here, and the tables of their pages are written from the stored files alone.
 """
 
 from __future__ import annotations

@@ -7,12 +7,11 @@ input was wrong or a tool is missing, 1 that a check or a measurement failed, 0 
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from directmpc.host.console import OneParagraphParser, report_error
+from directmpc.host.console import OneParagraphParser, interrupted, report_error
 from scripts.shared.tools import ToolError
 
 
@@ -87,7 +86,7 @@ class Command:
         except KeyboardInterrupt:
             said = "; ".join(filter(None, ["interrupted", self.interrupted]))
             print(f"{self.name}: {said}", file=sys.stderr)
-            return 128 + signal.SIGINT
+            return interrupted()
 
 
 @dataclass(frozen=True)

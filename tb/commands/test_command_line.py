@@ -6,8 +6,10 @@ Does not prove: what the commands do; each has tests of its own.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -97,3 +99,33 @@ def test_the_list_of_sources_needs_no_numerics() -> None:
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_an_interrupt_while_a_command_is_imported_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(program.importlib, "import_module", interrupt)
+    assert program.main(["replay"]) == 130
+    assert capsys.readouterr().err == "replay: interrupted\n"
+
+
+def test_an_interrupt_of_executed_text_ends_with_130(tmp_path: Path) -> None:
+    (tmp_path / "interrupted_text.py").write_text(
+        "import sys\n"
+        "from directmpc.host.console import interrupted\n"
+        "try:\n"
+        "    exec('import os, time; os.kill(os.getpid(), 2); time.sleep(60)')\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(interrupted())\n",
+        "utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "interrupted_text"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT / "model")},
+    )  # fmt: skip
+    assert done.returncode == 130, done.stderr  # a shell shows -2, death by the signal, as 130 too
+    assert not done.stderr

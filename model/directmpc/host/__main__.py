@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -26,7 +25,13 @@ from rich.table import Table
 from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep
 from directmpc.host.board import BAUD, Board, RegisterError, TrippedError
-from directmpc.host.console import OneParagraphParser, check_output, progress_bar, report_error
+from directmpc.host.console import (
+    OneParagraphParser,
+    check_output,
+    interrupted,
+    progress_bar,
+    report_error,
+)
 from directmpc.host.link import LinkError, RefusedError
 from directmpc.host.protocol import Outcome
 from directmpc.mpdcc.drive import Drive
@@ -412,7 +417,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report_error("host", error, [out] if out else [])
         return 2
     except KeyboardInterrupt:
-        return 128 + signal.SIGINT
+        return interrupted()
 
 
 if __name__ == "__main__":

@@ -124,6 +124,22 @@ def undisturbed() -> Iterator[None]:
             signal.raise_signal(number)
 
 
+def interrupted() -> int:
+    """Exit code of a program that Ctrl-C has ended; call it where KeyboardInterrupt is caught.
+
+    Python 3.11 kills a program started with ``-m`` by the signal, whatever its exit code, if the
+    interrupt came while text was executed, as modules with dataclasses do when they are imported.
+    Executing text that ends well makes it forget that.
+
+    Returns
+    -------
+    int
+        130: 128 and the signal's number.
+    """
+    exec("")
+    return 128 + signal.SIGINT
+
+
 _PULSES_S = (10.0, 20.0, 30.0, 60.0)
 """Silence after which a line says that work goes on: the first time, the second, and so on."""
 
