@@ -65,14 +65,12 @@ architecture rtl of mpdcc_scheduler is
   type state_t is record
     phase     : phase_t;
     started   : std_logic; -- first clock of the search is over
-    over      : std_logic; -- no more leaves will come
     predicted : std_logic; -- the node is that of k+1
   end record state_t;
 
   constant STATE_INIT : state_t := (
     phase     => IDLE,
     started   => '0',
-    over      => '0',
     predicted => '0'
   );
 
@@ -101,6 +99,7 @@ architecture rtl of mpdcc_scheduler is
   signal level_phase : level_phase_t;
   signal level_start : level_start_t;
   signal level       : level_report_t;
+  signal over        : std_logic; -- '1': no more leaves will come
   signal leaf_valid  : std_logic_vector(EXPLORERS - 1 downto 0);
   signal leaf        : leaves_t(0 to EXPLORERS - 1);
   signal two_levels  : std_logic; -- '1': SESE
@@ -211,6 +210,7 @@ begin
     preparation.turn       <= terms.done;
     preparation.show_turn  <= '1';
     level                  <= LEVEL_NONE;
+    over                   <= '1';
     leaf_valid             <= (others => '0');
     leaf                   <= (others => LEAF_INIT);
     broadcast.node         <= node;
@@ -241,6 +241,16 @@ begin
         leaf        => leaf,
         level       => level
       );
+
+    -- costs no clock where there are leaves: an explorer is busy with the last one for longer
+    p_over : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        over <= to_std_logic(r.phase = LEAVES) and r.started and level.over;
+      end if;
+
+    end process p_over;
 
   end generate g_two_levels;
 
@@ -354,7 +364,7 @@ begin
     );
 
   broadcast.last       <= (to_std_logic(r.phase = SEARCH) and r.started and enumerated)
-                          or (to_std_logic(r.phase = LEAVES) and r.over);
+                          or (to_std_logic(r.phase = LEAVES) and r.started and over);
   broadcast.best_valid <= best.feasible;
   broadcast.best_cost  <= resize(best.rank, COST_WIDTH);
 
@@ -374,18 +384,15 @@ begin
 
   -- the enumerator still shows the last search's end in the first clock; what arrived is compared
   -- by then, and what has not is busy
-  searched <= explorers_idle
-              and ((to_std_logic(r.phase = SEARCH) and r.started and not two_levels and enumerated)
-                   or (to_std_logic(r.phase = LEAVES) and r.over));
+  searched <= r.started and explorers_idle
+              and ((to_std_logic(r.phase = SEARCH) and not two_levels and enumerated)
+                   or (to_std_logic(r.phase = LEAVES) and over));
 
   p_phase : process (clk) is
   begin
 
     if rising_edge(clk) then
       r.started <= to_std_logic(r.phase = SEARCH or r.phase = LEAVES);
-
-      -- costs no clock: an explorer is busy with the last leaf for longer
-      r.over <= to_std_logic(r.phase = LEAVES) and r.started and level.over;
 
       case r.phase is
 

@@ -83,8 +83,8 @@ PAPER_FAULTS = [
     ),
     Fault(
         "mpdcc_scheduler",
-        "searched <= explorers_idle",
-        "searched <= '1'",
+        "searched <= r.started and explorers_idle",
+        "searched <= r.started",
         r"clocks after the last result:",
     ),
 ]
