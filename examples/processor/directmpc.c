@@ -63,10 +63,25 @@ static int of_a_drive(uint32_t address)
            address == AT(system.command);
 }
 
-directmpc_status directmpc_load(directmpc *system, const directmpc_write *writes, size_t count)
+/* until no commit waits and its parameters are in force: so long shadows refuse writes */
+static directmpc_status settled(const directmpc *system)
 {
     directmpc_status status;
     uint32_t word;
+    size_t n;
+
+    for (n = 0; n < POLLS; n++) {
+        if ((status = get(system, AT(system.status), &word)) != DIRECTMPC_OK)
+            return status;
+        if (!(word & BIT(STATUS__COMMIT_PENDING)))
+            return DIRECTMPC_OK;
+    }
+    return DIRECTMPC_TIMEOUT;
+}
+
+directmpc_status directmpc_load(directmpc *system, const directmpc_write *writes, size_t count)
+{
+    directmpc_status status;
     size_t n;
 
     for (n = 0; n < count; n++)
@@ -75,17 +90,14 @@ directmpc_status directmpc_load(directmpc *system, const directmpc_write *writes
     /* settings of the guard are locked while the drive is enabled */
     if ((status = directmpc_stop(system)) != DIRECTMPC_OK)
         return status;
+    /* a reset commits, too */
+    if ((status = settled(system)) != DIRECTMPC_OK)
+        return status;
     for (n = 0; n < count; n++)
         if ((status = put(system, writes[n].address, writes[n].word)) != DIRECTMPC_OK)
             return status;
-    for (n = 0; n < POLLS; n++) {
-        if ((status = get(system, AT(system.status), &word)) != DIRECTMPC_OK)
-            return status;
-        if (!(word & BIT(STATUS__COMMIT_PENDING)))
-            break;
-    }
-    if (n == POLLS)
-        return DIRECTMPC_TIMEOUT;
+    if ((status = settled(system)) != DIRECTMPC_OK)
+        return status;
     /* the estimate belongs to the drive before */
     return put(system, AT(system.command), BIT(COMMAND__RESET_OBSERVER) | BIT(COMMAND__CLEAR_COUNTERS));
 }

@@ -11,7 +11,8 @@
 -- Formats: clocks are counted from 0 in the clock after the edge that accepts start; the tables are explained in
 -- mac_programs.  A row without a product leaves all outputs of the first group at zero.
 -- Latency: the outputs of clock n follow the edge that accepts start by n clocks.  They are registers: the tables are
--- read a clock ahead.  valid is high in clock VALID_AT + 1, busy in clocks 0 to LAST_AT.
+-- read a clock ahead.  b_ahead is early by that clock, for words of operand B in a RAM.  valid is high in clock
+-- VALID_AT + 1, busy in clocks 0 to LAST_AT.
 -- Overflow: none.
 -- Licence: Apache-2.0
 
@@ -49,6 +50,7 @@ entity mac_sequencer is
     a_select    : out   std_logic_vector(A_BITS - 1 downto 0);        -- word for operand A, unsigned
     b_select    : out   std_logic_vector(B_BITS - 1 downto 0);        -- word for operand B, unsigned
     seed_select : out   std_logic_vector(SEEDS - 1 downto 0);         -- '1': the sum begins with this seed
+    b_ahead     : out   std_logic_vector(B_BITS - 1 downto 0);        -- b_select of the next clock, unless it idles
     -- sequence
     due         : out   std_logic_vector(EVENTS'length - 1 downto 0); -- '1': clock of this event
     valid       : out   std_logic;                                    -- '1' for one clock: the result is there
@@ -285,6 +287,7 @@ begin
   alignment   <= outputs.alignment;
   a_select    <= outputs.a_select;
   b_select    <= outputs.b_select;
+  b_ahead     <= row.b_select;
   seed_select <= outputs.seed_select;
   due         <= outputs.due;
 

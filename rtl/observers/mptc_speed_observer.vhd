@@ -173,6 +173,7 @@ begin
       a_select    => a_choice,
       b_select    => b_choice,
       seed_select => seed_choice,
+      b_ahead     => open,
       due         => due,
       valid       => valid,
       busy        => active

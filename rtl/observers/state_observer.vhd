@@ -14,7 +14,9 @@
 -- after forget_leakage, they come out as they are.  The first step of the leakage only remembers the current.
 --
 -- How: one mac_block forms all products.  Its operand A and its first summand come from a register file, a RAM of
--- 16 words.  Two mac_sequencers go in step, one for products, one for what happens with sums and words
+-- 16 words.  Coefficients come from a block RAM that is written word by word, at the places that state_observer_program
+-- names; a product's place is told a clock ahead.  The RAM outlasts a reset, and what has not been written is unknown.
+-- Two mac_sequencers go in step, one for products, one for what happens with sums and words
 -- (model/directmpc/mpdcc/state_program.py).  All sums are cut at one bit.  The four voltages move around a ring.  The
 -- scaled coefficients move into a chain of words.
 -- Formats: ports as those of mpdcc_core.  Operands have 18 bits; the flux's states 12 more, the voltages' 6 more than
@@ -72,29 +74,14 @@ entity state_observer is
     -- rotor flux for the leakage, likewise; with observed stable from valid on for 3 clocks
     psir_alpha        : in    std_logic_vector(15 downto 0); -- signed, 1/9000 pu
     psir_beta         : in    std_logic_vector(15 downto 0); -- signed, 1/9000 pu
-    -- parameters, stable while busy; signed where not said otherwise
-    f_midpoint_alpha  : in    std_logic_vector(15 downto 0); -- -(1 - 2**-q) h/xdc: charge along alpha in v_n
-    f_midpoint_beta   : in    std_logic_vector(15 downto 0); -- sqrt(3)/2 of it: charge along beta in v_n
-    f_phase_alpha     : in    std_logic_vector(15 downto 0); -- (1 - 2**-q) h/xph: charge along alpha in v_ph
-    f_phase_beta      : in    std_logic_vector(15 downto 0); -- sqrt(3)/2 of it: charge along beta in v_ph
+    -- parameters, stable while busy
     f_q_midpoint      : in    std_logic_vector(2 downto 0);  -- q of v_n, unsigned; 0: no filter
     f_q_phase         : in    std_logic_vector(2 downto 0);  -- q of v_ph, unsigned; 0: no filter
-    o_speed           : in    std_logic_vector(17 downto 0); -- h: speed in the angle of a step
-    o_voltage_alpha   : in    std_logic_vector(17 downto 0); -- h/3: 2 v_a - v_b - v_c in psi_s
-    o_voltage_beta    : in    std_logic_vector(17 downto 0); -- h/sqrt(3): v_b - v_c in psi_s
-    o_drop            : in    std_logic_vector(17 downto 0); -- -h*rs: current in psi_s
-    o_pull            : in    std_logic_vector(17 downto 0); -- -h*k: psi_s in psi_s
-    o_pull_flux       : in    std_logic_vector(17 downto 0); -- h*k*xm/xr: psi_c in psi_s
-    o_pull_current    : in    std_logic_vector(17 downto 0); -- h*k*D/xr: current in psi_s
-    o_decay           : in    std_logic_vector(17 downto 0); -- -h/tau_r: psi_c in psi_c
-    o_excitation      : in    std_logic_vector(17 downto 0); -- h*xm/tau_r: current in psi_c
-    o_output_flux     : in    std_logic_vector(17 downto 0); -- xr/xm: psi_s in psi_r
-    o_output_current  : in    std_logic_vector(17 downto 0); -- -D/xm: current in psi_r
     frozen            : in    std_logic;                     -- '1': theta stays
-    l_voltage_alpha   : in    std_logic_vector(17 downto 0); -- h*xr/(3*D)
-    l_voltage_beta    : in    std_logic_vector(17 downto 0); -- h*xr/(sqrt(3)*D)
-    l_emf             : in    std_logic_vector(17 downto 0); -- h*xm/D
-    given             : in    std_logic_vector(STATE_SLOPES * 16 - 1 downto 0); -- slopes', signed, word 0 rightmost
+    -- coefficients, while not busy and not with start
+    c_write           : in    std_logic;                     -- '1': c_word is stored
+    c_place           : in    std_logic_vector(PLACE_BITS - 1 downto 0); -- where, unsigned
+    c_word            : in    std_logic_vector(17 downto 0); -- signed; where it has 16 bits, the lower ones
     busy              : out   std_logic;                     -- '1': a step or a scaling is under way
     scaling           : out   std_logic;                     -- '1': a scaling is
     -- voltages at k; with filters new with filters_valid and stable until the next start, else those measured
@@ -113,8 +100,8 @@ entity state_observer is
     leakage_valid     : out   std_logic;                     -- '1' for one clock: theta is new
     theta             : out   std_logic_vector(16 downto 0); -- unsigned, 16 fractional bits
     leakage_saturated : out   std_logic;                     -- '1': a word of the step did not hold its value
-    -- coefficients times theta, stable until the next scale
-    scaled            : out   std_logic_vector(STATE_SLOPES * 16 - 1 downto 0); -- as given
+    -- slopes' coefficients times theta, stable until the next scale; only with LEAKAGE
+    scaled            : out   std_logic_vector(STATE_SLOPES * 16 - 1 downto 0); -- signed, word 0 rightmost
     clipped           : out   std_logic                      -- '1': one did not fit its word
   );
 end entity state_observer;
@@ -131,7 +118,8 @@ architecture rtl of state_observer is
   constant VOLTAGE     : natural := PORTS + 6;            -- bits of a filtered voltage
   constant VOLTAGE_CUT : natural := SUM - 5 - VOLTAGE;    -- bits of a sum below it
   constant A_BITS      : natural := 9;                    -- place of a word, not old, half, complement, source
-  constant B_BITS      : natural := selector_width(B_PLACES);
+  constant SOURCE_BITS : natural := selector_width(B_SOURCES);
+  constant B_BITS      : natural := SOURCE_BITS + PLACE_BITS; -- source above place
   constant MOVE_BITS   : natural := 6;                    -- what is moved, not joined, observed alone, moves
   constant RATIO_GUARD : natural := 10;                   -- bits of theta's state below its LSB
   constant RATIO       : natural := PORTS + 1 + RATIO_GUARD;
@@ -152,7 +140,7 @@ architecture rtl of state_observer is
 
   subtype sum_t is std_logic_vector(SUM - 1 downto 0);
 
-  type factors_t is array (0 to B_PLACES - 1) of word_t;
+  type factors_t is array (0 to B_SOURCES - 1) of word_t;
 
   signal active       : std_logic;
   signal entry        : std_logic_vector(1 downto 0);
@@ -165,6 +153,7 @@ architecture rtl of state_observer is
   signal aligned      : std_logic_vector(1 downto 0);
   signal a_choice     : std_logic_vector(A_BITS - 1 downto 0);
   signal b_choice     : std_logic_vector(B_BITS - 1 downto 0);
+  signal b_ahead      : std_logic_vector(B_BITS - 1 downto 0);     -- that of the next clock
   signal seeds        : std_logic_vector(SEED_KINDS - 1 downto 0);
   signal target       : std_logic_vector(3 downto 0);              -- word that is written
   signal move         : std_logic_vector(MOVE_BITS - 1 downto 0);
@@ -194,14 +183,15 @@ architecture rtl of state_observer is
   signal result       : state_t;
   signal voltage_a    : word_t;                                    -- along alpha, from k-1 to k
   signal voltage_b    : word_t;
-  signal given_word   : std_logic_vector(PORTS - 1 downto 0);
+  signal reading      : std_logic;                                 -- a coefficient is read
+  signal stored       : word_t;                                    -- coefficient of this clock
   signal whole        : std_logic;                                 -- operand A: all of the word
   signal inverted     : std_logic;
   signal lowest       : std_logic;                                 -- its lowest bit counts
   signal operand      : word_t;
   signal factor       : word_t;
   signal factors      : factors_t;
-  signal b_inputs     : std_logic_vector(B_PLACES * WORD - 1 downto 0);
+  signal b_inputs     : std_logic_vector(B_SOURCES * WORD - 1 downto 0);
   signal seed         : sum_t;
   signal total        : sum_t;
   signal cut_state    : state_t;                                   -- the sum, cut and saturated
@@ -230,7 +220,6 @@ architecture rtl of state_observer is
   signal charge_none  : std_logic;                                 -- it is zero
   signal charge_half  : std_logic;
   signal charge_minus : std_logic;
-  signal charge_word  : std_logic_vector(PORTS - 1 downto 0);      -- its coefficient
   signal corrected    : signed(VOLTAGE - 1 downto 0);
   signal ratio_state  : unsigned(RATIO - 1 downto 0);              -- theta
 
@@ -335,6 +324,7 @@ begin
       a_select    => a_choice,
       b_select    => b_choice,
       seed_select => seeds,
+      b_ahead     => b_ahead,
       due         => due,
       valid       => open,
       busy        => active
@@ -365,6 +355,7 @@ begin
       a_select    => target,
       b_select    => move,
       seed_select => takes,
+      b_ahead     => open,
       due         => open,
       valid       => open,
       busy        => open
@@ -523,7 +514,27 @@ begin
   inverted <= a_choice(6) or charge_minus;
   lowest   <= whole and not charging;
 
-  p_operand : process (a_choice, read_state, voltage_a, voltage_b, given_word, whole, inverted, lowest) is
+  -- never both at once: the word that is read need not be told from the one that is written
+  reading <= not c_write;
+
+  i_coefficients : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => PLACE_BITS,
+      WIDTH         => WORD,
+      LATENCY       => 1,
+      STYLE         => "block"
+    )
+    port map (
+      clk           => clk,
+      write         => c_write,
+      write_address => c_place,
+      write_word    => c_word,
+      read          => reading,
+      read_address  => b_ahead(PLACE_BITS - 1 downto 0),
+      read_word     => stored
+    );
+
+  p_operand : process (a_choice, read_state, voltage_a, voltage_b, stored, whole, inverted, lowest) is
 
     variable chosen : signed(WORD - 1 downto 0);
     variable other  : word_t;
@@ -554,7 +565,7 @@ begin
 
       when others =>
 
-        other := given_word & "00";
+        other := stored(PORTS - 1 downto 0) & "00";
 
     end case;
 
@@ -566,32 +577,17 @@ begin
 
   end process p_operand;
 
-  factors(B_SPEED)           <= o_speed;
-  factors(B_VOLTAGE_ALPHA)   <= o_voltage_alpha;
-  factors(B_VOLTAGE_BETA)    <= o_voltage_beta;
-  factors(B_DROP)            <= o_drop;
-  factors(B_PULL)            <= o_pull;
-  factors(B_PULL_FLUX)       <= o_pull_flux;
-  factors(B_PULL_CURRENT)    <= o_pull_current;
-  factors(B_DECAY)           <= o_decay;
-  factors(B_EXCITATION)      <= o_excitation;
-  factors(B_OUTPUT_FLUX)     <= o_output_flux;
-  factors(B_OUTPUT_CURRENT)  <= o_output_current;
-  factors(B_CHARGE)          <= std_logic_vector(resize(signed(charge_word), WORD));
-  factors(B_FACTOR)          <= factor;
-  factors(B_L_VOLTAGE_ALPHA) <= l_voltage_alpha when LEAKAGE else
-                                (others => '0');
-  factors(B_L_VOLTAGE_BETA)  <= l_voltage_beta when LEAKAGE else
-                                (others => '0');
-  factors(B_L_EMF)           <= l_emf when LEAKAGE else
-                                (others => '0');
-  factors(B_THETA)           <= '0' & std_logic_vector(ratio_state(RATIO - 1 downto RATIO_GUARD));
-  factors(B_ZERO)            <= (others => '0');
-  factors(B_TWO)             <= std_logic_vector(to_signed(2, WORD));
-  factors(B_QUARTER)         <= std_logic_vector(to_signed(2 ** (PORTS - 2), WORD));
-  factors(B_MINUS_QUARTER)   <= std_logic_vector(to_signed(-(2 ** (PORTS - 2)), WORD));
+  -- coefficients of charges have 16 bits
+  factors(B_STORED)        <= word_t(resize(signed(stored(PORTS - 1 downto 0)), WORD)) when charging = '1' else
+                              stored;
+  factors(B_FACTOR)        <= factor;
+  factors(B_THETA)         <= '0' & std_logic_vector(ratio_state(RATIO - 1 downto RATIO_GUARD));
+  factors(B_ZERO)          <= (others => '0');
+  factors(B_TWO)           <= std_logic_vector(to_signed(2, WORD));
+  factors(B_QUARTER)       <= std_logic_vector(to_signed(2 ** (PORTS - 2), WORD));
+  factors(B_MINUS_QUARTER) <= std_logic_vector(to_signed(-(2 ** (PORTS - 2)), WORD));
 
-  g_b : for i in 0 to B_PLACES - 1 generate
+  g_b : for i in 0 to B_SOURCES - 1 generate
     b_inputs((i + 1) * WORD - 1 downto i * WORD) <= factors(i);
   end generate g_b;
 
@@ -626,7 +622,7 @@ begin
       A_WIDTH           => WORD,
       B_WIDTH           => WORD,
       A_WORDS           => 1,
-      B_WORDS           => B_PLACES,
+      B_WORDS           => B_SOURCES,
       ALIGNMENT_STEP    => 3,
       ACCUMULATOR_WIDTH => SUM
     )
@@ -636,7 +632,7 @@ begin
       a_inputs    => operand,
       a_select    => "0",
       b_inputs    => b_inputs,
-      b_select    => b_choice,
+      b_select    => b_choice(B_BITS - 1 downto PLACE_BITS),
       alignment   => aligned,
       accumulate  => gathering,
       seed        => seed,
@@ -818,7 +814,7 @@ begin
     filters_n  <= begun and (f_q_midpoint(0) or f_q_midpoint(1) or f_q_midpoint(2));
     filters_ph <= begun and (f_q_phase(0) or f_q_phase(1) or f_q_phase(2));
 
-    -- a clock ahead: share, sign and coefficient of a charge
+    -- a clock ahead: share and sign of a charge
     p_charge : process (clk) is
 
       variable charges    : std_logic_vector(2 downto 0); -- a current > 0 charges the capacitor of phase a, b, c
@@ -827,8 +823,6 @@ begin
       variable moves      : std_logic;
       variable whole_word : std_logic;
       variable minus      : std_logic;
-      variable along_beta : std_logic;
-      variable of_n       : std_logic;
 
     begin
 
@@ -837,8 +831,6 @@ begin
         discharges := has(CAPACITOR_DISCHARGE, s_c) & has(CAPACITOR_DISCHARGE, s_b) & has(CAPACITOR_DISCHARGE, s_a);
         neutral    := has(NEUTRAL_CURRENT, s_c) & has(NEUTRAL_CURRENT, s_b) & has(NEUTRAL_CURRENT, s_a);
 
-        along_beta := charge(0);
-        of_n       := not charge(2) and not charge(1);
         whole_word := charge(0);
 
         case to_integer(charge) is
@@ -878,16 +870,6 @@ begin
             moves      := (charges(0) or discharges(0)) and filters_ph;
 
         end case;
-
-        if (of_n = '1' and along_beta = '1') then
-          charge_word <= f_midpoint_beta;
-        elsif (of_n = '1') then
-          charge_word <= f_midpoint_alpha;
-        elsif (along_beta = '1') then
-          charge_word <= f_phase_beta;
-        else
-          charge_word <= f_phase_alpha;
-        end if;
 
         charging     <= '1';
         charge_none  <= not moves;
@@ -1037,7 +1019,6 @@ begin
     charge_none       <= '0';
     charge_half       <= '0';
     charge_minus      <= '0';
-    charge_word       <= (others => '0');
     corrected         <= (others => '0');
     filters_saturated <= '0';
     used_n            <= v_n;
@@ -1055,14 +1036,11 @@ begin
 
   g_leakage : if LEAKAGE generate
 
-    constant PLACES : natural := selector_width(STATE_SLOPES);
-
     signal begun   : std_logic;                        -- there is a current at k-1
     signal moved   : signed(CHANGE - 1 downto 0);      -- theta with its change
     signal bad     : std_logic;                        -- a word of this step did not hold its value
     signal scales  : std_logic;
     signal clips   : std_logic;
-    signal place   : unsigned(PLACES - 1 downto 0);    -- coefficient that is fetched
     signal chain   : std_logic_vector(STATE_SLOPES * PORTS - 1 downto 0);
 
   begin
@@ -1107,19 +1085,11 @@ begin
           scales <= start and scale;
         end if;
 
-        given_word <= selected(given, std_logic_vector(place), PORTS);
-
-        if (scales = '1' and marks(0) = '1') then
-          place <= place + 1;
-        elsif (active = '0') then
-          place <= (others => '0');
-        end if;
-
         if (takes(TAKE_SLOPE) = '1') then
           chain <= std_logic_vector(cut_state(STATE - 1 downto STATE - PORTS))
                    & chain(STATE_SLOPES * PORTS - 1 downto PORTS);
           clips <= clips or full;
-        elsif (scales = '1' and marks(0) = '1' and place = 0) then
+        elsif (active = '0' and start = '1' and scale = '1') then
           clips <= '0';
         end if;
 
@@ -1140,9 +1110,8 @@ begin
 
   g_no_leakage : if not LEAKAGE generate
     scaling           <= '0';
-    given_word        <= (others => '0');
     ratio_state       <= (others => '0');
-    scaled            <= given;
+    scaled            <= (others => '0');
     theta             <= (PORTS => '1', others => '0');
     leakage_saturated <= '0';
     clipped           <= '0';

@@ -12,29 +12,80 @@ library work;
 
 package state_observer_program is
 
-  -- places on the multiplexer of operand B
-  constant B_SPEED : natural := 0;
-  constant B_VOLTAGE_ALPHA : natural := 1;
-  constant B_VOLTAGE_BETA : natural := 2;
-  constant B_DROP : natural := 3;
-  constant B_PULL : natural := 4;
-  constant B_PULL_FLUX : natural := 5;
-  constant B_PULL_CURRENT : natural := 6;
-  constant B_DECAY : natural := 7;
-  constant B_EXCITATION : natural := 8;
-  constant B_OUTPUT_FLUX : natural := 9;
-  constant B_OUTPUT_CURRENT : natural := 10;
-  constant B_CHARGE : natural := 11;
-  constant B_FACTOR : natural := 12;
-  constant B_L_VOLTAGE_ALPHA : natural := 13;
-  constant B_L_VOLTAGE_BETA : natural := 14;
-  constant B_L_EMF : natural := 15;
-  constant B_THETA : natural := 16;
-  constant B_ZERO : natural := 17;
-  constant B_TWO : natural := 18;
-  constant B_QUARTER : natural := 19;
-  constant B_MINUS_QUARTER : natural := 20;
-  constant B_PLACES : natural := 21;
+  -- sources of operand B; the first is the memory
+  constant B_STORED : natural := 0;
+  constant B_FACTOR : natural := 1;
+  constant B_THETA : natural := 2;
+  constant B_ZERO : natural := 3;
+  constant B_TWO : natural := 4;
+  constant B_QUARTER : natural := 5;
+  constant B_MINUS_QUARTER : natural := 6;
+  constant B_SOURCES : natural := 7;
+
+  -- places of the coefficients in the memory: numbers of their registers (docs/registers.md)
+  constant PLACE_BITS : natural := 6;
+  -- 16 bits, signed: stator current in the slope, alpha; trajectory units
+  constant PLACE_C_STATOR_ALPHA : natural := 4;
+  -- 16 bits, signed: stator current in the slope, beta; trajectory units
+  constant PLACE_C_STATOR_BETA : natural := 5;
+  -- 16 bits, signed: rotor flux in the slope, alpha; trajectory units
+  constant PLACE_C_ROTOR_ALPHA : natural := 6;
+  -- 16 bits, signed: rotor flux in the slope, beta; trajectory units
+  constant PLACE_C_ROTOR_BETA : natural := 7;
+  -- 16 bits, signed: speed times rotor flux in the slope, alpha; trajectory units
+  constant PLACE_C_EMF_ALPHA : natural := 10;
+  -- 16 bits, signed: speed times rotor flux in the slope, beta; trajectory units
+  constant PLACE_C_EMF_BETA : natural := 11;
+  -- 16 bits, signed: voltages in the slope; trajectory units
+  constant PLACE_C_FORCED_VOLTAGE : natural := 14;
+  -- 16 bits, signed: voltages in the slope; trajectory units
+  constant PLACE_C_FORCED_NEUTRAL : natural := 15;
+  -- 16 bits, signed: curvature: speed times rotor flux; fast variant only, alpha; trajectory units
+  constant PLACE_C_CURVATURE_EMF_ALPHA : natural := 23;
+  -- 16 bits, signed: curvature: speed times rotor flux; fast variant only, beta; trajectory units
+  constant PLACE_C_CURVATURE_EMF_BETA : natural := 24;
+  -- 16 bits, signed: curvature: squared speed times rotor flux; fast variant only, alpha; trajectory units
+  constant PLACE_C_CURVATURE_FLUX_ALPHA : natural := 25;
+  -- 16 bits, signed: curvature: squared speed times rotor flux; fast variant only, beta; trajectory units
+  constant PLACE_C_CURVATURE_FLUX_BETA : natural := 26;
+  -- 16 bits, signed: voltages in the error then; fast variant only; trajectory units
+  constant PLACE_C_ERROR_FORCED : natural := 32;
+  -- 18 bits, signed: speed times T_s, 19 fractional bits
+  constant PLACE_O_SPEED : natural := 41;
+  -- 18 bits, signed: 2*v_a - v_b - v_c in the stator flux's step, 19 fractional bits
+  constant PLACE_O_VOLTAGE_ALPHA : natural := 42;
+  -- 18 bits, signed: v_b - v_c in the stator flux's step, 19 fractional bits
+  constant PLACE_O_VOLTAGE_BETA : natural := 43;
+  -- 18 bits, signed: -rs: current in the stator flux's step, 25 fractional bits
+  constant PLACE_O_DROP : natural := 44;
+  -- 18 bits, signed: -crossover: stator flux in its own step, 22 fractional bits
+  constant PLACE_O_PULL : natural := 45;
+  -- 18 bits, signed: current model's flux in the stator flux's step, 22 fractional bits
+  constant PLACE_O_PULL_FLUX : natural := 46;
+  -- 18 bits, signed: current in the stator flux's step by the crossover, 22 fractional bits
+  constant PLACE_O_PULL_CURRENT : natural := 47;
+  -- 18 bits, signed: -1/tau_r: current model's flux in its own step, 25 fractional bits
+  constant PLACE_O_DECAY : natural := 48;
+  -- 18 bits, signed: xm/tau_r: current in the current model's step, 25 fractional bits
+  constant PLACE_O_EXCITATION : natural := 49;
+  -- 18 bits, signed: xr/xm: stator flux in the rotor flux, 16 fractional bits
+  constant PLACE_O_OUTPUT_FLUX : natural := 50;
+  -- 18 bits, signed: -D/xm: current in the rotor flux, 16 fractional bits
+  constant PLACE_O_OUTPUT_CURRENT : natural := 51;
+  -- 16 bits, signed: -(1 - 2^-q) h/xdc: charge along alpha in v_n, 17 fractional bits
+  constant PLACE_F_MIDPOINT_ALPHA : natural := 54;
+  -- 16 bits, signed: -(1 - 2^-q) sqrt(3)/2 h/xdc: charge along beta in v_n, 17 fractional bits
+  constant PLACE_F_MIDPOINT_BETA : natural := 55;
+  -- 16 bits, signed: (1 - 2^-q) h/xph: charge along alpha in v_ph, 17 fractional bits
+  constant PLACE_F_PHASE_ALPHA : natural := 56;
+  -- 16 bits, signed: (1 - 2^-q) sqrt(3)/2 h/xph: charge along beta in v_ph, 17 fractional bits
+  constant PLACE_F_PHASE_BETA : natural := 57;
+  -- 18 bits, signed: h*xr/(3*D): 2*v_a - v_b - v_c in the step of the current, 16 fractional bits
+  constant PLACE_L_VOLTAGE_ALPHA : natural := 60;
+  -- 18 bits, signed: h*xr/(sqrt(3)*D): v_b - v_c in the step of the current, 16 fractional bits
+  constant PLACE_L_VOLTAGE_BETA : natural := 61;
+  -- 18 bits, signed: h*xm/D: speed times rotor flux in the step of the current, 32 fractional bits
+  constant PLACE_L_EMF : natural := 62;
 
   -- first summands
   constant SEED_STATE : natural := 0;
@@ -87,76 +138,76 @@ package state_observer_program is
   constant STATE_SUM_WIDTH : natural := 48; -- bits of a sum of products, signed
   constant STATE_PHASE_WIDTH : natural := 20; -- bits of a phase voltage, signed
 
-  -- clock, word of A in bits, word of B, alignment, seed (-1: add to the sum)
+  -- clock, word of A in bits, place and source of B, alignment, seed (-1: add to the sum)
   constant STATE_PRODUCTS : mac_program_t(0 to 63, 0 to 4) := (
-    (0, 1, 17, 0, -1),
-    (1, 20, 11, 3, 1),
-    (2, 21, 11, 3, -1),
-    (3, 20, 11, 3, 1),
-    (4, 21, 11, 3, -1),
-    (5, 20, 11, 3, 1),
-    (6, 21, 11, 3, -1),
-    (7, 20, 11, 3, 1),
-    (8, 9, 4, 1, 0),
-    (9, 1, 6, 1, -1),
-    (10, 7, 5, 1, -1),
-    (11, 21, 3, 0, -1),
-    (12, 272, 2, 2, -1),
-    (13, 8, 4, 1, 0),
-    (14, 0, 6, 1, -1),
-    (15, 20, 3, 0, -1),
-    (16, 6, 5, 1, -1),
-    (17, 144, 1, 2, -1),
-    (18, 19, 10, 3, 3),
-    (19, 25, 9, 3, -1),
-    (20, 60, 0, 3, 2),
-    (21, 18, 10, 3, 3),
-    (22, 24, 9, 3, -1),
-    (23, 7, 7, 0, 0),
-    (24, 21, 8, 0, -1),
-    (25, 6, 12, 2, -1),
-    (26, 6, 7, 0, 0),
-    (27, 20, 8, 0, -1),
-    (28, 71, 12, 2, -1),
-    (30, 7, 17, 0, -1),
-    (33, 6, 17, 0, -1),
-    (34, 27, 17, 0, 0),
-    (35, 21, 7, 0, -1),
-    (36, 20, 12, 2, -1),
-    (37, 26, 17, 0, 0),
-    (38, 20, 7, 0, -1),
-    (39, 85, 12, 2, -1),
-    (40, 28, 15, 3, 3),
-    (44, 63, 12, 2, 2),
-    (45, 144, 13, 3, -1),
-    (46, 126, 12, 2, 2),
-    (47, 20, 18, 2, -1),
-    (48, 272, 14, 3, -1),
-    (49, 0, 19, 3, 2),
-    (50, 18, 20, 3, -1),
-    (51, 26, 16, 3, -1),
-    (55, 26, 12, 0, 4),
-    (56, 1, 19, 3, 2),
-    (57, 19, 20, 3, -1),
-    (59, 27, 16, 3, -1),
-    (63, 27, 12, 0, 4),
-    (68, 400, 16, 3, 3),
-    (69, 400, 16, 3, 3),
-    (70, 400, 16, 3, 3),
-    (71, 400, 16, 3, 3),
-    (72, 400, 16, 3, 3),
-    (73, 400, 16, 3, 3),
-    (74, 400, 16, 3, 3),
-    (75, 400, 16, 3, 3),
-    (76, 400, 16, 3, 3),
-    (77, 400, 16, 3, 3),
-    (78, 400, 16, 3, 3),
-    (79, 400, 16, 3, 3),
-    (80, 400, 16, 3, 3)
+    (0, 1, 192, 0, -1),
+    (1, 20, 54, 3, 1),
+    (2, 21, 55, 3, -1),
+    (3, 20, 56, 3, 1),
+    (4, 21, 57, 3, -1),
+    (5, 20, 56, 3, 1),
+    (6, 21, 57, 3, -1),
+    (7, 20, 56, 3, 1),
+    (8, 9, 45, 1, 0),
+    (9, 1, 47, 1, -1),
+    (10, 7, 46, 1, -1),
+    (11, 21, 44, 0, -1),
+    (12, 272, 43, 2, -1),
+    (13, 8, 45, 1, 0),
+    (14, 0, 47, 1, -1),
+    (15, 20, 44, 0, -1),
+    (16, 6, 46, 1, -1),
+    (17, 144, 42, 2, -1),
+    (18, 19, 51, 3, 3),
+    (19, 25, 50, 3, -1),
+    (20, 60, 41, 3, 2),
+    (21, 18, 51, 3, 3),
+    (22, 24, 50, 3, -1),
+    (23, 7, 48, 0, 0),
+    (24, 21, 49, 0, -1),
+    (25, 6, 64, 2, -1),
+    (26, 6, 48, 0, 0),
+    (27, 20, 49, 0, -1),
+    (28, 71, 64, 2, -1),
+    (30, 7, 192, 0, -1),
+    (33, 6, 192, 0, -1),
+    (34, 27, 192, 0, 0),
+    (35, 21, 48, 0, -1),
+    (36, 20, 64, 2, -1),
+    (37, 26, 192, 0, 0),
+    (38, 20, 48, 0, -1),
+    (39, 85, 64, 2, -1),
+    (40, 28, 62, 3, 3),
+    (44, 63, 64, 2, 2),
+    (45, 144, 60, 3, -1),
+    (46, 126, 64, 2, 2),
+    (47, 20, 256, 2, -1),
+    (48, 272, 61, 3, -1),
+    (49, 0, 320, 3, 2),
+    (50, 18, 384, 3, -1),
+    (51, 26, 128, 3, -1),
+    (55, 26, 64, 0, 4),
+    (56, 1, 320, 3, 2),
+    (57, 19, 384, 3, -1),
+    (59, 27, 128, 3, -1),
+    (63, 27, 64, 0, 4),
+    (68, 400, 132, 3, 3),
+    (69, 400, 133, 3, 3),
+    (70, 400, 134, 3, 3),
+    (71, 400, 135, 3, 3),
+    (72, 400, 138, 3, 3),
+    (73, 400, 139, 3, 3),
+    (74, 400, 142, 3, 3),
+    (75, 400, 143, 3, 3),
+    (76, 400, 151, 3, 3),
+    (77, 400, 152, 3, 3),
+    (78, 400, 153, 3, 3),
+    (79, 400, 154, 3, 3),
+    (80, 400, 160, 3, 3)
   );
 
   -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, taker
-  constant STATE_MOVES : mac_program_t(0 to 58, 0 to 4) := (
+  constant STATE_MOVES : mac_program_t(0 to 54, 0 to 4) := (
     (0, 1, 33, 1, 0),
     (2, 0, 0, 1, 0),
     (3, 6, 40, 0, 0),
@@ -199,19 +250,15 @@ package state_observer_program is
     (58, 0, 0, 0, 11),
     (62, 0, 0, 0, 10),
     (66, 0, 0, 0, 11),
-    (67, 0, 0, 1, 0),
-    (68, 0, 0, 1, 0),
-    (69, 0, 0, 1, 0),
-    (70, 0, 0, 1, 0),
-    (71, 0, 0, 1, 12),
-    (72, 0, 0, 1, 12),
-    (73, 0, 0, 1, 12),
-    (74, 0, 0, 1, 12),
-    (75, 0, 0, 1, 12),
-    (76, 0, 0, 1, 12),
-    (77, 0, 0, 1, 12),
-    (78, 0, 0, 1, 12),
-    (79, 0, 0, 1, 12),
+    (71, 0, 0, 0, 12),
+    (72, 0, 0, 0, 12),
+    (73, 0, 0, 0, 12),
+    (74, 0, 0, 0, 12),
+    (75, 0, 0, 0, 12),
+    (76, 0, 0, 0, 12),
+    (77, 0, 0, 0, 12),
+    (78, 0, 0, 0, 12),
+    (79, 0, 0, 0, 12),
     (80, 0, 0, 0, 12),
     (81, 0, 0, 0, 12),
     (82, 0, 0, 0, 12),

@@ -7,7 +7,8 @@
 -- with compensate from the next start on, since it was made for that step. With l_mode the observer's step goes on with
 -- the leakage beside the core, on what the core gets. Between two decisions the slopes'
 -- coefficients are scaled for the next one. Parameters and the guard's settings are shadows that take effect together
--- between two decisions, the parameters once the observer's step is over. What is common to all systems is in
+-- between two decisions. The parameters' stand in a block RAM (parameter_memory): once the observer's step is over they
+-- are copied, and a decision that begins meanwhile waits for all of them. What is common to all systems is in
 -- system_shell.
 --
 -- The observer needs the positions applied since the measurement before. While the gates run these are the guard's:
@@ -16,9 +17,10 @@
 --
 -- Formats: as mpdcc_core and gate_guard; registers as docs/registers.md.
 -- Latency: the core starts one clock after start, 12 clocks later with the filters, 19 with the flux, 27 with both.
--- Parameters take effect a clock after the guard's settings; a decision that begins in between has the new ones.
--- The guard has a decision one clock after valid, with compensate one clock after the next start.
--- With LEAKAGE_ESTIMATE a commit is pending for 21 clocks more, in which no decision goes on; nor does it, with l_mode,
+-- Parameters are in force 68 clocks after the guard's settings, one more for each access to a parameter meanwhile, and
+-- the commit is pending until then; a decision that begins in between waits, and has the new ones. So it does behind a
+-- reset. The guard has a decision one clock after valid, with compensate one clock after the next start.
+-- With LEAKAGE_ESTIMATE a commit is pending for 20 clocks more, in which no decision goes on; nor does it, with l_mode,
 -- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
 -- Considered and rejected: docs/alternatives.md.
@@ -32,6 +34,7 @@ library work;
   use work.directmpc_math.all;
   use work.directmpc_mpdcc_registers_pkg.all;
   use work.directmpc_system_registers_pkg.all;
+  use work.mpdcc_parameter_places.all;
 
 entity mpdcc_system is
   generic (
@@ -108,12 +111,13 @@ end entity mpdcc_system;
 architecture rtl of mpdcc_system is
 
   constant ESTIMATES   : boolean := LEAKAGE_ESTIMATE and not FOLDED;
-  constant SLOPE_COUNT : natural := 13; -- coefficients of the current's slopes
+  constant SLOPE_COUNT : natural := SLOPE_PLACES'length; -- coefficients of the current's slopes
+
+  type coefficients_t is array (0 to COEFFICIENT_COUNT - 1) of std_logic_vector(15 downto 0);
 
   signal from_hardware  : directmpc_mpdcc_in_t;
   signal to_hardware    : directmpc_mpdcc_out_t;
   signal sample         : mpdcc_measurements_out_t; -- measurements of this decision
-  signal in_force       : mpdcc_parameters_out_t; -- parameters
   signal capabilities   : \system_registers.capabilities_in_t\;
 
   signal gated_awvalid  : std_logic;
@@ -131,8 +135,8 @@ architecture rtl of mpdcc_system is
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
   signal load_at_rest   : std_logic; -- a commit waits, no decision is under way; follows no port
-  signal load_waits     : std_logic; -- they wait: a clock at least, until the observer is ready
-  signal taking         : std_logic; -- they are taken over
+  signal load_waits     : std_logic; -- they are not yet in force: they wait for the observer, or are being copied
+  signal taking         : std_logic; -- the last one has been copied
   signal filtering      : std_logic; -- the capacitor filters take a step before the core
   signal delayed        : std_logic; -- positions take effect with the measurement, not before
   signal waiting        : std_logic; -- a decision waits for the observer
@@ -161,8 +165,28 @@ architecture rtl of mpdcc_system is
   signal leakage_full   : std_logic;
   signal leakage_flag   : std_logic; -- a step that has ended, or a coefficient in use, did not fit
   signal estimate_flag  : std_logic; -- of any
-  signal given          : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- coefficients of the current's slopes
-  signal slopes         : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- as the core gets them
+  signal shadow_read    : std_logic; -- a parameter has been read by the host
+  signal shadow_written : std_logic;
+  signal shadow_word    : std_logic_vector(17 downto 0);
+  signal c_write        : std_logic; -- a coefficient is written to the observer's memory
+  signal c_place        : std_logic_vector(5 downto 0);
+  signal c_word         : std_logic_vector(17 downto 0);
+  signal copied         : std_logic_vector(16 * COEFFICIENT_COUNT - 1 downto 0); -- coefficients of the core
+  signal slopes         : std_logic_vector(16 * SLOPE_COUNT - 1 downto 0); -- those of the current's slopes, scaled
+  signal c              : coefficients_t; -- coefficients as the core gets them
+  signal bound_current  : std_logic_vector(15 downto 0); -- parameters in force, as parameter_memory
+  signal bound_neutral  : std_logic_vector(15 downto 0);
+  signal bound_phase    : std_logic_vector(15 downto 0);
+  signal horizon        : std_logic_vector(5 downto 0);
+  signal weight_scale   : std_logic_vector(1 downto 0);
+  signal two_switchings : std_logic;
+  signal budget         : std_logic_vector(11 downto 0);
+  signal compensate     : std_logic;
+  signal deadlock_rule  : std_logic;
+  signal inwards_rule   : std_logic;
+  signal f_q_midpoint   : std_logic_vector(2 downto 0);
+  signal f_q_phase      : std_logic_vector(2 downto 0);
+  signal l_mode         : std_logic_vector(1 downto 0);
   signal stale          : std_logic; -- the slopes are to be scaled anew
   signal scale          : std_logic;
   signal scaling        : std_logic;
@@ -207,6 +231,20 @@ architecture rtl of mpdcc_system is
   signal watched_a      : std_logic_vector(2 downto 0); -- applied from k-1 to k
   signal watched_b      : std_logic_vector(2 downto 0);
   signal watched_c      : std_logic_vector(2 downto 0);
+
+  -- number of a coefficient among those of the slopes; SLOPE_COUNT: it is none
+  function slope_of (at : natural) return natural is
+  begin
+
+    for i in 0 to SLOPE_COUNT - 1 loop
+      if (SLOPE_PLACES(i) = at) then
+        return i;
+      end if;
+    end loop;
+
+    return SLOPE_COUNT;
+
+  end function slope_of;
 
 begin
 
@@ -305,31 +343,74 @@ begin
   busy    <= deciding;
   running <= is_running;
 
-  -- the observer may still work with those before; a decision reads them two clocks after load at the earliest
-  taking <= load_waits and not observer_busy;
+  ---------------------------------------------------------------------------------------------
+  -- Parameters: the observer may still work with those before; no decision and no scaling begins until all are in force
+  ---------------------------------------------------------------------------------------------
 
-  p_parameters : process (clk) is
+  i_parameters : entity work.parameter_memory
+    generic map (
+      SLOPES => not ESTIMATES
+    )
+    port map (
+      clk             => clk,
+      rst             => rst,
+      request         => to_hardware.parameters.req,
+      writes          => to_hardware.parameters.req_is_wr,
+      host_place      => to_hardware.parameters.addr(7 downto 2),
+      host_word       => to_hardware.parameters.wr_data(17 downto 0),
+      write_done      => shadow_written,
+      read_done       => shadow_read,
+      read_word       => shadow_word,
+      load            => load,
+      in_use          => observer_busy,
+      waits           => load_waits,
+      taken           => taking,
+      c_write         => c_write,
+      c_place         => c_place,
+      c_word          => c_word,
+      coefficients    => copied,
+      bound_current   => bound_current,
+      bound_neutral   => bound_neutral,
+      bound_phase     => bound_phase,
+      horizon         => horizon,
+      weight_scale    => weight_scale,
+      two_switchings  => two_switchings,
+      budget          => budget,
+      compensate      => compensate,
+      deadlock_rule   => deadlock_rule,
+      outside_inwards => inwards_rule,
+      f_q_midpoint    => f_q_midpoint,
+      f_q_phase       => f_q_phase,
+      l_mode          => l_mode
+    );
+
+  from_hardware.parameters.wr_ack  <= shadow_written;
+  from_hardware.parameters.rd_ack  <= shadow_read;
+  from_hardware.parameters.rd_data <= (31 downto 18 => '0') & shadow_word;
+
+  p_filtering : process (clk) is
   begin
 
     if rising_edge(clk) then
-      load_waits <= load or (load_waits and observer_busy);
-
       if (taking = '1') then
-        in_force  <= to_hardware.parameters;
-        filtering <= (to_hardware.parameters.f_q_midpoint.value.value(0)
-                      or to_hardware.parameters.f_q_midpoint.value.value(1)
-                      or to_hardware.parameters.f_q_midpoint.value.value(2)
-                      or to_hardware.parameters.f_q_phase.value.value(0)
-                      or to_hardware.parameters.f_q_phase.value.value(1)
-                      or to_hardware.parameters.f_q_phase.value.value(2)) and to_std_logic(CAPACITOR_FILTER);
-      end if;
-
-      if (rst = '1') then
-        load_waits <= '0';
+        filtering <= (f_q_midpoint(0) or f_q_midpoint(1) or f_q_midpoint(2)
+                      or f_q_phase(0) or f_q_phase(1) or f_q_phase(2)) and to_std_logic(CAPACITOR_FILTER);
       end if;
     end if;
 
-  end process p_parameters;
+  end process p_filtering;
+
+  g_coefficients : for i in 0 to COEFFICIENT_COUNT - 1 generate
+
+    g_as_copied : if not ESTIMATES or slope_of(i) = SLOPE_COUNT generate
+      c(i) <= copied(16 * i + 15 downto 16 * i);
+    end generate g_as_copied;
+
+    g_scaled : if ESTIMATES and slope_of(i) < SLOPE_COUNT generate
+      c(i) <= slopes(16 * slope_of(i) + 15 downto 16 * slope_of(i));
+    end generate g_scaled;
+
+  end generate g_coefficients;
 
   from_hardware.measurements.is_alpha.value <= (next_q => is_alpha, we => take);
   from_hardware.measurements.is_beta.value <= (next_q => is_beta, we => take);
@@ -360,7 +441,7 @@ begin
              sample.s_prev_c.value.value;
 
   -- with delay compensation until_a to until_c take effect now, and those of the step before did until now
-  delayed   <= in_force.compensate.value.value and to_std_logic(SECOND_LEVEL and not FOLDED);
+  delayed   <= compensate and to_std_logic(SECOND_LEVEL and not FOLDED);
   watched_a <= gates_a when followed_on = '1' else
                earlier_a when delayed = '1' else
                until_a;
@@ -472,28 +553,12 @@ begin
       s_c               => watched_c,
       psir_alpha        => flux_alpha,
       psir_beta         => flux_beta,
-      f_midpoint_alpha  => in_force.f_midpoint_alpha.value.value,
-      f_midpoint_beta   => in_force.f_midpoint_beta.value.value,
-      f_phase_alpha     => in_force.f_phase_alpha.value.value,
-      f_phase_beta      => in_force.f_phase_beta.value.value,
-      f_q_midpoint      => in_force.f_q_midpoint.value.value,
-      f_q_phase         => in_force.f_q_phase.value.value,
-      o_speed           => in_force.o_speed.value.value,
-      o_voltage_alpha   => in_force.o_voltage_alpha.value.value,
-      o_voltage_beta    => in_force.o_voltage_beta.value.value,
-      o_drop            => in_force.o_drop.value.value,
-      o_pull            => in_force.o_pull.value.value,
-      o_pull_flux       => in_force.o_pull_flux.value.value,
-      o_pull_current    => in_force.o_pull_current.value.value,
-      o_decay           => in_force.o_decay.value.value,
-      o_excitation      => in_force.o_excitation.value.value,
-      o_output_flux     => in_force.o_output_flux.value.value,
-      o_output_current  => in_force.o_output_current.value.value,
-      frozen            => in_force.l_mode.value.value(1),
-      l_voltage_alpha   => in_force.l_voltage_alpha.value.value,
-      l_voltage_beta    => in_force.l_voltage_beta.value.value,
-      l_emf             => in_force.l_emf.value.value,
-      given             => given,
+      f_q_midpoint      => f_q_midpoint,
+      f_q_phase         => f_q_phase,
+      frozen            => l_mode(1),
+      c_write           => c_write,
+      c_place           => c_place,
+      c_word            => c_word,
       busy              => observer_busy,
       scaling           => scaling,
       filters_valid     => filters_valid,
@@ -528,27 +593,13 @@ begin
                   ready;
   theta_stands <= not observer_busy;
 
-  given(15 downto 0)  <= in_force.c_stator_alpha.value.value;
-  given(31 downto 16)  <= in_force.c_stator_beta.value.value;
-  given(47 downto 32)  <= in_force.c_rotor_alpha.value.value;
-  given(63 downto 48)  <= in_force.c_rotor_beta.value.value;
-  given(79 downto 64)  <= in_force.c_emf_alpha.value.value;
-  given(95 downto 80)  <= in_force.c_emf_beta.value.value;
-  given(111 downto 96) <= in_force.c_forced_voltage.value.value;
-  given(127 downto 112) <= in_force.c_forced_neutral.value.value;
-  given(143 downto 128) <= in_force.c_curvature_emf_alpha.value.value;
-  given(159 downto 144) <= in_force.c_curvature_emf_beta.value.value;
-  given(175 downto 160) <= in_force.c_curvature_flux_alpha.value.value;
-  given(191 downto 176) <= in_force.c_curvature_flux_beta.value.value;
-  given(207 downto 192) <= in_force.c_error_forced.value.value;
-
   g_leakage : if ESTIMATES generate
 
     signal loaded : std_logic; -- parameters have been taken over a clock ago
 
   begin
 
-    estimating     <= in_force.l_mode.value.value(0);
+    estimating     <= l_mode(0);
     forget_leakage <= loaded and not estimating;
     -- under a decision of the core nothing is stale: a load at its end need not be waited for
     scale          <= stale and not observer_busy and not load_at_rest and not load_waits and not observer_rst;
@@ -620,49 +671,49 @@ begin
       s_prev_a                    => until_a,
       s_prev_b                    => until_b,
       s_prev_c                    => until_c,
-      c_error_alpha               => in_force.c_error_alpha.value.value,
-      c_error_beta                => in_force.c_error_beta.value.value,
-      c_error_neutral             => in_force.c_error_neutral.value.value,
-      c_error_phase               => in_force.c_error_phase.value.value,
-      c_stator_alpha              => slopes(15 downto 0),
-      c_stator_beta               => slopes(31 downto 16),
-      c_rotor_alpha               => slopes(47 downto 32),
-      c_rotor_beta                => slopes(63 downto 48),
-      c_reference_alpha           => in_force.c_reference_alpha.value.value,
-      c_reference_beta            => in_force.c_reference_beta.value.value,
-      c_emf_alpha                 => slopes(79 downto 64),
-      c_emf_beta                  => slopes(95 downto 80),
-      c_correction_alpha          => in_force.c_correction_alpha.value.value,
-      c_correction_beta           => in_force.c_correction_beta.value.value,
-      c_forced_voltage            => slopes(111 downto 96),
-      c_forced_neutral            => slopes(127 downto 112),
-      c_phase_alpha               => in_force.c_phase_alpha.value.value,
-      c_phase_beta                => in_force.c_phase_beta.value.value,
-      c_midpoint_alpha            => in_force.c_midpoint_alpha.value.value,
-      c_midpoint_beta             => in_force.c_midpoint_beta.value.value,
-      c_weight                    => in_force.c_weight.value.value,
-      c_weight_alpha              => in_force.c_weight_alpha.value.value,
-      c_weight_beta               => in_force.c_weight_beta.value.value,
-      c_curvature_emf_alpha       => slopes(143 downto 128),
-      c_curvature_emf_beta        => slopes(159 downto 144),
-      c_curvature_flux_alpha      => slopes(175 downto 160),
-      c_curvature_flux_beta       => slopes(191 downto 176),
-      c_curvature_reference_alpha => in_force.c_curvature_reference_alpha.value.value,
-      c_curvature_reference_beta  => in_force.c_curvature_reference_beta.value.value,
-      bound_current               => in_force.bound_current.value.value,
-      bound_neutral               => in_force.bound_neutral.value.value,
-      bound_phase                 => in_force.bound_phase.value.value,
-      horizon                     => in_force.horizon.value.value,
-      weight_scale                => in_force.weight_scale.value.value,
-      two_switchings              => in_force.two_switchings.value.value,
-      budget                      => in_force.budget.value.value,
-      compensate                  => in_force.compensate.value.value,
-      deadlock_rule               => in_force.deadlock_rule.value.value,
-      outside_inwards             => in_force.outside_inwards.value.value,
-      c_change_phase              => in_force.c_change_phase.value.value,
-      c_change_midpoint           => in_force.c_change_midpoint.value.value,
-      c_change_weight             => in_force.c_change_weight.value.value,
-      c_error_forced              => slopes(207 downto 192),
+      c_error_alpha               => c(PLACE_C_ERROR_ALPHA),
+      c_error_beta                => c(PLACE_C_ERROR_BETA),
+      c_error_neutral             => c(PLACE_C_ERROR_NEUTRAL),
+      c_error_phase               => c(PLACE_C_ERROR_PHASE),
+      c_stator_alpha              => c(PLACE_C_STATOR_ALPHA),
+      c_stator_beta               => c(PLACE_C_STATOR_BETA),
+      c_rotor_alpha               => c(PLACE_C_ROTOR_ALPHA),
+      c_rotor_beta                => c(PLACE_C_ROTOR_BETA),
+      c_reference_alpha           => c(PLACE_C_REFERENCE_ALPHA),
+      c_reference_beta            => c(PLACE_C_REFERENCE_BETA),
+      c_emf_alpha                 => c(PLACE_C_EMF_ALPHA),
+      c_emf_beta                  => c(PLACE_C_EMF_BETA),
+      c_correction_alpha          => c(PLACE_C_CORRECTION_ALPHA),
+      c_correction_beta           => c(PLACE_C_CORRECTION_BETA),
+      c_forced_voltage            => c(PLACE_C_FORCED_VOLTAGE),
+      c_forced_neutral            => c(PLACE_C_FORCED_NEUTRAL),
+      c_phase_alpha               => c(PLACE_C_PHASE_ALPHA),
+      c_phase_beta                => c(PLACE_C_PHASE_BETA),
+      c_midpoint_alpha            => c(PLACE_C_MIDPOINT_ALPHA),
+      c_midpoint_beta             => c(PLACE_C_MIDPOINT_BETA),
+      c_weight                    => c(PLACE_C_WEIGHT),
+      c_weight_alpha              => c(PLACE_C_WEIGHT_ALPHA),
+      c_weight_beta               => c(PLACE_C_WEIGHT_BETA),
+      c_curvature_emf_alpha       => c(PLACE_C_CURVATURE_EMF_ALPHA),
+      c_curvature_emf_beta        => c(PLACE_C_CURVATURE_EMF_BETA),
+      c_curvature_flux_alpha      => c(PLACE_C_CURVATURE_FLUX_ALPHA),
+      c_curvature_flux_beta       => c(PLACE_C_CURVATURE_FLUX_BETA),
+      c_curvature_reference_alpha => c(PLACE_C_CURVATURE_REFERENCE_ALPHA),
+      c_curvature_reference_beta  => c(PLACE_C_CURVATURE_REFERENCE_BETA),
+      bound_current               => bound_current,
+      bound_neutral               => bound_neutral,
+      bound_phase                 => bound_phase,
+      horizon                     => horizon,
+      weight_scale                => weight_scale,
+      two_switchings              => two_switchings,
+      budget                      => budget,
+      compensate                  => compensate,
+      deadlock_rule               => deadlock_rule,
+      outside_inwards             => inwards_rule,
+      c_change_phase              => c(PLACE_C_CHANGE_PHASE),
+      c_change_midpoint           => c(PLACE_C_CHANGE_MIDPOINT),
+      c_change_weight             => c(PLACE_C_CHANGE_WEIGHT),
+      c_error_forced              => c(PLACE_C_ERROR_FORCED),
       valid                       => core_valid,
       busy                        => open,
       s_a                         => core_a,

@@ -2,15 +2,17 @@
 --
 -- Refused are
 --   writes of some bytes of a word, not all;
---   shadows (guard and parameters) while a commit waits: they stay as they were when it was asked for;
+--   shadows (guard and parameters) while a commit waits: they stay as they were when it was asked for. It waits, too,
+--   until its parameters are in force;
 --   the guard's limits and times while control.enable is set: they are locked;
 --   control with enable set while the guard has settings that no commit has brought into force.
 -- So the guard's settings in force are those of its registers whenever the gates may be on. Every other write
 -- passes at any time: control, command, flags and faults never wait for a decision.
 --
 -- A commit that takes effect at once is not refused but waited for: hold is up for three clocks, that of the command
--- and two after it. The settings take effect in the second, the parameters in the third, unless a decision is under
--- way or begins. In the clock of load a commit still waits, so no shadow changes with it.
+-- and two after it. The settings take effect in the second, MPTC's parameters in the third, unless a decision is under
+-- way or begins. MPDCC's are copied from then on. In the clock of load a commit still waits, so no shadow changes with
+-- it.
 --
 -- Formats: byte addresses; blocks of registers as in directmpc_system_registers_pkg.
 -- Latency: none; a setting counts as uncommitted from the clock after its write.

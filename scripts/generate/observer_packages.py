@@ -11,9 +11,11 @@ from pathlib import Path
 
 from directmpc.mac_program import Program, places
 from directmpc.mpdcc import state_program as state
+from directmpc.mpdcc.coefficients import CURRENT_SLOPES
 from directmpc.mptc import observer_program as stator_flux
 from directmpc.mptc import speed_observer
 from directmpc.mptc import speed_observer_program as speed
+from scripts.generate import register_files
 from scripts.shared import tools
 
 _FOLDER = Path(__file__).resolve().parents[2] / "rtl" / "observers"
@@ -129,6 +131,62 @@ def _table(name: str, rows: list[tuple[int, ...]]) -> list[str]:
     ]
 
 
+#: Places of the parameters in the memory of ``state_observer``: those of their registers.
+_PLACES = register_files.places("mpdcc")
+PLACE_BITS = (len(_PLACES) - 1).bit_length()
+#: Words of operand B that come from the memory, and their parameters.
+_STORED = {
+    name: f"o_{name}" if f"o_{name}" in _PLACES else name
+    for name in state.FACTORS
+    if name in _PLACES or f"o_{name}" in _PLACES
+}
+#: Parameters of the charges, in the order of their products.
+_CHARGES = [
+    f"f_{capacitor}_{axis}"
+    for capacitor in ("midpoint", "phase", "phase", "phase")
+    for axis in ("alpha", "beta")
+]
+#: What operand B is chosen from.
+SOURCES = ("stored", *(n for n in state.FACTORS if n not in _STORED and n != "charge"))
+
+
+def factor(product: state.Product) -> int:
+    """Word of operand B of a product in bits.
+
+    Parameters
+    ----------
+    product : state.Product
+        The product.
+
+    Returns
+    -------
+    int
+        Place in the memory, and above it the number of the source. Where operand A is the
+        coefficient of a slope, the place is that one's.
+    """
+    name, place = product.b or "zero", 0
+    if name == "charge":
+        earlier = [p.clock for p in state.PRODUCTS if p.b == "charge"]
+        name, place = "stored", _PLACES[_CHARGES[earlier.index(product.clock)]]
+    elif name in _STORED:
+        name, place = "stored", _PLACES[_STORED[name]]
+    elif product.source == "given":
+        scalings = [p.clock for p in state.PRODUCTS if p.source == "given"]
+        place = _PLACES[f"c_{CURRENT_SLOPES[scalings.index(product.clock)]}"]
+    return place + (SOURCES.index(name) << PLACE_BITS)
+
+
+def _stored_places() -> list[str]:
+    wanted = {*_STORED.values(), *_CHARGES, *(f"c_{name}" for name in CURRENT_SLOPES)}
+    lines = []
+    for place, word in enumerate(register_files.parameters("mpdcc")):
+        if word.name in wanted:
+            text = word.text.partition(": ")[2]
+            lines.append(f"  -- {word.width} bits, signed: {text}")
+            lines.append(f"  constant PLACE_{word.name.upper()} : natural := {place};")
+    return lines
+
+
 def state_text() -> str:
     """The package of ``state_observer``.
 
@@ -141,7 +199,7 @@ def state_text() -> str:
         (
             p.clock,
             p.select,
-            state.FACTORS.index(p.b or "zero"),
+            factor(p),
             p.alignment,
             state.SEEDS.index(p.seed) if p.seed else -1,
         )
@@ -150,14 +208,13 @@ def state_text() -> str:
     taken = state.takings()
     first = state.WORDS.index(state.WRITTEN_FIRST)
     moves = {m.clock: m for m in state.MOVES}
-    turns = (*state.TURNS, *state.FETCHES)
-    clocks = sorted({*taken, *moves, *turns, *state.PHASES})
+    clocks = sorted({*taken, *moves, *state.TURNS, *state.PHASES})
     rows = [
         (
             clock,
             (state.WORDS.index(moves[clock].word) ^ first) if clock in moves else 0,
             moves[clock].select if clock in moves else 0,
-            (clock in turns) + 2 * (clock in state.PHASES),
+            (clock in state.TURNS) + 2 * (clock in state.PHASES),
             state.TAKERS.index(taken.get(clock, "none")),
         )
         for clock in clocks
@@ -179,9 +236,14 @@ def state_text() -> str:
             "",
             "package state_observer_program is",
             "",
-            "  -- places on the multiplexer of operand B",
-            *_indices("B", state.FACTORS),
-            f"  constant B_PLACES : natural := {len(state.FACTORS)};",
+            "  -- sources of operand B; the first is the memory",
+            *_indices("B", SOURCES),
+            f"  constant B_SOURCES : natural := {len(SOURCES)};",
+            "",
+            "  -- places of the coefficients in the memory: numbers of their registers "
+            "(docs/registers.md)",
+            f"  constant PLACE_BITS : natural := {PLACE_BITS};",
+            *_stored_places(),
             "",
             "  -- first summands",
             *_indices("SEED", state.SEEDS),
@@ -217,7 +279,8 @@ def state_text() -> str:
                 )
             ),
             "",
-            "  -- clock, word of A in bits, word of B, alignment, seed (-1: add to the sum)",
+            "  -- clock, word of A in bits, place and source of B, alignment, "
+            "seed (-1: add to the sum)",
             *_table("STATE_PRODUCTS", products),
             "",
             "  -- clock, word that is written (xor WRITTEN_FIRST), move in bits, marks, taker",

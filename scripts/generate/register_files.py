@@ -26,6 +26,7 @@ from directmpc.host.registers import GUARD_DEAD_TIME, GUARD_MINIMUM_TIME
 from directmpc.mpdcc import capacitor_observer, formats, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc import program as common_terms
+from directmpc.mpdcc.coefficients import CURRENT_SLOPES
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
@@ -69,15 +70,23 @@ error says so. A `current_limit` or `link_high` at full scale or above is an err
 above it can be measured: it would never trip. The guard itself lets such a limit trip with every
 measurement.
 
-**Shadows.** Registers marked [committed] take effect together, in one clock between two decisions,
-after `command.commit` is written. Until then decisions and gate guard use the old values. Reset
-values take effect by themselves. `status.commit_pending` is 1 while a commit waits for the decision
+**Shadows.** Registers marked [committed] take effect together, between two decisions, after
+`command.commit` is written. Until then decisions and gate guard use the old values. Reset values
+take effect by themselves. `status.commit_pending` is 1 while a commit waits for the decision
 under way; `commits.count` counts the commits done.
+
+**MPDCC's parameters** stand in a block RAM, and a commit copies them. The guard's settings take
+effect in one clock; then the parameters follow within 68 clocks, 88 with `leakage_estimate`, and
+the observer ends its step before. So long `status.commit_pending` stays 1. A decision that begins
+meanwhile waits for the rest of this time and has the new parameters, all of them. The wait counts
+in `cycles` and for `guard.decision_limit`. A read of a parameter meanwhile costs one clock more.
+The same goes on behind a reset.
 
 **Refused writes.** These writes are answered with SLVERR and change nothing:
 
 - part of a word: a write whose four strobes are not all 1;
-- a register marked [committed], while a commit waits. Wait until `status.commit_pending` is 0;
+- a register marked [committed], while `status.commit_pending` is 1 because a commit waits, or its
+  parameters are copied. Wait until it is 0, behind a reset, too;
 - a register of the guard, while `control.enable` is 1. Limits and times are locked while the gates
   may be on;
 - `control` with `enable` = 1, while a guard register holds a value that no commit has brought into
@@ -431,7 +440,25 @@ def _described(text: str) -> str:
 
 _READ = "(9 downto 2 => axil_araddr(9 downto 2), others => '0')"
 _WRITE = _READ.replace("araddr", "awaddr")
-#: Places of a register block, what stands there instead, and how often.
+_EARLY = 'unsigned(axil_araddr(9 downto 2)) & "00"'
+_BLOCK = ">= 16#100# and {0} <= 16#100# + 16#FF#"
+#: Place of the read multiplexer's address in a block without external registers.
+_INTERNAL = (("rd_mux_addr <= unsigned(decoded_addr);", f"rd_mux_addr <= {_EARLY};", 1),)
+#: The same in one with external parameters; two bits tell their addresses, not a carry chain.
+_EXTERNAL = (
+    (
+        "rd_mux_addr <= unsigned(decoded_addr) when",
+        f"rd_mux_addr <= {_EARLY} when",
+        1,
+    ),
+    (
+        f"to_unsigned(cpuif_addr) {_BLOCK.format('to_unsigned(cpuif_addr)')}",
+        'cpuif_addr(9 downto 8) = "01"',
+        4,
+    ),
+    (f"rd_mux_addr {_BLOCK.format('rd_mux_addr')}", 'rd_mux_addr(9 downto 8) = "01"', 1),
+)
+#: Places of every register block, what stands there instead, and how often.
 _PLACES = (
     # the array of read words has a bit more than a word: GHDL 2.0 loses the topmost bits of zeros
     # of a multiple of 32 bits (see scripts.hdl.conversion); no logic remains of the bit
@@ -447,11 +474,6 @@ _PLACES = (
         1,
     ),
     # addresses do not wait for the decision whether a request is taken
-    (
-        "rd_mux_addr <= unsigned(decoded_addr);",
-        'rd_mux_addr <= unsigned(axil_araddr(9 downto 2)) & "00";',
-        1,
-    ),
     (f"                cpuif_addr <= {_READ};\n", "", 2),
     (f"                cpuif_addr <= {_WRITE};\n", "", 1),
     (
@@ -468,14 +490,15 @@ _PLACES = (
 
 
 def _quick(text: str) -> str:
-    """A register block with short paths from an address, see `_PLACES`.
+    """A register block with short paths from an address, see `_PLACES` and what stands above it.
 
     Raises
     ------
     ValueError
         If its text is not the known one.
     """
-    for before, after, count in _PLACES:
+    own = _EXTERNAL if "external_pending" in text else _INTERNAL
+    for before, after, count in (*own, *_PLACES):
         if text.count(before) != count:
             raise ValueError(f"a register block has not {count} times '{before}'")
         text = text.replace(before, after)
@@ -524,6 +547,69 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
             )
         found[VHDL / path.name] = note + text
     return found
+
+
+def _rows(values: Iterable[int], per_line: int = 16) -> str:
+    """Elements of an array, several to a line."""
+    texts = [str(value) for value in values]
+    lines = [", ".join(texts[n : n + per_line]) for n in range(0, len(texts), per_line)]
+    return ",\n    ".join(lines)
+
+
+def places(controller: str) -> dict[str, int]:
+    """Place of each parameter: how many registers stand before its own.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    dict[str, int]
+        Name of the register and its place.
+    """
+    return {word.name: n for n, word in enumerate(parameters(controller))}
+
+
+def _parameter_places() -> str:
+    """The package with the places and widths of MPDCC's parameters."""
+    words, found = parameters("mpdcc"), places("mpdcc")
+    slopes = [found[f"c_{name}"] for name in CURRENT_SLOPES]
+    return "\n".join(
+        [
+            "-- Places of MPDCC's parameters in parameter_memory, and how wide they are.",
+            "--",
+            "-- A place is the number of a register, counted from the first parameter's: "
+            "docs/registers.md has meanings.",
+            f"-- {_BY}",
+            "-- Licence: Apache-2.0",
+            "",
+            "package mpdcc_parameter_places is",
+            "",
+            "  type places_t is array (natural range <>) of natural;",
+            "",
+            f"  constant PARAMETER_COUNT : natural := {len(words)};",
+            f"  constant COEFFICIENT_COUNT : natural := {len(common_terms.COEFFICIENTS)};"
+            " -- of the core; they come first",
+            "",
+            *(
+                f"  constant PLACE_{word.name.upper()} : natural := {found[word.name]};"
+                for word in words
+            ),
+            "",
+            "  -- bits of each parameter",
+            "  constant PARAMETER_BITS : places_t(0 to PARAMETER_COUNT - 1) := (",
+            f"    {_rows(word.width for word in words)}",
+            "  );",
+            "",
+            "  -- coefficients of the current's slopes, which state_observer scales",
+            f"  constant SLOPE_PLACES : places_t(0 to {len(slopes) - 1}) := ({_rows(slopes)});",
+            "",
+            "end package mpdcc_parameter_places;",
+            "",
+        ]
+    )
 
 
 def _registers(top: AddrmapNode) -> list[RegNode]:
@@ -646,6 +732,7 @@ def _files() -> dict[Path, str]:
             text = header.read_text(encoding="utf-8")
             licence = f"/* SPDX-License-Identifier: Apache-2.0\n * {_BY} */\n"
             found[ROOT / "registers" / header.name] = licence + text
+    found[VHDL / "mpdcc_parameter_places.vhd"] = _parameter_places()
     found[ROOT / "docs" / "registers.md"] = _markdown(tops)
     found[ROOT / "model" / "directmpc" / "host" / "register_map.py"] = _table(tops)
     return found

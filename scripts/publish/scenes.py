@@ -29,6 +29,7 @@ from directmpc.mptc import (
 from directmpc.mptc.coefficients import registers as mptc_registers
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.mptc.vector_sequencer import rate_of
+from scripts.generate import register_files
 from scripts.hdl import mptc_drive_loop, recording, sources, states
 from scripts.hdl.clocks import clocks_of
 from scripts.publish import waveforms
@@ -278,13 +279,20 @@ def _mpdcc_rows(count: int) -> tuple[list[dict[str, int]], list[dict[str, int]]]
 
 def _state_observer() -> Scene:
     drive = states.shipped(states.SHIPPED[0]).with_control(capacitor_filter=4)
-    held = {f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()}
-    held |= {f"o_{name}": value for name, value in observer.coefficients(drive)[0].items()}
-    held |= {f"l_{name}": word for name, word in leakage.coefficients(drive)[0].items()}
+    stored = {f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()}
+    held = {name: stored.pop(name) for name in ("f_q_midpoint", "f_q_phase")}
+    stored |= {f"o_{name}": value for name, value in observer.coefficients(drive)[0].items()}
+    stored |= {f"l_{name}": word for name, word in leakage.coefficients(drive)[0].items()}
     slopes = mpdcc_registers(drive, "fast", ROOM).array()[[INDEX[name] for name in CURRENT_SLOPES]]
-    held["given"] = sum((int(word) & 0xFFFF) << 16 * n for n, word in enumerate(slopes))
+    stored |= {f"c_{name}": int(word) for name, word in zip(CURRENT_SLOPES, slopes, strict=True)}
     held |= {f"with_{part}": 1 for part in ("filters", "flux", "leakage")}
+    places = register_files.places("mpdcc")
     clocks: Clocks = [{"rst": 1, **held}, {"rst": 0}]
+    clocks += [
+        {"c_write": 1, "c_place": places[name], "c_word": word & 0x3FFFF}
+        for name, word in stored.items()
+    ]
+    clocks.append({"c_write": 0})
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc", "omega_r",
              "psir_alpha", "psir_beta")  # fmt: skip
     errors = (0, 300, -300)  # of the measurement of v_n, LSB: the filter lets 1/16 through
@@ -346,15 +354,22 @@ GUARDED = host_registers.GuardSettings(dead_time=0.4e-6, minimum_on=0.6e-6, mini
 
 
 def _loaded(name: str) -> tuple[Clocks, dict[str, Any]]:
-    """Reset and every register of a drive file; then the register map of its system."""
+    """Reset and every register of a drive file, in force; then the register map of its system."""
     drive = load_drive(ROOT / "drives" / f"{name}.toml")
     if isinstance(drive, Drive):
         drive = drive.with_control(**states.STUDIED)
     found = host_registers.values(drive, GUARDED)
     clocks: Clocks = [{"rst": 1, "enable": 1}, {"rst": 0}, {}, {}]
+    # MPDCC copies its parameters behind a reset and behind a commit, then scales some of them
+    waits: Clocks = []
+    if found.controller == "mpdcc":
+        waits = [{}] * (
+            clocks_of("parameter_memory", "waits") + clocks_of("state_observer", "scaling") + 4
+        )
+    clocks += waits
     for _, address, word in found.writes():
         clocks += _write(address, word)
-    return clocks, host_registers.registers_of(found.controller)
+    return clocks + waits, host_registers.registers_of(found.controller)
 
 
 def _mpdcc_system() -> Scene:

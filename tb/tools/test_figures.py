@@ -754,7 +754,7 @@ SAID: dict[str, list[Said]] = {
         ("`mpdcc_core` takes {} slices more with `INWARDS` than without it, and `state_observer` "
          "{} more with `FILTERS` and `LEAKAGE` than without them",
          lambda: tuple(f"{one:g}" for one in as_options())),
-        ("Together these are {} slices, which is more than 900",
+        ("Together these are {} slices, which is less than 900",
          lambda: (f"{sum(as_options()):g}",)),
         ("have become {} slices smaller",
          lambda: (f"{before() - exact(PLAIN) - exact(BARE):g}",)),

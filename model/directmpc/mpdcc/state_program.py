@@ -34,7 +34,7 @@ WORDS = (
     "f_alpha", "f_beta",  # rotor flux as the core gets it
 )  # fmt: skip
 
-#: Sources of operand A: the word read, voltages along alpha and beta, a coefficient given.
+#: Sources of operand A: the word read, voltages along alpha and beta, the coefficient of a slope.
 SOURCES = ("word", "v_alpha", "v_beta", "given")
 
 #: Words of operand B. ``charge`` has the coefficient of a charge; operand A is zero where no charge
@@ -270,11 +270,9 @@ MOVES = (
     Move(_F + 44, "e_beta", "result"),
 )
 
-#: Clocks in which a voltage leaves the head of the ring, a phase's voltage is formed, a coefficient
-#: that is given is fetched.
+#: Clocks in which a voltage leaves the head of the ring, and a phase's voltage is formed.
 TURNS = (0, 2, 4, 6, 8, 10)
 PHASES = (_F, _F + 1, _F + 2)
-FETCHES = tuple(range(SCALING, SCALING + SLOPES))
 
 #: Clock in which the estimate, and theta, are complete.
 FLUX_AT = _F + 17

@@ -70,7 +70,7 @@ BUILDS = [(name, controller) for name, b in BOARDS.items() for controller in b.c
 
 
 #: Beginnings of names of modules that a board without some options of MPDCC has otherwise, or not.
-LEFT_OUT = ("mpdcc_core_", "state_observer", "mac_sequencer_", "mac_block_")
+LEFT_OUT = ("mpdcc_core_", "state_observer", "parameter_memory", "mac_sequencer_", "mac_block_")
 
 #: Modules that count in clocks, or hold one that does: boards with another clock have others.
 CLOCKED = {

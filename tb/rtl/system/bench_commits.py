@@ -11,12 +11,12 @@ from tb.rtl.system.bench_system import NOT_THE_CORE_S, System
 
 #: Words that differ between two sets.
 CHANGED = 8
-#: Clocks before a start at which the first commit is asked for.
-BEFORE = 12
 #: Clocks after a decision's end at which the last one is.
 AFTER = 4
-#: Clocks for which MPDCC's parameters are prepared behind a commit: taken over, then scaled.
-PREPARED = clocks_of("state_observer", "scaling") + 4
+#: Clocks for which MPDCC's parameters are prepared behind a commit: copied, then scaled.
+PREPARED = clocks_of("parameter_memory", "waits") + clocks_of("state_observer", "scaling") + 3
+#: Clocks before a start at which the first commit is asked for: all of a copy lies in them.
+BEFORE = {"mpdcc": 12 + PREPARED, "mptc": 12}
 
 
 class Sweep:
@@ -26,14 +26,18 @@ class Sweep:
         self.system = system
         self.names = [name for name in system.words if not name.startswith(NOT_THE_CORE_S)]
         self.in_force = system.any_parameters()
+        self.copies = system.controller == "mpdcc"
+        self.before = BEFORE[system.controller]
 
-    async def write(self, words: dict[str, int]) -> None:
-        """Shadows, of which none may be refused."""
+    async def write(self, words: dict[str, int], *, behind: bool = False) -> None:
+        """Shadows, of which none may be refused, but behind a commit that is still copied."""
         for name, word in words.items():
             address, fields = self.system.bus.registers[f"parameters.{name}"]
-            response = await self.system.bus.write_word(
-                address, word & (1 << fields["value"][1]) - 1
-            )
+            word &= (1 << fields["value"][1]) - 1
+            response = await self.system.bus.write_word(address, word)
+            while behind and self.copies and response:
+                self.system.board.cover("refused")
+                response = await self.system.bus.write_word(address, word)
             self.system.board.check("written", response, 0, name)
 
     async def commit(self) -> None:
@@ -56,26 +60,25 @@ class Sweep:
         self.system.board.check("prepared", counted, PREPARED, "a commit at rest")
 
     async def behind(self) -> None:
-        """Shadows that are written right behind a commit wait for it, and are the next one's."""
+        """Shadows that are written right behind a commit are the next one's."""
         system, board = self.system, self.system.board
         fresh, m = self.differing()
+        # the last words first: a copy that is under way has them still before it
+        changed = {
+            name: fresh[name] for name in self.names[::-1] if fresh[name] != self.in_force[name]
+        }
         asked = cocotb.start_soon(self.commit())
-        written = cocotb.start_soon(self.write(fresh))
+        written = cocotb.start_soon(self.write(changed, behind=True))
         await asked
         await written
-        await self.settled()
+        await system.settled()
         await system.decide(m)
         board.check("behind", system.decided(), system.model(self.in_force, m), "not in force yet")
         await self.commit()
-        await self.settled()
+        await system.settled()
         self.in_force = fresh
         await system.decide(m)
         board.check("behind", system.decided(), system.model(fresh, m), "in force")
-
-    async def settled(self) -> None:
-        """Until no commit waits."""
-        while await self.system.bus.read("system.status", "commit_pending"):
-            pass
 
     def differing(self) -> tuple[dict[str, int], dict[str, int]]:
         """Another set, and measurements for which it decides something else."""
@@ -97,17 +100,17 @@ class Sweep:
         await self.write({name: fresh[name] for name in changed})
 
         async def host() -> None:
-            await ClockCycles(system.dut.clk, BEFORE + clock)
+            await ClockCycles(system.dut.clk, self.before + clock)
             await self.commit()
 
         task = cocotb.start_soon(host())
-        await ClockCycles(system.dut.clk, BEFORE)
+        await ClockCycles(system.dut.clk, self.before)
         clocks = await system.decide(m)
         got = system.decided()
         old, new = system.model(self.in_force, m), system.model(fresh, m)
         board.check("one set", got in (old, new), True, f"commit at {clock}: {got}")
         await task
-        await self.settled()
+        await system.settled()
         self.in_force = fresh
         await system.decide(m)
         board.check("next", system.decided(), new, f"commit at {clock}")
@@ -123,28 +126,33 @@ async def commits(dut) -> None:
     await system.begin()
     await system.bus.write("system.control", own_positions=0)
     sweep = Sweep(system)
+    await system.settled()  # the commit of the reset
     await sweep.write(sweep.in_force)
     await sweep.commit()
-    await sweep.settled()
+    await system.settled()
     await system.decide(system.any_measurements())
     if given["controller"] == "mpdcc":
         await sweep.prepared()
     for _ in range(3):
         await sweep.behind()
     changes = []
-    clock, longest = -BEFORE, 0
+    clock, longest = -sweep.before, 0
     while clock < longest + AFTER:
         new, clocks = await sweep.once(clock)
         changes.append((clock, new))
-        longest = max(longest, clocks)
+        # a new one may have waited for the copy
+        longest = max(longest, clocks - PREPARED * (new and sweep.copies))
         clock += given["stride"]
     # a commit before the start has taken effect; from one clock on none has
     first_old = min(clock for clock, new in changes if not new)
     for clock, new in changes:
         board.check("order", new, clock < first_old, f"commit at {clock}")
-    board.check("begins old", -BEFORE < first_old < given["stride"], True, str(first_old))
+    board.check("begins old", -12 < first_old < given["stride"], True, str(first_old))
     during = sum(first_old <= clock <= longest for clock, _ in changes)
     board.cover("during", during)
     board.longest("clocks", longest)
     board.longest("during", during)
-    board.finish({"next": len(changes)}, {"during": longest // given["stride"]})
+    board.finish(
+        {"next": len(changes)},
+        {"during": longest // given["stride"], "refused": 3 * sweep.copies},
+    )

@@ -54,6 +54,11 @@ class System:
         """Reset, bus ready."""
         await self.bus.begin(CONTROL | dict.fromkeys(self.inputs, 0))
 
+    async def settled(self) -> None:
+        """Until no commit waits."""
+        while await self.bus.read("system.status", "commit_pending"):
+            pass
+
     def any_parameters(self) -> dict[str, int]:
         """Parameters of any content, for the model and for the registers."""
         found = {n: word(self.rng, w.width, signed=w.signed) for n, w in self.words.items()}
@@ -614,13 +619,13 @@ async def switched(system: System) -> None:
             "link_high": 65_000, "link_low": 0, "dead_time": 10, "minimum_on": chosen["minimum"],
             "minimum_off": 1,
         }  # fmt: skip
+        await system.settled()
         for name, value in settings.items():
             _, fields = bus.registers[f"guard.{name}"]
             await bus.write(f"guard.{name}", **{next(iter(fields)): value})
         await system.write_parameters(parameters)
         await bus.write("system.command", commit=1)
-        while await bus.read("system.status", "commit_pending"):
-            pass
+        await system.settled()
         decisions = []
         for _ in range(2):  # own positions are those of decisions
             await system.decide(near(system, rng))

@@ -109,7 +109,7 @@ ESTIMATE = {
     "old theta": ("rst or (forget and not deciding)", "rst"),
     "slopes as before": (" or (core_valid = '1' and estimating = '1')", ""),
     "slopes of a theta forgotten": ("(estimating = '1' or scaling = '1')", "scaling = '1'"),
-    "never frozen": ("=> in_force.l_mode.value.value(1)", "=> '0'"),
+    "never frozen": ("=> l_mode(1)", "=> '0'"),
     "no flux": ("watching       <= observing or estimating;", "watching       <= observing;"),
 }
 

@@ -53,6 +53,10 @@ async def steps(dut) -> None:
         board.check("due", number(dut.due), due, f"{n}: clock {at}")
         board.check("valid", number(dut.valid), int(ended), f"{n}: clock {at}")
         board.check("busy", number(dut.busy), int(at is not None), f"{n}: clock {at}")
+        following = ENTRIES[entry] if at is None else at + 1
+        if (start if at is None else at + 1 < BUSY and not leave) and not reset:
+            ahead = PROGRAM.get(following, (0, 0))[1]
+            board.check("ahead", number(dut.b_ahead), ahead, f"{n}: before clock {following}")
         board.cover(f"clock {at}")
         board.cover("start while busy", int(start and at is not None))
         board.cover("reset while busy", int(reset and at is not None))

@@ -3,10 +3,10 @@
 Sweep: rows in LUTs and in block RAM; programs and generics that contradict each other.
 Stimulus: starts with every entry and resets at random, also while a step is under way; steps that
 are left early.
-Checks: every output in every clock.
+Checks: every output in every clock; b_ahead unless the next one idles.
 Timing: valid 8 clocks after start, busy for 8 clocks.
 Faults: a step that ends late or is not left, a wrong entry, a row whose seed is lost, an event in
-the wrong clock.
+the wrong clock, a word of operand B that is told too late.
 Does not prove: the observers' own programs; their benches do.
 """
 
@@ -62,6 +62,9 @@ FAULTS = [
     ),
     Fault("mac_sequencer", "row_of(SECOND_AT) when", "row_of(0) when", "(program|due)"),
     Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
+    Fault(
+        "mac_sequencer", "b_ahead     <= row.b_select;", "b_ahead     <= outputs.b_select;", "ahead"
+    ),
     Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
     Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
 ]

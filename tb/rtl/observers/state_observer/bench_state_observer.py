@@ -11,6 +11,7 @@ import numpy as np
 from directmpc.mpdcc import capacitor_observer as filters
 from directmpc.mpdcc import leakage, observer
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, ROOM, registers
+from scripts.generate import register_files
 from scripts.hdl import states
 from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
@@ -30,6 +31,9 @@ SCALING = clocks_of("state_observer", "scaling")
 #: Clocks from the start on in which measurements hold still: with flux alone, with filters.
 MEASURED, FILTERED = 12, 20
 PLACES = [INDEX[name] for name in CURRENT_SLOPES]
+#: Places of the coefficients in the observer's memory, and how wide it is.
+STORED = register_files.places("mpdcc")
+STORED_BITS = 18
 SLOPES = len(CURRENT_SLOPES)
 HIGH = 2**15 - 1
 MOST = 2**17 - 1
@@ -63,11 +67,14 @@ class Bench:
         self.c = dict.fromkeys(leakage.COEFFICIENTS, 0)
         self.options = arguments()
         self.forgotten()
-        for name in ("start", "scale", "forget_filters", "forget_leakage", "frozen", "observed"):
+        self.stored: dict[str, int] = {}
+        self.order = random.Random(seed)  # of what does not count
+        for name in (
+            "start", "scale", "forget_filters", "forget_leakage", "frozen", "observed", "c_write"
+        ):  # fmt: skip
             getattr(dut, name).value = 0
         for name in ("filters", "flux", "leakage"):
             getattr(dut, f"with_{name}").value = 0
-        dut.given.value = 0
 
     def forgotten(self) -> None:
         """The twins begin anew."""
@@ -92,7 +99,6 @@ class Bench:
             else:
                 self.ratio = leakage.first()
         else:
-            self.parameters()
             self.put(any_step(self.rng, "flux"))
             await self.clock.reset(2)
             self.forgotten()
@@ -109,16 +115,37 @@ class Bench:
         for name, value in zip("abc", step.s, strict=True):
             getattr(self.dut, f"s_{name}").value = int(value)
 
-    def parameters(self) -> None:
-        """Coefficients and gains on the ports."""
-        for name in filters.COEFFICIENTS:
-            getattr(self.dut, f"f_{name}").value = bits(self.f[name], 16)
+    async def parameters(self) -> None:
+        """Gains on the ports; coefficients that have changed to the memory, in any order."""
         for name in filters.SHIFTS:
             getattr(self.dut, f"f_{name}").value = self.f[name]
-        for name, value in self.o.items():
-            getattr(self.dut, f"o_{name}").value = bits(value, 18)
-        for name, value in self.c.items():
-            getattr(self.dut, f"l_{name}").value = bits(value, 18)
+        # of 16 bits; what stands above them does not count
+        wanted = {
+            f"f_{name}": bits(self.f[name], 16) | self.order.randrange(4) << 16
+            for name in filters.COEFFICIENTS
+        }
+        wanted = {
+            name: self.stored[name] if self.stored.get(name, -1) & 0xFFFF == word & 0xFFFF else word
+            for name, word in wanted.items()
+        }
+        wanted |= {f"o_{name}": bits(value, 18) for name, value in self.o.items()}
+        wanted |= {f"l_{name}": bits(value, 18) for name, value in self.c.items()}
+        await self.store(wanted)
+
+    async def store(self, words: dict[str, int]) -> None:
+        """Words to the memory, those that it has not, one in a clock."""
+        dut = self.dut
+        names = [name for name, word in words.items() if self.stored.get(name) != word]
+        self.order.shuffle(names)
+        for name in names:
+            dut.c_write.value = 1
+            dut.c_place.value, dut.c_word.value = STORED[name], words[name]
+            self.stored[name] = words[name]
+            await self.clock.tick()
+        dut.c_write.value = 0
+        dut.c_place.value = self.order.randrange(len(STORED))
+        dut.c_word.value = self.order.getrandbits(STORED_BITS)
+        self.board.cover("stored", len(names))
 
     def twins(self, step: Step) -> dict[str, tuple[int, ...]]:
         """What each part makes of the step."""
@@ -152,7 +179,7 @@ class Bench:
         self.count += 1
         label = f"step {self.count}, {step.parts}"
         found = self.twins(step)
-        self.parameters()
+        await self.parameters()
         self.put(step)
         for part in ("filters", "flux", "leakage"):
             getattr(dut, f"with_{part}").value = step.has(part)
@@ -217,7 +244,12 @@ class Bench:
         values = row.copy()
         clipped = leakage.scaled(self.theta, row, values)
         label = f"scaling behind step {self.count}"
-        dut.given.value = sum(bits(int(w), 16) << 16 * n for n, w in enumerate(given))
+        await self.store(
+            {
+                f"c_{name}": bits(int(w), 16) | self.order.randrange(4) << 16
+                for name, w in zip(CURRENT_SLOPES, given, strict=True)
+            }
+        )
         dut.start.value, dut.scale.value = 1, 1
         await self.clock.tick()
         for count in range(1, SCALING + 1):
@@ -229,7 +261,6 @@ class Bench:
                 board.check(name, number(getattr(dut, name)), 0, f"{label}, {count}")
             await self.clock.edge()
         dut.start.value, dut.scale.value = 0, 1
-        dut.given.value = rng.getrandbits(16 * SLOPES)
         await self.clock.settle()
         board.check("busy", number(dut.busy), 0, label)
         got = number(dut.scaled)
