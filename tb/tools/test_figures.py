@@ -538,8 +538,8 @@ SAID: dict[str, list[Said]] = {
         ("its FPGA differs from its ideal controller in {} % of the decisions", lambda: ("2.5",)),
         ("THD of the paper variant lies {} to {} % below the ideal controller's",
          lambda: span([-row["thd_diff_pct"] for row in loop_rows("paper", 1.0, 1.0)])),
-        ("256 starts leave a standard error of up to {} % at a point there, where 32 starts leave "
-         "up to {} % from 0.55 pu on",
+        ("256 starts leave a standard error of up to {} % at a point there. From 0.55 pu on 32 "
+         "starts leave up to {} %",
          lambda: tuple(f"{max(row['fsw_diff_error_pct'] for row in loop_rows('fast', *at)):.1f}"
                        for at in ((0.0, 0.2), (0.55, 1.0)))),
         ("{} LUTs and {} flip-flops each on Spartan-3", lambda: tuple(
@@ -585,7 +585,7 @@ SAID: dict[str, list[Said]] = {
         ("0.12 instead of 0.08 pu saves {} to {} % of the switchings",
          lambda: span([-one for one in at_high_speed("bound_vph = 0.12")], ".0f")),
         ("At 0.2 and 0.3 pu speed {} to {} % of the searches of the 6 kV drive end in a deadlock "
-         "with SE, {} to {} % with SESE, and v_n goes {} to {} pu beyond its bound",
+         "with SE, {} to {} % with SESE. v_n goes {} to {} pu beyond its bound",
          lambda: (*span(at_low_speed("SE", "deadlocks_pct"), ".0f"),
                   *span(at_low_speed("SESE", "deadlocks_pct"), ".0f"),
                   *span([one for h in ("SE", "SESE") for one in at_low_speed(h, "excess_vn_pu")],
@@ -596,7 +596,7 @@ SAID: dict[str, list[Said]] = {
          "in {} to {} %",
          lambda: tuple(one for name in ("vn", "vph", "current")
                        for one in span(in_steps(f"worst_{name}_pct"), ".0f"))),
-        ("At low speed only {} to {} % of the steps",
+        ("At low speed only {} to {} % of the steps have such a candidate",
          lambda: span(in_steps("vn_and_current_pct"), ".0f")),
         ("at 0.6 pu it is {} to {} %, at 1 pu {} to {} %",
          lambda: (*span(in_steps("vn_and_current_pct", speed=0.6), ".0f"),
@@ -616,7 +616,7 @@ SAID: dict[str, list[Said]] = {
         ("the first costs {} to {} % more switching and the second saves {} to {} %",
          lambda: (*span(at_high_speed("bound_vn = 0.03"), ".0f"),
                   *span([-one for one in at_high_speed("bound_vph = 0.12")], ".0f"))),
-        ("(SE with a bound of 0.06 pu: {} and {} %)",
+        ("(SE with a bound of 0.06 pu: {} and {} % of the searches at 0.2 and 0.3 pu speed)",
          lambda: tuple(f"{weighted('SE', s, '0.06'):.0f}" for s in ("0.2", "0.3"))),
         ("v_ph still goes up to {} pu beyond its bound",
          lambda: (f"{max(weighted(*at, 'excess_vph_pu') for at in every_point()):.3f}",)),
@@ -630,17 +630,18 @@ SAID: dict[str, list[Said]] = {
         ("SESE is better or equal in {} points", lambda: (level(),)),
         ("better in every point: {} to {} times the THD",
          lambda: span(ratios(7, "0.6") + ratios(8, "0.6"))),
-        ("moves the phase capacitors by {} to {} pu", lambda: span(swings(), ".2f")),
+        ("It moves the phase capacitors by {} to {} pu", lambda: span(swings(), ".2f")),
         ("at rated speed and {} Hz 0.10 and 0.16 pu in place of 0.05 and 0.08 lower the THD of "
          "SESE from {} to {} %",
          lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_studied_thd_pct']:.1f}",
                   f"{wide()['sese_same_thd_pct']:.1f}")),
-        ("With noise, 0.08 and 0.12 pu switch {} to {} % less than 0.05 and 0.08 pu from 0.45 pu",
+        ("against bounds of 0.05 and 0.08 pu: - Bounds of 0.08 and 0.12 pu switch {} to {} % less "
+         "from 0.45 pu",
          lambda: span([-one for one in of_bounds("0.08 / 0.12", low=False)], ".0f")),
-        ("at 0.2 and 0.3 pu the change is {} to {} %. 0.10 and",
+        ("at 0.2 and 0.3 pu the change is {} to {} %. - Bounds of 0.10 and",
          lambda: span(of_bounds("0.08 / 0.12", low=True), "+.0f")),
-        ("0.10 and 0.16 pu switch {} to {} % less from 0.45 pu on; at 0.2 and 0.3 pu the change "
-         "is {} to {} %",
+        ("0.10 and 0.16 pu switch {} to {} % less from 0.45 pu speed on; at 0.2 and 0.3 pu the "
+         "change is {} to {} %",
          lambda: (*span([-one for one in of_bounds("0.1 / 0.16", low=False)], ".0f"),
                   *span(of_bounds("0.1 / 0.16", low=True), "+.0f"))),
         ("MPDCC has {} to {} times the THD of PWM at rated speed, and {} to {} times it",
@@ -653,18 +654,18 @@ SAID: dict[str, list[Said]] = {
     "docs/robustness.md": [
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
          lambda: span(shipped("noise 1, dead") + shipped("noise 2, dead"), ".0f")),
-        ('The rule `"inwards"` alone takes {} to {} % of that rise back, and {} to {} % of the '
+        ('The rule `"inwards"` alone removes {} to {} % of that rise, and {} to {} % of the '
          "deadlocks",
          lambda: (*span(taken_back("fsw_change_pct"), ".0f"),
                   *span(taken_back("deadlocks_per_1000"), ".0f"))),
         ("under noise 1 is within {} % of the exact one on the shipped drives",
          lambda: (furthest([one for q in (16, 32)
                             for one in shipped(f"noise 1, inwards, filters 1/{q}")]),)),
-        ("Under noise 2 filters of 1/16 leave it up to {} % above the exact one, filters of 1/32 "
-         "up to {} %",
+        ("Under noise 2 the switching frequency is up to {} % above the exact one with filters of "
+         "1/16, and up to {} % with filters of 1/32",
          lambda: tuple(f"{max(shipped(f'noise 2, inwards, filters 1/{q}')):.0f}"
                        for q in (16, 32))),
-        ("on the random ones the median is within {} % of it, with SE and with SESE",
+        ("For the random drives the median is within {} % of it, with SE and with SESE",
          lambda: (furthest([
              metrics()["robustness"]["random"][kind]["noise 1, inwards, filters 1/16"]
              ["fsw_change_pct"]["median"] for kind in ("SE", "SESE")
@@ -704,24 +705,24 @@ SAID: dict[str, list[Said]] = {
                   furthest(plants("leakage", "not known", "thd_change_pct")))),
         ("The THD is up to {} % off",
          lambda: (furthest(plants("leakage", "theta, observer", "thd_change_pct"), ".1f"),)),
-        ("Capacitances 10 % below the controller's cost up to {} %",
+        ("Capacitances 10 % below the controller's cost up to {} % more switching",
          lambda: (f"{max(plants('capacitances x 0.9', 'theta', 'fsw_change_pct')):.0f}",)),
         ("up to {} of 1,000 steps are deadlocks",
          lambda: (f"{max(plants('resistances', 'theta, observer', 'deadlocks_per_1000')):.0f}",)),
-        ("Noise of 1 % costs {} % of torque ripple in the middle, noise of 2 % {} to {} %",
+        ("Noise of 1 % raises the torque ripple by {} % (median), noise of 2 % by {} to {} %",
          lambda: (*set(span(two_level("noise 1 %", "torque_ripple_change_pct"), ".0f")),
                   *span(two_level("noise 2 %", "torque_ripple_change_pct"), ".0f"))),
         ("faster: {} to {} % more torque ripple and distortion",
          lambda: span([one for name in ("torque_ripple", "thd")
                        for one in two_level("leakage x 0.8", f"{name}_change_pct")], ".0f")),
-        ("off by {} to {} N m in the middle, and by up to {} N m on 95 % of the drives",
+        ("off by {} to {} N m (median). On 95 % of the drives it is off by at most {} N m",
          lambda: (*span(two_level("resistances", "torque_off_nm")),
                   f"{max(two_level('resistances', 'torque_off_nm', 'p95')):.1f}")),
-        ("within {} % under the noise, within {} % under twice the noise, and within {} % with "
+        ("within {} % under noise 1, within {} % under noise 2, and within {} % with "
          "exact measurements.** The THD rises by {} % of it at most, and there are at most {} in "
-         "100 steps more with a deadlock. Filters that no noise calls for do no harm: with exact "
-         "measurements the worst point is {} % with 1/16 and {} % with 1/32. Under twice the "
-         "noise the worst point is {} % with 1/16 and {} % with 1/32",
+         "100 steps more with a deadlock. Filters do no harm without noise: with exact "
+         "measurements the worst point is {} % with 1/16 and {} % with 1/32. Under noise 2 "
+         "the worst point is {} % with 1/16 and {} % with 1/32",
          lambda: kept()),
         ("The flux observer alone begins a decision {} clocks later, with the filters {}",
          lambda: (clocks_of("state_observer", "flux"), clocks_of("state_observer", "filtered"))),
@@ -730,9 +731,9 @@ SAID: dict[str, list[Said]] = {
                   robustness.FLAWS["resistances x 1.5, sensors, dead time"]["offset_voltage"])),
         ("At 0.6 pu the switching frequency of these plants changes by {} % at most",
          lambda: (furthest(at_low_speeds("resistances", "theta, observer")),)),
-        ("every point has at least {} deadlocks in 1,000 steps fewer under noise 1 than with exact "
-         'measurements and the rule `"dead"`, with either gain. In the mean they are {} (1/16) and '
-         "{} (1/32) fewer",
+        ("every point has fewer deadlocks under noise 1 than with exact measurements and the rule "
+         '`"dead"`, with either gain. There are at least {} fewer in 1,000 steps. In the mean they '
+         "are {} (1/16) and {} (1/32) fewer",
          lambda: (f"{min(-max(more_deadlocks(q)) for q in (16, 32)):.1f}",
                   *(f"{-mean(more_deadlocks(q)):.1f}" for q in (16, 32)))),
         ("the worst point has {} % of such decisions with SE and {} % with SESE, beside means of "
@@ -747,7 +748,7 @@ SAID: dict[str, list[Said]] = {
         ("Core and flux observer took {} and {} slices and {} multipliers before the rule",
          lambda: (*(f"{sum(one[:2]) / 2:,}" for one in BEFORE.values()),
                   sum(one[2] for one in BEFORE.values()))),
-        ("With everything they take {} and {} slices and {} multipliers now: {} slices more, and "
+        ("With everything they take {} and {} slices and {} multipliers: {} slices more, and "
          "one multiplier less",
          lambda: (f"{exact(WITH):,}", f"{exact('state_observer'):,}", multipliers(),
                   f"{exact(WITH) + exact('state_observer') - before():.0f}")),

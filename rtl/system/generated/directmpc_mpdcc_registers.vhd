@@ -3313,7 +3313,7 @@ begin
             end if;
         end if;
     end process;
-    rd_mux_addr <= unsigned(axil_araddr(9 downto 2)) & "00" when decoded_req = '1' else unsigned(pending_rd_addr);
+    rd_mux_addr <= unsigned(axil_araddr(9 downto 2)) & "00" when external_pending = '0' else unsigned(pending_rd_addr);
 
     -- readback stage 1
     process(all)
