@@ -100,7 +100,7 @@ class SerialStream:
             import serial  # an optional requirement of the package
         except ImportError:
             raise LinkError(
-                "pyserial is not installed; pip install 'directmpc[board]' does it"
+                "pyserial is not installed; pip install pyserial does it"
             ) from None
         self._failures = (serial.SerialException, OSError)
         try:
