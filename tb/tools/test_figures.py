@@ -635,8 +635,8 @@ SAID: dict[str, list[Said]] = {
          "SESE from {} to {} %",
          lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_studied_thd_pct']:.1f}",
                   f"{wide()['sese_same_thd_pct']:.1f}")),
-        ("against bounds of 0.05 and 0.08 pu: - Bounds of 0.08 and 0.12 pu switch {} to {} % less "
-         "from 0.45 pu",
+        ("With noise, the switching frequency changes as follows against bounds of 0.05 and 0.08 "
+         "pu: - Bounds of 0.08 and 0.12 pu switch {} to {} % less from 0.45 pu",
          lambda: span([-one for one in of_bounds("0.08 / 0.12", low=False)], ".0f")),
         ("at 0.2 and 0.3 pu the change is {} to {} %. - Bounds of 0.10 and",
          lambda: span(of_bounds("0.08 / 0.12", low=True), "+.0f")),
