@@ -58,9 +58,12 @@ FAULTS = [
         "program",
     ),
     Fault(
-        "mac_sequencer", "THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy)"
+        "mac_sequencer",
+        "THIRD_AT when entry(1)",
+        "SECOND_AT when entry(1)",
+        "(program|due|busy|ahead)",
     ),
-    Fault("mac_sequencer", "row_of(SECOND_AT) when", "row_of(0) when", "(program|due)"),
+    Fault("mac_sequencer", "row_of(SECOND_AT) when", "row_of(0) when", "(program|due|ahead)"),
     Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
     Fault(
         "mac_sequencer", "b_ahead     <= row.b_select;", "b_ahead     <= outputs.b_select;", "ahead"
@@ -72,7 +75,12 @@ FAULTS = [
 
 #: Of the rows in RAM: a word too far, and fields that are read where others are.
 IN_RAM = [
-    Fault("mac_sequencer", "to_unsigned((shown + 1)", "to_unsigned((shown + 2)", "(program|due)"),
+    Fault(
+        "mac_sequencer",
+        "to_unsigned((shown + 1)",
+        "to_unsigned((shown + 2)",
+        "(program|due|ahead)",
+    ),
     Fault("mac_sequencer", "<= bits(3 downto 2);", "<= bits(2 downto 1);", "program"),
     Fault("mac_sequencer", "bits(3 + A_BITS downto 4);", "bits(4 + A_BITS downto 5);", "program"),
 ]

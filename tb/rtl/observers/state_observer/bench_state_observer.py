@@ -341,6 +341,7 @@ async def steps(dut) -> None:
         cases += ["flux leakage", "flux leakage"]
     if given["filters"] and given["leakage"]:
         cases += ["filters flux leakage"] * 3
+    whole = max(cases, key=len)  # every part
     moved = 0
     for n in range(given["steps"]):
         k = n % 90
@@ -350,11 +351,12 @@ async def steps(dut) -> None:
             bench.f = filters.coefficients(drive, rng.randrange(8), rng.randrange(8))
             current = np.zeros(2)
             # filters alone leave it open whether there is a flux
-            parts = "filters" if given["filters"] and n % 180 else cases[-1]
+            parts = "filters" if given["filters"] and n % 180 else whole
         elif k == 1:
-            parts = cases[-1]
+            parts = whole
         if k > 12:
-            parts = rng.choice(cases)
+            # a flux that is to grow beyond its word needs most of the steps
+            parts = whole if k >= 75 and rng.random() < 0.7 else rng.choice(cases)
         if given["filters"] and k < 75 and rng.random() < 0.05:
             await bench.reset("filters")
         if given["leakage"] and rng.random() < 0.03:

@@ -45,7 +45,7 @@ def bench(
         units=["state_observer"],
         generics={"FILTERS": str(filters).lower(), "LEAKAGE": str(leakage).lower()},
         arguments={
-            "seed": 7, "steps": steps, "pauses": pauses, "filters": filters, "leakage": leakage,
+            "seed": 4, "steps": steps, "pauses": pauses, "filters": filters, "leakage": leakage,
             "alone": alone,
         },
         rtl=rtl,
