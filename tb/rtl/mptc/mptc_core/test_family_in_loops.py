@@ -193,4 +193,4 @@ def test_a_fault_is_noticed_in_a_loop(
 
 def test_the_page_says_what_is_sampled() -> None:
     page = " ".join((ROOT / "docs" / "paper-b.md").read_text(encoding="utf-8").split())
-    assert f"{ROWS} periods one after the other of {len(SAMPLED)} of these loops" in page
+    assert f"{ROWS} successive periods of {len(SAMPLED)} of these loops" in page
