@@ -444,13 +444,13 @@ _EARLY = 'unsigned(axil_araddr(9 downto 2)) & "00"'
 _BLOCK = ">= 16#100# and {0} <= 16#100# + 16#FF#"
 #: Place of the read multiplexer's address in a block without external registers.
 _INTERNAL = (("rd_mux_addr <= unsigned(decoded_addr);", f"rd_mux_addr <= {_EARLY};", 1),)
-#: The same in one with external parameters. The address of an access to them, which is kept, is chosen
-#: by the register that such an access is pending, not by a request: no other one is taken meanwhile.
+#: The same in one with external parameters. Whether the address of an access to them is chosen,
+#: which is kept, a register tells and no request: none is taken while such an access is pending.
 #: Two bits tell their addresses, not a carry chain.
 _EXTERNAL = (
     (
-        "rd_mux_addr <= unsigned(decoded_addr) when decoded_req = '1' else unsigned(pending_rd_addr);",
-        f"rd_mux_addr <= {_EARLY} when external_pending = '0' else unsigned(pending_rd_addr);",
+        "rd_mux_addr <= unsigned(decoded_addr) when decoded_req = '1' else",
+        f"rd_mux_addr <= {_EARLY} when external_pending = '0' else",
         1,
     ),
     (

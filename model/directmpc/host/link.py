@@ -99,9 +99,7 @@ class SerialStream:
         try:
             import serial  # an optional requirement of the package
         except ImportError:
-            raise LinkError(
-                "pyserial is not installed; pip install pyserial does it"
-            ) from None
+            raise LinkError("pyserial is not installed; pip install pyserial does it") from None
         self._failures = (serial.SerialException, OSError)
         try:
             self._serial: serial.SerialBase = serial.serial_for_url(
