@@ -9,13 +9,14 @@
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
 -- docs/gate-guard.md has states, times and the safety properties that are checked.
 --
--- Formats: positions a, b, c of three bits each, of two-level legs 0 or 1 ('1': upper gate); gates of phase
+-- Formats: positions a, b, c of three bits each, of two-level legs bit 0 alone ('1': upper gate); gates of phase
 -- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
+-- Protocol: positions are at the ports one clock before decided; in the clock of decided they may change again.
 -- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
 -- running, from two clocks after the first decision on.
 -- Latency: gates begin to move two clocks after decided.  All gates are off one clock (10 ns at 100 MHz) after
--- external_trip, an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks (40 ns at
--- 100 MHz) after measured brings a value beyond its limit.
+-- external_trip, decided for an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks
+-- (40 ns at 100 MHz) after measured brings a value beyond its limit.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -46,10 +47,10 @@ entity gate_guard is
     v_dc           : in    std_logic_vector(15 downto 0);                          -- dc-link voltage, unsigned
     -- decisions
     start          : in    std_logic;                                              -- '1': a decision has begun
-    decided        : in    std_logic;                                              -- '1': the positions are new
-    position_a     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase a
-    position_b     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase b
-    position_c     : in    std_logic_vector(2 downto 0);                           -- wanted position of phase c
+    decided        : in    std_logic;                    -- '1': the positions of the clock before are a decision
+    position_a     : in    std_logic_vector(2 downto 0); -- wanted position of phase a, one clock before decided
+    position_b     : in    std_logic_vector(2 downto 0); -- wanted position of phase b, likewise
+    position_c     : in    std_logic_vector(2 downto 0); -- wanted position of phase c, likewise
     -- settings; the first three are read while off only
     renew          : in    std_logic;                                              -- '1': they change after this clock
     dead_time      : in    std_logic_vector(TIME_WIDTH - 1 downto 0);              -- unsigned, clocks

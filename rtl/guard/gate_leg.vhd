@@ -1,7 +1,8 @@
 -- One inverter leg: takes positions, switches gates one at a time, keeps dead and minimum times.
 --
--- A position that decided brings becomes the goal.  As soon as the leg has rested, a commutation begins: its
--- single-gate actions follow each other dead_time clocks apart (gate_tables says in what order).
+-- decided makes the position of the clock before the goal.  As soon as the leg has rested, a commutation begins: its
+-- single-gate actions follow each other dead_time clocks apart (gate_tables says in what order).  What can be said of
+-- a position is in registers when decided comes: the way from there to the gates of all legs is short.
 -- After the last action the leg rests for rest_time clocks, so that every gate stays on or off for
 -- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
@@ -12,7 +13,7 @@
 -- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
 -- legal, and gate_supervisor keeps stop up for dead and minimum times.
 --
--- Formats: positions as in gate_tables; times in clocks, at least 1, stable while the leg is not stopped.
+-- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; stop, one clock.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
@@ -34,11 +35,11 @@ entity gate_leg is
     clk       : in    std_logic;                                               -- rising edge
     stop      : in    std_logic;                                               -- '1': all gates off, and forget
     decided   : in    std_logic;                                               -- '1' for one clock: goal is new
-    goal      : in    std_logic_vector(2 downto 0);                            -- position, 0 to 7 or bit 0
+    goal      : in    std_logic_vector(2 downto 0);              -- position of the next clock's decided, 0 to 7 or bit 0
     dead_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- between two actions, clocks, 1 at least
     rest_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- after the last one, clocks, 1 at least
-    legal     : out   std_logic;                                               -- '1': goal follows position
-    blocked   : out   std_logic; -- '1': goal moves, but a move waits already
+    legal     : out   std_logic; -- '1': goal of the clock before follows the one in force
+    blocked   : out   std_logic; -- '1': it moves, but a move waits already
     waits     : out   std_logic; -- '1': a move waits to begin: a goal that moves would be blocked
     resting   : out   std_logic;                                               -- '1': off or at rest, nothing to do
     position  : out   std_logic_vector(2 downto 0); -- that the gates have or move to; from clock 2 after the first on
@@ -56,7 +57,12 @@ architecture rtl of gate_leg is
   type phase_t is (STOPPED, STARTING, RESTED, ACTING);
 
   signal phase    : phase_t;
+  signal offered  : std_logic_vector(2 downto 0); -- goal; of a two-level leg bit 0 alone
+  signal asked    : std_logic_vector(2 downto 0); -- offered in the clock before
   signal accepted : std_logic_vector(2 downto 0);
+  signal kept     : std_logic_vector(2 downto 0); -- accepted after this edge
+  signal follows  : std_logic; -- asked is accepted, or an edge away
+  signal moves    : std_logic; -- asked is not accepted
   signal origin   : std_logic_vector(2 downto 0);
   signal target   : std_logic_vector(2 downto 0);
   signal action   : unsigned(2 downto 0);
@@ -69,22 +75,22 @@ architecture rtl of gate_leg is
   -- vsg_on signal_007
   signal changed  : gates_t;
   signal act      : std_logic;
-  signal waiting  : std_logic;
+  signal begins   : std_logic; -- act: target becomes accepted
+  signal waiting  : std_logic; -- the first gates, or a move, are still to begin
   signal forbidden : std_logic;
   signal over     : std_logic; -- the next action may be
   signal pause    : std_logic_vector(TIME_WIDTH - 1 downto 0);
 
 begin
 
-  waiting <= '0' when phase = STOPPED or phase = STARTING or accepted = target else
-             '1';
-
+  offered <= goal when FIVE_LEVEL else
+             "00" & goal(0);
+  kept    <= asked when decided = '1' else
+             accepted;
   legal   <= '1' when phase = STOPPED else
-             is_edge(FIVE_LEVEL, accepted, goal);
-  waits   <= '1' when phase = STARTING else
-             waiting;
-  blocked <= '1' when (phase = STARTING or waiting = '1') and goal /= accepted else
-             '0';
+             follows;
+  waits   <= waiting;
+  blocked <= waiting and moves;
   resting <= '1' when phase = STOPPED or (phase = RESTED and over = '1' and waiting = '0') else
              '0';
 
@@ -94,6 +100,7 @@ begin
   changed <= pattern_of(FIVE_LEVEL, accepted) when phase = STARTING else
              driven xor first when phase = RESTED else
              driven xor further;
+  begins  <= act and to_std_logic(phase /= ACTING);
 
   forbidden <= is_forbidden(FIVE_LEVEL, changed);
 
@@ -117,13 +124,23 @@ begin
 
     if rising_edge(clk) then
       -- while a move waits its goal stays, or gate_supervisor stops: first stays right
+      asked    <= offered;
+      accepted <= kept;
+      follows  <= is_edge(FIVE_LEVEL, kept, offered);
+      moves    <= to_std_logic(kept /= offered);
+
       if (decided = '1') then
-        accepted <= goal;
-        first    <= action_of(FIVE_LEVEL, target, goal, "000");
+        first <= action_of(FIVE_LEVEL, target, asked, "000");
 
         if (phase = STOPPED) then
           phase <= STARTING;
         end if;
+      end if;
+
+      if (begins = '1') then
+        waiting <= decided and moves;
+      elsif (decided = '1') then
+        waiting <= to_std_logic(phase = STOPPED or asked /= target);
       end if;
 
       refused <= act and forbidden;
@@ -153,8 +170,9 @@ begin
       end if;
 
       if (stop = '1') then
-        phase  <= STOPPED;
-        driven <= (others => '0');
+        phase   <= STOPPED;
+        waiting <= '0';
+        driven  <= (others => '0');
       end if;
     end if;
 

@@ -7,7 +7,8 @@
 -- decisions come.
 --
 -- Formats: legs a, b, c in bits 2, 1, 0; '1': upper gate.
--- Latency: goal and decided one clock after wanted; two clocks at least from one goal to the next.
+-- Latency: goal in the clock of wanted, decided one clock later, as gate_guard takes them; two clocks at least from one
+-- goal to the next.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -23,8 +24,8 @@ entity goal_holder is
     playing : in    std_logic;                    -- '1': wanted is of a sequence
     wanted  : in    std_logic_vector(2 downto 0); -- switch states to apply
     waits   : in    std_logic_vector(2 downto 0); -- '1': this leg takes no other goal yet; a clock after decided
-    decided : out   std_logic;                    -- '1' for one clock: goal is new
-    goal    : out   std_logic_vector(2 downto 0); -- switch states for the guard
+    decided : out   std_logic;                    -- '1' for one clock: goal of the clock before is to be taken
+    goal    : out   std_logic_vector(2 downto 0); -- switch states for the guard, one clock before decided
     delayed : out   std_logic                     -- '1': a leg's goal is kept because it waits
   );
 end entity goal_holder;
@@ -69,7 +70,7 @@ begin
   end process p_goal;
 
   decided <= latest;
-  goal    <= given;
+  goal    <= taken;
   delayed <= '0' when playing = '0' or latest = '1' or ((wanted xor given) and waits) = "000" else
              '1';
 

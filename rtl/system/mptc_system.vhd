@@ -126,7 +126,6 @@ architecture rtl of mptc_system is
   signal core_saturated : std_logic;
   signal core_clamped   : std_logic;
   signal own_u          : std_logic_vector(2 downto 0);
-  signal own_switches   : std_logic_vector(2 downto 0);
   signal until_u        : std_logic_vector(2 downto 0);
   signal estimated      : std_logic; -- the observer has taken a step
   signal ready          : std_logic; -- there is a decision that has not been applied
@@ -147,8 +146,8 @@ architecture rtl of mptc_system is
   signal is_running     : std_logic;
   signal forget_own     : std_logic;       -- what was decided last is forgotten
   signal waits          : std_logic_vector(2 downto 0);
-  signal give           : std_logic;       -- a goal of the guard is new
-  signal goal           : std_logic_vector(2 downto 0);
+  signal give           : std_logic;       -- the guard takes the goal of the clock before
+  signal goal           : std_logic_vector(2 downto 0); -- a clock before give
   signal goal_a         : std_logic_vector(2 downto 0);
   signal goal_b         : std_logic_vector(2 downto 0);
   signal goal_c         : std_logic_vector(2 downto 0);
@@ -467,7 +466,7 @@ begin
     sequence_now <= (until_u, until_u, until_u, WHOLE_PERIOD, (others => '0'));
     chosen       <= NO_VOLTAGE;
     give         <= apply;
-    goal         <= own_switches;
+    goal         <= core_switches;
     early_set    <= '0';
     invalid_set  <= '0';
     delayed_set  <= '0';
@@ -632,17 +631,15 @@ begin
 
     if rising_edge(clk) then
       if (core_valid = '1') then
-        own_u        <= core_u;
-        own_switches <= core_switches;
-        ready        <= '1';
+        own_u <= core_u;
+        ready <= '1';
       elsif (apply = '1') then
         ready <= '0';
       end if;
 
       if (rst = '1' or forget_own = '1') then
-        own_u        <= (others => '0');
-        own_switches <= (others => '0');
-        ready        <= '0';
+        own_u <= (others => '0');
+        ready <= '0';
       end if;
     end if;
 

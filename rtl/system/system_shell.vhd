@@ -76,10 +76,10 @@ entity system_shell is
     is_alpha           : in    std_logic_vector(15 downto 0); -- measured stator current, signed, valid with go
     is_beta            : in    std_logic_vector(15 downto 0); -- signed, unit as is_alpha
     v_dc               : in    std_logic_vector(15 downto 0); -- measured dc-link voltage, unsigned, valid with go
-    apply              : in    std_logic;                     -- '1' for one clock: the positions are new
-    position_a         : in    std_logic_vector(2 downto 0);  -- wanted position of phase a
-    position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b
-    position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c
+    apply              : in    std_logic;                     -- '1': the positions of the clock before are a decision
+    position_a         : in    std_logic_vector(2 downto 0);  -- wanted position of phase a, one clock before apply
+    position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b, likewise
+    position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c, likewise
     gates              : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     waits              : out   std_logic_vector(2 downto 0);  -- a, b, c; '1': no other position yet
     taken_a            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase a, while running

@@ -129,10 +129,11 @@ def _gate_guard() -> Scene:
         {"rst": 0, "renew": 0}, {"enable": 1}, {},
         {"measured": 1}, {"measured": 0}, {}, {}, {}, {},
     ]  # fmt: skip
-    clocks += _pulse("start", {}, 4)
-    clocks += _pulse("decided", {"position_a": 1, "position_b": 0, "position_c": 0}, 30)
-    clocks += _pulse("start", {}, 4)
-    clocks += _pulse("decided", {"position_a": 0, "position_b": 0, "position_c": 1}, 30)
+    # the positions come a clock before they are decided
+    clocks += [*_pulse("start", {}, 3), {"position_a": 1, "position_b": 0, "position_c": 0}]
+    clocks += _pulse("decided", {}, 30)
+    clocks += [*_pulse("start", {}, 3), {"position_a": 0, "position_b": 0, "position_c": 1}]
+    clocks += _pulse("decided", {}, 30)
     clocks += [{"external_trip": 1}, {"external_trip": 0}, {}, {}, {}, {}]
     return Scene(
         "gate_guard, two-level: gates come on, two legs change with dead time, a trip",

@@ -4,7 +4,7 @@
 // next. A fact is proven as a property is: it holds after a reset, and one clock after all facts have held.
 //
 // FIVE_LEVEL, LEAST_DEAD_TIME: as gate_guard's.
-// Assumed: settings change only after renew, for property 9 alone; two-level legs: bits 1 and 2 of positions are zero.
+// Assumed: settings change only after renew, for property 9 alone.
 // Licence: Apache-2.0
 
 module proof (
@@ -18,6 +18,7 @@ module proof (
 
   localparam SIZE = `FIVE_LEVEL ? 8 : 2;  // gates of a leg
   localparam COUNT = 3 * SIZE;
+  localparam [2:0] COUNTS = `FIVE_LEVEL ? 7 : 1;  // bits of a position
   localparam [11:0] LEAST = `LEAST_DEAD_TIME;
   localparam [1:0] OFF = 0, ARMED = 1, ACTIVE = 2;
   localparam [1:0] STOPPED = 0, STARTING = 1, RESTED = 2, ACTING = 3;
@@ -45,6 +46,7 @@ module proof (
   (* inside = "i_checked.fresh" *) wire fresh;
   (* inside = "i_checked.whole", when = "FIVE_LEVEL" *) wire [8:0] whole;
   (* inside = "i_checked.entered", when = "FIVE_LEVEL" *) wire [2:0] entered;
+  (* inside = "i_checked.offered" *) wire [8:0] offered;
   (* inside = "i_checked.wanted" *) wire [8:0] accepted_last;
   (* inside = "i_checked.hungry" *) wire [16:0] hungry;
   (* inside = "i_checked.beyond" *) wire [2:0] beyond;
@@ -113,6 +115,18 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.done" *) wire done_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.done" *) wire done_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.done" *) wire done_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.asked" *) wire [2:0] asked_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.asked" *) wire [2:0] asked_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.asked" *) wire [2:0] asked_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.moves" *) wire moves_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.moves" *) wire moves_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.moves" *) wire moves_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.waiting" *) wire waiting_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.waiting" *) wire waiting_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.waiting" *) wire waiting_c;
 
   // gates S8 to S1 of a position
   function [SIZE-1:0] full(input [2:0] s);
@@ -182,8 +196,6 @@ module proof (
     steady <= rst || (steady && (renewed || limits == limits_now));
   end
 
-  wire assume_positions_are_bits = `FIVE_LEVEL || {position_a[2:1], position_b[2:1], position_c[2:1]} == 0;
-
   // the properties, by their numbers
   wire prove_no_source_is_shorted = !violations[0];
   wire prove_dead_time = !violations[1];
@@ -235,6 +247,10 @@ module proof (
   generate
     for (x = 0; x < 3; x = x + 1) begin : leg
       wire [1:0] phase = x == 0 ? phase_a : x == 1 ? phase_b : phase_c;
+      wire [2:0] asked = x == 0 ? asked_a : x == 1 ? asked_b : asked_c;
+      wire follows_now = !`FIVE_LEVEL || (x == 0 ? follows_a : x == 1 ? follows_b : follows_c);
+      wire moves_now = x == 0 ? moves_a : x == 1 ? moves_b : moves_c;
+      wire waiting = x == 0 ? waiting_a : x == 1 ? waiting_b : waiting_c;
       wire [2:0] accepted = x == 0 ? accepted_a : x == 1 ? accepted_b : accepted_c;
       wire [2:0] origin = x == 0 ? origin_a : x == 1 ? origin_b : origin_c;
       wire [2:0] target = x == 0 ? target_a : x == 1 ? target_b : target_c;
@@ -252,8 +268,11 @@ module proof (
       wire [SIZE-1:0] latest = gate_of(origin, target, action - 3'd1);  // the one of them that changed last
 
       wire fact_phase = (state == ACTIVE) == (phase != STOPPED);
+      wire fact_asked = asked == (offered[3*(2-x) +: 3] & COUNTS);
+      wire fact_verdict = follows_now == follows(accepted, asked) && moves_now == (accepted != asked);
+      wire fact_waiting = waiting == (phase == STARTING || (moves && accepted != target));
       wire fact_idle = moves || driven == 0;
-      wire fact_goal = phase == STOPPED || accepted == known_goal;
+      wire fact_goal = phase == STOPPED || accepted == (known_goal & COUNTS);
       wire fact_rested = phase != RESTED || driven == full(target);
       wire fact_first = !moves || (follows(target, accepted)
                        && (target == accepted || first == gate_of(target, accepted, 0)));
@@ -266,7 +285,7 @@ module proof (
       wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
       wire fact_between = phase != ACTING || !`FIVE_LEVEL || (entered[x] && seen == origin);
       wire fact_bit = `FIVE_LEVEL || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
-                                       && (phase != ACTING || origin[2:1] == 0));
+                                       && (phase != ACTING || origin[2:1] == 0) && asked[2:1] == 0);
 
       wire [SIZE-1:0] recent;  // on, or off for less than a dead time
 

@@ -110,6 +110,9 @@ def test_gate_guard() -> None:
     guard = GateGuard(False, 6)
     for clock in range(len(found["rst"]) - 1):
         given = {f.name: found[f.name][clock] for f in fields(Inputs)}
+        # a decision takes the positions of the clock before
+        for name in ("position_a", "position_b", "position_c"):
+            given[name] = found[name][max(clock - 1, 0)]
         guard.clock(Inputs(**given))
         if clock:
             wanted = guard.gates, guard.running, guard.resting, guard.fault_bits

@@ -288,7 +288,7 @@ class Leg:
 
 @dataclass
 class Inputs:
-    """Inputs of one clock, as the ports of ``gate_guard``.
+    """Inputs of one clock, as the ports of ``gate_guard``; its positions come one clock earlier.
 
     Attributes
     ----------
@@ -301,7 +301,7 @@ class Inputs:
     v_dc : int
         dc-link voltage, LSB of its port, unsigned.
     position_a, position_b, position_c : int
-        Decided positions, 0..7 (two-level: 0, 1).
+        Positions that `decided` takes, 0..7 (two-level: bit 0 counts alone).
     renew : int
         1: the settings change after this clock.
     dead_time, minimum_on, minimum_off : int
@@ -441,7 +441,8 @@ class GateGuard:
             would.
         """
         self.now += 1
-        now, goals = self.now, (i.position_a, i.position_b, i.position_c)
+        mask = 7 if self.five_level else 1
+        now, goals = self.now, [p & mask for p in (i.position_a, i.position_b, i.position_c)]
         wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
         causes: set[str] = set()
         done = self.line[2]

@@ -42,7 +42,7 @@ class GoalHolder:
 
     @property
     def goal(self) -> int:
-        """Goals as the port has them.
+        """Goals that the guard has been given; the port has them a clock before `decided`.
 
         Returns
         -------

@@ -9,7 +9,7 @@ import cocotb
 
 from directmpc.host.gate_guard import FAULTS, GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
-from tb.rtl.guard.gate_guard.stimulus import life
+from tb.rtl.guard.gate_guard.stimulus import early, life
 
 NAMES = [f.name for f in fields(Inputs)]
 WIDTHS = {"is_alpha": 16, "is_beta": 16}
@@ -29,9 +29,9 @@ async def every_clock(dut) -> None:
     last: dict[str, int] = {}
     # each leg until it has stopped the guard that runs, and between them the guard that is off
     refusals, refused = [(0, True), (1, False), (1, True), (2, True)], 0
-    for n, i in enumerate(life(rng, five_level, guard, given["clocks"])):
+    for n, (i, ports) in enumerate(early(life(rng, five_level, guard, given["clocks"]))):
         for name in NAMES:
-            value = getattr(i, name)
+            value = getattr(ports, name)
             if last.get(name) != value:
                 last[name] = value
                 getattr(dut, name).value = bits(value, WIDTHS[name]) if name in WIDTHS else value

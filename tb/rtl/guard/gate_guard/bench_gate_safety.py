@@ -9,7 +9,7 @@ import cocotb
 
 from directmpc.host.gate_guard import GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
-from tb.rtl.guard.gate_guard.stimulus import life
+from tb.rtl.guard.gate_guard.stimulus import early, life
 
 NAMES = [f.name for f in fields(Inputs)]
 
@@ -21,9 +21,10 @@ async def every_property(dut) -> None:
     five_level = given["FIVE_LEVEL"] == "true"
     board, clock = Scoreboard(), Clock(dut)
     guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
-    for n, i in enumerate(life(random.Random(given["seed"]), five_level, guard, given["clocks"])):
+    rows = life(random.Random(given["seed"]), five_level, guard, given["clocks"])
+    for n, (i, ports) in enumerate(early(rows)):
         for name in NAMES:
-            value = getattr(i, name)
+            value = getattr(ports, name)
             getattr(dut, name).value = bits(value, 16) if name.startswith("is_") else value
         await clock.tick()
         guard.clock(i)

@@ -43,10 +43,10 @@ entity gate_guard_checked is
     is_beta        : in    std_logic_vector(15 downto 0); -- signed
     v_dc           : in    std_logic_vector(15 downto 0); -- unsigned
     start          : in    std_logic;                     -- '1': a decision has begun
-    decided        : in    std_logic;                     -- '1': the positions are new
-    position_a     : in    std_logic_vector(2 downto 0);  -- position
-    position_b     : in    std_logic_vector(2 downto 0);  -- position
-    position_c     : in    std_logic_vector(2 downto 0);  -- position
+    decided        : in    std_logic;                     -- '1': the positions of the clock before are a decision
+    position_a     : in    std_logic_vector(2 downto 0);  -- position, a clock before decided
+    position_b     : in    std_logic_vector(2 downto 0);  -- position, a clock before decided
+    position_c     : in    std_logic_vector(2 downto 0);  -- position, a clock before decided
     renew          : in    std_logic;                     -- '1': settings change after this clock
     dead_time      : in    std_logic_vector(11 downto 0); -- clocks
     minimum_on     : in    std_logic_vector(11 downto 0); -- clocks
@@ -90,6 +90,7 @@ architecture rtl of gate_guard_checked is
   signal fresh     : std_logic;        -- enable has been down since the last reset or fault
   signal whole     : positions_t;      -- last whole position of each leg
   signal entered   : std_logic_vector(2 downto 0);
+  signal offered   : positions_t;      -- positions of the clock before
   signal wanted    : positions_t;      -- positions accepted last
   signal hungry    : unsigned(16 downto 0);
   signal found     : std_logic_vector(9 downto 0);
@@ -251,9 +252,6 @@ begin
     );
 
   p_history : process (clk) is
-
-    variable goal : positions_t;
-
   begin
 
     if rising_edge(clk) then
@@ -287,9 +285,9 @@ begin
         floor_off  <= smaller(floor_off, unsigned(minimum_off));
       end if;
 
-      goal(0) := unsigned(position_a);
-      goal(1) := unsigned(position_b);
-      goal(2) := unsigned(position_c);
+      offered(0) <= unsigned(position_a);
+      offered(1) <= unsigned(position_b);
+      offered(2) <= unsigned(position_c);
 
       must_stop <= rst or external_trip or not enable or beyond(2);
       limits    <= current_limit & link_high & link_low;
@@ -314,13 +312,13 @@ begin
       end if;
 
       for x in 0 to 2 loop
-        if (now_on = '1' and decided = '1' and not follows(wanted(x), goal(x))) then
+        if (now_on = '1' and decided = '1' and not follows(wanted(x), offered(x))) then
           must_stop <= '1';
         end if;
 
         -- the first of a run is free; what is refused stops everything, so this may be wrong then
         if (decided = '1') then
-          wanted(x) <= goal(x);
+          wanted(x) <= offered(x);
         end if;
 
         entered(x) <= entered(x) and now_on;

@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   long running = 0, moves = 0, decisions = 0, resets = 0, trips = 0, writes = 0, starts = 0;
   long by_fault[9] = {0};
   int phase = 0, period = 40;
+  bool due = false;  // the positions at the ports are a decision's of the next clock
   bool wild = false;
   uint32_t limit = 12000;
   uint32_t last_gates = 0, last_faults = 0, last_running = 0;
@@ -94,10 +95,11 @@ int main(int argc, char** argv) {
     if (chance(0.0005)) { m->external_trip = 1; trips++; }
     if (wild && chance(0.02)) m->start = 1;
     uint32_t goal[3];
+    m->decided = due;
+    decisions += due;
     for (int x = 0; x < 3; x++) goal[x] = below(five ? 8 : 2);
-    if ((phase == 3 && !chance(0.02)) || chance(wild ? 0.03 : phase == 4 ? 0.03 : 0.001)) {
-      m->decided = 1;
-      decisions++;
+    due = (phase == 2 && !chance(0.02)) || chance(wild ? 0.03 : phase == 3 ? 0.03 : 0.001);
+    if (due) {
       for (int x = 0; x < 3; x++) {
         const uint32_t now = m->goals >> (3 * x) & 7;
         if (!chance(0.01)) goal[x] = chance(0.5) ? now : five ? NEXT[now][below(4)] : now ^ 1;

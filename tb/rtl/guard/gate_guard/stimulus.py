@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.mpdcc import inverter as anpc
 from tb.helpers.scoreboard import word
+
+
+def early(rows: Iterable[Inputs]) -> Iterator[tuple[Inputs, Inputs]]:
+    """Inputs of the reference, and at the ports: positions are there a clock before their decision."""
+    last: Inputs | None = None
+    for i in rows:
+        if last is not None:
+            yield last, _with_positions(last, i)
+        last = i
+    if last is not None:
+        yield last, last
+
+
+def _with_positions(i: Inputs, of: Inputs) -> Inputs:
+    return replace(
+        i, position_a=of.position_a, position_b=of.position_b, position_c=of.position_c
+    )
 
 
 def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:
@@ -104,8 +121,8 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
             i.measured = 1
         if wild and rng.random() < 0.02:
             i.start = 1
-        if not five_level:
+        if not five_level:  # bits that do not count
             i.position_a, i.position_b, i.position_c = (
-                p & 1 for p in (i.position_a, i.position_b, i.position_c)
+                p & 1 | (n & 3) << 1 for p in (i.position_a, i.position_b, i.position_c)
             )
         yield i

@@ -9,6 +9,7 @@ import cocotb
 
 from directmpc.host.gate_guard import FAULTS, GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
+from tb.rtl.guard.gate_guard.stimulus import early
 
 NAMES = [f.name for f in fields(Inputs)]
 CALM = Inputs(
@@ -51,6 +52,12 @@ def one_leg(leg: int, first: list[int]) -> Iterator[Inputs]:
         yield from [replace(CALM, enable=1)] * 25
 
 
+def two_level(i: Inputs) -> Inputs:
+    """Positions that legs of two gates have."""
+    a, b, c = (position & 1 for position in (i.position_a, i.position_b, i.position_c))
+    return replace(i, position_a=a, position_b=b, position_c=c)
+
+
 @cocotb.test()
 async def every_clock(dut) -> None:
     """All outputs after every edge."""
@@ -61,16 +68,9 @@ async def every_clock(dut) -> None:
     firsts = [[0, 3, 5], [6, 1, 2], [4, 7, 0]] if five_level else [[0, 1, 0], [1, 0, 1]]
     stimulus = [(leg, one_leg(leg, first)) for leg in range(3) for first in firsts]
     for leg, inputs in stimulus:
-        for i in inputs:
-            if not five_level:
-                i = replace(
-                    i,
-                    position_a=i.position_a & 1,
-                    position_b=i.position_b & 1,
-                    position_c=i.position_c & 1,
-                )
+        for i, ports in early(inputs if five_level else map(two_level, inputs)):
             for name in NAMES:
-                value = getattr(i, name)
+                value = getattr(ports, name)
                 getattr(dut, name).value = bits(value, 16) if name.startswith("is_") else value
             await clock.tick()
             before = guard.faults

@@ -83,16 +83,24 @@ class Bench:
         self.board, self.clock = Scoreboard(), Clock(dut)
         self.leg, self.now = Leg(five_level), 0
         self.dead = self.rest = 1
+        #: At the port in the clock before: what a decision of this clock takes.
+        self.goal = 0
 
     def times(self, dead: int, rest: int) -> None:
         """Dead and rest time, clocks; while the leg is stopped only."""
         self.dead, self.rest = dead, rest
         self.dut.dead_time.value, self.dut.rest_time.value = dead, rest
 
-    async def step(self, goal: int, *, decided: bool = False, stop: bool = False) -> None:
-        """One clock: all outputs before its edge, which the reference then passes too."""
+    async def step(self, coming: int, *, decided: bool = False, stop: bool = False) -> None:
+        """One clock: all outputs before its edge, which the reference then passes too.
+
+        ``coming`` is the goal that a decision of the next clock takes.
+        """
         dut, leg, board = self.dut, self.leg, self.board
-        dut.goal.value, dut.decided.value, dut.stop.value = goal, int(decided), int(stop)
+        goal, self.goal = self.goal, coming
+        # of a two-level leg two bits of three do not count
+        port = coming if self.five_level else coming | (self.now & 3) << 1
+        dut.goal.value, dut.decided.value, dut.stop.value = port, int(decided), int(stop)
         await self.clock.settle()
         if self.now > 1:
             context = f"clock {self.now}, goal {goal}, {leg}"
@@ -129,17 +137,17 @@ class Bench:
         leg = self.leg
         positions = 8 if self.five_level else 2
         for n in range(clocks):
-            goal, decided, stop = rng.randrange(positions), rng.random() < 0.12, rng.random() < 0.01
-            if n < 2:
-                stop = True
-            if decided and leg.alive and rng.random() < 0.8:
-                goal = leg.goal if leg.waits else rng.choice(following(self.five_level, leg.goal))
-            if decided and leg.alive and (not leg.legal(goal) or leg.blocked(goal)):
-                stop = True
+            refused = leg.alive and (not leg.legal(self.goal) or leg.blocked(self.goal))
+            decided = rng.random() < (0.03 if refused else 0.2)
+            stop = n < 2 or rng.random() < 0.01 or (decided and refused)
+            coming, kept = rng.randrange(positions), self.goal if decided else leg.goal
+            if rng.random() < 0.6:
+                near = following(self.five_level, kept)
+                coming = kept if decided or leg.waits else rng.choice(near)
             if stop:
                 dead, rest = rng.randrange(1, 5), rng.randrange(1, 7)
                 self.times(*rng.choice([(dead, rest), (dead, rest), (dead, 40), (40, rest)]))
-            await self.step(goal, decided=decided, stop=stop)
+            await self.step(coming, decided=decided, stop=stop)
 
     async def stray(self, rng: random.Random, clocks: int) -> None:
         """Goals that are no edges: gates and position part, and the interlock is what is left."""
@@ -147,11 +155,12 @@ class Bench:
             await self.step(0, decided=bool(decided), stop=bool(stop))
         self.leg = Unguarded(self.five_level)
         for _ in range(clocks):
-            stop = rng.random() < 0.002
+            stop = rng.random() < 0.005
             decided = rng.random() < (0.1 if self.leg.waits else 0.3)
             if stop:
                 self.times(rng.randrange(1, 4), rng.randrange(1, 4))
-            await self.step(rng.randrange(8), decided=decided, stop=stop)
+            coming = rng.randrange(8 if self.five_level else 2)
+            await self.step(coming, decided=decided, stop=stop)
             self.board.cover("refused", int(self.leg.refused))
             for pair in REFUSED:
                 alone = [one for one in REFUSED if one <= self.leg.tried] == [pair]
@@ -167,12 +176,12 @@ async def every_clock(dut) -> None:
     bench = Bench(dut, five_level)
     bench.times(1, 1)
     await bench.live(rng, given["clocks"])
-    await bench.stray(rng, given["clocks"])
+    await bench.stray(rng, 2 * given["clocks"])
     positions = range(8 if five_level else 2)
     looked = [f"{a} to {b}" for a in positions for b in positions]
     moved = [f"moved {a} to {b}" for a in positions for b in following(five_level, a)]
     refused = [f"{pair} alone" for pair in (REFUSED if five_level else REFUSED[:1])]
     bench.board.finish(
-        {"gates": 2 * given["clocks"] - 1},
+        {"gates": 3 * given["clocks"] - 1},
         dict.fromkeys([*looked, *moved, *refused], 1) | {"stopped in a move": 10, "refused": 50},
     )

@@ -38,7 +38,7 @@ FAULTS = [
     Fault("goal_holder", "asked = '1' or ", "", "decided"),
     Fault("goal_holder", "elsif (now = '1') then", "elsif (rst = '1') then", "decided"),
     Fault("goal_holder", "playing = '1' and latest", "latest", "(decided|goal)"),
-    Fault("goal_holder", "given  <= (others => '0');", "null;", "goal"),
+    Fault("goal_holder", "given  <= (others => '0');", "null;", "(goal|decided)"),
     Fault("goal_holder", "latest <= '0';", "null;", "(decided|goal|delayed)"),
     Fault("goal_holder", "asked  <= '0';", "null;", "(decided|goal)"),
     Fault("goal_holder", "latest = '1' or", "", "delayed"),
