@@ -51,7 +51,7 @@ entity request_check is
     -- verdict
     control       : in    std_logic;                                      -- link in control
     step_busy     : in    std_logic;                                      -- '1': no step can begin
-    applied       : in    std_logic_vector(15 downto 0);                  -- position the gates are at
+    applied       : in    std_logic_vector(15 downto 0);                  -- position the gates are at, kept while no step_busy
     applied_known : in    std_logic;                                      -- '1': they are at one
     outcome       : out   outcome_t;                                      -- ACCEPTED or why not
     acted         : in    std_logic;                                      -- '1' for one clock: it acts
@@ -86,6 +86,7 @@ architecture rtl of request_check is
   signal writing     : std_logic;                            -- it is a WRITE
   signal stepping    : std_logic;                            -- it is a STEP
   signal disables    : std_logic;                            -- it writes zero to system.control
+  signal stands      : std_logic_vector(POSITION_BITS - 1 downto 0); -- applied, a clock ago
 
 begin
 
@@ -211,8 +212,18 @@ begin
   -- Verdict
   ---------------------------------------------------------------------------------------------
 
+  -- it comes from far, and is only looked at where it has been the same for a clock
+  p_stands : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      stands <= applied(POSITION_BITS - 1 downto 0);
+    end if;
+
+  end process p_stands;
+
   p_verdict : process (known, changes, stepping, fresh, link, control, disables, step_busy, applied_known, payload,
-                       applied) is
+                       stands) is
 
     variable asked : std_logic_vector(15 downto 0);
 
@@ -231,7 +242,7 @@ begin
       elsif (stepping = '1' and step_busy = '1') then
         outcome <= OUTCOME_BUSY;
       elsif (stepping = '1' and applied_known = '1'
-             and asked(POSITION_BITS - 1 downto 0) /= applied(POSITION_BITS - 1 downto 0)) then
+             and asked(POSITION_BITS - 1 downto 0) /= stands) then
         outcome <= OUTCOME_POSITION;
       end if;
     end if;
