@@ -377,7 +377,7 @@ _PORTS = {
     "s_axil_wready": "'1': data taken",
     "s_axil_wvalid": "'1': data there",
     "s_axil_wdata": "data",
-    "s_axil_wstrb": "'1': byte is written",
+    "s_axil_wstrb": "ignored: words are written whole",
     "s_axil_bready": "'1': response taken",
     "s_axil_bvalid": "'1': response there",
     "s_axil_bresp": '"00": okay, "10": SLVERR',
@@ -488,7 +488,13 @@ _PLACES = (
         "        end if;\n",
         1,
     ),
+    # write_gate refuses what is not a whole word
+    ("<= (others => axil_wstrb(i));", "<= (others => '1');", 1),
 )
+#: A write's register, found from the write's own address: it does not wait for the choice between
+#: read and write. axil_aw_accept is a request that is a write and is taken.
+_DECODED = r"decoded_reg_strb\.(\S+) <= cpuif_req_masked and \(cpuif_addr = 16#([0-9A-F]+)#\)"
+_WRITTEN = r"decoded_reg_strb\.(\S+) and decoded_req_is_wr\b"
 
 
 def _quick(text: str) -> str:
@@ -504,7 +510,9 @@ def _quick(text: str) -> str:
         if text.count(before) != count:
             raise ValueError(f"a register block has not {count} times '{before}'")
         text = text.replace(before, after)
-    return text
+    at = {name: int(address, 16) // 4 for name, address in re.findall(_DECODED, text)}
+    written = 'axil_aw_accept and (axil_awaddr(9 downto 2) ?= "{:08b}")'
+    return re.sub(_WRITTEN, lambda found: written.format(at[found[1]]), text)
 
 
 def _without_shared(text: str) -> tuple[str, str]:

@@ -26,7 +26,7 @@ entity directmpc_mpdcc_registers is
         s_axil_wready : out std_logic; -- '1': data taken
         s_axil_wvalid : in std_logic; -- '1': data there
         s_axil_wdata : in std_logic_vector(31 downto 0); -- data
-        s_axil_wstrb : in std_logic_vector(3 downto 0); -- '1': byte is written
+        s_axil_wstrb : in std_logic_vector(3 downto 0); -- ignored: words are written whole
         s_axil_bready : in std_logic; -- '1': response taken
         s_axil_bvalid : out std_logic; -- '1': response there
         s_axil_bresp : out std_logic_vector(1 downto 0); -- "00": okay, "10": SLVERR
@@ -1197,7 +1197,7 @@ begin
     process(all) begin
         cpuif_wr_data <= axil_wdata;
         for i in axil_wstrb'RANGE loop
-            cpuif_wr_biten(i*8 + 7 downto i*8) <= (others => axil_wstrb(i));
+            cpuif_wr_biten(i*8 + 7 downto i*8) <= (others => '1');
         end loop;
         cpuif_req <= '0';
         cpuif_req_is_wr <= '0';
@@ -1522,7 +1522,7 @@ begin
     begin
         next_c := field_storage.system.control.enable.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.enable.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         end if;
@@ -1551,7 +1551,7 @@ begin
     begin
         next_c := field_storage.system.control.registers_as_source.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.registers_as_source.value and not decoded_wr_biten(1)) or (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         end if;
@@ -1580,7 +1580,7 @@ begin
     begin
         next_c := field_storage.system.control.use_observer.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.use_observer.value and not decoded_wr_biten(2)) or (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         end if;
@@ -1609,7 +1609,7 @@ begin
     begin
         next_c := field_storage.system.control.own_positions.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.own_positions.value and not decoded_wr_biten(3)) or (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         end if;
@@ -1638,7 +1638,7 @@ begin
     begin
         next_c := field_storage.system.command.commit.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.commit.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -1670,7 +1670,7 @@ begin
     begin
         next_c := field_storage.system.command.start.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.start.value and not decoded_wr_biten(1)) or (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -1702,7 +1702,7 @@ begin
     begin
         next_c := field_storage.system.command.clear_counters.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.clear_counters.value and not decoded_wr_biten(2)) or (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -1734,7 +1734,7 @@ begin
     begin
         next_c := field_storage.system.command.reset_observer.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.reset_observer.value and not decoded_wr_biten(3)) or (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -1766,7 +1766,7 @@ begin
     begin
         next_c := field_storage.system.flags.saturated.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.saturated.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         elsif hwif_in.system.flags.saturated.hwset then -- HW Set
@@ -1798,7 +1798,7 @@ begin
     begin
         next_c := field_storage.system.flags.deadlock.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.deadlock.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         elsif hwif_in.system.flags.deadlock.hwset then -- HW Set
@@ -1830,7 +1830,7 @@ begin
     begin
         next_c := field_storage.system.flags.start_ignored.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.start_ignored.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         elsif hwif_in.system.flags.start_ignored.hwset then -- HW Set
@@ -1862,7 +1862,7 @@ begin
     begin
         next_c := field_storage.system.flags.observer_saturated.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.observer_saturated.value and not (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         elsif hwif_in.system.flags.observer_saturated.hwset then -- HW Set
@@ -1894,7 +1894,7 @@ begin
     begin
         next_c := field_storage.system.flags.clamped.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.clamped.value and not (decoded_wr_data(4) and decoded_wr_biten(4));
             load_next_c := '1';
         elsif hwif_in.system.flags.clamped.hwset then -- HW Set
@@ -1926,7 +1926,7 @@ begin
     begin
         next_c := field_storage.system.faults.external_trip.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.external_trip.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         elsif hwif_in.system.faults.external_trip.hwset then -- HW Set
@@ -1958,7 +1958,7 @@ begin
     begin
         next_c := field_storage.system.faults.over_current.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.over_current.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         elsif hwif_in.system.faults.over_current.hwset then -- HW Set
@@ -1990,7 +1990,7 @@ begin
     begin
         next_c := field_storage.system.faults.link_high.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.link_high.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         elsif hwif_in.system.faults.link_high.hwset then -- HW Set
@@ -2022,7 +2022,7 @@ begin
     begin
         next_c := field_storage.system.faults.link_low.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.link_low.value and not (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         elsif hwif_in.system.faults.link_low.hwset then -- HW Set
@@ -2054,7 +2054,7 @@ begin
     begin
         next_c := field_storage.system.faults.illegal_edge.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.illegal_edge.value and not (decoded_wr_data(4) and decoded_wr_biten(4));
             load_next_c := '1';
         elsif hwif_in.system.faults.illegal_edge.hwset then -- HW Set
@@ -2086,7 +2086,7 @@ begin
     begin
         next_c := field_storage.system.faults.late.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.late.value and not (decoded_wr_data(5) and decoded_wr_biten(5));
             load_next_c := '1';
         elsif hwif_in.system.faults.late.hwset then -- HW Set
@@ -2118,7 +2118,7 @@ begin
     begin
         next_c := field_storage.system.faults.missing.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.missing.value and not (decoded_wr_data(6) and decoded_wr_biten(6));
             load_next_c := '1';
         elsif hwif_in.system.faults.missing.hwset then -- HW Set
@@ -2150,7 +2150,7 @@ begin
     begin
         next_c := field_storage.system.faults.overrun.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.overrun.value and not (decoded_wr_data(7) and decoded_wr_biten(7));
             load_next_c := '1';
         elsif hwif_in.system.faults.overrun.hwset then -- HW Set
@@ -2182,7 +2182,7 @@ begin
     begin
         next_c := field_storage.system.faults.interlock.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.interlock.value and not (decoded_wr_data(8) and decoded_wr_biten(8));
             load_next_c := '1';
         elsif hwif_in.system.faults.interlock.hwset then -- HW Set
@@ -2214,7 +2214,7 @@ begin
     begin
         next_c := field_storage.guard.dead_time.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.dead_time and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010000") then -- SW write
             next_c := (field_storage.guard.dead_time.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2243,7 +2243,7 @@ begin
     begin
         next_c := field_storage.guard.minimum_on.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.minimum_on and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010001") then -- SW write
             next_c := (field_storage.guard.minimum_on.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2272,7 +2272,7 @@ begin
     begin
         next_c := field_storage.guard.minimum_off.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.minimum_off and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010010") then -- SW write
             next_c := (field_storage.guard.minimum_off.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2301,7 +2301,7 @@ begin
     begin
         next_c := field_storage.guard.decision_limit.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.decision_limit and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010011") then -- SW write
             next_c := (field_storage.guard.decision_limit.clocks.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2330,7 +2330,7 @@ begin
     begin
         next_c := field_storage.guard.watchdog.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.watchdog and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010100") then -- SW write
             next_c := (field_storage.guard.watchdog.clocks.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2359,7 +2359,7 @@ begin
     begin
         next_c := field_storage.guard.current_limit.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.current_limit and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010101") then -- SW write
             next_c := (field_storage.guard.current_limit.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2388,7 +2388,7 @@ begin
     begin
         next_c := field_storage.guard.link_high.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.link_high and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010110") then -- SW write
             next_c := (field_storage.guard.link_high.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2417,7 +2417,7 @@ begin
     begin
         next_c := field_storage.guard.link_low.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.link_low and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010111") then -- SW write
             next_c := (field_storage.guard.link_low.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2760,7 +2760,7 @@ begin
     begin
         next_c := field_storage.measurements.is_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.is_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000000") then -- SW write
             next_c := (field_storage.measurements.is_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.is_alpha.value.we then -- HW Write - we
@@ -2792,7 +2792,7 @@ begin
     begin
         next_c := field_storage.measurements.is_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.is_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000001") then -- SW write
             next_c := (field_storage.measurements.is_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.is_beta.value.we then -- HW Write - we
@@ -2824,7 +2824,7 @@ begin
     begin
         next_c := field_storage.measurements.psir_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.psir_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000010") then -- SW write
             next_c := (field_storage.measurements.psir_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.psir_alpha.value.we then -- HW Write - we
@@ -2856,7 +2856,7 @@ begin
     begin
         next_c := field_storage.measurements.psir_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.psir_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000011") then -- SW write
             next_c := (field_storage.measurements.psir_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.psir_beta.value.we then -- HW Write - we
@@ -2888,7 +2888,7 @@ begin
     begin
         next_c := field_storage.measurements.v_n.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_n and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000100") then -- SW write
             next_c := (field_storage.measurements.v_n.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_n.value.we then -- HW Write - we
@@ -2920,7 +2920,7 @@ begin
     begin
         next_c := field_storage.measurements.v_ph_a.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_ph_a and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000101") then -- SW write
             next_c := (field_storage.measurements.v_ph_a.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_ph_a.value.we then -- HW Write - we
@@ -2952,7 +2952,7 @@ begin
     begin
         next_c := field_storage.measurements.v_ph_b.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_ph_b and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000110") then -- SW write
             next_c := (field_storage.measurements.v_ph_b.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_ph_b.value.we then -- HW Write - we
@@ -2984,7 +2984,7 @@ begin
     begin
         next_c := field_storage.measurements.v_ph_c.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_ph_c and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000111") then -- SW write
             next_c := (field_storage.measurements.v_ph_c.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_ph_c.value.we then -- HW Write - we
@@ -3016,7 +3016,7 @@ begin
     begin
         next_c := field_storage.measurements.v_dc.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_dc and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001000") then -- SW write
             next_c := (field_storage.measurements.v_dc.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_dc.value.we then -- HW Write - we
@@ -3048,7 +3048,7 @@ begin
     begin
         next_c := field_storage.measurements.iref_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.iref_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001001") then -- SW write
             next_c := (field_storage.measurements.iref_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.iref_alpha.value.we then -- HW Write - we
@@ -3080,7 +3080,7 @@ begin
     begin
         next_c := field_storage.measurements.iref_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.iref_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001010") then -- SW write
             next_c := (field_storage.measurements.iref_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.iref_beta.value.we then -- HW Write - we
@@ -3112,7 +3112,7 @@ begin
     begin
         next_c := field_storage.measurements.omega_s.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.omega_s and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001011") then -- SW write
             next_c := (field_storage.measurements.omega_s.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.omega_s.value.we then -- HW Write - we
@@ -3144,7 +3144,7 @@ begin
     begin
         next_c := field_storage.measurements.omega_r.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.omega_r and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001100") then -- SW write
             next_c := (field_storage.measurements.omega_r.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.omega_r.value.we then -- HW Write - we
@@ -3176,7 +3176,7 @@ begin
     begin
         next_c := field_storage.measurements.s_prev_a.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.s_prev_a and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001101") then -- SW write
             next_c := (field_storage.measurements.s_prev_a.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.s_prev_a.value.we then -- HW Write - we
@@ -3208,7 +3208,7 @@ begin
     begin
         next_c := field_storage.measurements.s_prev_b.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.s_prev_b and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001110") then -- SW write
             next_c := (field_storage.measurements.s_prev_b.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.s_prev_b.value.we then -- HW Write - we
@@ -3240,7 +3240,7 @@ begin
     begin
         next_c := field_storage.measurements.s_prev_c.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.s_prev_c and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001111") then -- SW write
             next_c := (field_storage.measurements.s_prev_c.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.s_prev_c.value.we then -- HW Write - we

@@ -26,7 +26,7 @@ entity directmpc_mptc_registers is
         s_axil_wready : out std_logic; -- '1': data taken
         s_axil_wvalid : in std_logic; -- '1': data there
         s_axil_wdata : in std_logic_vector(31 downto 0); -- data
-        s_axil_wstrb : in std_logic_vector(3 downto 0); -- '1': byte is written
+        s_axil_wstrb : in std_logic_vector(3 downto 0); -- ignored: words are written whole
         s_axil_bready : in std_logic; -- '1': response taken
         s_axil_bvalid : out std_logic; -- '1': response there
         s_axil_bresp : out std_logic_vector(1 downto 0); -- "00": okay, "10": SLVERR
@@ -1632,7 +1632,7 @@ begin
     process(all) begin
         cpuif_wr_data <= axil_wdata;
         for i in axil_wstrb'RANGE loop
-            cpuif_wr_biten(i*8 + 7 downto i*8) <= (others => axil_wstrb(i));
+            cpuif_wr_biten(i*8 + 7 downto i*8) <= (others => '1');
         end loop;
         cpuif_req <= '0';
         cpuif_req_is_wr <= '0';
@@ -1986,7 +1986,7 @@ begin
     begin
         next_c := field_storage.system.control.enable.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.enable.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         end if;
@@ -2015,7 +2015,7 @@ begin
     begin
         next_c := field_storage.system.control.registers_as_source.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.registers_as_source.value and not decoded_wr_biten(1)) or (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         end if;
@@ -2044,7 +2044,7 @@ begin
     begin
         next_c := field_storage.system.control.use_observer.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.use_observer.value and not decoded_wr_biten(2)) or (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         end if;
@@ -2073,7 +2073,7 @@ begin
     begin
         next_c := field_storage.system.control.own_positions.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.control and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000011") then -- SW write
             next_c := (field_storage.system.control.own_positions.value and not decoded_wr_biten(3)) or (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         end if;
@@ -2102,7 +2102,7 @@ begin
     begin
         next_c := field_storage.system.command.commit.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.commit.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -2134,7 +2134,7 @@ begin
     begin
         next_c := field_storage.system.command.start.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.start.value and not decoded_wr_biten(1)) or (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -2166,7 +2166,7 @@ begin
     begin
         next_c := field_storage.system.command.clear_counters.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.clear_counters.value and not decoded_wr_biten(2)) or (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -2198,7 +2198,7 @@ begin
     begin
         next_c := field_storage.system.command.reset_observer.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.command and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000100") then -- SW write
             next_c := (field_storage.system.command.reset_observer.value and not decoded_wr_biten(3)) or (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         else -- singlepulse clears back to 0
@@ -2230,7 +2230,7 @@ begin
     begin
         next_c := field_storage.system.flags.saturated.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.saturated.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         elsif hwif_in.system.flags.saturated.hwset then -- HW Set
@@ -2262,7 +2262,7 @@ begin
     begin
         next_c := field_storage.system.flags.deadlock.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.deadlock.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         elsif hwif_in.system.flags.deadlock.hwset then -- HW Set
@@ -2294,7 +2294,7 @@ begin
     begin
         next_c := field_storage.system.flags.start_ignored.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.start_ignored.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         elsif hwif_in.system.flags.start_ignored.hwset then -- HW Set
@@ -2326,7 +2326,7 @@ begin
     begin
         next_c := field_storage.system.flags.observer_saturated.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.observer_saturated.value and not (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         elsif hwif_in.system.flags.observer_saturated.hwset then -- HW Set
@@ -2358,7 +2358,7 @@ begin
     begin
         next_c := field_storage.system.flags.clamped.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.flags and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
             next_c := field_storage.system.flags.clamped.value and not (decoded_wr_data(4) and decoded_wr_biten(4));
             load_next_c := '1';
         elsif hwif_in.system.flags.clamped.hwset then -- HW Set
@@ -2390,7 +2390,7 @@ begin
     begin
         next_c := field_storage.system.faults.external_trip.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.external_trip.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         elsif hwif_in.system.faults.external_trip.hwset then -- HW Set
@@ -2422,7 +2422,7 @@ begin
     begin
         next_c := field_storage.system.faults.over_current.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.over_current.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         elsif hwif_in.system.faults.over_current.hwset then -- HW Set
@@ -2454,7 +2454,7 @@ begin
     begin
         next_c := field_storage.system.faults.link_high.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.link_high.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         elsif hwif_in.system.faults.link_high.hwset then -- HW Set
@@ -2486,7 +2486,7 @@ begin
     begin
         next_c := field_storage.system.faults.link_low.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.link_low.value and not (decoded_wr_data(3) and decoded_wr_biten(3));
             load_next_c := '1';
         elsif hwif_in.system.faults.link_low.hwset then -- HW Set
@@ -2518,7 +2518,7 @@ begin
     begin
         next_c := field_storage.system.faults.illegal_edge.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.illegal_edge.value and not (decoded_wr_data(4) and decoded_wr_biten(4));
             load_next_c := '1';
         elsif hwif_in.system.faults.illegal_edge.hwset then -- HW Set
@@ -2550,7 +2550,7 @@ begin
     begin
         next_c := field_storage.system.faults.late.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.late.value and not (decoded_wr_data(5) and decoded_wr_biten(5));
             load_next_c := '1';
         elsif hwif_in.system.faults.late.hwset then -- HW Set
@@ -2582,7 +2582,7 @@ begin
     begin
         next_c := field_storage.system.faults.missing.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.missing.value and not (decoded_wr_data(6) and decoded_wr_biten(6));
             load_next_c := '1';
         elsif hwif_in.system.faults.missing.hwset then -- HW Set
@@ -2614,7 +2614,7 @@ begin
     begin
         next_c := field_storage.system.faults.overrun.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.overrun.value and not (decoded_wr_data(7) and decoded_wr_biten(7));
             load_next_c := '1';
         elsif hwif_in.system.faults.overrun.hwset then -- HW Set
@@ -2646,7 +2646,7 @@ begin
     begin
         next_c := field_storage.system.faults.interlock.value;
         load_next_c := '0';
-        if decoded_reg_strb.system.faults and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
             next_c := field_storage.system.faults.interlock.value and not (decoded_wr_data(8) and decoded_wr_biten(8));
             load_next_c := '1';
         elsif hwif_in.system.faults.interlock.hwset then -- HW Set
@@ -2678,7 +2678,7 @@ begin
     begin
         next_c := field_storage.guard.dead_time.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.dead_time and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010000") then -- SW write
             next_c := (field_storage.guard.dead_time.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2707,7 +2707,7 @@ begin
     begin
         next_c := field_storage.guard.minimum_on.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.minimum_on and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010001") then -- SW write
             next_c := (field_storage.guard.minimum_on.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2736,7 +2736,7 @@ begin
     begin
         next_c := field_storage.guard.minimum_off.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.minimum_off and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010010") then -- SW write
             next_c := (field_storage.guard.minimum_off.clocks.value and not decoded_wr_biten(11 downto 0)) or (decoded_wr_data(11 downto 0) and decoded_wr_biten(11 downto 0));
             load_next_c := '1';
         end if;
@@ -2765,7 +2765,7 @@ begin
     begin
         next_c := field_storage.guard.decision_limit.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.decision_limit and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010011") then -- SW write
             next_c := (field_storage.guard.decision_limit.clocks.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2794,7 +2794,7 @@ begin
     begin
         next_c := field_storage.guard.watchdog.clocks.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.watchdog and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010100") then -- SW write
             next_c := (field_storage.guard.watchdog.clocks.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2823,7 +2823,7 @@ begin
     begin
         next_c := field_storage.guard.current_limit.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.current_limit and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010101") then -- SW write
             next_c := (field_storage.guard.current_limit.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2852,7 +2852,7 @@ begin
     begin
         next_c := field_storage.guard.link_high.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.link_high and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010110") then -- SW write
             next_c := (field_storage.guard.link_high.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -2881,7 +2881,7 @@ begin
     begin
         next_c := field_storage.guard.link_low.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.guard.link_low and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00010111") then -- SW write
             next_c := (field_storage.guard.link_low.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         end if;
@@ -3218,7 +3218,7 @@ begin
     begin
         next_c := field_storage.result.sequencer.early.value;
         load_next_c := '0';
-        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00100100") then -- SW write 1 clear
             next_c := field_storage.result.sequencer.early.value and not (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         elsif hwif_in.result.sequencer.early.hwset then -- HW Set
@@ -3250,7 +3250,7 @@ begin
     begin
         next_c := field_storage.result.sequencer.invalid.value;
         load_next_c := '0';
-        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00100100") then -- SW write 1 clear
             next_c := field_storage.result.sequencer.invalid.value and not (decoded_wr_data(1) and decoded_wr_biten(1));
             load_next_c := '1';
         elsif hwif_in.result.sequencer.invalid.hwset then -- HW Set
@@ -3282,7 +3282,7 @@ begin
     begin
         next_c := field_storage.result.sequencer.delayed.value;
         load_next_c := '0';
-        if decoded_reg_strb.result.sequencer and decoded_req_is_wr then -- SW write 1 clear
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00100100") then -- SW write 1 clear
             next_c := field_storage.result.sequencer.delayed.value and not (decoded_wr_data(2) and decoded_wr_biten(2));
             load_next_c := '1';
         elsif hwif_in.result.sequencer.delayed.hwset then -- HW Set
@@ -3342,7 +3342,7 @@ begin
     begin
         next_c := field_storage.parameters.c_current.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_current and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000000") then -- SW write
             next_c := (field_storage.parameters.c_current.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3371,7 +3371,7 @@ begin
     begin
         next_c := field_storage.parameters.c_flux.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_flux and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000001") then -- SW write
             next_c := (field_storage.parameters.c_flux.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3400,7 +3400,7 @@ begin
     begin
         next_c := field_storage.parameters.c_rotor.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_rotor and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000010") then -- SW write
             next_c := (field_storage.parameters.c_rotor.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3429,7 +3429,7 @@ begin
     begin
         next_c := field_storage.parameters.c_rotor_flux.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_rotor_flux and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000011") then -- SW write
             next_c := (field_storage.parameters.c_rotor_flux.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3458,7 +3458,7 @@ begin
     begin
         next_c := field_storage.parameters.c_drop_current.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_drop_current and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000100") then -- SW write
             next_c := (field_storage.parameters.c_drop_current.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3487,7 +3487,7 @@ begin
     begin
         next_c := field_storage.parameters.c_drop.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_drop and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000101") then -- SW write
             next_c := (field_storage.parameters.c_drop.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3516,7 +3516,7 @@ begin
     begin
         next_c := field_storage.parameters.c_drop_flux.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_drop_flux and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000110") then -- SW write
             next_c := (field_storage.parameters.c_drop_flux.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3545,7 +3545,7 @@ begin
     begin
         next_c := field_storage.parameters.c_speed.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_speed and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01000111") then -- SW write
             next_c := (field_storage.parameters.c_speed.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3574,7 +3574,7 @@ begin
     begin
         next_c := field_storage.parameters.c_voltage_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_voltage_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001000") then -- SW write
             next_c := (field_storage.parameters.c_voltage_alpha.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3603,7 +3603,7 @@ begin
     begin
         next_c := field_storage.parameters.c_voltage_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_voltage_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001001") then -- SW write
             next_c := (field_storage.parameters.c_voltage_beta.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3632,7 +3632,7 @@ begin
     begin
         next_c := field_storage.parameters.c_torque.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_torque and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001010") then -- SW write
             next_c := (field_storage.parameters.c_torque.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3661,7 +3661,7 @@ begin
     begin
         next_c := field_storage.parameters.c_weight.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_weight and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001011") then -- SW write
             next_c := (field_storage.parameters.c_weight.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3690,7 +3690,7 @@ begin
     begin
         next_c := field_storage.parameters.c_gain_rotor.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_gain_rotor and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001100") then -- SW write
             next_c := (field_storage.parameters.c_gain_rotor.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3719,7 +3719,7 @@ begin
     begin
         next_c := field_storage.parameters.c_gain_stator.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_gain_stator and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001101") then -- SW write
             next_c := (field_storage.parameters.c_gain_stator.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3748,7 +3748,7 @@ begin
     begin
         next_c := field_storage.parameters.method_mpfc.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.method_mpfc and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001110") then -- SW write
             next_c := (field_storage.parameters.method_mpfc.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         end if;
@@ -3777,7 +3777,7 @@ begin
     begin
         next_c := field_storage.parameters.family_method.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.family_method and decoded_req_is_wr and hwif_in.parameters.family_method.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01001111") and hwif_in.parameters.family_method.value.swwe then -- SW write
             next_c := (field_storage.parameters.family_method.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         end if;
@@ -3806,7 +3806,7 @@ begin
     begin
         next_c := field_storage.parameters.rate.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.rate and decoded_req_is_wr and hwif_in.parameters.rate.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01010000") and hwif_in.parameters.rate.value.swwe then -- SW write
             next_c := (field_storage.parameters.rate.value.value and not decoded_wr_biten(23 downto 0)) or (decoded_wr_data(23 downto 0) and decoded_wr_biten(23 downto 0));
             load_next_c := '1';
         end if;
@@ -3835,7 +3835,7 @@ begin
     begin
         next_c := field_storage.parameters.c_gain_speed.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_gain_speed and decoded_req_is_wr and hwif_in.parameters.c_gain_speed.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01010001") and hwif_in.parameters.c_gain_speed.value.swwe then -- SW write
             next_c := (field_storage.parameters.c_gain_speed.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3864,7 +3864,7 @@ begin
     begin
         next_c := field_storage.parameters.c_gain_integral.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.c_gain_integral and decoded_req_is_wr and hwif_in.parameters.c_gain_integral.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01010010") and hwif_in.parameters.c_gain_integral.value.swwe then -- SW write
             next_c := (field_storage.parameters.c_gain_integral.value.value and not decoded_wr_biten(17 downto 0)) or (decoded_wr_data(17 downto 0) and decoded_wr_biten(17 downto 0));
             load_next_c := '1';
         end if;
@@ -3893,7 +3893,7 @@ begin
     begin
         next_c := field_storage.parameters.sensorless.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.sensorless and decoded_req_is_wr and hwif_in.parameters.sensorless.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01010011") and hwif_in.parameters.sensorless.value.swwe then -- SW write
             next_c := (field_storage.parameters.sensorless.value.value and not decoded_wr_biten(0)) or (decoded_wr_data(0) and decoded_wr_biten(0));
             load_next_c := '1';
         end if;
@@ -3922,7 +3922,7 @@ begin
     begin
         next_c := field_storage.parameters.duty_rule.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.parameters.duty_rule and decoded_req_is_wr and hwif_in.parameters.duty_rule.value.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "01010100") and hwif_in.parameters.duty_rule.value.swwe then -- SW write
             next_c := (field_storage.parameters.duty_rule.value.value and not decoded_wr_biten(1 downto 0)) or (decoded_wr_data(1 downto 0) and decoded_wr_biten(1 downto 0));
             load_next_c := '1';
         end if;
@@ -3951,7 +3951,7 @@ begin
     begin
         next_c := field_storage.measurements.is_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.is_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000000") then -- SW write
             next_c := (field_storage.measurements.is_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.is_alpha.value.we then -- HW Write - we
@@ -3983,7 +3983,7 @@ begin
     begin
         next_c := field_storage.measurements.is_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.is_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000001") then -- SW write
             next_c := (field_storage.measurements.is_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.is_beta.value.we then -- HW Write - we
@@ -4015,7 +4015,7 @@ begin
     begin
         next_c := field_storage.measurements.psis_alpha.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.psis_alpha and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000010") then -- SW write
             next_c := (field_storage.measurements.psis_alpha.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.psis_alpha.value.we then -- HW Write - we
@@ -4047,7 +4047,7 @@ begin
     begin
         next_c := field_storage.measurements.psis_beta.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.psis_beta and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000011") then -- SW write
             next_c := (field_storage.measurements.psis_beta.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.psis_beta.value.we then -- HW Write - we
@@ -4079,7 +4079,7 @@ begin
     begin
         next_c := field_storage.measurements.omega_r.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.omega_r and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000100") then -- SW write
             next_c := (field_storage.measurements.omega_r.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.omega_r.value.we then -- HW Write - we
@@ -4111,7 +4111,7 @@ begin
     begin
         next_c := field_storage.measurements.v_dc.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.v_dc and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000101") then -- SW write
             next_c := (field_storage.measurements.v_dc.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.v_dc.value.we then -- HW Write - we
@@ -4143,7 +4143,7 @@ begin
     begin
         next_c := field_storage.measurements.torque_ref.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.torque_ref and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000110") then -- SW write
             next_c := (field_storage.measurements.torque_ref.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.torque_ref.value.we then -- HW Write - we
@@ -4175,7 +4175,7 @@ begin
     begin
         next_c := field_storage.measurements.psi_ref.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.psi_ref and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10000111") then -- SW write
             next_c := (field_storage.measurements.psi_ref.value.value and not decoded_wr_biten(14 downto 0)) or (decoded_wr_data(14 downto 0) and decoded_wr_biten(14 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.psi_ref.value.we then -- HW Write - we
@@ -4207,7 +4207,7 @@ begin
     begin
         next_c := field_storage.measurements.u.value.value;
         load_next_c := '0';
-        if decoded_reg_strb.measurements.u and decoded_req_is_wr then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10001000") then -- SW write
             next_c := (field_storage.measurements.u.value.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         elsif hwif_in.measurements.u.value.we then -- HW Write - we
@@ -4239,7 +4239,7 @@ begin
     begin
         next_c := field_storage.running.vectors.u1.value;
         load_next_c := '0';
-        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u1.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10100000") and hwif_in.running.vectors.u1.swwe then -- SW write
             next_c := (field_storage.running.vectors.u1.value and not decoded_wr_biten(2 downto 0)) or (decoded_wr_data(2 downto 0) and decoded_wr_biten(2 downto 0));
             load_next_c := '1';
         end if;
@@ -4268,7 +4268,7 @@ begin
     begin
         next_c := field_storage.running.vectors.u2.value;
         load_next_c := '0';
-        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u2.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10100000") and hwif_in.running.vectors.u2.swwe then -- SW write
             next_c := (field_storage.running.vectors.u2.value and not decoded_wr_biten(5 downto 3)) or (decoded_wr_data(5 downto 3) and decoded_wr_biten(5 downto 3));
             load_next_c := '1';
         end if;
@@ -4297,7 +4297,7 @@ begin
     begin
         next_c := field_storage.running.vectors.u3.value;
         load_next_c := '0';
-        if decoded_reg_strb.running.vectors and decoded_req_is_wr and hwif_in.running.vectors.u3.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10100000") and hwif_in.running.vectors.u3.swwe then -- SW write
             next_c := (field_storage.running.vectors.u3.value and not decoded_wr_biten(8 downto 6)) or (decoded_wr_data(8 downto 6) and decoded_wr_biten(8 downto 6));
             load_next_c := '1';
         end if;
@@ -4326,7 +4326,7 @@ begin
     begin
         next_c := field_storage.running.times.t1.value;
         load_next_c := '0';
-        if decoded_reg_strb.running.times and decoded_req_is_wr and hwif_in.running.times.t1.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10100001") and hwif_in.running.times.t1.swwe then -- SW write
             next_c := (field_storage.running.times.t1.value and not decoded_wr_biten(12 downto 0)) or (decoded_wr_data(12 downto 0) and decoded_wr_biten(12 downto 0));
             load_next_c := '1';
         end if;
@@ -4355,7 +4355,7 @@ begin
     begin
         next_c := field_storage.running.times.t2.value;
         load_next_c := '0';
-        if decoded_reg_strb.running.times and decoded_req_is_wr and hwif_in.running.times.t2.swwe then -- SW write
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "10100001") and hwif_in.running.times.t2.swwe then -- SW write
             next_c := (field_storage.running.times.t2.value and not decoded_wr_biten(28 downto 16)) or (decoded_wr_data(28 downto 16) and decoded_wr_biten(28 downto 16));
             load_next_c := '1';
         end if;
