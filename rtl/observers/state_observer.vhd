@@ -191,7 +191,11 @@ architecture rtl of state_observer is
   signal operand      : word_t;
   signal factor       : word_t;
   signal factors      : factors_t;
-  signal b_inputs     : std_logic_vector(B_SOURCES * WORD - 1 downto 0);
+  signal sources    : std_logic_vector(B_SOURCES * WORD - 1 downto 0);
+  signal source     : std_logic_vector(SOURCE_BITS - 1 downto 0);
+  signal from_memory  : std_logic;                                 -- operand B is the coefficient
+  signal elsewhere    : word_t;                                    -- what it is otherwise
+  signal b_operand    : word_t;
   signal seed         : sum_t;
   signal total        : sum_t;
   signal cut_state    : state_t;                                   -- the sum, cut and saturated
@@ -577,9 +581,7 @@ begin
 
   end process p_operand;
 
-  -- coefficients of charges have 16 bits
-  factors(B_STORED)        <= word_t(resize(signed(stored(PORTS - 1 downto 0)), WORD)) when charging = '1' else
-                              stored;
+  factors(B_STORED)        <= (others => '0');
   factors(B_FACTOR)        <= factor;
   factors(B_THETA)         <= '0' & std_logic_vector(ratio_state(RATIO - 1 downto RATIO_GUARD));
   factors(B_ZERO)          <= (others => '0');
@@ -588,8 +590,29 @@ begin
   factors(B_MINUS_QUARTER) <= std_logic_vector(to_signed(-(2 ** (PORTS - 2)), WORD));
 
   g_b : for i in 0 to B_SOURCES - 1 generate
-    b_inputs((i + 1) * WORD - 1 downto i * WORD) <= factors(i);
+    sources((i + 1) * WORD - 1 downto i * WORD) <= factors(i);
   end generate g_b;
+
+  source    <= b_choice(B_BITS - 1 downto PLACE_BITS);
+  from_memory <= to_std_logic(unsigned(source) = B_STORED);
+  elsewhere   <= selected(sources, source, WORD);
+
+  -- the coefficient comes late from its memory: one choice stands behind it
+  p_factor : process (elsewhere, from_memory, stored, charging) is
+  begin
+
+    b_operand <= elsewhere;
+
+    if (from_memory = '1') then
+      b_operand <= stored;
+
+      -- coefficients of charges have 16 bits
+      if (charging = '1') then
+        b_operand(WORD - 1 downto PORTS) <= (others => stored(PORTS - 1));
+      end if;
+    end if;
+
+  end process p_factor;
 
   p_seed : process (seeds, read_state, corrected) is
 
@@ -622,7 +645,7 @@ begin
       A_WIDTH           => WORD,
       B_WIDTH           => WORD,
       A_WORDS           => 1,
-      B_WORDS           => B_SOURCES,
+      B_WORDS           => 1,
       ALIGNMENT_STEP    => 3,
       ACCUMULATOR_WIDTH => SUM
     )
@@ -631,8 +654,8 @@ begin
       enable      => issue,
       a_inputs    => operand,
       a_select    => "0",
-      b_inputs    => b_inputs,
-      b_select    => b_choice(B_BITS - 1 downto PLACE_BITS),
+      b_inputs    => b_operand,
+      b_select    => "0",
       alignment   => aligned,
       accumulate  => gathering,
       seed        => seed,

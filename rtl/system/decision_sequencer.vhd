@@ -26,6 +26,7 @@ entity decision_sequencer is
     commit         : in    std_logic;                    -- '1' for one clock: new parameters are to take effect
     ending         : in    std_logic;                    -- '1' for one clock: the core has decided
     take           : out   std_logic;                    -- '1': measurements are taken from the ports
+    begins         : out   std_logic;                    -- '1': go in the next clock
     go             : out   std_logic;                    -- '1' for one clock: begins, measurements are in registers
     deciding       : out   std_logic;                    -- '1': a decision is under way
     ignored        : out   std_logic;                    -- '1': a start was ignored
@@ -53,6 +54,7 @@ begin
              or (command_start and not running and from_registers);
   ignored <= (start and not from_registers and running) or (command_start and (running or not from_registers));
   any     <= start or command_start;
+  begins  <= begun;
 
   p_sequence : process (clk) is
   begin

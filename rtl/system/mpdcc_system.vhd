@@ -128,6 +128,7 @@ architecture rtl of mpdcc_system is
   signal gated_bvalid   : std_logic;
   signal gated_bresp    : std_logic_vector(1 downto 0);
   signal take           : std_logic; -- measurements come from the ports
+  signal begins         : std_logic; -- go in the next clock
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
   signal observing      : std_logic; -- control.use_observer, as it was when the decision began
@@ -226,8 +227,7 @@ architecture rtl of mpdcc_system is
   signal followed_on    : std_logic; -- the same when the decision began
   signal stopped        : std_logic; -- they no longer do; the filters have not begun anew
   signal waits_for_go   : std_logic; -- a decision is for the next start
-  signal given_now      : std_logic; -- a decision is for now
-  signal apply          : std_logic;
+  signal apply          : std_logic; -- the guard gets the core's decision
   signal watched_a      : std_logic_vector(2 downto 0); -- applied from k-1 to k
   signal watched_b      : std_logic_vector(2 downto 0);
   signal watched_c      : std_logic_vector(2 downto 0);
@@ -310,6 +310,7 @@ begin
       capabilities       => capabilities,
       shown              => from_hardware.system,
       take               => take,
+      begins             => begins,
       go                 => go,
       deciding           => deciding,
       observing          => observing,
@@ -452,14 +453,13 @@ begin
                earlier_c when delayed = '1' else
                until_c;
 
-  -- A decision for the next step waits for its start; what waits is given, whatever has been committed since.
-  apply <= given_now or (go and waits_for_go);
-
   p_gates : process (clk) is
   begin
 
     if rising_edge(clk) then
-      given_now <= core_valid and not delayed;
+      -- A decision for the next step waits for its start; what waits is given, whatever has been committed since. None
+      -- begins in the clock of core_valid.
+      apply <= (core_valid and not delayed) or (begins and waits_for_go);
 
       if (core_valid = '1') then
         waits_for_go <= delayed;
@@ -488,7 +488,7 @@ begin
       end if;
 
       if (rst = '1') then
-        given_now    <= '0';
+        apply        <= '0';
         waits_for_go <= '0';
         followed_on  <= '0';
         followed     <= '0';

@@ -216,6 +216,7 @@ begin
       capabilities       => capabilities,
       shown              => from_hardware.system,
       take               => take,
+      begins             => open,
       go                 => go,
       deciding           => deciding,
       observing          => observing,

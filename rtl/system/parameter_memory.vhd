@@ -279,11 +279,24 @@ begin
 
   end process p_copy;
 
-  waits   <= loading;
-  taken   <= is_taken;
-  c_write <= fetched;
-  c_place <= std_logic_vector(fetched_at);
-  c_word  <= shown;
+  waits <= loading;
+  taken <= is_taken;
+
+  -- from one block RAM to the other: the word comes late from the first
+  p_observer : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      c_write <= fetched;
+      c_place <= std_logic_vector(fetched_at);
+      c_word  <= shown;
+
+      if (rst = '1') then
+        c_write <= '0';
+      end if;
+    end if;
+
+  end process p_observer;
 
   ---------------------------------------------------------------------------------------------
   -- Words that are used in parallel

@@ -57,6 +57,7 @@ entity system_shell is
     shown              : out   system_registers_in_t;         -- what software reads
     -- decisions
     take               : out   std_logic;                     -- '1': measurements are taken from the ports
+    begins             : out   std_logic;                     -- '1': go in the next clock
     go                 : out   std_logic;                     -- '1' for one clock: begin, measurements are in registers
     deciding           : out   std_logic;                     -- '1': a decision is under way
     observing          : out   std_logic;                     -- '1': this decision uses the observer's flux
@@ -182,6 +183,7 @@ begin
       commit         => written.command.commit.value,
       ending         => decided,
       take           => take,
+      begins         => begins,
       go             => begun,
       deciding       => busy,
       ignored        => ignored,

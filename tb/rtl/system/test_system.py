@@ -119,9 +119,8 @@ SWITCHED = {
     "decisions for gates": ("followed <= '1';", "followed <= '0';", "switched"),
     "gates of now": ("if (deciding = '0') then", "if (true) then", "switched"),
     "kept beyond a stop": (" or (stopped and not observer_busy);", ";", "switched"),
-    "a step early": ("given_now <= core_valid and not delayed;", "given_now <= core_valid;",
-                     "applied"),
-    "never given": ("(go and waits_for_go);", "'0';", "(applied|ran)"),
+    "a step early": ("(core_valid and not delayed)", "core_valid", "applied"),
+    "never given": ("(begins and waits_for_go);", "'0';", "(applied|ran)"),
 }  # fmt: skip
 
 

@@ -36,6 +36,7 @@ class Sequencer:
         free = given["ending"] or not (self.running or started)
         found = {
             "take": int(given["start"] and not source and not self.running),
+            "begins": self.begun(given),
             "go": self.go,
             "deciding": self.running,
             "ignored": int(
@@ -82,7 +83,7 @@ async def random_starts(dut) -> None:
         "own_positions": 0.5, "reset_observer": 0.05, "commit": 0.1, "ending": 0.1,
     }  # fmt: skip
     board = await compare(dut, Sequencer(), inputs, rng=random.Random(2), clocks=clocks)
-    names = ("take", "go", "deciding", "ignored", "forget", "load", "pending")
+    names = ("take", "begins", "go", "deciding", "ignored", "forget", "load", "pending")
     board.finish(
         dict.fromkeys(names, clocks - 2) | {"observing": clocks // 2, "owning": clocks // 2},
         dict.fromkeys((*names, "observing", "owning"), clocks // 100),

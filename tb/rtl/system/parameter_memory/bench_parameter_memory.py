@@ -44,6 +44,7 @@ class Model:
     left: list[int] = field(default_factory=lambda: list(range(COUNT)))  # places not yet fetched
     fetched: int | None = None  # place
     value: int = 0  # of that place
+    sent: tuple[int, int] | None = None  # place and word for the observer
     taken: bool = False
     write: tuple[int, int] | None = None  # place and word that are being stored
     read: int | None = None  # word that is shown
@@ -61,6 +62,7 @@ class Model:
         ended = self.fetched == COUNT - 1
         if self.fetched is not None:
             self.force[self.fetched] = self.value
+        self.sent = None if self.fetched is None else (self.fetched, self.value)
         fetched = None
         if self.left and (reads or self.write is not None):
             self.waited += 1
@@ -123,10 +125,10 @@ async def words(dut) -> None:
             board.check("read", number(dut.read_word), model.read, where)
         board.check("waits", number(dut.waits), int(model.loading), where)
         board.check("taken", number(dut.taken), int(model.taken), where)
-        board.check("c_write", number(dut.c_write), int(model.fetched is not None), where)
-        if model.fetched is not None:
+        board.check("c_write", number(dut.c_write), int(model.sent is not None), where)
+        if model.sent is not None:
             got = number(dut.c_place), number(dut.c_word)
-            board.check("copied", got, (model.fetched, model.value), where)
+            board.check("copied", got, model.sent, where)
         if not model.left and model.fetched is None:
             wanted = [
                 0 if place in SLOPES and not given["slopes"] else model.force[place]

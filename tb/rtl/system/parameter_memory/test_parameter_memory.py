@@ -67,7 +67,7 @@ FAULTS = [
         "host_place when request = '0' else",
         "(read|copied)",
     ),
-    Fault(ENTITY, "next_place /= LAST", "next_place /= LAST - 1", "c_write"),
+    Fault(ENTITY, "next_place /= LAST", "next_place /= LAST - 1", "(c_write|taken)"),
     Fault(ENTITY, "fetched_at = LAST)", "fetched_at = LAST - 1)", "taken"),
     Fault(ENTITY, "in_use = '0' and busy = '0'", "in_use = '0'", "(waits|c_write)"),
     Fault(ENTITY, "in_use = '0' and busy = '0'", "busy = '0'", "c_write"),
