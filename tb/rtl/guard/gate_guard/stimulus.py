@@ -23,9 +23,7 @@ def early(rows: Iterable[Inputs]) -> Iterator[tuple[Inputs, Inputs]]:
 
 
 def _with_positions(i: Inputs, of: Inputs) -> Inputs:
-    return replace(
-        i, position_a=of.position_a, position_b=of.position_b, position_c=of.position_c
-    )
+    return replace(i, position_a=of.position_a, position_b=of.position_b, position_c=of.position_c)
 
 
 def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:

@@ -134,8 +134,8 @@ FAULTS = {
     "coefficient": (PROGRAM, "(4, 21, 57, 3, -1)", "(4, 21, 56, 3, -1)"),
     "bits of a charge": (
         ENTITY,
-        "WORD)) when charging = '1' else",
-        "WORD)) when begins = '1' else",
+        "16 bits\n      if (charging = '1') then",
+        "16 bits\n      if (begins = '1') then",
     ),
     "unread": (ENTITY, "reading <= not c_write;", "reading <= begins;"),
     "late coefficient": (ENTITY, "=> b_ahead(PLACE_BITS", "=> b_choice(PLACE_BITS"),

@@ -35,7 +35,10 @@ def test_decisions_follow_one_another() -> None:
 
 FAULTS = [
     Fault(
-        NAME, "command_start and not running and from_registers)", "command_start)", "(go|deciding)"
+        NAME,
+        "command_start and not running and from_registers)",
+        "command_start)",
+        "(begins|go|deciding)",
     ),
     Fault(NAME, "any     <= start or command_start;", "any     <= start;", "load"),
     Fault(NAME, "elsif (running = '0') then", "else", "forget"),
