@@ -54,9 +54,11 @@ architecture rtl of gate_leg is
 
   subtype gates_t is std_logic_vector(GATES_OF_LEG - 1 downto 0);
 
-  type phase_t is (STOPPED, STARTING, RESTED, ACTING);
+  type phase_t is (STARTING, RESTED, ACTING);
 
-  signal phase    : phase_t;
+  -- beside the phase: stop ends at this register and at few others
+  signal live     : std_logic; -- not stopped
+  signal phase    : phase_t;   -- of a leg that is live
   signal offered  : std_logic_vector(2 downto 0); -- goal; of a two-level leg bit 0 alone
   signal asked    : std_logic_vector(2 downto 0); -- offered in the clock before
   signal accepted : std_logic_vector(2 downto 0);
@@ -87,15 +89,15 @@ begin
              "00" & goal(0);
   kept    <= asked when decided = '1' else
              accepted;
-  legal   <= '1' when phase = STOPPED else
-             follows;
+  legal   <= follows or not live;
   waits   <= waiting;
   blocked <= waiting and moves;
-  resting <= '1' when phase = STOPPED or (phase = RESTED and over = '1' and waiting = '0') else
+  resting <= '1' when live = '0' or (phase = RESTED and over = '1' and waiting = '0') else
              '0';
 
   -- the gates after this edge, were there no stop
-  act     <= '1' when phase = STARTING or (over = '1' and (phase = ACTING or (phase = RESTED and waiting = '1'))) else
+  act     <= '1' when live = '1' and (phase = STARTING
+                                      or (over = '1' and (phase = ACTING or (phase = RESTED and waiting = '1')))) else
              '0';
   changed <= pattern_of(FIVE_LEVEL, accepted) when phase = STARTING else
              driven xor first when phase = RESTED else
@@ -132,7 +134,8 @@ begin
       if (decided = '1') then
         first <= action_of(FIVE_LEVEL, target, asked, "000");
 
-        if (phase = STOPPED) then
+        if (live = '0') then
+          live  <= '1';
           phase <= STARTING;
         end if;
       end if;
@@ -140,7 +143,7 @@ begin
       if (begins = '1') then
         waiting <= decided and moves;
       elsif (decided = '1') then
-        waiting <= to_std_logic(phase = STOPPED or asked /= target);
+        waiting <= to_std_logic(live = '0' or asked /= target);
       end if;
 
       refused <= act and forbidden;
@@ -170,7 +173,7 @@ begin
       end if;
 
       if (stop = '1') then
-        phase   <= STOPPED;
+        live    <= '0';
         waiting <= '0';
         driven  <= (others => '0');
       end if;

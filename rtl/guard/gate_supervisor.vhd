@@ -62,15 +62,17 @@ architecture rtl of gate_supervisor is
 
   subtype clocks_t is unsigned(TIME_WIDTH - 1 downto 0);
 
-  type state_t is (OFF, ARMED, ACTIVE);
-
-  signal state     : state_t;
+  -- two flags and no enumeration: a cause ends at them, without a decoder behind it
+  signal armed     : std_logic;
+  signal active    : std_logic;
+  signal is_off    : std_logic; -- neither
   signal primed    : std_logic; -- enable has been down since the reset or the last fault
   signal wanted    : std_logic;
   signal compared  : std_logic; -- measurements are inside the limits in force, as far as is known
   signal expected  : std_logic; -- a decision has begun
   signal begins    : std_logic; -- the one that begins is watched
   signal late      : std_logic;
+  signal lapsed    : std_logic; -- a time has run out, unless a decision comes now
   signal begun     : std_logic; -- from armed to running, were there no cause against it
   signal starved   : std_logic; -- watchdog clocks without a decision
   signal fed       : std_logic;
@@ -80,7 +82,6 @@ architecture rtl of gate_supervisor is
   signal latched   : std_logic_vector(FAULT_COUNT - 1 downto 0);
   signal faulty    : std_logic; -- a fault is latched
   signal rested    : std_logic; -- gates have been off long enough
-  signal arming    : std_logic;
   signal events    : std_logic_vector(FAULT_COUNT - 1 downto 0); -- what would be a fault with enable up
   signal any_event : std_logic;
   signal causes    : std_logic_vector(FAULT_COUNT - 1 downto 0);
@@ -119,29 +120,32 @@ begin
   wanted <= enable and primed and not faulty;
   forget <= renew or not wanted;
 
-  p_events : process (state, trips, decided, legal, blocked, refused, expected, late, starved) is
+  is_off <= not (armed or active);
+  lapsed <= (expected and late) or (starved and not is_off);
+
+  p_events : process (active, is_off, trips, decided, legal, blocked, refused, expected, late, starved) is
   begin
 
     events                <= (others => '0');
     events(3 downto 0)    <= trips;
     events(FAULT_LATE)    <= expected and not decided and late;
-    events(FAULT_MISSING) <= to_std_logic(state /= OFF) and starved and not decided;
+    events(FAULT_MISSING) <= starved and not is_off and not decided;
     -- in any state: no pattern depends on legs and states being in step
     events(FAULT_INTERLOCK) <= refused;
 
-    if (state = ACTIVE) then
+    if (active = '1') then
       events(FAULT_ILLEGAL) <= decided and not legal;
       events(FAULT_OVERRUN) <= decided and blocked;
     end if;
 
   end process p_events;
 
-  any_event <= or_of(events);
+  any_event <= or_of(trips) or refused or (lapsed and not decided)
+               or (active and decided and (blocked or not legal));
   causes <= events when wanted = '1' else
             (others => '0');
   fault  <= any_event and wanted;
-  rested <= wanted and to_std_logic(state = OFF and off_for >= dead and off_for >= rest);
-  arming <= rested and not fault;
+  rested <= wanted and is_off and to_std_logic(off_for >= dead and off_for >= rest);
 
   begins <= start and wanted and (decided or not expected);
 
@@ -156,7 +160,7 @@ begin
       over   => late
     );
 
-  fed <= decided or to_std_logic(state = OFF);
+  fed <= decided or is_off;
 
   i_starved : entity work.countdown
     generic map (
@@ -170,8 +174,7 @@ begin
     );
 
   -- not wanted is a halt of its own, so the way from an event to the gates need not know it
-  halt  <= '1' when rst = '1' or wanted = '0' or any_event = '1' or (state /= ARMED and state /= ACTIVE) else
-           '0';
+  halt <= rst or not wanted or any_event;
 
   p_state : process (clk) is
 
@@ -202,7 +205,7 @@ begin
       end if;
 
       -- times, as long as nothing depends on them
-      if (state = OFF) then
+      if (is_off = '1') then
         limited := unsigned(dead_time);
 
         if (limited < LEAST_DEAD_TIME) then
@@ -222,32 +225,22 @@ begin
         off_for <= (others => '0');
       end if;
 
-      case state is
+      if (rested = '1') then
+        armed <= '1';
+      elsif (begun = '1') then
+        armed <= '0';
+      end if;
 
-        when OFF =>
+      if (armed = '1' and begun = '1') then
+        active <= '1';
+      end if;
 
-          if (arming = '1') then
-            state <= ARMED;
-          end if;
-
-        when ARMED =>
-
-          if (begun = '1') then
-            state <= ACTIVE;
-          end if;
-
-        when others =>
-
-          null;
-
-      end case;
-
-      if (state /= OFF and halt = '1') then
-        state <= OFF;
+      if (halt = '1') then
+        armed  <= '0';
+        active <= '0';
       end if;
 
       if (rst = '1') then
-        state    <= OFF;
         primed   <= '0';
         compared <= '0';
         expected <= '0';
@@ -263,10 +256,10 @@ begin
 
   -- legs stay stopped until the first decision that counts
   begun       <= decided and compared and not renew;
-  stop        <= halt or (to_std_logic(state = ARMED) and not begun);
+  stop        <= halt or not (active or (armed and begun));
   dead_now    <= std_logic_vector(dead);
   rest_now    <= std_logic_vector(rest);
-  running     <= to_std_logic(state = ACTIVE);
+  running     <= active;
   faults      <= latched;
 
 end architecture rtl;

@@ -54,7 +54,8 @@ module proof (
   (* inside = "i_checked.vetted" *) wire vetted;
 
   // the supervisor
-  (* inside = "i_checked.i_guard.i_supervisor.state" *) wire [1:0] state;
+  (* inside = "i_checked.i_guard.i_supervisor.armed" *) wire armed;
+  (* inside = "i_checked.i_guard.i_supervisor.active" *) wire active;
   (* inside = "i_checked.i_guard.i_supervisor.primed" *) wire primed;
   (* inside = "i_checked.i_guard.i_supervisor.compared" *) wire compared;
   (* inside = "i_checked.i_guard.i_supervisor.off_for" *) wire [11:0] off_for;
@@ -85,8 +86,11 @@ module proof (
   (* inside = "i_checked.i_guard.i_comparator.under_voltage" *) wire under_voltage;
 
   // the legs
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.live" *) wire live_a;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.phase" *) wire [1:0] phase_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.live" *) wire live_b;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.phase" *) wire [1:0] phase_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.live" *) wire live_c;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.phase" *) wire [1:0] phase_c;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.accepted" *) wire [2:0] accepted_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.accepted" *) wire [2:0] accepted_b;
@@ -185,6 +189,7 @@ module proof (
     end
   endfunction
 
+  wire [1:0] state = active ? ACTIVE : armed ? ARMED : OFF;
   wire [24:0] alpha_64 = {{3{alpha_1[15]}}, alpha_1, 6'b0};
   wire [11:0] floor = floor_dead < LEAST ? LEAST : floor_dead;
 
@@ -210,7 +215,7 @@ module proof (
 
 
   wire fact_known = known;
-  wire fact_state = state <= ACTIVE;
+  wire fact_state = !(armed && active);
   wire fact_faulty = faulty == (latched != 0);
   wire fact_primed = !primed || (fresh && !faulty);
   wire fact_runs = state == OFF || primed;
@@ -246,7 +251,9 @@ module proof (
   genvar i, x;
   generate
     for (x = 0; x < 3; x = x + 1) begin : leg
-      wire [1:0] phase = x == 0 ? phase_a : x == 1 ? phase_b : phase_c;
+      wire live = x == 0 ? live_a : x == 1 ? live_b : live_c;
+      wire [1:0] encoded = x == 0 ? phase_a : x == 1 ? phase_b : phase_c;
+      wire [1:0] phase = !live ? STOPPED : encoded + 2'd1;
       wire [2:0] asked = x == 0 ? asked_a : x == 1 ? asked_b : asked_c;
       wire follows_now = !`FIVE_LEVEL || (x == 0 ? follows_a : x == 1 ? follows_b : follows_c);
       wire moves_now = x == 0 ? moves_a : x == 1 ? moves_b : moves_c;
@@ -267,6 +274,7 @@ module proof (
       wire [SIZE-1:0] move = changed(origin, target, action);          // gates of this move so far
       wire [SIZE-1:0] latest = gate_of(origin, target, action - 3'd1);  // the one of them that changed last
 
+      wire fact_encoded = !live || encoded != 3;
       wire fact_phase = (state == ACTIVE) == (phase != STOPPED);
       wire fact_asked = asked == (offered[3*(2-x) +: 3] & COUNTS);
       wire fact_verdict = follows_now == follows(accepted, asked) && moves_now == (accepted != asked);

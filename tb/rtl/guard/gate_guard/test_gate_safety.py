@@ -47,7 +47,7 @@ SEEDED = {
         "((over = '1' and phase = ACTING) or (phase = RESTED and waiting = '1'))",
     ),
     "legality": (True, "gate_guard", "legal(0) and legal(1) and legal(2)", "legal(0) and legal(1)"),
-    "trip": (False, "gate_supervisor", "or any_event = '1' or (state", "or (state"),
+    "trip": (False, "gate_supervisor", "not wanted or any_event;", "not wanted;"),
     "watchdog": (False, "gate_supervisor", "clocks => watchdog,", 'clocks => x"FFFF",'),
     "unmeasured": (False, "gate_supervisor", "decided and compared and not renew;", "decided;"),
     "old measurement": (

@@ -49,8 +49,8 @@ FAULTS = [
     Fault(NAME, "refused <= act and forbidden;", "refused <= '0';", "refused"),
     Fault(NAME, "refused <= act and forbidden;", "refused <= forbidden;", "refused"),
     Fault(NAME, "if (forbidden = '0') then", "if (true) then", "gates"),
-    Fault(NAME, "legal   <= '1' when phase = STOPPED else", "legal <=", "legal"),
-    Fault(NAME, "phase   <= STOPPED;", "null;", "(gates|legal|resting)"),
+    Fault(NAME, "legal   <= follows or not live;", "legal <= follows;", "legal"),
+    Fault(NAME, "live    <= '0';", "null;", "(gates|legal|resting)"),
     Fault(NAME, "position <= target;", "position <= accepted;", "position"),
     Fault(NAME, "unsigned(rest_time) - 1)", "unsigned(rest_time) - 2)", "(resting|gates|waits)"),
 ]
