@@ -16,7 +16,7 @@
 -- Formats: places and widths as mpdcc_parameter_places; coefficients have 16 bits.
 -- Latency: a write is done a clock after its request, and a read has its word then. waits is up from the clock after
 -- load on, for 67 clocks, unless words are in use, behind rst for 66; one more for each access, which goes first. taken
--- is up in the last of them: all words are in force.
+-- is up in the last of them: all words are in force in the next.
 -- Overflow: none; bits that a word does not have are dropped.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -48,7 +48,7 @@ entity parameter_memory is
     load            : in    std_logic;                     -- '1' for one clock: the host's words are to take effect
     in_use          : in    std_logic;                     -- '1': words in force may not change; no rise while waits
     waits           : out   std_logic;                     -- '1': they have not, or not all of them
-    taken           : out   std_logic;                     -- '1' for one clock: they have, waits ends
+    taken           : out   std_logic;                     -- '1' for one clock: they have in the next, waits ends
     -- to the observer's memory
     c_write         : out   std_logic;                     -- '1': c_word is to be stored
     c_place         : out   std_logic_vector(5 downto 0);  -- where, unsigned
@@ -93,6 +93,9 @@ architecture rtl of parameter_memory is
   signal fetches      : std_logic; -- the copy fetches a word in this clock
   signal fetched      : std_logic; -- it has fetched one in the clock before
   signal fetched_at   : unsigned(5 downto 0);
+  signal sent         : std_logic; -- the word of a clock ago is on its way into force
+  signal sent_at      : unsigned(5 downto 0);
+  signal sent_word    : word_t;
   signal ends         : std_logic;
   signal is_taken     : std_logic;
   signal busy         : std_logic;
@@ -282,27 +285,31 @@ begin
   waits <= loading;
   taken <= is_taken;
 
-  -- from one block RAM to the other: the word comes late from the first
-  p_observer : process (clk) is
+  -- the word comes late from its RAM, and has far to go
+  p_sent : process (clk) is
   begin
 
     if rising_edge(clk) then
-      c_write <= fetched;
-      c_place <= std_logic_vector(fetched_at);
-      c_word  <= shown;
+      sent      <= fetched;
+      sent_at   <= fetched_at;
+      sent_word <= shown;
 
       if (rst = '1') then
-        c_write <= '0';
+        sent <= '0';
       end if;
     end if;
 
-  end process p_observer;
+  end process p_sent;
+
+  c_write <= sent;
+  c_place <= std_logic_vector(sent_at);
+  c_word  <= sent_word;
 
   ---------------------------------------------------------------------------------------------
   -- Words that are used in parallel
   ---------------------------------------------------------------------------------------------
 
-  p_moves : process (fetched, fetched_at) is
+  p_moves : process (sent, sent_at) is
 
     variable one : std_logic; -- the word is one of the chain
 
@@ -312,11 +319,11 @@ begin
 
     for i in 0 to CHAIN_COUNT - 1 loop
       if (kept(i)) then
-        one := one or to_std_logic(fetched_at = i);
+        one := one or to_std_logic(sent_at = i);
       end if;
     end loop;
 
-    moves <= fetched and one;
+    moves <= sent and one;
 
   end process p_moves;
 
@@ -329,7 +336,7 @@ begin
           if (behind(i) < CHAIN_COUNT) then
             chain(i) <= chain(behind(i));
           else
-            chain(i) <= shown(CHAINED_BITS - 1 downto 0);
+            chain(i) <= sent_word(CHAINED_BITS - 1 downto 0);
           end if;
         end loop;
       end if;
@@ -350,45 +357,45 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (fetched = '1') then
-        if (fetched_at = PLACE_HORIZON) then
-          horizon <= shown(5 downto 0);
+      if (sent = '1') then
+        if (sent_at = PLACE_HORIZON) then
+          horizon <= sent_word(5 downto 0);
         end if;
 
-        if (fetched_at = PLACE_WEIGHT_SCALE) then
-          weight_scale <= shown(1 downto 0);
+        if (sent_at = PLACE_WEIGHT_SCALE) then
+          weight_scale <= sent_word(1 downto 0);
         end if;
 
-        if (fetched_at = PLACE_TWO_SWITCHINGS) then
-          two_switchings <= shown(0);
+        if (sent_at = PLACE_TWO_SWITCHINGS) then
+          two_switchings <= sent_word(0);
         end if;
 
-        if (fetched_at = PLACE_BUDGET) then
-          budget <= shown(11 downto 0);
+        if (sent_at = PLACE_BUDGET) then
+          budget <= sent_word(11 downto 0);
         end if;
 
-        if (fetched_at = PLACE_COMPENSATE) then
-          compensate <= shown(0);
+        if (sent_at = PLACE_COMPENSATE) then
+          compensate <= sent_word(0);
         end if;
 
-        if (fetched_at = PLACE_DEADLOCK_RULE) then
-          deadlock_rule <= shown(0);
+        if (sent_at = PLACE_DEADLOCK_RULE) then
+          deadlock_rule <= sent_word(0);
         end if;
 
-        if (fetched_at = PLACE_OUTSIDE_INWARDS) then
-          outside_inwards <= shown(0);
+        if (sent_at = PLACE_OUTSIDE_INWARDS) then
+          outside_inwards <= sent_word(0);
         end if;
 
-        if (fetched_at = PLACE_F_Q_MIDPOINT) then
-          f_q_midpoint <= shown(2 downto 0);
+        if (sent_at = PLACE_F_Q_MIDPOINT) then
+          f_q_midpoint <= sent_word(2 downto 0);
         end if;
 
-        if (fetched_at = PLACE_F_Q_PHASE) then
-          f_q_phase <= shown(2 downto 0);
+        if (sent_at = PLACE_F_Q_PHASE) then
+          f_q_phase <= sent_word(2 downto 0);
         end if;
 
-        if (fetched_at = PLACE_L_MODE) then
-          l_mode <= shown(1 downto 0);
+        if (sent_at = PLACE_L_MODE) then
+          l_mode <= sent_word(1 downto 0);
         end if;
       end if;
     end if;

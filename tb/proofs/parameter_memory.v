@@ -32,7 +32,6 @@ module proof (
   (* inside = "i_dut.active" *) wire active;
   (* inside = "i_dut.fetched" *) wire fetched;
   (* inside = "i_dut.fetched_at" *) wire [5:0] fetched_at;
-  (* inside = "i_dut.shown" *) wire [17:0] shown;
   (* inside = "i_dut.clearing" *) wire clearing;
   (* inside = "i_dut.blank" *) wire blank;
   (* inside = "i_dut.next_place" *) wire [5:0] next_place;
@@ -103,8 +102,7 @@ module proof (
   reg [17:0] was_word;
   reg [607:0] was_in_force;
   reg [17:0] host;          // what the host wrote at the place last, zero since a reset
-  reg [17:0] copied;        // what was fetched there last
-  reg [17:0] delivered;     // what the observer's memory has got there last
+  reg [17:0] copied;        // what the observer's memory got there last
   reg changed;              // the host has written there since
 
   // an access comes behind the done of the one before; while words wait none is written, and no use of them begins
@@ -129,11 +127,10 @@ module proof (
       host <= was_word & bits_of(place);
       changed <= 1;
     end
-    if (fetched && fetched_at == place) begin
-      copied <= shown;
+    if (c_write && c_place == place) begin
+      copied <= c_word;
       changed <= 0;
     end
-    if (c_write && c_place == place) delivered <= c_word;
     if (rst) begin
       host <= 0;
       changed <= 0;
@@ -141,33 +138,33 @@ module proof (
   end
 
   // the place whose word goes to the observer next, 64 between two copies; what stands before it is in force
-  wire [6:0] coming = fetched ? fetched_at : active ? next_place : 64;
+  wire [6:0] fetching = fetched ? fetched_at : active ? next_place : 64;
+  wire [6:0] coming = c_write ? c_place : fetching;
   wire passed = place < coming;
-  wire [17:0] arrives = c_write && c_place == place ? c_word : delivered;
   wire [5:0] moved = rank(coming);
 
   wire fact_waits = !busy || waits;
   wire fact_order = !(taken && (active || fetched)) && (active || next_place == 0)
                     && (!fetched || fetched_at == next_place - 6'd1) && !(fetched && active && next_place == 0);
   wire fact_clearing = (!clearing || mask == 0) && (!clearing || active || fetched) && (!fetched || clearing == blank);
+  wire fact_sends = !c_write || (waits && fetching == c_place + 7'd1);
+  wire fact_ends = !taken || (c_write && c_place == 63);
   wire fact_unused = !(busy || c_write) || (was_waiting && !was_in_use);
   wire fact_unwritten = !(busy && written) && (!written || was_request);
   wire fact_written = !written || (written_at == was_place && stored_word == (was_word & bits_of(written_at)));
   wire fact_cleared = !clearing || (host == 0 && (stored == 0 || (active && next_place <= place)));
   wire fact_stored = clearing || stored == host;
   wire fact_fetched = !(fetched && fetched_at == place && !blank) || ram_word == host;
+  wire fact_sent = !(c_write && c_place == place) || c_word == host;
   wire fact_masked = (host & ~bits_of(place)) == 0;
   wire fact_copied = !passed || changed || copied == host;
-  wire fact_sent = !(c_write && c_place == place) || c_word == copied;
-  wire fact_arrived = !passed || arrives == copied;
-  wire fact_sends = !c_write || waits;
   wire fact_same = !(busy && passed) || !changed;
   wire fact_chained = !(passed && kept(place)) || chained(chain, KEPT - moved + rank(place)) == copied[15:0];
   wire fact_set = !(passed && is_setting) || setting == copied;
 
   wire prove_words_in_force_stay = !sure || in_force == was_in_force || could_change;
   wire prove_the_observers_words_stay = !c_write || (waits && !in_use);
-  wire prove_a_copy_is_whole = !taken || (arrives == host && (!kept(place) || chained(chain, rank(place)) == host[15:0])
+  wire prove_a_copy_is_whole = !(sure && was_taken) || (copied == host && (!kept(place) || chained(chain, rank(place)) == host[15:0])
                                           && (!is_setting || setting == host));
   wire prove_reads_are_what_was_written = !(was_reading && was_place == place) || (read_done && read_word == host);
   wire prove_waits_end_with_a_copy = !sure || !was_waiting || waits || was_taken;

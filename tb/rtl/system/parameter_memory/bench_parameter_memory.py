@@ -60,8 +60,8 @@ class Model:
         starts = self.loading and not self.copying and not in_use
         reads = access is not None and not access[0]
         ended = self.fetched == COUNT - 1
-        if self.fetched is not None:
-            self.force[self.fetched] = self.value
+        if self.sent is not None:
+            self.force[self.sent[0]] = self.sent[1]
         self.sent = None if self.fetched is None else (self.fetched, self.value)
         fetched = None
         if self.left and (reads or self.write is not None):
@@ -129,7 +129,7 @@ async def words(dut) -> None:
         if model.sent is not None:
             got = number(dut.c_place), number(dut.c_word)
             board.check("copied", got, model.sent, where)
-        if not model.left and model.fetched is None:
+        if not model.left and model.fetched is None and model.sent is None:
             wanted = [
                 0 if place in SLOPES and not given["slopes"] else model.force[place]
                 for place in COEFFICIENTS

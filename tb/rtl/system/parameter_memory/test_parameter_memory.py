@@ -76,10 +76,10 @@ FAULTS = [
         ENTITY, "chain(i) <= chain(behind(i));", "chain(i) <= chain(i);", "(coefficients|in force)"
     ),
     Fault(
-        ENTITY, "moves <= fetched and one;", "moves <= active and one;", "(coefficients|in force)"
+        ENTITY, "moves <= sent and one;", "moves <= active and one;", "(coefficients|in force)"
     ),
     Fault(ENTITY, "= at and not SLOPES) then", "= at and SLOPES) then", "coefficients"),
-    Fault(ENTITY, "fetched_at = PLACE_BUDGET)", "fetched_at = PLACE_HORIZON)", "in force"),
+    Fault(ENTITY, "sent_at = PLACE_BUDGET)", "sent_at = PLACE_HORIZON)", "in force"),
     Fault(
         ENTITY,
         "shown      <= ram_word when blank = '0' else",
