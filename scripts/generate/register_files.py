@@ -57,8 +57,8 @@ Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words
 - [Registers of MPTC](#mptc-registers)
 
 **Clock.** The gate guard counts its times in clocks of the core. `make registers` computes them for
-25 MHz, the core's clock on boards without a PLL. Give any other one: `ARGS='--clock 75e6'` for the
-75 MHz of the ULX3S, `100e6` for its 100 MHz with MPTC. The host program asks the board.
+25 MHz, the core's clock on boards without a PLL. Give any other one: `ARGS='--clock 100e6'` for the
+100 MHz of the ULX3S, `75e6` for its 75 MHz with the family. The host program asks the board.
 A clock above the core's own makes watchdogs longer than asked for, one below it dead times shorter.
 
 **Values that do not fit.** The gate guard is never set less safe than asked for. `dead_time`,

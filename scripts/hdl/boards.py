@@ -181,7 +181,7 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         part=f"LFE5U-{size.upper()}-6BG381C",
         clock_mhz=25,
         divide=1,
-        pll_mhz={"mpdcc": 75, "mptc": 100, "family": 75},
+        pll_mhz={"mpdcc": 100, "mptc": 100, "family": 75},
         baud=3_000_000,
         controllers=controllers,
         pins=_ULX3S_PINS,

@@ -30,7 +30,12 @@ from scripts.shared.tools import BUILD, ToolError
 
 FOLDER = BUILD / "bitstream"
 PACKAGE, SPEED = "CABGA381", "6"
-SYNTHESIS = "synth_ecp5 -top board_top"
+WIRE = 500
+"""Delay of a wire for the mapping to LUTs, ps; 300 unless told. Wires of a full board are longer."""
+SYNTHESIS = (
+    "synth_ecp5 -top board_top -run begin:map_luts; techmap -map +/lattice/latches_map.v; "
+    f"abc9 -W {WIRE}; clean; synth_ecp5 -top board_top -run map_cells:"
+)
 DEVICES = {"85f": "--85k", "25f": "--25k", "12f": "--12k"}
 SEEDS = 5
 WEIGHT = 40
