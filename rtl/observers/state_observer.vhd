@@ -569,12 +569,13 @@ begin
 
       when others =>
 
-        other := stored(PORTS - 1 downto 0) & "00";
+        other := std_logic_vector(chosen);
 
     end case;
 
-    if (a_choice(8 downto 7) = "00") then
-      operand <= std_logic_vector(chosen);
+    -- the coefficient comes late from its memory
+    if (a_choice(8 downto 7) = "11") then
+      operand <= stored(PORTS - 1 downto 0) & "00";
     else
       operand <= other;
     end if;
@@ -594,8 +595,16 @@ begin
   end generate g_b;
 
   source    <= b_choice(B_BITS - 1 downto PLACE_BITS);
-  from_memory <= to_std_logic(unsigned(source) = B_STORED);
   elsewhere   <= selected(sources, source, WORD);
+
+  p_from_memory : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      from_memory <= to_std_logic(unsigned(b_ahead(B_BITS - 1 downto PLACE_BITS)) = B_STORED);
+    end if;
+
+  end process p_from_memory;
 
   -- the coefficient comes late from its memory: one choice stands behind it
   p_factor : process (elsewhere, from_memory, stored, charging) is

@@ -202,8 +202,9 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
 
     A block RAM's number is spread over several tiles. The unpacker writes it down at one of them,
     with ones for the bits that are in the others; those bits are not compared, but the contents
-    that the number leads to are. The unpacker writes down no word of a PLL that is zero: no bit of
-    it is set.
+    that the number leads to are. Where the bits in that tile are all ones it writes down no number;
+    the contents are compared all the same. The unpacker writes down no word of a PLL that is zero: no
+    bit of it is set.
 
     Parameters
     ----------
@@ -222,6 +223,10 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     for (name, *tiles), value in wanted.items():
         held = [(name, tile) for tile in tiles if (name, tile) in left]
         if not held and set(value) == {"0"} and any(":PLL" in tile for tile in tiles):
+            continue
+        # the leftmost bit of a block RAM's number is its lowest
+        contents = ("contents", str(int(value[::-1], 2))) if name.endswith(".WID") else None
+        if not held and len(tiles) > 1 and "1" in value and contents in found:
             continue
         if len(held) != 1:
             count += 1

@@ -151,6 +151,19 @@ def test_a_word_of_several_tiles_is_found_at_one_of_them() -> None:
     assert bitstream.differing(placed, {}) == 3
 
 
+def test_a_number_of_ones_in_its_tile_is_known_by_its_contents() -> None:
+    placed = bitstream._words(
+        ".tile_group R2:EBR0 R2:EBR1\nword: EBR0.WID 1100\n.bram_init 3\n001 002\n"
+    )
+    assert len(placed) == 2
+    shown = bitstream._words(".bram_init 3\n001 002\n")
+    assert bitstream.differing(placed, shown) == 0
+    assert bitstream.differing(placed, bitstream._words(".bram_init 3\n001 004\n")) == 2
+    assert bitstream.differing(placed, bitstream._words(".bram_init 4\n001 002\n")) == 3
+    alone = bitstream._words(".tile R2:EBR0\nword: EBR0.WID 1100\n.bram_init 3\n001 002\n")
+    assert bitstream.differing(alone, shown) == 1
+
+
 def test_a_word_of_zeros_is_left_out_for_a_pll_alone() -> None:
     pll = bitstream._words(".tile_group R4:PLL0_UL R5:PLL1_UL\nword: KVCO 000\nword: DIV 0110\n")
     found = bitstream._words(".tile R5:PLL1_UL\nword: DIV 0110\n")
