@@ -13,7 +13,8 @@
 -- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
 -- legal, and gate_supervisor keeps stop up for dead and minimum times.
 --
--- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the leg is not stopped.
+-- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the leg
+-- is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; stop, one clock.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
@@ -35,7 +36,7 @@ entity gate_leg is
     clk       : in    std_logic;                                               -- rising edge
     stop      : in    std_logic;                                               -- '1': all gates off, and forget
     decided   : in    std_logic;                                               -- '1' for one clock: goal is new
-    goal      : in    std_logic_vector(2 downto 0);              -- position of the next clock's decided, 0 to 7 or bit 0
+    goal      : in    std_logic_vector(2 downto 0); -- position of the next clock's decided, 0 to 7 or bit 0
     dead_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- between two actions, clocks, 1 at least
     rest_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- after the last one, clocks, 1 at least
     legal     : out   std_logic; -- '1': goal of the clock before follows the one in force

@@ -51,7 +51,7 @@ entity request_check is
     -- verdict
     control       : in    std_logic;                                      -- link in control
     step_busy     : in    std_logic;                                      -- '1': no step can begin
-    applied       : in    std_logic_vector(15 downto 0);                  -- position the gates are at, kept while no step_busy
+    applied       : in    std_logic_vector(15 downto 0);  -- position the gates are at; stays while step_busy = '0'
     applied_known : in    std_logic;                                      -- '1': they are at one
     outcome       : out   outcome_t;                                      -- ACCEPTED or why not
     acted         : in    std_logic;                                      -- '1' for one clock: it acts

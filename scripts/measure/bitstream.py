@@ -31,7 +31,7 @@ from scripts.shared.tools import BUILD, ToolError
 FOLDER = BUILD / "bitstream"
 PACKAGE, SPEED = "CABGA381", "6"
 WIRE = 500
-"""Delay of a wire for the mapping to LUTs, ps; 300 unless told. Wires of a full board are longer."""
+"""Delay of a wire for the mapping to LUTs, ps; 300 unless told. A full board has longer ones."""
 SYNTHESIS = (
     "synth_ecp5 -top board_top -run begin:map_luts; techmap -map +/lattice/latches_map.v; "
     f"abc9 -W {WIRE}; clean; synth_ecp5 -top board_top -run map_cells:"
@@ -203,8 +203,8 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     A block RAM's number is spread over several tiles. The unpacker writes it down at one of them,
     with ones for the bits that are in the others; those bits are not compared, but the contents
     that the number leads to are. Where the bits in that tile are all ones it writes down no number;
-    the contents are compared all the same. The unpacker writes down no word of a PLL that is zero: no
-    bit of it is set.
+    the contents are compared all the same. The unpacker writes down no word of a PLL that is zero:
+    no bit of it is set.
 
     Parameters
     ----------

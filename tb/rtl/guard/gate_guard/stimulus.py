@@ -12,7 +12,7 @@ from tb.helpers.scoreboard import word
 
 
 def early(rows: Iterable[Inputs]) -> Iterator[tuple[Inputs, Inputs]]:
-    """Inputs of the reference, and at the ports: positions are there a clock before their decision."""
+    """Inputs of the reference, and those of the ports: positions a clock before their decision."""
     last: Inputs | None = None
     for i in rows:
         if last is not None:

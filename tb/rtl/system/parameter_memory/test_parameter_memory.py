@@ -75,9 +75,7 @@ FAULTS = [
     Fault(
         ENTITY, "chain(i) <= chain(behind(i));", "chain(i) <= chain(i);", "(coefficients|in force)"
     ),
-    Fault(
-        ENTITY, "moves <= sent and one;", "moves <= active and one;", "(coefficients|in force)"
-    ),
+    Fault(ENTITY, "moves <= sent and one;", "moves <= active and one;", "(coefficients|in force)"),
     Fault(ENTITY, "= at and not SLOPES) then", "= at and SLOPES) then", "coefficients"),
     Fault(ENTITY, "sent_at = PLACE_BUDGET)", "sent_at = PLACE_HORIZON)", "in force"),
     Fault(
