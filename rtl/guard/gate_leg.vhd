@@ -13,8 +13,8 @@
 -- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
 -- legal, and gate_supervisor keeps stop up for dead and minimum times.
 --
--- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the leg
--- is not stopped.
+-- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the
+-- leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; stop, one clock.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
