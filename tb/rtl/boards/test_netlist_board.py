@@ -163,11 +163,12 @@ def check_corruption(board: Recorder, stream: SerialStream, log: Path) -> Counte
         changed = [bytearray(wire) for _ in range(2)]
         changed[0][crc] ^= 0x10
         changed[1][last] ^= 0x81
-        for wires in ([*map(bytes, changed)], [wire[:last], wire + b"\x55"]):
-            line = b"".join(b"\0" + one + b"\0" for one in wires)
+        # one at a time: with two the longest watchdog lapses at 100 MHz
+        for broken in (*map(bytes, changed), wire[:last], wire + b"\x55"):
+            line = b"\0" + broken + b"\0"
             # a changed byte may have become a delimiter: what the board sees are the parts between
             parts = [p.judge(part) for part in Splitter().feed(line)]
-            assert len(parts) >= len(wires)
+            assert parts
             judged += parts
             gates = kept_alive()
             assert gates
