@@ -494,7 +494,7 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
 
 def test_what_both_controllers_share_is_the_same_in_both() -> None:
     # two builds of the same clock: what counts in clocks is shared too
-    builds = ("mpdcc", "family")
+    builds = ("mpdcc", "mptc")
     one, other = (modules_of("board_top", ULX3S.generics(name)) for name in builds)
     common = one.keys() & other.keys()
     (least,) = {400 * ULX3S.core_mhz(name) / 1000 for name in builds}  # clocks of the dead time
