@@ -126,12 +126,12 @@ begin
   begin
 
     if rising_edge(clk) then
-      -- while a move waits its goal stays, or gate_supervisor stops: first stays right
       asked    <= offered;
       accepted <= kept;
       follows  <= is_edge(FIVE_LEVEL, kept, offered);
       moves    <= to_std_logic(kept /= offered);
 
+      -- while a move waits its goal stays, or gate_supervisor stops: first stays right
       if (decided = '1') then
         first <= action_of(FIVE_LEVEL, target, asked, "000");
 

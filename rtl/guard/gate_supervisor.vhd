@@ -140,6 +140,7 @@ begin
 
   end process p_events;
 
+  -- whether there is any of them, told anew from what comes late
   any_event <= or_of(trips) or refused or (lapsed and not decided)
                or (active and decided and (blocked or not legal));
   causes <= events when wanted = '1' else

@@ -59,3 +59,8 @@ FAULTS = [
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, bench)
+
+
+def test_bits_that_do_not_count_are_left_out(tmp_path: Path) -> None:
+    fault = Fault(NAME, '"00" & goal(0);', "goal;", "(gates|blocked|waits|resting|position)")
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, five_level=False))
