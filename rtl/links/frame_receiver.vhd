@@ -9,7 +9,8 @@
 -- the outside only after its last check.
 --
 -- One logic serves both links, each in every second clock: their states go round through two registers. On the way
--- the byte is added to the CRC, and what a check needs is made. Neither link can delay the other.
+-- the byte is added to the CRC, and what a check needs is made. What comes of a link is taken into registers in the
+-- clock before its turn. Neither link can delay the other.
 --
 -- Formats: the frame's bytes in order, type first, at addresses 0 to MAX_FRAME - 1 of the link's half.
 -- Latency: pending or rejected two to four clocks after the delimiter's valid; a byte of each link in every fourth
@@ -36,8 +37,8 @@ entity frame_receiver is
     turn     : in    std_logic;                    -- link of this clock; toggles in every one
     -- from the lines, link 0 on the right
     valid    : in    std_logic_vector(1 downto 0); -- '1' for one clock: the link's data is a new byte
-    data_0   : in    byte_t;                       -- stuffed, stable for three clocks from valid on
-    data_1   : in    byte_t;                       -- stuffed, stable for three clocks from valid on
+    data_0   : in    byte_t;                       -- stuffed, stable for two clocks from valid on
+    data_1   : in    byte_t;                       -- stuffed, stable for two clocks from valid on
     broken   : in    std_logic_vector(1 downto 0); -- '1' for one clock: a byte was lost
     ended    : in    std_logic_vector(1 downto 0); -- '1' for one clock: a frame under way is cut off here
     -- frames that passed
@@ -128,8 +129,12 @@ architecture rtl of frame_receiver is
   signal lost    : std_logic_vector(1 downto 0); -- broken, not looked at
   signal cut     : std_logic_vector(1 downto 0); -- ended, not looked at
   signal here    : std_logic_vector(1 downto 0); -- '1' at the link in turn
+  signal apart   : std_logic_vector(1 downto 0); -- '1' at the other, which is next
+  signal coming  : std_logic;                    -- a byte of the other
+  signal losing  : std_logic;                    -- the other's is broken
+  signal next_up : byte_t;                       -- data of the other
   signal kept    : std_logic_vector(1 downto 0); -- a frame waits
-  signal byte_in : std_logic;                    -- of the link in turn, as the next three
+  signal byte_in : std_logic;                    -- of the link in turn, as the next five
   signal loss    : std_logic;
   signal stop    : std_logic;
   signal busy    : std_logic;
@@ -147,13 +152,11 @@ architecture rtl of frame_receiver is
 begin
 
   here    <= turn & not turn;
-  byte_in <= to_std_logic((come and here) /= "00");
-  loss    <= to_std_logic((lost and here) /= "00") and not byte_in;
-  stop    <= to_std_logic((cut and here) /= "00") and not (byte_in or loss);
-  busy    <= to_std_logic((kept and here) /= "00");
-  data    <= data_0 when turn = '0' else
-             data_1;
-  zero    <= to_std_logic(data = x"00");
+  apart   <= not here;
+  coming  <= to_std_logic(((valid or come) and apart) /= "00");
+  losing  <= to_std_logic(((broken or lost) and apart) /= "00");
+  next_up <= data_1 when turn = '0' else
+             data_0;
 
   -- a code ends the zero before it, but for the first one
   plain <= x"00" when facts.at_code = '1' else
@@ -231,6 +234,13 @@ begin
       lost <= broken or (lost and not (here and (1 downto 0 => loss)));
       cut  <= ended or (cut and not (here and (1 downto 0 => stop)));
       kept <= kept and not served;
+
+      byte_in <= coming;
+      loss    <= losing and not coming;
+      stop    <= to_std_logic(((ended or cut) and apart) /= "00") and not (coming or losing);
+      busy    <= to_std_logic((kept and not served and apart) /= "00");
+      data    <= next_up;
+      zero    <= to_std_logic(next_up = x"00");
 
       if (r.inside = '1' and facts.old = '1') then
         v.late := '1';
@@ -311,6 +321,10 @@ begin
         lost    <= "00";
         cut     <= "00";
         kept    <= "00";
+        byte_in <= '0';
+        loss    <= '0';
+        stop    <= '0';
+        busy    <= '0';
       end if;
     end if;
 

@@ -221,7 +221,12 @@ def simulate(
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.PIPE,
                 start_new_session=True,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)])},
+                env=os.environ
+                | {
+                    "PYTHONPATH": os.pathsep.join([str(ROOT / "model"), str(ROOT)]),
+                    # a linker that is ended leaves its files there
+                    "TMPDIR": name,
+                },
             )
             try:
                 _wait(process, job, progress)

@@ -32,6 +32,7 @@ module proof (
   (* inside = "i_dut.zero" *) wire zero;
   (* inside = "i_dut.loss" *) wire loss;
   (* inside = "i_dut.stop" *) wire stop;
+  (* inside = "i_dut.busy" *) wire busy;
   (* inside = "i_dut.plain" *) wire [7:0] plain;
   (* inside = "i_dut.store" *) wire store;
   (* inside = "i_dut.keep" *) wire keep;
@@ -48,6 +49,11 @@ module proof (
   reg turned;
   wire assume_turns = turn != turned;
   always @(posedge clk) turned <= turn;
+
+  // registers of the link in turn
+  wire fact_byte_in = byte_in == come[turn];
+  wire fact_one_thing = !(byte_in && loss) && !(byte_in && stop) && !(loss && stop);
+  wire fact_busy_in_turn = busy == pending[turn];
 
   genvar x;
   generate

@@ -44,7 +44,7 @@ FAULTS = [
     Fault(NAME, "v.late := '1';", "null;", "outcome"),
     Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
     Fault(NAME, "place <= turn &", "place <= link &", "content"),
-    Fault(NAME, "data_0 when turn = '0' else", "data_0 when link = '0' else", "(outcome|content)"),
+    Fault(NAME, "data_1 when turn = '0' else", "data_1 when link = '0' else", "(outcome|content)"),
     Fault(NAME, "        other   <= STATE_INIT;\n", "", "outcome"),
     Fault(NAME, "elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
 ]
