@@ -119,7 +119,7 @@ architecture rtl of state_observer is
   constant VOLTAGE_CUT : natural := SUM - 5 - VOLTAGE;    -- bits of a sum below it
   constant A_BITS      : natural := 9;                    -- place of a word, not old, half, complement, source
   constant SOURCE_BITS : natural := selector_width(B_SOURCES);
-  constant B_BITS      : natural := SOURCE_BITS + PLACE_BITS; -- source above place
+  constant B_BITS      : natural := 1 + SOURCE_BITS + PLACE_BITS; -- from the memory, source, place
   constant MOVE_BITS   : natural := 6;                    -- what is moved, not joined, observed alone, moves
   constant RATIO_GUARD : natural := 10;                   -- bits of theta's state below its LSB
   constant RATIO       : natural := PORTS + 1 + RATIO_GUARD;
@@ -184,6 +184,7 @@ architecture rtl of state_observer is
   signal voltage_a    : word_t;                                    -- along alpha, from k-1 to k
   signal voltage_b    : word_t;
   signal reading      : std_logic;                                 -- a coefficient is read
+  signal kept         : word_t;                                    -- coefficient that is written
   signal stored       : word_t;                                    -- coefficient of this clock
   signal whole        : std_logic;                                 -- operand A: all of the word
   signal inverted     : std_logic;
@@ -521,6 +522,18 @@ begin
   -- never both at once: the word that is read need not be told from the one that is written
   reading <= not c_write;
 
+  p_kept : process (c_place, c_word) is
+  begin
+
+    kept <= c_word;
+
+    -- coefficients of charges have 16 bits
+    if (unsigned(c_place) >= PLACE_F_MIDPOINT_ALPHA and unsigned(c_place) <= PLACE_F_PHASE_BETA) then
+      kept(WORD - 1 downto PORTS) <= (others => c_word(PORTS - 1));
+    end if;
+
+  end process p_kept;
+
   i_coefficients : entity work.ram
     generic map (
       ADDRESS_WIDTH => PLACE_BITS,
@@ -532,7 +545,7 @@ begin
       clk           => clk,
       write         => c_write,
       write_address => c_place,
-      write_word    => c_word,
+      write_word    => kept,
       read          => reading,
       read_address  => b_ahead(PLACE_BITS - 1 downto 0),
       read_word     => stored
@@ -582,7 +595,6 @@ begin
 
   end process p_operand;
 
-  factors(B_STORED)        <= (others => '0');
   factors(B_FACTOR)        <= factor;
   factors(B_THETA)         <= '0' & std_logic_vector(ratio_state(RATIO - 1 downto RATIO_GUARD));
   factors(B_ZERO)          <= (others => '0');
@@ -594,34 +606,20 @@ begin
     sources((i + 1) * WORD - 1 downto i * WORD) <= factors(i);
   end generate g_b;
 
-  source    <= b_choice(B_BITS - 1 downto PLACE_BITS);
-  elsewhere   <= selected(sources, source, WORD);
+  source    <= b_choice(B_BITS - 2 downto PLACE_BITS);
+  elsewhere <= selected(sources, source, WORD);
 
   p_from_memory : process (clk) is
   begin
 
     if rising_edge(clk) then
-      from_memory <= to_std_logic(unsigned(b_ahead(B_BITS - 1 downto PLACE_BITS)) = B_STORED);
+      from_memory <= b_ahead(B_BITS - 1);
     end if;
 
   end process p_from_memory;
 
-  -- the coefficient comes late from its memory: one choice stands behind it
-  p_factor : process (elsewhere, from_memory, stored, charging) is
-  begin
-
-    b_operand <= elsewhere;
-
-    if (from_memory = '1') then
-      b_operand <= stored;
-
-      -- coefficients of charges have 16 bits
-      if (charging = '1') then
-        b_operand(WORD - 1 downto PORTS) <= (others => stored(PORTS - 1));
-      end if;
-    end if;
-
-  end process p_factor;
+  b_operand <= stored when from_memory = '1' else
+               elsewhere;
 
   p_seed : process (seeds, read_state, corrected) is
 

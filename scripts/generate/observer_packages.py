@@ -146,8 +146,9 @@ _CHARGES = [
     for capacitor in ("midpoint", "phase", "phase", "phase")
     for axis in ("alpha", "beta")
 ]
-#: What operand B is chosen from.
-SOURCES = ("stored", *(n for n in state.FACTORS if n not in _STORED and n != "charge"))
+#: What operand B is chosen from, where it does not come from the memory.
+SOURCES = tuple(n for n in state.FACTORS if n not in _STORED and n != "charge")
+_FROM_MEMORY = 1 << PLACE_BITS + (len(SOURCES) - 1).bit_length()
 
 
 def factor(product: state.Product) -> int:
@@ -161,16 +162,16 @@ def factor(product: state.Product) -> int:
     Returns
     -------
     int
-        Place in the memory, and above it the number of the source. Where operand A is the
-        coefficient of a slope, the place is that one's.
+        Place in the memory, above it the number of the source, and above that the bit of the
+        memory. Where operand A is the coefficient of a slope, the place is that one's.
     """
     name, place = product.b or "zero", 0
     if name == "charge":
         earlier = [p.clock for p in state.PRODUCTS if p.b == "charge"]
-        name, place = "stored", _PLACES[_CHARGES[earlier.index(product.clock)]]
-    elif name in _STORED:
-        name, place = "stored", _PLACES[_STORED[name]]
-    elif product.source == "given":
+        return _FROM_MEMORY + _PLACES[_CHARGES[earlier.index(product.clock)]]
+    if name in _STORED:
+        return _FROM_MEMORY + _PLACES[_STORED[name]]
+    if product.source == "given":
         scalings = [p.clock for p in state.PRODUCTS if p.source == "given"]
         place = _PLACES[f"c_{CURRENT_SLOPES[scalings.index(product.clock)]}"]
     return place + (SOURCES.index(name) << PLACE_BITS)
@@ -236,7 +237,7 @@ def state_text() -> str:
             "",
             "package state_observer_program is",
             "",
-            "  -- sources of operand B; the first is the memory",
+            "  -- sources of operand B; a bit above them tells the memory",
             *_indices("B", SOURCES),
             f"  constant B_SOURCES : natural := {len(SOURCES)};",
             "",
