@@ -12,6 +12,8 @@ from directmpc.host.protocol import Frame, Outcome
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 SETTLED = 8  # clocks after which the outcome of an event is there
+# clocks from the first byte to the last one, beyond the limit: in time wherever turns are, and late
+ON_TIME, LATE = 0, 2
 
 
 @dataclass
@@ -19,6 +21,7 @@ class Line:
     """A link as it should be: what has come since the delimiter, and the frame that waits."""
 
     rng: random.Random
+    limit: int  # clocks that a frame may take
     stuffed: bytearray = field(default_factory=bytearray)
     inside: bool = False
     lost: bool = False
@@ -26,7 +29,7 @@ class Line:
     late: bool = False
     waiting: Frame | None = None
     outcomes: list[int] = field(default_factory=list)
-    #: what is to come: clocks from the event before, name, byte
+    #: what is to come: clocks from the event before, names of what comes at once, byte
     events: list[tuple[int, str, int]] = field(default_factory=list)
     after: int = 4
 
@@ -74,7 +77,7 @@ class Line:
         wire = Frame(rng.randrange(256), rng.getrandbits(32), rng.randbytes(rng.choice(
             [0, 1, 2, 6, 18, 28, 32]
         ))).wire()[1:-1]  # fmt: skip
-        kind = rng.randrange(10)
+        kind = rng.randrange(14)
         if kind == 0:
             wire = bytes(rng.randrange(1, 256) for _ in range(rng.randrange(1, 60)))
         elif kind == 1:
@@ -94,7 +97,17 @@ class Line:
         elif kind in (6, 7):
             # released while a frame comes
             events.insert(middle, (SETTLED, "served", 0))
-        events.append((gap, "valid", 0))
+        elif kind in (10, 11):
+            # a byte counts before what comes with it
+            at = rng.randrange(len(wire))
+            events[at] = (gap, f"valid {rng.choice(['broken', 'ended'])}", wire[at])
+        if kind in (12, 13):
+            # the last byte that comes in time, or the first one that is late
+            late = kind == 13
+            rest = self.limit + (ON_TIME, LATE)[late] - gap * (len(wire) - 1)
+            events += [(rest - 1, "late" if late else "", 0), (1, "valid", 0)]
+        else:
+            events.append((gap, "valid", 0))
         if rng.random() < 0.5:
             events.append((SETTLED, "served", 0))
 
@@ -108,7 +121,7 @@ async def lines(dut) -> None:
         getattr(dut, name).value = 0
     dut.turn.value = 0
     await clock.reset()
-    line = [Line(rng), Line(rng)]
+    line = [Line(rng, given["limit"]), Line(rng, given["limit"])]
     seen: tuple[list[int], list[int]] = ([], [])
     # link, place, frame whose content is due now and in the next clock
     looked: tuple[int, int, Frame] | None = None
@@ -135,18 +148,19 @@ async def lines(dut) -> None:
                 board.check("outcome", seen[index], link.outcomes, f"link {index}")
                 waits = number(dut.pending) >> index & 1
                 board.check("pending", waits, int(link.waiting is not None), f"link {index}")
-            _, name, byte = link.events.pop(0)
+            _, names, byte = link.events.pop(0)
             link.after = 0
-            if name == "served" and link.waiting is None:
+            if names == "served" and link.waiting is None:
                 continue
-            if name == "served":
-                looked = None if looked and looked[0] == index else looked
-                coming = None if coming and coming[0] == index else coming
-            link.happen(name, byte)
-            if name in inputs:
-                inputs[name] |= 1 << index
-            if name == "valid":
-                getattr(dut, f"data_{index}").value = byte
+            for name in names.split():
+                if name == "served":
+                    looked = None if looked and looked[0] == index else looked
+                    coming = None if coming and coming[0] == index else coming
+                link.happen(name, byte)
+                if name in inputs:
+                    inputs[name] |= 1 << index
+                if name == "valid":
+                    getattr(dut, f"data_{index}").value = byte
         for name, value in inputs.items():
             getattr(dut, name).value = value
         # a byte of a frame that waits, of either link

@@ -1,8 +1,8 @@
 """Frames of two links through one receiver, byte by byte.
 
-Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames cut off
-or take too long; frames that come while one waits, or while it is being released; resets of one
-clock in the middle of frames.
+Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames that are cut off
+or take too long, by a clock or by many; a byte lost in the clock of another one; frames that come
+while one waits, or while it is being released; resets of one clock in the middle of frames.
 Checks: what becomes of every frame, in order; that a frame that waits keeps every byte, whatever
 comes after it; nothing of one link on the other; nothing of what came before a reset.
 Timing: a byte of each link in every fourth clock, and slower.
@@ -20,15 +20,16 @@ from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "frame_receiver"
+LIMIT = 800  # clocks that a frame may take
 
 
-def bench(rtl: Path = RTL, frames: int = 120) -> Outcome:
+def bench(rtl: Path = RTL, frames: int = 200) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.links.{NAME}.bench_{NAME}",
         units=[NAME],
-        generics={"LIMIT": 800},
-        arguments={"frames": frames, "resets": 0.001},
+        generics={"LIMIT": LIMIT},
+        arguments={"frames": frames, "resets": 0.001, "limit": LIMIT},
         rtl=rtl,
     )
 
@@ -47,6 +48,9 @@ FAULTS = [
     Fault(NAME, "data_1 when turn = '0' else", "data_1 when link = '0' else", "(outcome|content)"),
     Fault(NAME, "        other   <= STATE_INIT;\n", "", "outcome"),
     Fault(NAME, "elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
+    Fault(NAME, "(lost and not (here and", "(lost and not (here or", "outcome"),
+    Fault(NAME, "(cut and not (here and", "(cut and not (here or", "outcome"),
+    Fault(NAME, "waiting <= 0;\n\n", "waiting <= 1;\n\n", "outcome"),
 ]
 
 
