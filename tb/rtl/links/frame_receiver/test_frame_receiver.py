@@ -1,8 +1,8 @@
 """Frames of two links through one receiver, byte by byte.
 
-Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames that are cut off
-or take too long, by a clock or by many; a byte lost in the clock of another one; frames that come
-while one waits, or while it is being released; resets of one clock in the middle of frames.
+Stimulus: on both links at once good frames, damaged ones, noise, lost bytes, frames that are cut
+off or take too long, by a clock or by many; a byte lost in the clock of another one; frames that
+come while one waits, or while it is being released; resets of one clock in the middle of frames.
 Checks: what becomes of every frame, in order; that a frame that waits keeps every byte, whatever
 comes after it; nothing of one link on the other; nothing of what came before a reset.
 Timing: a byte of each link in every fourth clock, and slower.
