@@ -201,10 +201,10 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     """How many words there are on one side only, or of another value.
 
     A block RAM's number is spread over several tiles. The unpacker writes it down at one of them,
-    with ones for the bits that are in the others; those bits are not compared, but the contents
-    that the number leads to are. Where the bits in that tile are all ones it writes down no number;
-    the contents are compared all the same. The unpacker writes down no word of a PLL that is zero:
-    no bit of it is set.
+    or at more, each time with ones for the bits that are in the others; those bits are not
+    compared, but the contents that the number leads to are. Where the bits in such a tile are all
+    ones it writes down no number; the contents are compared all the same. The unpacker writes down
+    no word of a PLL that is zero: no bit of it is set.
 
     Parameters
     ----------
@@ -228,13 +228,15 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
         contents = ("contents", str(int(value[::-1], 2))) if name.endswith(".WID") else None
         if not held and len(tiles) > 1 and "1" in value and contents in found:
             continue
-        if len(held) != 1:
+        if not held or (len(held) > 1 and not contents):
             count += 1
             continue
-        read = left.pop(held[0])
-        spread = len(tiles) > 1 and len(read) == len(value)
-        agrees = all(r in (v, "1") for r, v in zip(read, value, strict=True)) if spread else False
-        count += 2 * (read != value and not agrees)
+        for key in held:
+            read = left.pop(key)
+            spread = len(tiles) > 1 and len(read) == len(value)
+            pairs = zip(read, value, strict=True) if spread else ()
+            agrees = spread and all(r in (v, "1") for r, v in pairs)
+            count += 2 * (read != value and not agrees)
     return count + len(left)
 
 

@@ -147,6 +147,9 @@ def test_a_word_of_several_tiles_is_found_at_one_of_them() -> None:
 
     assert unpacked("1010") == unpacked("1011") == unpacked("1010", "R2:EBR0") == 0
     assert unpacked("0010") == unpacked("1010", "R3:EBR0") == 2
+    # at both tiles
+    assert unpacked("1011\n.tile R2:EBR0\nword: EBR0.WID 1110") == 0
+    assert unpacked("1011\n.tile R2:EBR0\nword: EBR0.WID 0110") == 2
     assert unpacked("1010", contents="001 002\n004") == 2
     assert bitstream.differing(placed, {}) == 3
 
