@@ -16,6 +16,7 @@ from directmpc.host import registers
 from scripts.generate import boards
 from scripts.hdl import sources
 from scripts.hdl.boards import BOARDS, BUILDS, Board
+from scripts.hdl.clocks import worst_cycles
 from scripts.measure import budgets
 from scripts.shared import tools
 from scripts.shared.tools import ROOT
@@ -153,3 +154,22 @@ def test_the_spartan_3_kit_has_room_for_the_whole_system() -> None:
     others = budgets.load().resources[name]
     assert f"{others['xc6s']['lut']:,} LUTs on a Spartan-6" in text
     assert f"{others['xc7']['lut']:,} on a Spartan-7" in text
+
+
+def test_the_page_has_the_papers_search_alone() -> None:
+    text = " ".join((ROOT / "docs" / "boards.md").read_text(encoding="utf-8").split())
+    paper = (*BOARDS["spartan3-starter"].left_out, "WEIGHTED_DEADLOCK", "INWARDS")
+    plain = budgets.load().resources[
+        tools.configuration_name("board_top", dict.fromkeys(paper, False))
+    ]
+    folded = budgets.load().resources[
+        tools.configuration_name("board_top", {"FOLDED": True, **dict.fromkeys(paper, False)})
+    ]
+    assert (
+        f"it is {plain['xc3s']['lut']:,} LUTs on a Spartan-3 and {plain['xc7']['lut']:,} on a "
+        "Spartan-7"
+    ) in text
+    assert f"it is {folded['xc3s']['lut']:,} and {folded['xc7']['lut']:,}: this build" in text
+    assert folded["xc7"]["lut"] <= 8000  # LUTs of an XC7S15, DS180
+    slow, fast = worst_cycles("paper", 1), worst_cycles("fast", 1)
+    assert f"takes up to {slow:,} clocks instead of {fast}" in text
