@@ -39,7 +39,7 @@ entity result_collector is
     leaves       : in    std_logic;                                -- '1': leaves are searched
     whole        : in    std_logic;                                -- '1': what is evaluated is a leaf of the root
     evaluated    : in    evaluated_t;                              -- by explorer 0
-    adopt        : in    std_logic;                                -- '1': explorer 0's, if none; two clocks after whole or later
+    adopt        : in    std_logic;                                -- '1': explorer 0's, if none; not right behind whole
     best         : out   result_t                                  -- the best so far; feasible is '0' after clear
   );
 end entity result_collector;
