@@ -34,6 +34,8 @@ bound_vn = 0.08
 bound_vph = 0.12
 lambda_n = 0.1
 horizon = 63
+deadlock_rule = "weighted"
+outside_rule = "inwards"
 """
 
 

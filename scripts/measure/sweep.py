@@ -265,7 +265,8 @@ def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
     times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
     _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
     times.set_title(
-        "decision time over area, placed on ECP5\nexplorers: clock of the worst seed", fontsize=9
+        "longest decision over area, placed on ECP5\nlabels: explorers, clock of the worst seed",
+        fontsize=9,
     )
     default = next(
         r for r in rows

@@ -307,7 +307,7 @@ _COLOUR = "#1b6ca8"
 
 def _draw_weights(runs: dict[str, Run], path: Path) -> None:
     """Torque, flux and current over 40 ms, a column for each weight (Paper B, Fig. 5)."""
-    figure, axes = _axes(3, len(runs), (11.0, 5.0), sharex=True, sharey="row")
+    figure, axes = _axes(3, len(runs), (12.0, 5.4), sharex=True)
     for column, (key, run) in enumerate(runs.items()):
         last = slice(-round(0.04 / run.ts), None)
         t = 1e3 * run.ts * np.arange(round(0.04 / run.ts))
@@ -319,7 +319,9 @@ def _draw_weights(runs: dict[str, Run], path: Path) -> None:
     for row, label in enumerate(("torque (N m)", "stator flux (Wb)", "phase current (A)")):
         axes[row][0].set_ylabel(label)
     figure.suptitle(
-        "2.2 kW drive, 20 kHz, 1500 r/min without load, speed PI (Paper B, Fig. 5)", fontsize=10
+        "2.2 kW drive, 20 kHz, 1500 r/min without load, speed PI, bit-true model (Fig. 5)\n"
+        "each panel has a scale of its own",
+        fontsize=10,
     )
     _save(figure, path)
 
@@ -331,8 +333,8 @@ def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], p
         window = slice(begins - 20, begins + 60)
         t = 1e3 * run.ts * np.arange(-20, 60)
         axes[0][0].plot(t, run.torque[window], linewidth=0.9, label=f"{key} r/min")
-    axes[0][0].axhline(1.2 * study.RATED_TORQUE, color="0.7", linewidth=0.6)
-    axes[0][0].set_title("torque step 0 to 120 % (Fig. 30)", fontsize=9)
+    axes[0][0].axhline(1.2 * study.RATED_TORQUE, color="0.7", linewidth=0.6, label="reference")
+    axes[0][0].set_title("MPTC: torque step 0 to 120 % (Fig. 30)", fontsize=9)
     axes[0][0].set_ylabel("torque (N m)")
     axes[0][0].legend(frameon=False)
     for key, run in starts.items():
@@ -341,7 +343,8 @@ def _draw_dynamics(steps: dict[str, Run], begins: int, starts: dict[str, Run], p
         axes[0][1].plot(t, np.hypot(*run.trace.i_s.T), linewidth=0.9, label=label)
         axes[1][0].plot(t, run.trace.omega_r / 2.0 / RPM, linewidth=0.9, label=label)
         axes[1][1].plot(t, run.flux, linewidth=0.9, label=label)
-    axes[0][1].set_title("start from standstill, MPFC (Fig. 21)", fontsize=9)
+    for axis, what in ((axes[0][1], "current"), (axes[1][0], "speed"), (axes[1][1], "flux")):
+        axis.set_title(f"MPFC: {what} of a start from standstill (Fig. 21)", fontsize=9)
     axes[0][1].set_ylabel("current, magnitude (A)")
     axes[0][1].legend(frameon=False)
     axes[1][0].set_ylabel("speed (r/min)")
@@ -364,7 +367,7 @@ def _draw_tour(runs: dict[str, Run], path: Path) -> None:
             axes[row][column].plot(t, y, color=_COLOUR, linewidth=0.5)
         axes[0][column].set_title(f"mptc_drive, {key}", fontsize=9)
         axes[3][column].set_xlabel("time (s)")
-    labels = ("speed (r/min)", "torque (N m)", "stator flux (Wb)", "current (A)")
+    labels = ("speed (r/min)", "torque (N m)", "stator flux (Wb)", "current, magnitude (A)")
     for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
     figure.suptitle(

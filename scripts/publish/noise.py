@@ -50,7 +50,7 @@ def draw(rows: Mapping[robustness.Setting, Mapping[str, float]], path: Path = PI
         _bars(axis, found, noise, points)
         current, voltage = noise * robustness.NOISE_CURRENT, noise * robustness.NOISE_VOLTAGE
         axis.set_title(
-            f"{drive_title(states.shipped(name).base.voltage)}, noise {noise:g}: "
+            f"{drive_title(states.shipped(name).base.voltage)}, noise {noise:g}:\n"
             f"{current:g} pu rms on currents, {voltage:g} on voltages",
             fontsize=9,
         )
@@ -62,7 +62,7 @@ def draw(rows: Mapping[robustness.Setting, Mapping[str, float]], path: Path = PI
     figure.suptitle(
         'Noisy measurements against exact ones with the rule "dead", by rule and filters\n'
         f"fast variant, weighted deadlock rule, compensated delay, bound {BOUND:g} pu, "
-        "rated current; 1 and 0.6 pu speed",
+        "rated current; 1 and 0.6 pu speed; no bar: not run",
         fontsize=10,
     )
     save_png(figure, path)

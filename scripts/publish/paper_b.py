@@ -673,13 +673,14 @@ def _draw_spectra(curves: study.Curves, f: Figures, path: Path) -> None:
     figure, axes = _axes(len(shown), 1, (8.0, 5.0), sharex=True, sharey=True)
     for (ax,), name, colour in zip(axes, shown, COLOURS, strict=True):
         frequency, amplitude = curves.spectra[name]
-        seen = frequency <= 6000.0
-        ax.plot(frequency[seen], amplitude[seen], color=colour, linewidth=0.5)
+        seen = (frequency >= 2.0) & (frequency <= 6000.0)
+        ax.semilogx(frequency[seen], amplitude[seen], color=colour, linewidth=0.5)
         ax.set_title(f"{_with_rate(name)}, THD {f.unloaded(name):.2f} %", fontsize=9)
         ax.set_ylabel("% of fundamental")
     axes[-1][0].set_xlabel("frequency (Hz)")
     figure.suptitle(
-        "2.2 kW drive, current of phase a, 150 r/min, no load, 0.986 Wb (Paper B, Fig. 9)",
+        "2.2 kW drive, current of phase a, 150 r/min, no load, 0.986 Wb, bit-true model "
+        "(Paper B, Fig. 9)",
         fontsize=10,
     )
     _save(figure, path)
@@ -781,23 +782,30 @@ def _draw_compared(curves: study.Curves, path: Path) -> None:
 def _draw_runs(
     columns: Sequence[tuple[str, str, dict[str, SequenceRun]]], curves: study.Curves, path: Path
 ) -> None:
-    """Speed, torque, stator flux and current of several runs, a column for each group."""
-    figure, axes = _axes(4, len(columns), (3.7 * len(columns), 8.5), sharex="col")
+    """Speed, torque, stator flux and current of several runs, a column for each group.
+
+    The flux has a row for each run: the ripples of two runs would cover one another.
+    """
+    fluxes = max(len(runs) for _, _, runs in columns)
+    figure, axes = _axes(3 + fluxes, len(columns), (3.7 * len(columns), 10.0), sharex="col")
     for column, (title, group, runs) in enumerate(columns):
-        for name, colour in zip(runs, COLOURS, strict=False):
+        for place, (name, colour) in enumerate(zip(runs, COLOURS, strict=False)):
             run = runs[name]
             t = run.ts * np.arange(len(run.torque))
             inside = run.sample_time * np.arange(0, len(run.torque_inside), 10)
             axes[0][column].plot(t, _rpm(run), color=colour, linewidth=0.9, label=_with_rate(name))
-            for row, values in enumerate(
-                (run.torque_inside, curves.flux[group, name], run.current_inside.real), start=1
+            for row, values in (
+                (1, run.torque_inside),
+                (2 + place, curves.flux[group, name]),
+                (-1, run.current_inside.real),
             ):
                 axes[row][column].plot(inside, values[::10], color=colour, linewidth=0.4)
+            axes[2 + place][column].set_title(_with_rate(name), fontsize=8)
+            axes[2 + place][column].sharey(axes[2][column])
         axes[0][column].set_title(title, fontsize=9)
         axes[-1][column].set_xlabel("time (s)")
-    for row, label in enumerate(
-        ("speed (r/min)", "torque (N m)", "stator flux (Wb)", "current of phase a (A)")
-    ):
+    labels = ("speed (r/min)", "torque (N m)", *("stator flux (Wb)",) * fluxes, "phase a (A)")
+    for row, label in enumerate(labels):
         axes[row][0].set_ylabel(label)
     axes[0][0].legend(frameon=False)
     figure.suptitle(
@@ -822,12 +830,14 @@ def _draw_steps(curves: study.Curves, path: Path) -> None:
         for (name, (t, made)), colour in zip(curves.steps.items(), _FIVE, strict=True):
             seen = t <= until
             ax.plot(t[seen], made[seen], color=colour, linewidth=0.9, label=STEP_LABELS[name])
-        ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6)
+        ax.axhline(study.STEP_TORQUE, color="0.7", linewidth=0.6, label="reference")
         ax.set_xlabel("time from the step of the reference (ms)")
     axes[0][0].set_ylabel("torque (N m)")
     axes[0][1].legend(frameon=False)
     figure.suptitle(
-        "2.2 kW drive, torque 0 to 120 % at 150 r/min, 0.986 Wb (Paper B, Fig. 30)", fontsize=10
+        "2.2 kW drive, torque 0 to 120 % at 150 r/min, 0.986 Wb, bit-true model; FOC in float64 "
+        "(Paper B, Fig. 30)",
+        fontsize=10,
     )
     _save(figure, path)
 

@@ -794,10 +794,7 @@ def _pictured(variant: str) -> Callable[[Path], Any]:
     """The closed loop on the RTL of a variant, drawn."""
 
     def _run(work: Path) -> Any:
-        shown = load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml").with_control(
-            **states.STUDIED
-        )
-        drive, _ = served(shown, variant)
+        drive, _ = served(load_mpdcc_drive(ROOT / "drives" / f"{DRIVES[0]}.toml"), variant)
         run = simulate(drive, 1.0, None, SHOWN, variant)
         if run.differing:
             raise ReportError(f"{run.differing} decisions of the RTL differ from its model")

@@ -7,7 +7,7 @@ and writes the tables of the page from the stored figures.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from scripts.studies import sensorless as study
 REPORTS = ROOT / "reports"
 CSV = REPORTS / "sensorless.csv"
 PICTURE = REPORTS / "sensorless.png"
+LOADED = REPORTS / "sensorless_loaded.png"
 PAGE = ROOT / "docs" / "sensorless.md"
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 COMMAND = "python -m scripts sensorless"
@@ -250,8 +251,8 @@ def write_texts(f: Figures, page: Path = PAGE) -> None:
     tables.rewrite(page, {_markers(name): text for name, text in texts(f).items()})
 
 
-def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
-    """Speed, error of the estimate and current: start, reversal, low speed, and the failure.
+def draw(drive: MptcDrive, curves: study.Curves) -> None:
+    """Draw the two pictures of the study.
 
     Parameters
     ----------
@@ -259,33 +260,35 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
         Pole pairs.
     curves : Curves
         Of the study.
-    path : Path
-        PNG file.
     """
     rpm, load = study.FAILING
-    columns = (
-        ("start, no load (Fig. 23)", "start", None),
-        ("reversal, no load (Fig. 24)", "reversal", None),
-        (f"{study.TOP:g} r/min, 14 N m (Fig. 25)", "full speed", None),
-        (f"{study.CRAWL:g} r/min, 14 N m (Fig. 26)", "crawl", None),
-        (f"{rpm:g} r/min, {load:g} N m: fails", "", curves.failed),
-    )
+    _draw(drive, curves, PICTURE, (
+        ("start, no load (Fig. 23)", "start"), ("reversal, no load (Fig. 24)", "reversal"),
+    ))  # fmt: skip
+    _draw(drive, curves, LOADED, (
+        (f"{study.TOP:g} r/min, 14 N m (Fig. 25)", "full speed"),
+        (f"{study.CRAWL:g} r/min, 14 N m (Fig. 26)", "crawl"),
+        (f"{rpm:g} r/min, {load:g} N m: fails", "failing"),
+    ))  # fmt: skip
+
+
+def _draw(
+    drive: MptcDrive, curves: study.Curves, path: Path, columns: Sequence[tuple[str, str]]
+) -> None:
+    """Speed, error of the estimate, torque, flux and current, a column for each operating point."""
     labels = (
         "speed (r/min)", "estimate less speed (r/min)", "torque (N m)", "stator flux (Wb)",
         "current of phase a (A)",
     )  # fmt: skip
     plt = pyplot()
     figure, axes = plt.subplots(
-        len(labels), len(columns), figsize=(15.0, 10.0), layout="constrained"
+        len(labels), len(columns), figsize=(1.0 + 3.2 * len(columns), 10.0), layout="constrained"
     )
-    for column, (title, name, alone) in enumerate(columns):
-        runs = (
-            {"exact": curves.exact[name], "12 bits, noise 1 %": curves.noisy[name]}
-            if alone is None
-            else {"12 bits, noise 1 %": alone}
-        )
-        colours = COLOURS if alone is None else COLOURS[1:]
-        for (label, made), colour in reversed(list(zip(runs.items(), colours, strict=False))):
+    for column, (title, name) in enumerate(columns):
+        runs = [("12 bits, noise 1 %", curves.noisy.get(name, curves.failed), COLOURS[1])]
+        if name in curves.exact:
+            runs.append(("exact", curves.exact[name], COLOURS[0]))
+        for label, made, colour in runs:
             speed, estimate = study.speeds(drive, made)
             t = made.ts * np.arange(len(speed))
             seen = t >= t[-1] - CURRENT_SECONDS if name == "full speed" else t >= 0.0
@@ -310,8 +313,8 @@ def draw(drive: MptcDrive, curves: study.Curves, path: Path = PICTURE) -> None:
         axes[row][0].set_ylabel(label)
     axes[0][0].legend(frameon=False, loc="lower right")
     figure.suptitle(
-        "2.2 kW drive, SVM-MPFC at 10 kHz without a speed sensor (Paper B, section 6.2), float64; "
-        "at control instants",
+        "2.2 kW drive, method SVM at 10 kHz without a speed sensor\n"
+        "(Paper B, section 6.2), float64; at control instants",
         fontsize=10,
     )
     save_png(figure, path)

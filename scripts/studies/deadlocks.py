@@ -59,6 +59,9 @@ DETAILED = 8
 FRESH = 100
 """First of those starts, so that none of them is one that the rule was chosen with."""
 
+BEFORE_MS, AFTER_MS = 10.0, 5.0
+"""What is drawn of a run: so long before and behind the largest excess."""
+
 LARGEST = "largest excess"
 RECOMMENDED = "v_n x 8, 1/16 of current added"
 
@@ -527,12 +530,16 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
         t = np.arange(len(result)) * drive.control.ts * 1e3
         excess = np.abs(_errors(result)) - drive.bounds
         groups = (excess[:, :3].max(axis=1), excess[:, 3], excess[:, 4:].max(axis=1))
+        worst = t[excess.max(axis=1).argmax()]
+        shown = (t > worst - BEFORE_MS) & (t < worst + AFTER_MS)
         # thin lines before thick ones, so that none hides another
         for line, text, shade, width in zip(
             groups, ("phase currents", "v_n", "v_ph"), COLOURS, (2.6, 1.6, 0.7), strict=True
         ):
-            axis.plot(t, np.maximum(line, 0), color=shade, linewidth=width, label=text)
-        axis.set_title(f"SE at a speed of 0.2 pu, rule {BUILT_IN[name]}", fontsize=9)
+            axis.plot(
+                t[shown], np.maximum(line[shown], 0), color=shade, linewidth=width, label=text
+            )
+        axis.set_title(f"SE at a speed of 0.2 pu, rule {BUILT_IN[name]}: its worst", fontsize=9)
         axis.set_xlabel("time (ms)")
         axis.set_ylabel("beyond the bound (pu)")
     top = max(axis.get_ylim()[1] for axis in axes[0, :2])

@@ -33,7 +33,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import discretise
 from scripts.hdl import states
 from scripts.measure import budgets as budgets_file
-from scripts.shared import tables, tools
+from scripts.shared import paper_a, tables, tools
 from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
@@ -398,10 +398,13 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], name: str, pa
             clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3, linewidth=1
         )
     for axis in (above, below):
-        axis.axvline(1200, color="0.6", linestyle=":")
+        axis.axvline(paper_a.LIMIT, color="0.6", linestyle=":")
     above.set_ylabel("switchings per device (Hz)")
     below.set_ylabel("current THD (%)")
-    below.set_xlabel("clocks of the slowest decision; dotted: 1,200, Paper A's for SE")
+    below.set_xlabel(
+        f"clocks of the slowest decision; dotted: {paper_a.LIMIT:,}, "
+        "Paper A's limit (30 us at 40 MHz)"
+    )
     below.set_xscale("log")
     ticks = (200, 400, 800, 1600, 3200)
     below.set_xticks(ticks, [f"{tick:,}" for tick in ticks])

@@ -242,17 +242,16 @@ def _plot(rows: list[dict[str, object]], name_of: str, path: Path) -> None:
             )
         what = f"plant: {name}" if name != "none" else "plant as the observer assumes it"
         axis.set_title(what, fontsize=9)
-        axis.legend(
-            title="crossover of the observer", fontsize=7, title_fontsize=7, loc="upper right"
-        )
         axis.grid(visible=True, which="both", alpha=0.3)
         axis.set_ylim(0.05, 1000.0)
+    axes[0, 0].legend(title="crossover of the observer", fontsize=7, title_fontsize=7)
     for axis in axes[-1]:
         axis.set_xlabel("stator frequency (pu)")
     for axis in axes[:, 0]:
-        axis.set_ylabel("flux error (%)")
+        axis.set_ylabel("error of the flux vector (%)")
     figure.suptitle(
-        f"Rotor-flux observer, {name_of}, closed loop: error of the estimate in % of the flux",
+        f"Rotor-flux observer, {name_of}, closed loop: error of the estimate in % of the flux\n"
+        "crossovers of 0.1 and 0.3 pu were run for three plants",
         fontsize=10,
     )
     save_png(figure, path)

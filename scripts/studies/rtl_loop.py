@@ -521,7 +521,9 @@ def draw(run: Run, path: Path) -> None:
     figure.suptitle(
         f"{drive_title(base.voltage)} at {speed * base.frequency:.3g} Hz; "
         f"mpdcc_core, {run.variant} variant, {run.explorers} explorer"
-        f"{'s' if run.explorers > 1 else ''}, in RTL simulation with the exact plant",
+        f"{'s' if run.explorers > 1 else ''}, in RTL simulation with the exact plant\n"
+        f"{bounds.switching_horizon}, deadlock rule {bounds.deadlock_rule}; bounds: currents "
+        f"{bounds.bound_current:g}, v_n {bounds.bound_vn:g}, v_ph {bounds.bound_vph:g} pu",
         fontsize=10,
     )
     figure.align_ylabels(axes)

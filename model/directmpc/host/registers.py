@@ -523,12 +523,27 @@ def _positive(text: str) -> float:
     return value
 
 
+#: Clocks from the start of a step to the start of mptc_core with the speed observer.
+SPEED_KNOWN = 22
+
+
+def _before(drive: Drive) -> int:
+    """Clocks that filters and rotor-flux observer of `mpdcc_system` take at most before the core.
+
+    Whether the observer is used is chosen at run time, so that it counts.
+    """
+    from directmpc.mpdcc import state_program
+
+    first = 0 if drive.control.capacitor_filter else state_program.FLUX
+    return state_program.FLUX_AT + 2 - first
+
+
 def _clocks(drive: Drive, variant: str, explorers: int, budget: int) -> int:
-    """Clocks that no decision of an MPDCC core exceeds."""
+    """Clocks that no decision of an MPDCC system exceeds, from the start of a step."""
     from directmpc.mpdcc import cycles  # counts for seconds, for SESE
 
     control = drive.control
-    return cycles.decision(
+    return _before(drive) + cycles.decision(
         explorers,
         variant,
         second_level=control.switching_horizon == "SESE",
@@ -572,6 +587,7 @@ def refuse_slow(
     if isinstance(drive, MptcDrive):
         method, rule = drive.control.method, drive.control.duty_rule
         clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
+        clocks += SPEED_KNOWN if "parameters.sensorless" in found.words else 0
         if clocks > limit:
             raise ValueError(_never(drive, settings, clocks, limit, told))
         return
@@ -594,7 +610,8 @@ def refuse_slow(
     whose = "one explorer takes" if explorers == 1 else f"{explorers} explorers take"
     paper = " in the variant paper" if variant == "paper" else ""
     raise ValueError(
-        f"{key}; {whose} up to {clocks} clocks to decide{paper}, and {ends} after "
+        f"{key}; {whose} up to {clocks} clocks to decide{paper}, "
+        f"{_before(drive)} of them before the core starts, and {ends} after "
         f"{told} at {settings.clock / 1e6:g} MHz; {', '.join(ways[:-1])}{' or ' * (len(ways) > 1)}"
         f"{ways[-1]} is needed; in lock-step, which is not real time, a longer --decision-limit"
     )

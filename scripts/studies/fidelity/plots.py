@@ -171,7 +171,7 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
     figure.legend(handles, labels, loc="outside lower right", ncols=2, frameon=False, fontsize=8)
     figure.supxlabel("stator frequency (pu)", fontsize=9)
     figure.suptitle(
-        "Closed loops at rated current, 95 % intervals; linear within 2 %, logarithmic beyond",
+        "Loops with SE at rated current, 95 % intervals; linear within 2 %, logarithmic beyond",
         fontsize=10,
     )
     save_png(figure, path)
