@@ -56,6 +56,8 @@ Two address maps, one per controller, alike below 0x080. AXI4-Lite, 32-bit words
 - [Registers of MPDCC](#mpdcc-registers)
 - [Registers of MPTC](#mptc-registers)
 
+REGIONS
+
 **Clock.** The gate guard counts its times in clocks of the core. `make registers` computes them for
 25 MHz, the core's clock on boards without a PLL. Give any other one: `ARGS='--clock 100e6'` for the
 100 MHz of the ULX3S, `75e6` for its 75 MHz with the family. The host program asks the board.
@@ -682,9 +684,44 @@ def _reset(field: FieldNode) -> str:
     return "" if value is None else f"{value:#x}" if value > 9 else f"{value}"
 
 
+_REGIONS = {
+    "system": "identity, control, commands, status, faults",
+    "guard": "times and limits of the gate guard",
+    "result": "the last decision",
+    "parameters": "of the drive",
+    "measurements": "of the next decision",
+    "running": "what the sequence of vectors does now",
+}
+"""What the blocks of the maps hold."""
+
+
+def _regions(tops: dict[str, AddrmapNode]) -> str:
+    """First and last address of each block, by controller.
+
+    Raises
+    ------
+    KeyError
+        If a block has no words.
+    """
+    found: dict[str, dict[str, list[int]]] = {}
+    for controller, top in tops.items():
+        for node in _registers(top):
+            block = node.get_path().split(".")[1]
+            places = found.setdefault(block, {})
+            places.setdefault(controller, []).append(node.absolute_address)
+    rows = []
+    for block, places in found.items():
+        ends = [
+            f"0x{min(places[one]):03x} to 0x{max(places[one]):03x}" if one in places else "none"
+            for one in tops
+        ]
+        rows.append((f"`{block}`", *ends, _REGIONS[block]))
+    return tables.markdown(("block", *(one.upper() for one in tops), "holds"), rows, "l")
+
+
 def _markdown(tops: dict[str, AddrmapNode]) -> str:
     """The page: a table for each map, then one for each register with several fields."""
-    lines = [_INTRODUCTION]
+    lines = [_INTRODUCTION.replace("REGIONS", _regions(tops))]
     for controller, top in tops.items():
         title = controller.upper()
         lines += [f"## {title}: registers", "", _meaning(top), ""]

@@ -664,7 +664,8 @@ def readme_figures(document: dict[str, Any]) -> str:
     clock, low = ecp5["fmax_worst_mhz"], document["mptc"]["paper_b"]["low_speed"]["100"]
     index = EXPLORERS.index(SHOWN)
     rows = [
-        ("MPDCC, two explorers: clock cycles, worst case", f"{paper_a.CYCLES[SHOWN]}", f"{worst}"),
+        ("MPDCC (Paper A), two explorers: clock cycles, worst case", f"{paper_a.CYCLES[SHOWN]}",
+         f"{worst}"),
         ("the same as time", f"{paper_a.CYCLES[SHOWN] / 40:.1f} us (Spartan-3, 40 MHz)",
          f"{worst / clock:.2f} us (ECP5, placed, {clock:.1f} MHz)"),
         ("Spartan-3 slices", f"{paper_a.SLICES[index]}",
@@ -672,12 +673,12 @@ def readme_figures(document: dict[str, Any]) -> str:
         ("18 x 18 multipliers", f"{paper_a.MULTIPLIERS[index]}", f"{area['mult']}"),
         ("decisions that differ from the ideal controller's", "2.5 %",
          f"{document[key]['fidelity']['decision_mismatch_pct']:.2f} %"),
-        ("MPTC: current THD at 150 r/min, no load", "8.90 % (measured)",
+        ("MPTC (Paper B): current THD at 150 r/min, no load", "8.90 % (measured)",
          f"{low['thd_pct']:.2f} % (simulated)"),
         ("MPDCC's current THD over that of PWM, equal switching frequency", "not stated",
          _beside_pwm(document["pwm"]["equal"])),
     ]  # fmt: skip
-    return tables.markdown(("", "paper", "here"), rows, "lr")
+    return tables.markdown(("", "papers", "here"), rows, "lr")
 
 
 def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = README) -> None:
