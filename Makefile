@@ -180,7 +180,7 @@ layers: $(READY) ## draw the layers of the project, from its imports, into docs/
 site: $(SITE_READY) ## the documentation as a site in build/site
 	@'$(PY)' -m scripts site $(ARGS)
 
-release: $(SITE_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
+release: $(SITE_READY) $(CLUSTER_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
 	@'$(PY)' -m scripts release --jobs '$(JOBS)' $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model

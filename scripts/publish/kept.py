@@ -104,7 +104,13 @@ def keep_scaling(
     path : Path
         The file.
     """
-    known = {"machine": _machine(), "loops": loops, "steps": steps, "load": round(load, 1)}
+    known = {
+        "commit": _commit(),
+        "machine": _machine(),
+        "loops": loops,
+        "steps": steps,
+        "load": round(load, 1),
+    }
     _write(path, known | {"runs": list(rows)})
 
 
@@ -200,7 +206,7 @@ def keep_field_bench(models: Scores, rtl: Scores, path: Path = FIELD_BENCH) -> N
     path : Path
         The file.
     """
-    _write(path, {"models": _rows(models), "rtl": _rows(rtl)})
+    _write(path, {"commit": _commit(), "models": _rows(models), "rtl": _rows(rtl)})
 
 
 def _rows(scores: Scores) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """A release: what is published of a version, from one commit, in one folder.
 
 `build` refuses a tree that differs from its commit, a changelog without a dated section for the
-version, and tests that fail. It writes the parts into a folder beside the one asked for and renames
+version, figures of other sources, a tree that lint complains of, and tests that fail or that lack
+the packages they need. It writes the parts into a folder beside the one asked for and renames
 it at the end, so that there is a whole release or none. The same commit gives the same bytes with
 the same tools: archives hold the time of the commit, sorted names and no owner.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import importlib.util
 import io
 import json
 import re
@@ -24,15 +26,15 @@ from pathlib import Path
 import directmpc
 from scripts.generate.fusesoc_cores import PUBLIC
 from scripts.hdl import conversion
-from scripts.hdl.boards import BOARDS
+from scripts.hdl.boards import BOARDS, Board
 from scripts.measure import bitstream
-from scripts.publish import site
+from scripts.publish import kept, report, site
 from scripts.shared import progress, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
+from scripts.studies import field_bench
 
 VERSION = directmpc.__version__
 FOLDER = BUILD / "release" / f"directmpc-{VERSION}"
-BOARD = "ulx3s-85f"
 SEEDS = 5  # placements of a bitstream that have to meet timing
 
 _DATED = re.compile(r"^## \[(?P<version>[^\]]+)\] - \d{4}-\d{2}-\d{2}$", re.M)
@@ -95,8 +97,24 @@ def refuse_changelog(text: str, version: str = VERSION) -> None:
         )
 
 
+def refuse_old_figures() -> None:
+    """Refuse published figures that are not of the tree's sources.
+
+    Raises
+    ------
+    ToolError
+        If the report has a stage to measure.
+    """
+    if old := report.state(lambda _: None):
+        raise ToolError(f"{old} stages of the report are of other sources; run `make report` first")
+
+
+#: Packages without which tests say that they are skipped -> what installs them.
+NEEDED = {"material": "make site", "distributed": "make cluster"}
+
+
 def refuse_red_tests(jobs: int) -> None:
-    """Run every test, as `make test-all` does.
+    """Run lint and every test, as `make lint` and `make test-all` do.
 
     Parameters
     ----------
@@ -106,8 +124,15 @@ def refuse_red_tests(jobs: int) -> None:
     Raises
     ------
     ToolError
-        If a test fails or none runs.
+        If a package is missing without which tests are skipped, lint complains, a test fails or
+        none runs.
     """
+    for package, command in NEEDED.items():
+        if importlib.util.find_spec(package) is None:
+            raise ToolError(f"tests need the package {package}; `{command}` installs it")
+    lint = [sys.executable, "-m", "scripts", "lint"]
+    if code := subprocess.run(lint, cwd=ROOT, check=False).returncode:
+        raise ToolError(f"lint ended with exit code {code}; see `make lint`")
     command = [sys.executable, "-m", "pytest", "-n", str(jobs), "--dist", "worksteal"]
     if code := subprocess.run(command, cwd=ROOT, check=False).returncode:
         raise ToolError(f"the tests ended with exit code {code}; see `make test-all`")
@@ -232,8 +257,81 @@ def pages(out: Path, time: int) -> None:
         _archive(out / f"{name}.tar.gz", _tree(built, name), time)
 
 
+def published() -> list[tuple[Board, str, int]]:
+    """Bitstreams that docs/boards.md shows.
+
+    Returns
+    -------
+    list of (Board, str, int)
+        Board, controller, explorers.
+
+    Raises
+    ------
+    OSError
+        If none has been built.
+    """
+    known = json.loads(kept.BITSTREAMS.read_text(encoding="utf-8"))
+    # the kind of core that has no explorers says 0 of them
+    return [(BOARDS[one["board"]], one["controller"], one["explorers"] or 1) for one in known]
+
+
+def vendor(out: Path, time: int) -> None:
+    """Netlists, constraints and projects of the boards that only vendors' tools serve.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the archive.
+    time : int
+        Of the commit, s.
+
+    Raises
+    ------
+    ToolError
+        If a tool fails.
+    """
+    name = f"directmpc-boards-{VERSION}"
+    files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes())]
+    wanted = [
+        (board, controller)
+        for board in BOARDS.values() if board.family != "ecp5"
+        for controller in board.controllers
+    ]  # fmt: skip
+    with (
+        tempfile.TemporaryDirectory(prefix="release-") as work,
+        progress.counter("netlists of boards", len(wanted)) as advance,
+    ):
+        for board, controller in wanted:
+            for path in bitstream.vendor_netlist(board, controller, 1, Path(work)):
+                files.append((f"{name}/{board.name}-{controller}/{path.name}", path.read_bytes()))
+            advance()
+    _archive(out / f"{name}.tar.gz", files, time)
+
+
+def bench(out: Path, time: int) -> None:
+    """States, ideal decisions and costs of the bench for the field.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the archive.
+    time : int
+        Of the commit, s.
+
+    Raises
+    ------
+    ToolError
+        If it cannot be made.
+    """
+    name = f"directmpc-field-bench-{VERSION}"
+    with tempfile.TemporaryDirectory(prefix="release-") as work:
+        made = Path(work) / "bench"
+        field_bench.build(made, field_bench.STEPS)
+        _archive(out / f"{name}.tar.gz", _tree(made, name), time)
+
+
 def bitstreams(out: Path, time: int) -> None:
-    """Every bitstream of the board that open tools serve: both controllers, and the family.
+    """Every bitstream that is published.
 
     Parameters
     ----------
@@ -248,9 +346,9 @@ def bitstreams(out: Path, time: int) -> None:
         If a design does not fit or misses its clock.
     """
     del time
-    for controller in BOARDS[BOARD].controllers:
-        _, bit = bitstream.build_all(BOARDS[BOARD], controller, 1, SEEDS)
-        shutil.copy(bit, out / f"directmpc-{VERSION}-{BOARD}-{controller}.bit")
+    for board, controller, explorers in published():
+        _, bit = bitstream.build_all(board, controller, explorers, SEEDS)
+        shutil.copy(bit, out / f"directmpc-{VERSION}-{board.name}-{controller}.bit")
 
 
 #: Parts of a release: name -> what writes them, from the quickest to the slowest.
@@ -259,6 +357,8 @@ PARTS: dict[str, Callable[[Path, int], None]] = {
     "wheel": wheel,
     "netlists": netlists,
     "site": pages,
+    "field-bench": bench,
+    "boards": vendor,
     "bitstreams": bitstreams,
 }
 
@@ -304,13 +404,14 @@ def build(
     Raises
     ------
     ToolError
-        If the folder exists, the tree, the changelog or the tests refuse, or a part fails; then
-        nothing is left behind.
+        If the folder exists, the tree, the changelog, the figures or the tests refuse, or a part
+        fails; then nothing is left behind.
     """
     if out.exists():
         raise ToolError(f"{out}: it exists; remove it, or name another folder with --out")
     commit = refuse_changes()
     refuse_changelog((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    refuse_old_figures()
     check(jobs)
     time = int(_git("log", "-1", "--format=%ct"))
     say = progress.teller("release")

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from scripts.hdl import states
-from scripts.publish import newcomer
+from scripts.publish import newcomer, stored_figures
+from scripts.publish.stored_figures import put
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
@@ -55,13 +56,6 @@ def _mean(chosen: Iterable[Mapping[str, Any]], name: str) -> float:
 def _change(chosen: Any, base: Any, name: str) -> float:
     """Of a mean, in percent of another."""
     return 100 * (_mean(chosen, name) / _mean(base, name) - 1)
-
-
-def _put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) -> None:
-    inner = section
-    for key in map(str, path):
-        inner = inner.setdefault(key, {})
-    inner.update(figures)
 
 
 # --- robustness -----------------------------------------------------------------------------------
@@ -151,7 +145,7 @@ def shipped(found: Mapping[robustness.Setting, Any]) -> Section:
         exact = by[robustness.REMEDIES[0]]
         for one in robustness.REMEDIES[1:]:
             path = (drive, bound, remedy(*one), f"{kind} {speed}")
-            _put(section, path, _compared(by[one], exact))
+            put(section, path, _compared(by[one], exact))
     return section
 
 
@@ -172,7 +166,7 @@ def _mismatch(found: Mapping[robustness.Setting, Any]) -> Section:
                 for wanted in ((machine, knows), (base, robustness.KNOWN))
             )
             path = (drive, machine, knows, f"{kind} {speed}")
-            _put(section, path, _compared(chosen, known) | {"theta": _mean(chosen, "theta")})
+            put(section, path, _compared(chosen, known) | {"theta": _mean(chosen, "theta")})
     return section
 
 
@@ -215,10 +209,10 @@ def _random(found: Mapping[robustness.Setting, Any]) -> Section:
     exact = remedy(*robustness.RANDOM_REMEDIES[0])
     names = [remedy(*one) for one in robustness.RANDOM_REMEDIES]
     for kind, name in itertools.product(HORIZONS, names):
-        _put(section, (kind, name), _random_figures(by[kind, name], by[kind, exact]))
+        put(section, (kind, name), _random_figures(by[kind, name], by[kind, exact]))
     for kind, knows in itertools.product(HORIZONS, robustness.RANDOM_KNOWS):
         path = (kind, robustness.DRAWN, knows)
-        _put(section, path, _random_figures(by[kind, knows], by[kind, robustness.KNOWN]))
+        put(section, path, _random_figures(by[kind, knows], by[kind, robustness.KNOWN]))
     return section
 
 
@@ -244,7 +238,7 @@ def _two_level(found: Mapping[mptc_robustness.Setting, Any]) -> Section:
             )
         }  # fmt: skip
         off = [abs(mine["torque_mean_nm"] - mine["torque_nm"]) for mine, _ in pairs]
-        _put(section, (method, case), figures | {"torque_off_nm": _spread(off)})
+        put(section, (method, case), figures | {"torque_off_nm": _spread(off)})
     return section
 
 
@@ -317,7 +311,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
                     figures[f"{scheme.lower()}_{name}_thd_pct"] = pwm.thd_at(points, fsw)
             perfect = pwm.curve(found, pwm.PULSES[speed], scheme="PWM", capacitors="ideal", **at)
             figures["pwm_ideal_thd_pct"] = pwm.thd_at(perfect, fsw)
-            _put(section, ("equal", drive, speed, pulses), figures)
+            put(section, ("equal", drive, speed, pulses), figures)
         for pulses in pwm.PULSES[speed][:4]:
             chosen = pwm.select(found, scheme="PWM", capacitors="ideal", value=pulses, **at)
             fsw = _mean(chosen, "fsw_hz")
@@ -325,7 +319,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
             for scheme in HORIZONS:
                 points = pwm.curve(found, pwm.BOUNDS, scheme=scheme, capacitors="ideal", **at)
                 figures[f"{scheme.lower()}_thd_pct"] = pwm.thd_at(points, fsw)
-            _put(section, ("ideal", drive, speed, pulses), figures)
+            put(section, ("ideal", drive, speed, pulses), figures)
         for bound, scheme in itertools.product(pwm.BALANCED, HORIZONS):
             real, still = (
                 pwm.select(found, scheme=scheme, capacitors=kind, value=bound, **usual, **at)
@@ -336,7 +330,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
                 "balance_pct": -_change(still, real, "fsw_hz"),
                 "thd_pct": _mean(real, "thd_pct"), "thd_still_pct": _mean(still, "thd_pct"),
             }  # fmt: skip
-            _put(section, ("balance", drive, speed, bound, scheme), figures)
+            put(section, ("balance", drive, speed, bound, scheme), figures)
     for speed in pwm.SPEEDS:
         runs = [
             (k, v)
@@ -347,7 +341,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
             "vn_pu": max(v["peak_vn"] - k.bound_vn for k, v in runs),
             "vph_pu": max(v["peak_vph"] - k.bound_vph for k, v in runs),
         }
-        _put(section, ("excess", speed), figures)
+        put(section, ("excess", speed), figures)
     return section
 
 
@@ -377,21 +371,21 @@ def of_bounds(reports: Path = REPORTS) -> Section:
     exact = _of("ideal", "largest")
     for row in exact:
         figures = {"fsw_hz": row["fsw_hz"], "thd_pct": row["thd_pct"]}
-        _put(section, ("ideal", row["bound_pu"]), figures)
+        put(section, ("ideal", row["bound_pu"]), figures)
     for name in ("paper", "fast"):
         for row, base in zip(_of(name, "largest"), exact, strict=True):
             figures = {
                 "fsw_diff_pct": 100 * (row["fsw_hz"] / base["fsw_hz"] - 1),
                 "thd_diff_pct": 100 * (row["thd_pct"] / base["thd_pct"] - 1),
             }
-            _put(section, (name, row["bound_pu"]), figures)
+            put(section, (name, row["bound_pu"]), figures)
         largest = {
             key: max(abs(one[key]) for one in section[name].values())
             for key in ("fsw_diff_pct", "thd_diff_pct")
         }
         rtl = {key: sum(int(r[key]) for r in _of(name, "largest"))
                for key in ("rtl_rows", "rtl_differing")}  # fmt: skip
-        _put(section, ("largest", name), largest | rtl)
+        put(section, ("largest", name), largest | rtl)
     for controller, rule in bounds.SETTINGS:
         own = _of(controller, rule)
         figures = {
@@ -399,7 +393,7 @@ def of_bounds(reports: Path = REPORTS) -> Section:
             for key in ("vn_largest_pu", "vn_outside_pct", "vph_largest_pu", "vph_outside_pct",
                         "deadlocks_pct")
         }  # fmt: skip
-        _put(section, ("capacitors", controller, rule), figures)
+        put(section, ("capacitors", controller, rule), figures)
     return section
 
 
@@ -471,7 +465,7 @@ def of_deadlocks(reports: Path = REPORTS) -> Section:
                 "fsw_hz": _mean(chosen, "fsw_hz"),
                 "deadlocks_pct": _mean(chosen, "deadlock_pct"),
             }
-            _put(section, ("low" if low else "high", name, kind), figures | _worst(chosen))
+            put(section, ("low" if low else "high", name, kind), figures | _worst(chosen))
     for kind, speed, bound, name in itertools.product(
         HORIZONS, deadlocks.SPEEDS, deadlocks.BOUNDS, deadlocks.BUILT_IN
     ):
@@ -489,10 +483,10 @@ def of_deadlocks(reports: Path = REPORTS) -> Section:
             mean, half = horizon.interval([row[column] for row in chosen])
             figures |= {key: float(mean), f"{key}_interval": float(half)}
         place = ("points", kind, speed, bound, deadlocks.BUILT_IN[name])
-        _put(section, place, figures | _worst(chosen))
+        put(section, place, figures | _worst(chosen))
     for row in steps:
         place = ("steps", row["horizon"], row["speed"], row["bound"])
-        _put(
+        put(
             section, place, {k: v for k, v in row.items() if k not in ("horizon", "speed", "bound")}
         )
     return section
@@ -518,7 +512,7 @@ def of_sensorless(reports: Path = REPORTS) -> Section:
     for row in tables.read_csv(reports / "sensorless.csv"):
         place = (f"{float(row['rpm']):g} r/min", f"{float(row['load']):g} N m")
         value = {row["quantity"]: float(row["value"])}
-        _put(section, (row["study"], row["case"], *place), value)
+        put(section, (row["study"], row["case"], *place), value)
     return section
 
 
@@ -546,7 +540,7 @@ def of_boards(reports: Path = REPORTS) -> Section:
     for found in json.loads((reports / "bitstreams.json").read_text(encoding="utf-8")):
         used = {key: found["used"].get(kind, (0, 0))[0] for key, kind in RESOURCES.items()}
         clocks = {key: found[key] for key in ("clock_mhz", "fmax_worst_mhz", "seeds")}
-        _put(section, (found["board"], found["controller"]), used | clocks)
+        put(section, (found["board"], found["controller"]), used | clocks)
     return section
 
 
@@ -576,7 +570,7 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
         figures = {
             name: capacitor_bounds.mean(found, name, **at) for name in capacitor_bounds.FIGURES
         }
-        _put(section, (drive, scheme, f"{neutral:g} / {phase:g}", noise, speed), figures)
+        put(section, (drive, scheme, f"{neutral:g} / {phase:g}", noise, speed), figures)
     return section
 
 
@@ -607,6 +601,7 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
     "lengths": of_lengths,
     "deadlocks": of_deadlocks,
     "sensorless": of_sensorless,
+    **stored_figures.SECTIONS,
 }
 """Key of metrics.json -> what makes it."""
 

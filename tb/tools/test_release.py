@@ -1,8 +1,8 @@
 """A release: what refuses it, what is in it, and that the same commit gives the same bytes.
 
-Sweep: every refusal; cores and wheel, twice each; netlists.
-Stimulus: a repository with a changed, a new and a missing file; changelogs; tests that are red; a
-part that fails; a folder that exists.
+Sweep: every refusal; cores and wheel, twice each; netlists; all parts at once, slow ones replaced.
+Stimulus: a repository with a changed, a new and a missing file; changelogs; figures of other
+sources; tests that are red or lack a package; a part that fails; a folder that exists.
 Checks: one message that names the file; nothing left behind; every file of a core file is in the
 archive; checksums; bytes.
 Does not prove: that bitstreams meet their clocks, see test_bitstream.
@@ -23,7 +23,7 @@ import yaml
 
 import directmpc
 from scripts import __main__ as program
-from scripts.hdl.boards import Board
+from scripts.hdl.boards import BOARDS, Board
 from scripts.publish import release
 from scripts.shared.tools import ROOT, ToolError
 
@@ -84,6 +84,7 @@ def ready(monkeypatch: pytest.MonkeyPatch) -> None:
     """A clean tree with its changelog."""
     monkeypatch.setattr(release, "refuse_changes", lambda: "c" * 40)
     monkeypatch.setattr(release, "refuse_changelog", lambda text: None)
+    monkeypatch.setattr(release.report, "state", lambda say: 0)
 
 
 def green(jobs: int) -> None:
@@ -99,19 +100,84 @@ def test_red_tests_leave_nothing(ready: None, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_figures_of_other_sources_leave_nothing(
+    ready: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(release.report, "state", lambda say: 3)
+    with pytest.raises(ToolError, match="3 stages of the report are of other sources"):
+        release.build(tmp_path / "out", 1, ["cores"], check=green)
+    assert not list(tmp_path.iterdir())
+
+
 def test_tests_that_fail_are_red(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = {"code": 1}
+    ended = {"pytest": 1, "scripts": 0}
+    monkeypatch.setattr(release.importlib.util, "find_spec", lambda name: name)
     monkeypatch.setattr(
         release.subprocess, "run",
-        lambda command, **_: subprocess.CompletedProcess(command, ended["code"]),
+        lambda command, **_: subprocess.CompletedProcess(command, ended[command[2]]),
     )  # fmt: skip
-    with pytest.raises(ToolError, match="exit code 1"):
+    with pytest.raises(ToolError, match="tests ended with exit code 1"):
         release.refuse_red_tests(2)
-    ended["code"] = 5  # none was collected
-    with pytest.raises(ToolError, match="exit code 5"):
+    ended["pytest"] = 5  # none was collected
+    with pytest.raises(ToolError, match="tests ended with exit code 5"):
         release.refuse_red_tests(2)
-    ended["code"] = 0
+    ended["pytest"] = 0
     release.refuse_red_tests(2)
+    ended["scripts"] = 1
+    with pytest.raises(ToolError, match="lint ended with exit code 1"):
+        release.refuse_red_tests(2)
+
+
+@pytest.mark.parametrize("package", release.NEEDED)
+def test_a_test_that_would_be_skipped_is_refused(
+    monkeypatch: pytest.MonkeyPatch, package: str
+) -> None:
+    there = {name: name for name in release.NEEDED if name != package}
+    monkeypatch.setattr(release.importlib.util, "find_spec", there.get)
+    with pytest.raises(ToolError, match=f"need the package {package}; `make "):
+        release.refuse_red_tests(2)
+
+
+def test_all_parts_make_one_release(
+    ready: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def _build(board: Board, controller: str, explorers: int, seeds: int) -> tuple[dict, Path]:
+        (bit := tmp_path / "made.bit").write_text(f"{board.name} {controller}", encoding="utf-8")
+        return {}, bit
+
+    def _netlist(board: Board, controller: str, explorers: int, folder: Path) -> list[Path]:
+        (path := folder / f"{board.name}.edf").write_text(controller, encoding="utf-8")
+        return [path]
+
+    def _site(out: Path) -> None:
+        out.mkdir()
+        (out / "index.html").write_text("<p>", encoding="utf-8")
+
+    def _bench(out: Path, steps: int) -> None:
+        out.mkdir()
+        (out / "manifest.json").write_text(f"{steps}", encoding="utf-8")
+
+    verilog = tmp_path / "one.v"
+    verilog.write_text("module one; endmodule", encoding="utf-8")
+    monkeypatch.setattr(release.bitstream, "build_all", _build)
+    monkeypatch.setattr(release.bitstream, "vendor_netlist", _netlist)
+    monkeypatch.setattr(release.site, "build", _site)
+    monkeypatch.setattr(release.field_bench, "build", _bench)
+    monkeypatch.setattr(release.conversion, "cached", lambda entity: verilog)
+    out = release.build(tmp_path / "out", 1, list(release.PARTS), check=green)
+    names = {path.name for path in out.iterdir()}
+    archives = ("cores", "netlists", "site", "field-bench", "boards")
+    assert {f"directmpc-{name}-{VERSION}.tar.gz" for name in archives} <= names
+    assert len([name for name in names if name.endswith(".whl")]) == 1
+    bits = [name for name in names if name.endswith(".bit")]
+    assert len(bits) == len(release.published())
+    known = json.loads((out / "release.json").read_text(encoding="utf-8"))
+    assert set(known["files"]) == names - {"release.json", "SHA256SUMS"}
+    with tarfile.open(out / f"directmpc-boards-{VERSION}.tar.gz") as archive:
+        folders = {Path(name).parts[1] for name in archive.getnames()}
+    vendors = [board for board in BOARDS.values() if board.family != "ecp5"]
+    wanted = {f"{board.name}-{one}" for board in vendors for one in board.controllers}
+    assert folders == wanted | {"LICENSE"}
 
 
 def test_a_part_that_fails_leaves_nothing(
@@ -190,14 +256,14 @@ def test_the_netlists_are_those_of_the_public_entities(tmp_path: Path) -> None:
         assert len(archive.getnames()) == len(release.PUBLIC)  # without board_top, with the licence
 
 
-def test_every_bitstream_of_the_board_is_in_it(
+def test_every_bitstream_that_is_published_is_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bit = tmp_path / "made.bit"
 
     def _build(board: Board, controller: str, explorers: int, seeds: int) -> tuple[dict, Path]:
-        assert (board.name, explorers, seeds) == (release.BOARD, 1, release.SEEDS)
-        bit.write_text(controller, encoding="utf-8")
+        assert (explorers, seeds) == (1, release.SEEDS)
+        bit.write_text(f"{board.name}-{controller}", encoding="utf-8")
         return {}, bit
 
     monkeypatch.setattr(release.bitstream, "build_all", _build)
@@ -205,5 +271,7 @@ def test_every_bitstream_of_the_board_is_in_it(
     out.mkdir()
     release.bitstreams(out, TIME)
     found = {path.name: path.read_text(encoding="utf-8") for path in out.iterdir()}
-    names = ("mpdcc", "mptc", "family")
-    assert found == {f"directmpc-{VERSION}-ulx3s-85f-{name}.bit": name for name in names}
+    known = json.loads((ROOT / "reports" / "bitstreams.json").read_text(encoding="utf-8"))
+    names = {f"{one['board']}-{one['controller']}" for one in known}
+    assert {"ulx3s-85f-mpdcc", "ulx3s-85f-mptc", "ulx3s-25f-mpdcc"} <= names
+    assert found == {f"directmpc-{VERSION}-{name}.bit": name for name in names}

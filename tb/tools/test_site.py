@@ -19,8 +19,10 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from directmpc.host import protocol
 from scripts.commands.site import COMMAND
 from scripts.hdl import sources
+from scripts.hdl.clocks import clocks_of
 from scripts.measure import budgets
 from scripts.publish import entity_pages, site
 from scripts.shared.tools import ROOT
@@ -207,19 +209,35 @@ def test_formulas_of_a_header_are_evaluated() -> None:
     assert 21 not in got
 
 
-@pytest.mark.parametrize("entity", entity_pages.PUBLIC)
+ELSEWHERE = {
+    # clock by clock, beside the model: test_gate_guard
+    "gate_guard": {1, 2, 4},
+    # header, check sum, stuffing and two ends of a frame: test_host_link
+    "host_link": {protocol.OVERHEAD + 3},
+    "mpdcc_system": {clocks_of("state_observer", one) for one in ("filters", "flux", "filtered")},
+    "mptc_system": {clocks_of("mptc_speed_observer", "speed") + 1},
+}
+"""Clocks on pages of entities that the file of budgets has none of, and what asserts them."""
+
+
+@pytest.mark.parametrize("entity", [one for one in entity_pages.PUBLIC if one != "board_top"])
 def test_the_latency_on_a_page_is_what_a_bench_asserts(entity: str) -> None:
-    wanted = flat(budgets.load().cycles.get(entity, {}))
+    wanted = flat(budgets.load().cycles.get(entity, {})) | ELSEWHERE.get(entity, set())
     if entity == "mpdcc_scheduler":
         wanted |= flat(budgets.load().cycles["mpdcc_core"])
+    assert wanted, "no latency is known"
     text = sources.entities()[entity].read_text(encoding="utf-8")
     defaults = {
         one.name: int(one.default)
         for one in entity_pages.generics(text, entity)
         if one.default.isdigit()
     }
-    if wanted:
-        assert wanted - clocks_said(text, defaults) == set()
+    assert wanted - clocks_said(text, defaults) == set()
+
+
+def test_the_board_adds_no_latency_of_its_own() -> None:
+    text = sources.entities()["board_top"].read_text(encoding="utf-8")
+    assert "Latency: see host_link, controller and gate guard." in text
 
 
 # --- the site -------------------------------------------------------------------------------------

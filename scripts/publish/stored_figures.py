@@ -1,0 +1,251 @@
+"""Sections of reports/metrics.json that are the stored files themselves, or means over their rows.
+
+Whoever looks for a published figure finds it by the names that the file's rows have. Studies whose
+pages show something else than rows and means are in `study_figures`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scripts.shared import tables
+
+Section = dict[str, Any]
+
+
+def put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) -> None:
+    """Put figures where a path of keys leads.
+
+    Parameters
+    ----------
+    section : dict
+        Changed.
+    path : iterable
+        Keys; made texts.
+    figures : mapping
+        What is put there, beside what is there.
+    """
+    inner = section
+    for key in map(str, path):
+        inner = inner.setdefault(key, {})
+    inner.update(figures)
+
+
+def of_rows(path: Path, keys: Sequence[str], without: Sequence[str] = ()) -> Section:
+    """Means of the columns of a CSV file, by its other columns.
+
+    Parameters
+    ----------
+    path : Path
+        The file; lines that begin with # are left out.
+    keys : sequence of str
+        Columns that name a figure, the outermost first.
+    without : sequence of str
+        Columns over which the mean is taken.
+
+    Returns
+    -------
+    dict
+        Nested by the keys. A column without a number in any row of a place is not there.
+
+    Raises
+    ------
+    OSError
+        If there is no file.
+    KeyError
+        If it lacks a column.
+    """
+    found: dict[tuple[str, ...], dict[str, list[float]]] = {}
+    for row in tables.read_csv(path):
+        place = tuple(row[key] for key in keys)
+        columns = found.setdefault(place, {})
+        for name, text in row.items():
+            if name in keys or name in without:
+                continue
+            try:
+                value = float(text)
+            except ValueError:
+                continue
+            columns.setdefault(name, []).append(value)
+    section: Section = {}
+    for place, columns in found.items():
+        means = {name: math.fsum(values) / len(values) for name, values in columns.items()}
+        put(section, place, means)
+    return section
+
+
+def _json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def of_accuracy(reports: Path) -> Section:
+    """Decisions and loops beside the ideal controller's: what each approximation costs, each point.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the files.
+
+    Returns
+    -------
+    dict
+        `whole` as of fidelity.json; `budget` by group and setting; `decisions` by drive, bound,
+        speed, variant and driver; `loops` and `straight_line` by drive, bound, speed, controller.
+    """
+    point = ("drive", "bound_current_pu", "omega_s_pu")
+    return {
+        "whole": _json(reports / "fidelity.json"),
+        "budget": of_rows(reports / "error_budget.csv", ("group", "setting")),
+        "decisions": of_rows(reports / "fidelity_decisions.csv", (*point, "variant", "driver")),
+        "loops": of_rows(reports / "fidelity_loops.csv", (*point, "controller")),
+        "straight_line": of_rows(reports / "fidelity_straight_line.csv", (*point, "controller")),
+    }
+
+
+def of_observer(reports: Path) -> Section:
+    """Errors of the rotor-flux observer.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By mismatch of the plant, crossover and stator frequency.
+    """
+    return of_rows(reports / "observer.csv", ("mismatch", "crossover_pu", "omega_s_pu"))
+
+
+def of_paper_b(reports: Path) -> Section:
+    """Every method at Paper B's operating points.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By study, controller, speed in r/min and quantity.
+    """
+    return of_rows(reports / "paper_b.csv", ("study", "controller", "rpm", "quantity"))
+
+
+def of_design_space(reports: Path) -> Section:
+    """What constants and explorers cost and give.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By dimension, variant and setting.
+    """
+    return of_rows(reports / "design_space.csv", ("dimension", "variant", "setting"))
+
+
+def of_sese(reports: Path) -> Section:
+    """SE and SESE in closed loop, means over the starts.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By switching horizon, bound and speed.
+    """
+    return of_rows(reports / "sese.csv", ("horizon", "bound", "speed"), ("start",))
+
+
+def of_outside_rules(reports: Path) -> Section:
+    """Rules for what is outside its bounds, means over the starts.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        By drive, horizon, speed, noise, rule and gain.
+    """
+    keys = ("drive", "horizon", "speed", "noise", "rule", "gain")
+    return of_rows(reports / "outside_rules.csv", keys, ("start",))
+
+
+def of_field_bench(reports: Path) -> Section:
+    """Scores on the states of the bench for the field.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        `models` and `rtl`, by set and implementation.
+    """
+    section: Section = {}
+    known = _json(reports / "field_bench.json")
+    for kind in ("models", "rtl"):
+        for one in known[kind]:
+            figures = {key: v for key, v in one.items() if key not in ("set", "implementation")}
+            put(section, (kind, one["set"], one["implementation"]), figures)
+    return section
+
+
+def of_torture(reports: Path) -> Section:
+    """Decisions that a second program checked.
+
+    Parameters
+    ----------
+    reports : Path
+        Folder of the file.
+
+    Returns
+    -------
+    dict
+        `commit`; by controller `kinds` and `counts`.
+    """
+    known = _json(reports / "torture.json")
+    section: Section = {"commit": known["commit"]}
+    for name, one in known.items():
+        if isinstance(one, dict):
+            section[name] = {key: v for key, v in one.items() if key != "done"}
+    return section
+
+
+def _file(name: str) -> Callable[[Path], Section]:
+    """A section that is a JSON file."""
+    return lambda reports: _json(reports / name)
+
+
+SECTIONS: dict[str, Callable[[Path], Section]] = {
+    "accuracy": of_accuracy,
+    "observer": of_observer,
+    "paper_b": of_paper_b,
+    "design_space": of_design_space,
+    "sese": of_sese,
+    "outside_rules": of_outside_rules,
+    "linear_comparison": _file("linear_comparison.json"),
+    "field_bench": of_field_bench,
+    "torture": of_torture,
+    "coverage": _file("coverage.json"),
+    "scaling": _file("scaling.json"),
+}
+"""Key of metrics.json -> what makes it."""
