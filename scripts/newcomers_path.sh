@@ -3,7 +3,7 @@
 #
 #   scripts/newcomers_path.sh
 #
-# The steps: `make run`, `make test`, a drive file of one's own, a run of it that is recorded as a
+# The steps: a clone, `make run`, `make test`, a drive file of one's own, a run of it that is recorded as a
 # trace, the trace through the RTL, and a virtual board that the host program controls with that
 # drive. It works in a clone; on a bare machine:
 #
@@ -42,9 +42,10 @@ on_a_virtual_board() {
 }
 
 rm -rf "$mine"
+mkdir -p "$mine"
+step 'a clone' git clone --quiet . "$mine/clone"
 step '`make run`' make --no-print-directory run
 step '`make test`' make --no-print-directory test
-mkdir -p "$mine"
 step 'a drive file' "$python" -m scripts new-drive mpdcc "$mine/drive.toml"
 step 'that drive, 400 steps, recorded' make --no-print-directory run \
   ARGS="--drive $mine/drive.toml --steps 400 --trace $mine/trace.csv"

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from scripts.shared import progress
 from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import BUILD, replacing
 from scripts.studies import fuzz
@@ -30,12 +31,13 @@ def _run(given: argparse.Namespace) -> int | None:
     for name in chosen:
         findings: list[fuzz.Finding] = []
         count = 0
-        for found in fuzz.run(name, seconds, given.seed):
-            count += 1
-            if found is not None:
-                findings.append(found)
-                if len(findings) == 10:
-                    break
+        with progress.busy(f"fuzz: {name}"):
+            for found in fuzz.run(name, seconds, given.seed):
+                count += 1
+                if found is not None:
+                    findings.append(found)
+                    if len(findings) == 10:
+                        break
         print(f"{name}: {count} byte strings, {len(findings)} findings", flush=True)
         for number, found in enumerate(findings):
             path = given.out / f"{name.replace(' ', '_')}-{number}"

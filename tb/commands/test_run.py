@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from directmpc import simulate
+from directmpc import shipped_drives, simulate
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.api.simulation import plant_with
 from directmpc.mpdcc import closed_loop, ideal
@@ -62,6 +62,17 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(told) == 40
     assert count_differences(model, told) == 0
     assert sorted(picture.parent.iterdir()) == sorted(outputs.values()), "none is not asked for"
+
+
+@pytest.mark.parametrize("name", sorted(shipped_drives()))
+def test_every_shipped_drive_runs(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--drive", str(ROOT / "drives" / f"{name}.toml"), "--steps", "12"]
+    assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 0
+    shown = capsys.readouterr().out
+    assert "12 checked" in shown
+    assert "0 differ" in shown
 
 
 def outputs_in(folder: Path) -> dict[str, Path]:

@@ -5,14 +5,16 @@ Commands of a shell are those of tb/tools/test_page_commands.py.
 Stimulus: blocks of Python and TOML as the pages have them; a stand-in for a board, for the loop
 of README.
 Checks: every block runs as it stands, in the order of the page and in a folder of its own; settings
-are valid in a shipped drive; a block with a fault fails; every block says its language, and none is
-left out but those that other tests run or that are no program.
+are valid in a shipped drive; the trace is decided as the page says; C compiles and writes a word;
+the instantiation is elaborated; a block with a fault fails; every block says its language, and none
+is left out but those that other tests run or that are no program.
 Does not prove: what a block computes.
 """
 
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,9 @@ import pytest
 
 from directmpc import load_drive
 from directmpc.host.board import Board
+from scripts.commands import replay
+from scripts.hdl import sources
+from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
@@ -33,9 +38,9 @@ OTHER = {
     ("docs/check.md", "text"): "what a failing check prints",
     ("docs/drive-file.md", "python"): "tb/tools/test_documents.py",
     ("docs/hil.md", "python"): "tb/model/test_examples.py",
-    ("docs/processor.md", "c"): "tb/rtl/system/processor_system",
-    ("docs/replay.md", "csv"): "tb/tools/test_documents.py",
-    ("docs/using-the-core.md", "vhdl"): "tb/tools/test_documents.py",
+    ("docs/processor.md", "c"): "below",
+    ("docs/replay.md", "csv"): "below",
+    ("docs/using-the-core.md", "vhdl"): "below",
 }  # fmt: skip
 
 
@@ -114,6 +119,63 @@ def test_the_first_pages_host_runs() -> None:
         exec(code, names)
     assert applied == [(3, 3, 3)] * 3
     assert names["board"].called == ["build/virtual-board", "anpc5l_6kv", "start", "off"]
+
+
+def test_the_trace_of_a_page_is_decided_as_it_says(tmp_path: Path) -> None:
+    trace, decisions, *heads = blocks("docs/replay.md", "csv")
+    (tmp_path / "trace.csv").write_text(trace, encoding="utf-8")
+    drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
+    given = ["--drive", drive, "--trace", str(tmp_path / "trace.csv"), "--engine", "model"]
+    assert replay.COMMAND.main([*given, "--out", str(tmp_path / "decisions.csv")]) == 0
+    assert (tmp_path / "decisions.csv").read_text(encoding="utf-8") == decisions
+    assert heads
+
+
+ACCESS = r"""
+#include <stdint.h>
+#include <stdio.h>
+BLOCK
+int main(void)
+{
+    static uint32_t words[4];
+    int refused = write_word(words, 8, 0x12345678u);
+    printf("%d %x %x\n", refused, (unsigned)words[1], (unsigned)words[2]);
+    return 0;
+}
+"""
+
+
+def test_the_c_of_a_page_writes_a_word(tmp_path: Path) -> None:
+    (code,) = blocks("docs/processor.md", "c")
+    (tmp_path / "access.c").write_text(ACCESS.replace("BLOCK", code), encoding="utf-8")
+    program = tmp_path / "access"
+    build = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "access.c", "-o", str(program)]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    told = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    assert told == "0 0 12345678\n"
+
+
+def test_the_vhdl_of_a_page_is_elaborated(tmp_path: Path) -> None:
+    (code,) = blocks("docs/using-the-core.md", "vhdl")
+    text = sources.entities()["mpdcc_core"].read_text(encoding="utf-8")
+    clause = text.partition("  port (")[2].partition("end entity")[0]
+    found = re.findall(r"^\s*(\w+)\s*:\s*(in|out)\s+([^;\n]*?);?\s*(?:--.*)?$", clause, re.M)
+    declared = "\n".join(
+        f"  signal {name} : {kind.partition(':=')[0].strip()};" for name, _, kind in found
+    )
+    (tmp_path / "page.vhd").write_text(
+        "library ieee;\n  use ieee.std_logic_1164.all;\n"
+        "library work;\n  use work.directmpc_constants.all;\n"
+        "entity page is\nend entity page;\narchitecture bench of page is\n"
+        f"{declared}\nbegin\n{code}\nend architecture bench;\n",
+        encoding="utf-8",
+    )
+    order = sources.compile_order("mpdcc_core", sources.rtl_files())
+    for given in (["-a", "--std=93", *map(str, order), "page.vhd"], ["-e", "--std=93", "page"]):
+        done = subprocess.run(
+            [*tools.tool("ghdl"), *given], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
 
 
 def test_a_block_with_a_fault_fails() -> None:
