@@ -26,7 +26,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import Fault, altered, assert_seen
 from tb.rtl.mpdcc.mpdcc_core.second_level_rows import (
     expected,
     longest,
@@ -153,6 +153,35 @@ def few_predictions(rtl: Path) -> None:
     found = core.simulate(rows, 2, "fast", rtl=rtl)
     if not np.array_equal(found.decisions, expected(rows, 2)[0][:, :7]):
         raise CheckError("decisions differ")
+
+
+WATCH = """
+  p_watch : process (clk) is
+  begin
+
+    if rising_edge(clk) and rst = '0' then
+      assert not (adopt = '1' and ({when}))
+        report "adopt"
+        severity failure;
+    end if;
+
+  end process p_watch;
+"""
+ALONE = "compare = '0' and clear = '0'"
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_a_result_is_adopted_while_none_is_compared(seen: bool, tmp_path: Path) -> None:
+    # what the proof of result_collector assumes; and it is adopted, so that it says something
+    watched = altered(
+        tmp_path, "result_collector", "  best <= kept;\n",
+        "  best <= kept;\n" + WATCH.format(when=ALONE if seen else f"not ({ALONE})"),
+    )  # fmt: skip
+    if seen:
+        with pytest.raises(CheckError, match=r"^adopt"):
+            few_searches(watched)
+    else:
+        few_searches(watched)
 
 
 FAULTS = [
