@@ -126,7 +126,7 @@ def faults(figure: Any) -> list[str]:
             least, most = sorted(getattr(axis.dataLim, f"interval{name}"))
             if getattr(axis, f"get_{name}scale")() == "log":
                 least = getattr(axis.dataLim, f"minpos{name}")  # bars stand on zero
-            spare = 1e-9 * (high - low)
+            spare = 5e-3 * (high - low)  # less than a line is wide
             if least < low - spare or most > high + spare:
                 found.append(f"{name} from {low:g} to {high:g} shows not {least:g} to {most:g}")
     return found
