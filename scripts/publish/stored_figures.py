@@ -106,87 +106,6 @@ def of_accuracy(reports: Path) -> Section:
     }
 
 
-def of_observer(reports: Path) -> Section:
-    """Errors of the rotor-flux observer.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By mismatch of the plant, crossover and stator frequency.
-    """
-    return of_rows(reports / "observer.csv", ("mismatch", "crossover_pu", "omega_s_pu"))
-
-
-def of_paper_b(reports: Path) -> Section:
-    """Every method at Paper B's operating points.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By study, controller, speed in r/min and quantity.
-    """
-    return of_rows(reports / "paper_b.csv", ("study", "controller", "rpm", "quantity"))
-
-
-def of_design_space(reports: Path) -> Section:
-    """What constants and explorers cost and give.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By dimension, variant and setting.
-    """
-    return of_rows(reports / "design_space.csv", ("dimension", "variant", "setting"))
-
-
-def of_sese(reports: Path) -> Section:
-    """SE and SESE in closed loop, means over the starts.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By switching horizon, bound and speed.
-    """
-    return of_rows(reports / "sese.csv", ("horizon", "bound", "speed"), ("start",))
-
-
-def of_outside_rules(reports: Path) -> Section:
-    """Rules for what is outside its bounds, means over the starts.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By drive, horizon, speed, noise, rule and gain.
-    """
-    keys = ("drive", "horizon", "speed", "noise", "rule", "gain")
-    return of_rows(reports / "outside_rules.csv", keys, ("start",))
-
-
 def of_field_bench(reports: Path) -> Section:
     """Scores on the states of the bench for the field.
 
@@ -235,13 +154,21 @@ def _file(name: str) -> Callable[[Path], Section]:
     return lambda reports: _json(reports / name)
 
 
+def _rows(name: str, keys: Sequence[str], without: Sequence[str] = ()) -> Callable[[Path], Section]:
+    """A section that is the rows of a CSV file, as of `of_rows`."""
+    return lambda reports: of_rows(reports / name, keys, without)
+
+
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "accuracy": of_accuracy,
-    "observer": of_observer,
-    "paper_b": of_paper_b,
-    "design_space": of_design_space,
-    "sese": of_sese,
-    "outside_rules": of_outside_rules,
+    "observer": _rows("observer.csv", ("mismatch", "crossover_pu", "omega_s_pu")),
+    "paper_b": _rows("paper_b.csv", ("study", "controller", "rpm", "quantity")),
+    "design_space": _rows("design_space.csv", ("dimension", "variant", "setting")),
+    # means over the starts
+    "sese": _rows("sese.csv", ("horizon", "bound", "speed"), ("start",)),
+    "outside_rules": _rows(
+        "outside_rules.csv", ("drive", "horizon", "speed", "noise", "rule", "gain"), ("start",)
+    ),
     "linear_comparison": _file("linear_comparison.json"),
     "field_bench": of_field_bench,
     "torture": of_torture,
