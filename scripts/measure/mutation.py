@@ -283,10 +283,17 @@ def arguments(path: Path = ARGUED) -> list[Argument]:
 # --- what is kept ---------------------------------------------------------------------------------
 
 
-def _folder(test: str) -> str:
-    """Folder of a test, by pytest's name for it."""
-    place = Path(test.partition("::")[0])
-    return (place.parent if place.suffix else place).as_posix()
+def _parts(test: str, root: Path) -> dict[str, list[Path]]:
+    """Each file of tests that a selection of pytest takes, with all that it may read of its folder.
+
+    That is the file itself, and those of its folder that are no tests.
+    """
+    place = root / test.partition("::")[0]
+    folder = place.parent if place.is_file() else place
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    shared = [path for path in files if not path.match("test_*.py")]
+    tests = [place] if place.is_file() else [path for path in files if path not in shared]
+    return {path.relative_to(root).as_posix(): [*shared, path] for path in tests}
 
 
 def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
@@ -302,7 +309,7 @@ def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        Hexadecimal, for the unit's file, each folder of its tests, and ``tests``: which of them.
+        Hexadecimal, for the unit's file, each file of its tests, and ``tests``: which of them.
 
     Raises
     ------
@@ -314,20 +321,20 @@ def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
         unit.file.as_posix(): tools.digest(source, str(SEED)),
         "tests": tools.digest(*unit.tests, "above", *unit.above),
     }
-    for folder in sorted({_folder(test) for test in (*unit.tests, *unit.above)}):
-        parts: list[str | bytes] = []
-        for path in sorted((root / folder).iterdir()):
-            if path.is_file():
+    for test in (*unit.tests, *unit.above):
+        for name, files in _parts(test, root).items():
+            parts: list[str | bytes] = []
+            for path in files:
                 parts += [path.name, path.read_bytes()]
-        found[folder] = tools.digest(*parts)
+            found[name] = tools.digest(*parts)
     return {name: digits[:16] for name, digits in found.items()}
 
 
 def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list[dict[str, Any]]:
     """Results that still hold.
 
-    What was killed holds as long as the VHDL and the folder of the test that killed it are the
-    same; what survived, as long as all tests are.
+    What was killed holds as long as the VHDL and the file of the test that killed it are the same,
+    with what is no test beside it; what survived, as long as all tests are.
 
     Parameters
     ----------
@@ -348,12 +355,17 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
     def _same(*names: str) -> bool:
         return all(name in keys and before.get(name) == keys[name] for name in names)
 
+    def _files(test: str) -> list[str]:
+        # where no test is known, the selection is named, which may be a folder
+        place = test.partition("::")[0]
+        return [name for name in keys if name.startswith(f"{place}/")] or [place]
+
     def _holds(row: Mapping[str, Any]) -> bool:
         if row["outcome"] == "survived":
             return before == dict(keys)
         needed = [unit.file.as_posix()]
         if row["outcome"] in ("killed", "timeout"):
-            needed.append(_folder(row.get("by", "")))
+            needed += _files(row.get("by", ""))
         return _same(*needed)
 
     return [row for row in found.get("mutants", []) if _holds(row)]

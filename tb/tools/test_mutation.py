@@ -625,6 +625,10 @@ def test_results_hold_as_long_as_what_they_depend_on(tmp_path: Path) -> None:
     bench.write_text(text + "# more\n")
     assert held() == "124"
     bench.write_text(text)
+    # a test that is added asks the survivors, and nothing else
+    (bench.parent / "test_added.py").write_text("\n")
+    assert held() == "1234"
+    (bench.parent / "test_added.py").unlink()
     alone = Unit(unit.name, unit.file, unit.tests, (), unit.top, unit.configurations)
     assert held(alone) == "123"
     (root / unit.file).write_text(COUNTER.replace("n + 1", "1 + n"))

@@ -10,12 +10,15 @@ Does not prove: that processors of another kind round alike.
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
 import os
 import re
 import signal
 import subprocess
 import sys
+import threading
 import time
+import types
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +30,23 @@ from scripts.shared.tools import ROOT, ToolError
 from scripts.studies import robustness
 
 STEPS, PATIENCE = 1500, 240
+
+
+class PatientEvent(threading.Event):
+    """One that is waited for at least `PATIENCE` seconds."""
+
+    def wait(self, timeout: float | None = None) -> bool:
+        return super().wait(None if timeout is None else max(timeout, PATIENCE))
+
+
+@pytest.fixture(autouse=True)
+def patient_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let Dask wait for its own thread: ten seconds are too few where a machine stands still."""
+    if importlib.util.find_spec("distributed"):
+        import distributed.utils
+
+        ours = types.SimpleNamespace(**vars(threading) | {"Event": PatientEvent})
+        monkeypatch.setattr(distributed.utils, "threading", ours)
 
 
 def tagged(number: int, seconds: float) -> tuple[int, int]:
