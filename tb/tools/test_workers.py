@@ -36,6 +36,7 @@ class PatientEvent(threading.Event):
     """One that is waited for at least `PATIENCE` seconds."""
 
     def wait(self, timeout: float | None = None) -> bool:
+        """Wait as long as asked, or longer."""
         return super().wait(None if timeout is None else max(timeout, PATIENCE))
 
 
