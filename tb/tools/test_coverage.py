@@ -64,7 +64,7 @@ def test_conditions_arms_and_bits_are_counted() -> None:
         "countdown.vhd:50 arm 2'b10",
     ]
     assert module.signals == [("load", 1), ("left", 2), ("held", 2), ("steps", 4)]
-    assert module.constant == {"steps"}
+    assert module.nets == ["n5_o", "held", "held"]
     assert "{(held == 2'b10), (held == 2'b01), n5_o}" in text
     assert "{steps, held, left, load}" in text
     assert text.count("endmodule") == 2
@@ -76,10 +76,74 @@ def test_conditions_arms_and_bits_are_counted() -> None:
     assert seen.of_conditions() == (2, 3)
     assert seen.of_lines("countdown.vhd") == (1, 2)
     assert seen.of_lines("other.vhd") == (0, 0)
-    assert seen.of_bits() == (3, 5)
+    assert seen.of_bits() == (3, 9)
+    # what is tied to a level does not count, nor an arm that a tied bit excludes
+    tied = {"countdown_12": {("steps", bit): "1" for bit in range(4)} | {("held", 1): "0"}}
+    fewer = coverage.collect(lines, modules, tied)["countdown"]
+    assert [str(one) for one in fewer.conditions] == [
+        "countdown.vhd:45", "countdown.vhd:50 arm 2'b01",
+    ]  # fmt: skip
+    assert fewer.of_bits() == (3, 4)
     assert goals.unpacked(json.loads(json.dumps(goals.packed({"countdown": seen})))) == {
         "countdown": seen
     }
+
+
+TIED = """\
+module leaf
+  (input  clk,
+   input  rst,
+   input  go,
+   input  [2:0] mode,
+   output [2:0] q);
+  wire [2:0] held;
+  reg [2:0] n9_q;
+  assign q = held;
+  assign held = n9_q;
+  always @(posedge clk)
+    if (go) n9_q <= mode;
+endmodule
+module top
+  (input  clk,
+   input  rst,
+   input  go,
+   input  free,
+   output [2:0] a,
+   output [2:0] b);
+  wire [2:0] i_first_q;
+  wire [2:0] i_second_q;
+  assign a = i_first_q;
+  assign b = i_second_q;
+  leaf i_first (
+    .clk(clk),
+    .rst(rst),
+    .go(go),
+    .mode({free, 2'b01}),
+    .q(i_first_q));
+  leaf i_second (
+    .clk(clk),
+    .rst(rst),
+    .go(1'b1),
+    .mode({2'b00, 1'b1}),
+    .q(i_second_q));
+endmodule
+"""
+
+
+def test_what_no_stimulus_changes_is_found_through_the_hierarchy(tmp_path: Path) -> None:
+    netlist = tmp_path / "tied.v"
+    netlist.write_text(TIED, encoding="utf-8")
+    found = coverage.constants(netlist, "top")
+    # bit 2 and go are free in one instance, a register holds what it is given
+    assert found["leaf"] == {
+        (name, bit): level
+        for name in ("mode", "n9_q", "held", "q")
+        for bit, level in enumerate("10")
+    }
+    assert ("i_second_q", 2) in found["top"]
+    assert ("i_first_q", 2) not in found["top"]
+    with pytest.raises(ToolError):
+        coverage.constants(netlist, "nothing")
 
 
 def _preexcitation(rows: int, folder: Path) -> coverage.Seen:

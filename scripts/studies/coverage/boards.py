@@ -27,10 +27,12 @@ BOARDS: dict[str, Generics] = {
     "mptc": generics("mptc", family=True, sensorless=True),
 }
 
-#: Steps with each drive.
-STEPS = 12
+#: Steps with each drive; and those in quick succession, over SPI.
+STEPS, MANY = 12, 130
 #: Bits of system.control.
 OBSERVER, OWN_POSITIONS = 4, 8
+#: Every bit of system.faults, and of a limit of the guard.
+ALL_FAULTS, LONGEST = 0x1FF, 0xFFFF
 
 
 class Lines:
@@ -141,11 +143,11 @@ class Lines:
         for _, address, word in values(drive, GuardSettings(clock=25_000_000)).writes():
             self.request(p.Type.WRITE, struct.pack("<HI", address, word))
         for name in ("guard.decision_limit", "guard.watchdog"):
-            self.write(name, 0xFFFF)
+            self.write(name, LONGEST)
         for name, word in settings.items():
             self.write(name.replace("__", "."), word)
         self.write("system.command", 1)
-        self.write("system.faults", 0x1FF)
+        self.write("system.faults", ALL_FAULTS)
         self.write("system.control", 1 | control)
 
     def step(self, measured: list[int]) -> None:
@@ -160,6 +162,88 @@ class Lines:
         if reply is not None and reply.kind == p.Type.STEP | p.REPLY:
             self.position = p.Decision.unpack(reply.payload).position & 0x1FF
             self.decisions += 1
+
+    def trip(self, rows: list[list[int]], pause: int = 200, **settings: int) -> None:
+        """Set the guard so that what comes is a fault; see it, then clear it bit by bit.
+
+        Parameters
+        ----------
+        rows : list[list[int]]
+            Words of the measurements of each step.
+        pause : int
+            Clocks without a step, after the last.
+        **settings : int
+            Registers of the guard, by their names in it.
+        """
+        self.write("system.control", 0)
+        for name, word in settings.items():
+            self.write(f"guard.{name}", word)
+        self.write("system.command", 1)
+        self.write("system.control", 1)
+        # so that the gates have been off for any dead and minimum time
+        self.script.wait(5000)
+        for measured in rows:
+            self.step(measured)
+        self.script.wait(pause)
+        self.request(p.Type.READ, struct.pack("<H", self.registers["system.faults"][0]))
+        self.write("system.control", 0)
+        for bit in range(9):
+            self.write("system.faults", 1 << bit)
+
+    def faults(self, rows: list[list[int]]) -> None:
+        """Bring about every fault that a board's inputs can.
+
+        Parameters
+        ----------
+        rows : list[list[int]]
+            Words of the measurements of some steps, within all limits.
+        """
+        calm = {"decision_limit": LONGEST, "watchdog": LONGEST, "minimum_on": 8, "minimum_off": 8}
+        limits = ("dead_time", "current_limit", "link_high", "link_low")
+        for name in limits:
+            address = struct.pack("<H", self.registers[f"guard.{name}"][0])
+            reply = self.request(p.Type.READ, address)
+            if reply is not None and reply.kind == p.Type.READ | p.REPLY:
+                calm[name] = struct.unpack("<HBI", reply.payload)[2]
+        self.trip(rows, **calm | {"decision_limit": 3})
+        self.trip(rows, 2000, **calm | {"watchdog": 900})
+        self.trip(rows, 70_000, **calm)
+        self.trip(rows, **calm | {"minimum_on": 4095, "minimum_off": 4095})
+        self.trip(rows, **calm | {"dead_time": 1})
+        self.trip(rows, **calm | {"current_limit": 1})
+        self.trip(rows, **calm | {"link_high": 1})
+        self.trip(rows, **calm | {"link_low": LONGEST})
+        self.write("system.control", 1)
+        self.step(rows[0])
+        self.script.permit(False)
+        self.script.wait(300)
+        self.write("system.faults", ALL_FAULTS)
+        self.script.permit(True)
+        # settings are locked now: refused
+        self.write("system.control", 1)
+        self.write("guard.dead_time", 5)
+        self.write("system.control", 0)
+
+    def cut(self, measured: list[int]) -> None:
+        """Frames that end too early: by the select line, and by a pause.
+
+        Parameters
+        ----------
+        measured : list[int]
+            Words of the measurements.
+        """
+        self.numbers[self.spi] += 1
+        payload = p.step_payload(measured, self.position)
+        wire = p.Frame(p.Type.STEP, self.numbers[self.spi], payload).wire()
+        for place in (2, 5, len(wire) // 2, len(wire) - 1):
+            self.raw(wire[:place], self.spi)
+            self.script.wait(400)
+        self.raw(wire[:9], self.spi)
+        # longer than a frame may take
+        self.script.wait(70_000)
+        self.raw(wire[9:], self.spi)
+        self.script.wait(3000)
+        self.script.run()
 
     def hostile(self, rng: random.Random, count: int) -> None:
         """Frames that are broken, cut off, too long, unknown or old, on both lines.
@@ -214,8 +298,17 @@ def _run(
             link = number % 2
             lines.choose(link)
             lines.load(drive, **settings)
-            for measured in _measured(controller, number, STEPS):
+            states_of_drive = _measured(controller, number, STEPS)
+            for measured in states_of_drive:
                 lines.step(measured)
+            if number < 2:
+                lines.faults(states_of_drive[:6])
+                lines.cut(states_of_drive[0])
+                lines.load(drive, **settings)
+            if number == 1:
+                for measured in _measured(controller, 9, MANY):
+                    lines.step(measured)
+                    lines.write("system.command", 1)
             # a measurement beyond any limit, a start from registers, a commit while it runs
             lines.step([32767] * len(measured))
             lines.write("system.command", 3)
@@ -233,8 +326,8 @@ def _run(
                 if not turn:
                     lines.request(p.Type.READ, struct.pack("<H", address), place % 2)
             lines.write("system.command", 1)
-        for first in range(0, 16, 8):
-            lines.request(p.Type.COUNTERS, bytes([first]))
+        for place in range(4):
+            lines.request(p.Type.COUNTERS, bytes([place // 2 * 8]), place % 2)
         script.permit(False)
         script.wait(200)
         script.permit(True)
@@ -269,6 +362,7 @@ def mpdcc(netlist: Path, folder: Path) -> None:
             {"control": OWN_POSITIONS},
         ),
         (drive.with_control(leakage_estimate=True), {"control": OBSERVER + OWN_POSITIONS}),
+        (drive.with_control(switching_horizon="SESE"), {}),
     ]
     _run("mpdcc", drives, netlist, folder)
 
@@ -293,7 +387,12 @@ def mptc(netlist: Path, folder: Path) -> None:
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
         (
             drive.with_control(method=method),
-            {"parameters__sensorless": place % 2, "control": place // 2 % 2 * OBSERVER},
+            {
+                "parameters__sensorless": place % 2,
+                "control": place // 2 % 2 * OBSERVER + place // 4 % 2 * OWN_POSITIONS,
+            }
+            # vectors of a sequence are shorter than a leg has to wait
+            | ({"guard__minimum_on": 900, "guard__minimum_off": 900} if place > 3 else {}),
         )
         for place, method in enumerate(methods)
     ]

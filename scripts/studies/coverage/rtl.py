@@ -194,8 +194,15 @@ def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Col
                 register = mptc_coefficients.registers(drive).array()
             except ValueError:  # a weight that this method's words do not hold
                 continue
-            first = rng.choice([0, 1024, TIME_STEPS], rows)
-            second = np.where(rng.random(rows) < 0.5, TIME_STEPS - first, 0)
+            first = np.where(
+                rng.random(rows) < 0.4,
+                rng.choice([0, 1024, TIME_STEPS], rows),
+                rng.integers(0, TIME_STEPS + 1, rows),
+            )
+            # the whole period, one vector after the first, or any time, too long ones too
+            turn, rest = rng.random(rows), TIME_STEPS - first
+            second = np.where(turn < 0.3, rest, np.where(turn < 0.5, 0, rng.integers(0, rest + 1)))
+            second = np.where(turn > 0.95, TIME_STEPS, second)
             running = np.column_stack([block.u, rng.integers(0, 8, (rows, 2)), first, second])
             if code:
                 told = [
@@ -263,11 +270,12 @@ def measure(name: str) -> dict[str, coverage.Seen]:
         If a tool is missing or fails, or a decision is not the model's.
     """
     top, chosen, vectors = RUNS[name]
-    text, modules = coverage.instrument(conversion.cached(top, chosen).read_text(encoding="utf-8"))
+    converted = conversion.cached(top, chosen)
+    text, modules = coverage.instrument(converted.read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix="coverage-") as temporary:
         folder = Path(temporary)
         netlist = folder / "instrumented.v"
         netlist.write_text(text, encoding="utf-8")
         vectors(netlist, folder)
         counts = (folder / coverage.FILE).read_text(encoding="utf-8")
-    return coverage.collect(counts, modules)
+    return coverage.collect(counts, modules, coverage.constants(converted, top))
