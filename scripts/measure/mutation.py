@@ -426,6 +426,23 @@ def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:
 # --- benches --------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Unchanged:
+    """What benches take where nothing is changed.
+
+    Attributes
+    ----------
+    work, one
+        Processor time that all of them, and a single test, may take with a change.
+    each
+        Processor time of each test without.
+    """
+
+    work: float
+    one: float
+    each: Mapping[str, float]
+
+
 class Workshop:
     """A copy of the project with a process that runs tests in it.
 
@@ -440,10 +457,13 @@ class Workshop:
     ----------
     root : Path
         The copy.
+    unchanged : dict[tuple[str, ...], Unchanged]
+        What tests have taken without a change: it is the same for every unit below them.
     """
 
     def __init__(self, folder: Path, root: Path = ROOT) -> None:
         self.root = folder / "project"
+        self.unchanged: dict[tuple[str, ...], Unchanged] = {}
         self._scratch = folder / "scratch"
         self._scratch.mkdir()
         ignore = shutil.ignore_patterns(*_ELSEWHERE)
@@ -581,23 +601,6 @@ class _Compiler:
 # --- judging --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Unchanged:
-    """What benches take where nothing is changed.
-
-    Attributes
-    ----------
-    work, one
-        Processor time that all of them, and a single test, may take with a change.
-    each
-        Processor time of each test without.
-    """
-
-    work: float
-    one: float
-    each: Mapping[str, float]
-
-
 class _Judge:
     """Decides what becomes of the mutants of one unit.
 
@@ -610,7 +613,6 @@ class _Judge:
         self.unit, self.place, self.folder = unit, place, folder
         self.file = place.root / unit.file
         self.source = self.file.read_text(encoding="utf-8")
-        self.unchanged: dict[tuple[str, ...], _Unchanged] = {}
         self.killer = {_name(row): row["by"] for row in known if row.get("by")}
         self.kills = Counter(self.killer.values())
         (folder / "library").mkdir()
@@ -619,9 +621,9 @@ class _Judge:
         self.gold = folder / "gold"
         shutil.copytree(rtl, self.gold)
 
-    def _begin(self, tests: tuple[str, ...]) -> _Unchanged:
+    def _begin(self, tests: tuple[str, ...]) -> Unchanged:
         """What tests take that have passed without a change."""
-        if tests not in self.unchanged:
+        if tests not in self.place.unchanged:
             tools.write(self.file, self.source)
             found = self.place.run(tests)
             if found["end"] != "passed" or not found["passed"]:
@@ -633,10 +635,10 @@ class _Judge:
             each = found["each"]
             # what tests share is made by the first of them, whichever that is
             longest = max(each.values(), default=found["work"])
-            self.unchanged[tests] = _Unchanged(
+            self.place.unchanged[tests] = Unchanged(
                 GRACE + PATIENCE * found["work"], GRACE + PATIENCE * longest, each
             )
-        return self.unchanged[tests]
+        return self.place.unchanged[tests]
 
     def _order(self, mutant: Mutant, each: Mapping[str, float]) -> list[str]:
         """Tests that kill most in the least time first; before all, the one that killed it once."""
@@ -754,7 +756,7 @@ def mutate(
     results : Path
         Folder of the results.
     root : Path
-        The project.
+        The project, or the copy that the benches run in.
     advance : callable
         Called `sample` times.
     stopped : callable
@@ -854,7 +856,7 @@ def elsewhere(unit: Unit, sample: int, before: Mapping[str, Any]) -> dict[str, A
     with tempfile.TemporaryDirectory(prefix="directmpc-results-") as name, workshop() as place:
         if before:
             _store(unit, before, Path(name))
-        return mutate(unit, place, sample, Path(name))
+        return mutate(unit, place, sample, Path(name), place.root)
 
 
 def mutate_all(
@@ -909,8 +911,16 @@ def mutate_all(
                     unit = waiting.get_nowait()
                 except queue.Empty:
                     return
+                # of the copy, whatever has become of the project since
                 mutate(
-                    unit, place, sample, results, ROOT, advance, lambda: bool(stopped), anew=anew
+                    unit,
+                    place,
+                    sample,
+                    results,
+                    place.root,
+                    advance,
+                    lambda: bool(stopped),
+                    anew=anew,
                 )
 
     with (
