@@ -163,7 +163,7 @@ cluster: $(CLUSTER_READY) ## install Dask, for studies on several machines (docs
 sources: $(READY) ## VHDL files in compile order for TOP
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts sources '' >&2; exit 2; fi; '$(PY)' -m scripts sources "$$TOP"
 
-virtual-board: $(READY) ## the board top in simulation, its UART on a pseudo-terminal; ARGS=--help
+virtual-board: $(READY) ## the board top in simulation, its UART or SPI on a pseudo-terminal; ARGS=--help
 	@'$(PY)' -m scripts virtual-board $(ARGS)
 
 bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds

@@ -1,4 +1,4 @@
-"""The board top in simulation, its UART on a pseudo-terminal, until it is interrupted."""
+"""The board top in simulation, its UART or SPI on a pseudo-terminal, until it is interrupted."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from directmpc.api.drive_file import load_drive
+from directmpc.host.board import SPI
 from directmpc.host.console import check_output, terminable
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
@@ -36,7 +37,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
     )
     parser.add_argument(
-        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART"
+        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART, or of SPI"
+    )
+    parser.add_argument(
+        "--spi",
+        action="store_true",
+        help="SPI in place of the UART: time goes on with each transaction, as on a board",
     )
     parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
     parser.add_argument(
@@ -77,12 +83,13 @@ def _run(given: argparse.Namespace) -> int | None:
         chosen = BOARDS[given.board].generics(build, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
-            chosen, given.port, given.gates, free_running=given.free_running
+            chosen, given.port, given.gates, free_running=given.free_running, spi=given.spi
         )
     print(board.said)
+    port = f"{SPI if given.spi else ''}{_shown(given.port)}"
     print(
         f"ready after {time.perf_counter() - began:.0f} s; in another terminal:\n"
-        f"  {_shown(Path(sys.executable))} -m directmpc.host --port {_shown(given.port)} identify\n"
+        f"  {_shown(Path(sys.executable))} -m directmpc.host --port {port} identify\n"
         "end it with Ctrl-C",
         flush=True,
     )

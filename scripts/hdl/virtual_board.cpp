@@ -1,8 +1,10 @@
 // The simulated board's pins, driven from outside: see scripts/hdl/virtual_board.py.
 //
-//   board pty CLOCKS_PER_BIT DIVIDE SETTLE LINK GATES SPI FREE   its UART on a pseudo-terminal, LINK a symbolic link to it
+//   board pty CLOCKS_PER_BIT DIVIDE SETTLE LINK GATES SPI FREE   a pseudo-terminal, LINK a symbolic link to it
 //   board script CLOCKS_PER_BIT DIVIDE SETTLE                    orders on standard input, what came of each on standard output
 //
+// SPI 0: the pseudo-terminal is its UART. 1: it carries SPI transactions, and the switch gives control to SPI. Two bytes
+// of length, the lower first, and as many bytes; as many come back.
 // FREE 1: time runs on without traffic too, as fast as the simulation goes.
 // Clocks are the core's: DIVIDE of the oscillator's. Before anything else the board gets SETTLE of them.
 //
@@ -136,6 +138,26 @@ static uint8_t spi_byte(uint8_t out) {
     return in;
 }
 
+// One SPI transaction: chip select is low for all of it.
+static void spi_transaction(const std::vector<uint8_t> &bytes, std::vector<uint8_t> &back) {
+    m->spi_cs_n = 0;
+    m->eval();
+    for (uint8_t byte : bytes) back.push_back(spi_byte(byte));
+    for (int i = 0; i < 2; i++) cycle();
+    m->spi_cs_n = 1;
+    for (int i = 0; i < 8; i++) cycle();
+}
+
+// The transaction that has come whole, if there is one.
+static bool taken(std::deque<uint8_t> &came, std::vector<uint8_t> &bytes) {
+    if (came.size() < 2) return false;
+    size_t size = came[0] | (size_t)came[1] << 8;
+    if (came.size() < 2 + size) return false;
+    bytes.assign(came.begin() + 2, came.begin() + 2 + (long)size);
+    came.erase(came.begin(), came.begin() + 2 + (long)size);
+    return true;
+}
+
 static std::string link_name;
 
 static void leave(int) {
@@ -198,14 +220,17 @@ static int run_pty(const char *link, const char *gates_file, bool over_spi, bool
     signal(SIGTERM, leave);
     signal(SIGHUP, leave);
     m->steps_over_spi = over_spi;
-    printf("virtual board: UART at %s -> %s\n", link, name);
+    printf("virtual board: %s at %s -> %s\n", over_spi ? "SPI" : "UART", link, name);
     fflush(stdout);
     // Unless it runs freely, time runs while the line is in use, and a little longer: a reply takes less than that to begin.
     // Between two bytes of a reply the board may be idle for half a stop bit and a little longer.
     const uint64_t patience = 4000, rest = 60 + (uint64_t)uart.period;
     uint8_t buffer[256];
+    std::deque<uint8_t> came;  // over SPI
+    std::vector<uint8_t> bytes;
     for (;;) {
-        bool quiet = !free_running && uart.idle() && clocks > uart.last_busy + (uart.asked ? patience : rest);
+        bool quiet = !free_running &&
+            (over_spi || (uart.idle() && clocks > uart.last_busy + (uart.asked ? patience : rest)));
         if (quiet) {
             struct pollfd wait = {master, POLLIN, 0};
             poll(&wait, 1, 1000);
@@ -214,11 +239,13 @@ static int run_pty(const char *link, const char *gates_file, bool over_spi, bool
         if (free_running && clocks % 65536 == 0 && getppid() == 1) leave(0);
         if (quiet || clocks % 64 == 0) {
             ssize_t count = read(master, buffer, sizeof buffer);
-            for (ssize_t i = 0; i < count; i++) uart.to_board.push_back(buffer[i]);
-            if (count > 0) uart.last_busy = clocks;
-            else if (quiet) continue;
+            for (ssize_t i = 0; i < count; i++) (over_spi ? came : uart.to_board).push_back(buffer[i]);
+            if (over_spi) {
+                while (taken(came, bytes)) spi_transaction(bytes, uart.from_board);
+            } else if (count > 0) uart.last_busy = clocks;
+            if (quiet && (over_spi || count <= 0) && uart.from_board.empty()) continue;
         }
-        cycle();
+        if (!over_spi || free_running) cycle();
         if (!uart.from_board.empty() && (uart.from_board.size() >= 16 || uart.idle())) {
             size_t done = 0;
             while (done < uart.from_board.size()) {
@@ -258,12 +285,7 @@ static int run_script() {
             uart.to_board.insert(uart.to_board.end(), bytes.begin(), bytes.end());
             while (!uart.to_board.empty() || uart.send_bits || clocks < uart.send_next) cycle();
         } else if (order == 's') {
-            m->spi_cs_n = 0;
-            m->eval();
-            for (uint8_t byte : bytes) back.push_back(spi_byte(byte));
-            for (int i = 0; i < 2; i++) cycle();
-            m->spi_cs_n = 1;
-            for (int i = 0; i < 8; i++) cycle();
+            spi_transaction(bytes, back);
         } else if (order == 'w') {
             for (uint32_t i = 0; i < number; i++) cycle();
         } else if (order == 'p') {

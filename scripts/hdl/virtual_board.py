@@ -1,10 +1,13 @@
-"""`make virtual-board`: the whole board top in simulation, its UART on a pseudo-terminal.
+"""`make virtual-board`: the whole board top in simulation, its UART or SPI on a pseudo-terminal.
 
 `board_top` goes through GHDL and Verilator as every core does (scripts/hdl/netlist_check.py), with
 scripts/hdl/virtual_board.cpp around its pins: the same host program that talks to a board talks to
 it. Simulated time advances only during traffic. So a host may take any time between two steps, and
 the gate guard's watchdog sees the same clocks every time. Free-running, time goes on as fast as the
 simulation does, at a thirtieth of a board's pace or less: a host that dies lets the watchdog trip.
+
+Over SPI a transaction takes its clocks, and nothing else does: a host that keeps the control period
+on a board keeps it here, however slow both are.
 
 Its UART is faster than a board's, so the netlist is not the board's. ``--board`` simulates the
 netlist of a board's bitstream, with the board's UART rate and oscillator divider.
@@ -224,6 +227,9 @@ class VirtualBoard:
         The netlist, if not the one that is converted.
     free_running : bool
         Whether time goes on without traffic too.
+    spi : bool
+        Whether the pseudo-terminal carries SPI transactions, and steps come over SPI
+        (`directmpc.host.spi`).
 
     Raises
     ------
@@ -239,12 +245,13 @@ class VirtualBoard:
         seed: int = 1,
         verilog: Path | None = None,
         free_running: bool = False,
+        spi: bool = False,
     ) -> None:
         program = _build(chosen, verilog)
         port.parent.mkdir(parents=True, exist_ok=True)
         self.port = port
-        command = [str(program), "pty", *_line(chosen), str(port), str(gate_log or "-"), "0"]
-        command.append(str(int(free_running)))
+        command = [str(program), "pty", *_line(chosen), str(port), str(gate_log or "-")]
+        command += [str(int(spi)), str(int(free_running))]
         with _claimed(port) as lock:
             self.process = subprocess.Popen(
                 [*command, *_seeded(seed)], stdout=subprocess.PIPE, pass_fds=[lock]

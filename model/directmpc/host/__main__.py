@@ -1,4 +1,4 @@
-"""`python -m directmpc.host`: talk to a board, or to a virtual one, over its UART.
+"""`python -m directmpc.host`: talk to a board, or to a virtual one, over its UART or SPI.
 
 identify   who is there, and how its link fares
 load       write a drive file's registers, commit them, read them back
@@ -23,7 +23,7 @@ from rich.live import Live
 from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
-from directmpc.host import lockstep
+from directmpc.host import lockstep, spi
 from directmpc.host.board import BAUD, Board, RegisterError, TrippedError
 from directmpc.host.console import (
     OneParagraphParser,
@@ -351,8 +351,15 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--port", required=True, help="serial device, or the virtual board's name")
-    parser.add_argument("--baud", type=int, default=BAUD, help=f"bit rate, {BAUD} by default")
+    parser.add_argument(
+        "--port",
+        required=True,
+        help="serial device, or the virtual board's name; spi: before it for SPI, "
+        "such as spi:/dev/spidev0.0",
+    )
+    parser.add_argument(
+        "--baud", type=int, help=f"bit rate, {BAUD} by default, {spi.RATE} over SPI"
+    )
     parser.add_argument("--timeout", type=float, default=2.0, help="s to wait for a reply")
     commands = parser.add_subparsers(dest="command", required=True, parser_class=OneParagraphParser)
     commands.add_parser("identify")

@@ -27,6 +27,7 @@ from typing import Any, Self
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
+from directmpc.host import spi
 from directmpc.host.console import terminable, undisturbed
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
@@ -46,6 +47,9 @@ from directmpc.states import MpdccDecision, MptcDecision, State, VectorSequence
 
 BAUD = 3_000_000
 """Bit rate of the boards' UART, 1/s."""
+
+SPI = "spi:"
+"""What the name of a port behind SPI begins with."""
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
@@ -167,6 +171,13 @@ def decision_of(
     return MpdccDecision(answer.positions, held, deadlock, answer.length, saturated)
 
 
+def _stream_of(port: str, rate: int | None) -> SerialStream | spi.SpiStream:
+    """The line to a board, by the port's name."""
+    if port.startswith(SPI):
+        return spi.opened(port.removeprefix(SPI), rate or spi.RATE)
+    return SerialStream(port, rate or BAUD)
+
+
 class Board:
     """A board that has identified itself.
 
@@ -177,12 +188,13 @@ class Board:
     Parameters
     ----------
     port : str, path or Link
-        Serial device, name of a virtual board, or a link of one's own, over SPI for instance.
+        Serial device, or name of a virtual board; ``spi:`` before an SPI device of Linux, or before
+        the name of a virtual board with SPI; or a link of one's own.
     real_time : bool
         False, lock-step: the board waits for the host, `load` sets the guard's decision limit and
         watchdog to their longest, 65,535 clocks. True: they follow from the control period.
-    baud : int
-        Bit rate, 1/s.
+    baud : int, optional
+        Bit rate, 1/s: 3,000,000 by default, and 10,000,000 over SPI.
     timeout : float
         Seconds to wait for a reply.
 
@@ -206,14 +218,14 @@ class Board:
         port: str | os.PathLike[str] | Link,
         *,
         real_time: bool = False,
-        baud: int = BAUD,
+        baud: int | None = None,
         timeout: float = 2.0,
     ) -> None:
         self._context, self._stream = ExitStack(), None
         if isinstance(port, Link):
             self.link = port
         else:
-            self._stream = SerialStream(os.fspath(port), baud)
+            self._stream = _stream_of(os.fspath(port), baud)
             self.link = Link(self._stream, timeout)
         try:
             self._identify()

@@ -1,0 +1,197 @@
+"""A board behind SPI: the stream, its two devices, and a host in real time on a virtual board.
+
+Stimulus: transactions that bring nothing, a reply, a part of one; a stand-in for spidev; ports that
+are missing, taken, or answer nothing; a virtual board with SPI, and a host that keeps the time of
+the watchdog, then one that does not.
+Checks: requests are one transaction; fetching takes as many clocks as the reply needs; parts of
+frames never reach the link; decisions over SPI are the model's, with the guard's times of the
+control period; what is wrong is one line.
+Does not prove: that Linux keeps the control period; that spidev does as its stand-in.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import types
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from directmpc.api.drive_file import load_drive
+from directmpc.host import lockstep, spi
+from directmpc.host.board import Board, TrippedError
+from directmpc.host.link import Link, LinkError
+from directmpc.host.protocol import REPLY, REPLY_SIZE, Frame, Type
+from scripts.hdl.virtual_board import VirtualBoard, generics
+from scripts.shared.tools import ROOT
+
+STEPS = 40
+READ = Frame(Type.READ, 6, bytes(2))
+ANSWER = Frame(Type.READ | REPLY, 6, bytes(range(1, 8))).wire()
+
+
+class Pins:
+    """Brings what it is told, transaction by transaction, and zeros after that."""
+
+    def __init__(self, *brings: bytes) -> None:
+        self.brings, self.sent, self.closed = list(brings), [], False
+
+    def transfer(self, data: bytes, /) -> bytes:
+        """One transaction."""
+        self.sent.append(data)
+        return (self.brings.pop(0) if self.brings else b"").ljust(len(data), b"\0")[: len(data)]
+
+    def close(self) -> None:
+        """Note it."""
+        self.closed = True
+
+
+def test_a_request_is_one_transaction_and_its_reply_is_fetched() -> None:
+    pins = Pins(b"", b"", bytes(9) + ANSWER)
+    link = Link(spi.SpiStream(pins))
+    link.sequence = READ.sequence - 1
+    assert link.request(Type.READ, bytes(2)) == bytes(range(1, 8))
+    request, *fetches = pins.sent
+    assert request == Frame(Type.READ, link.sequence, bytes(2)).wire()
+    assert fetches == [bytes(len(ANSWER) + spi.LEAD)] * 2
+    assert link.strays == 0
+
+
+def test_a_reply_that_is_cut_off_is_dropped_and_taken_when_it_comes_again() -> None:
+    size = len(ANSWER) + spi.LEAD
+    late = bytes(size - 5) + ANSWER[:5]
+    pins = Pins(b"", late, b"\0" + ANSWER)
+    link = Link(spi.SpiStream(pins))
+    link.sequence = READ.sequence - 1
+    assert link.request(Type.READ, bytes(2)) == bytes(range(1, 8))
+    assert (len(pins.sent), link.strays) == (3, 0)
+
+
+def test_what_comes_with_a_request_is_not_lost() -> None:
+    pins = Pins(ANSWER + b"\5")
+    stream = spi.SpiStream(pins)
+    stream.write(READ.wire().ljust(len(ANSWER) + 1, b"\0"))
+    assert stream.read().strip(b"\0") == ANSWER.strip(b"\0")
+    assert stream.read() == b""
+    stream.close()
+    assert pins.closed
+
+
+@pytest.mark.parametrize("kind", list(Type))
+def test_every_reply_fits_a_fetch(kind: Type) -> None:
+    pins = Pins()
+    stream = spi.SpiStream(pins)
+    stream.write(Frame(kind, 2, b"").wire())
+    stream.read()
+    longest = Frame(kind | REPLY, 2, bytes(REPLY_SIZE[kind])).wire()
+    assert len(pins.sent[1]) == spi.LEAD + len(longest)
+
+
+class StandIn:
+    """What is used of spidev.SpiDev."""
+
+    opened: ClassVar[list[str]] = []
+
+    def open_path(self, path: str) -> None:
+        """Open it, if it is there."""
+        if path.endswith("9.9"):
+            raise FileNotFoundError(2, "No such file or directory")
+        StandIn.opened.append(path)
+
+    def xfer2(self, data: list[int]) -> list[int]:
+        """Echo, but for a device that is gone."""
+        if data == [0xFF]:
+            raise OSError(19, "No such device")
+        return data
+
+    def close(self) -> None:
+        """Forget it."""
+        StandIn.opened.clear()
+
+
+def test_a_device_of_linux(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "spidev", types.SimpleNamespace(SpiDev=StandIn))
+    device = spi.Device("/dev/spidev0.1", 5_000_000)
+    assert StandIn.opened == ["/dev/spidev0.1"]
+    assert (device._device.mode, device._device.max_speed_hz) == (0, 5_000_000)
+    assert device.transfer(b"\x01\x02") == b"\x01\x02"
+    with pytest.raises(LinkError, match=r"^/dev/spidev0\.1: .*No such device$"):
+        device.transfer(b"\xff")
+    device.close()
+    assert StandIn.opened == []
+    stream = spi.opened("/dev/spidev1.0")
+    assert isinstance(stream._device, spi.Device)
+    with pytest.raises(LinkError, match=r"^/dev/spidev9\.9: cannot be opened: .*No such file"):
+        Board("spi:/dev/spidev9.9")
+
+
+def test_without_spidev_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "spidev", None)
+    with pytest.raises(LinkError, match=r"^spidev is not installed; pip install spidev does it$"):
+        spi.opened("/dev/spidev0.0")
+
+
+def test_a_port_that_is_none_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spi, "PATIENCE", 0.2)
+    with pytest.raises(LinkError, match="nothing: cannot be opened: No such file"):
+        Board(f"spi:{tmp_path / 'nothing'}")
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(LinkError, match="file: cannot be opened: "):
+        Board(f"spi:{file}")
+    _, line = os.openpty()
+    name = os.ttyname(line)
+    with pytest.raises(LinkError, match="no answer; was the virtual board started with --spi"):
+        Board(f"spi:{name}")
+    held = spi.VirtualDevice(name)
+    with pytest.raises(LinkError, match="cannot be opened: another host has it"):
+        spi.VirtualDevice(name)
+    held.close()
+    spi.VirtualDevice(name).close()
+
+
+def test_a_host_in_real_time_over_spi(tmp_path: Path) -> None:
+    drive = load_drive("anpc5l_6kv")
+    lockstep.warm_up(drive)
+    with (
+        VirtualBoard(generics("mpdcc"), tmp_path / "board", spi=True) as running,
+        Board(f"spi:{running.port}", real_time=True) as board,
+    ):
+        board.load(drive)
+        period = drive.control.ts * board.identity.clock
+        assert board.read("guard.watchdog")["clocks"] == pytest.approx(1.5 * period, abs=1)
+        board.start()
+        run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, STEPS, "fast")
+        assert run.differing == 0
+        assert run.running.all()
+        assert (run.faults, board.link.strays) == (0, 0)
+        # looking at registers takes more than the watchdog allows between two steps
+        for _ in range(8):
+            board.read("system.status")
+        assert board.faults() == ("missing",)
+        with pytest.raises(TrippedError, match="missing"):
+            lockstep.run_mpdcc(board, drive, 1.0, 1, "fast")
+
+
+def test_the_command_says_how_a_host_finds_it(tmp_path: Path) -> None:
+    port = tmp_path / "board"
+    command = [sys.executable, "-m", "scripts", "virtual-board", "--spi", "--port", str(port)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        said = ""
+        while "Ctrl-C" not in said:
+            line = process.stdout.readline()
+            assert line, said
+            said += line
+        found = re.search(r"-m directmpc\.host --port (\S+) identify", said)
+        assert found
+        assert found[1] == f"spi:{port}"
+        asked = [sys.executable, "-m", "directmpc.host", "--port", found[1], "identify"]
+        answer = subprocess.run(asked, cwd=ROOT / "model", capture_output=True, text=True)
+        process.terminate()
+    assert answer.returncode == 0, answer.stderr
+    assert re.search(r"control\s*│\s*this link", answer.stdout)
