@@ -92,7 +92,7 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
     for required in found.get_all("Requires-Dist"):
         assert ">=" in required
         assert "<" in required
-    assert found.get_all("Provides-Extra") == ["board"]
+    assert found.get_all("Provides-Extra") == ["board", "spi"]
 
 
 @dataclass(frozen=True)
