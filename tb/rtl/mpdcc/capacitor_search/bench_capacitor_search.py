@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import dataclass
 
 import cocotb
 
@@ -18,6 +19,9 @@ HELD = clocks_of("capacitor_search", "held")
 LAST_ROW = clocks_of("capacitor_search", "last_row")
 ROWS = 17
 READY_BEFORE = 6
+#: Of a successor only lines with a current: two kinds of each phase, all patterns but none. They
+#: are the table's last, so each comes as many clocks after start as there are fewer before it.
+MOVING = [row for x in range(3) for row in (4 * x + 1, 4 * x + 2)] + [17 + n for n in range(7)]
 
 
 def random_node(rng: random.Random, inwards: int) -> tuple[plain.Node, plain.Limits]:
@@ -64,6 +68,25 @@ def beyond(node: plain.Node, limits: plain.Limits, row: int) -> bool:
     return abs(node.error[j]) > limits.bounds[j]
 
 
+@dataclass(frozen=True)
+class Table:
+    """What a start asks for: the rows that come, and the clock of the last one."""
+
+    successor: int
+    bank: int
+
+    @property
+    def rows(self) -> list[int]:
+        """Which rows."""
+        every = [4 * x + kind for x in range(3) for kind in range(3)] + list(range(16, 24))
+        return sorted(MOVING) if self.successor else every
+
+    @property
+    def last(self) -> int:
+        """Clocks from start to the last row."""
+        return LAST_ROW - ROWS + len(self.rows)
+
+
 @cocotb.test()
 async def random_nodes(dut) -> None:
     """Tables of random nodes, back to back at the declared interval or later."""
@@ -71,6 +94,7 @@ async def random_nodes(dut) -> None:
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
     dut.start.value = dut.node.value = dut.limits.value = dut.previous.value = 0
+    dut.successor.value = dut.bank.value = 0
     await clock.reset(8)
     board.check("silent", lowest_bit(dut.entry), 0)
     for n in range(given["nodes"]):
@@ -79,28 +103,38 @@ async def random_nodes(dut) -> None:
         dut.limits.value = limits.pack()
         limits.outside_inwards &= int(given["inwards"])
         s_prev = tuple(rng.randrange(8) for _ in range(3))
-        rows = plain.capacitor_rows(node, limits)
+        table = Table(int(given["successors"] and rng.random() < 0.6), rng.randrange(2))
+        every = plain.capacitor_rows(node, limits)
+        rows = {row: every[row] for row in table.rows}
+        dut.successor.value, dut.bank.value = table.successor, table.bank
         dut.node.value = plain.pack_node(node)
         dut.previous.value = s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6
         dut.start.value = 1
         await clock.tick()
         dut.start.value = 0
+        # they come with start
+        dut.successor.value, dut.bank.value = rng.randrange(2), rng.randrange(2)
         pattern = sum(int(anpc.NEUTRAL_CURRENT[p] != 0) << x for x, p in enumerate(s_prev))
         slopes = plain.slopes(node, s_prev)
         ends = zip(node.error[3:], slopes[3:], limits.bounds[3:], strict=True)
-        inside = all(abs(e + b) <= bound for e, b, bound in ends)
-        cut = rng.randrange(1, LAST_ROW) if rng.random() < 0.06 else 0
+        # a successor has no hold test: no line of it fails
+        inside = table.successor or all(abs(e + b) <= bound for e, b, bound in ends)
+        cut = rng.randrange(1, table.last) if rng.random() < 0.06 else 0
         seen: dict[int, tuple[int, int]] = {}
-        for k in range(1, LAST_ROW + 1):
+        for k in range(1, table.last + 1):
             write = lowest_bit(dut.entry)
-            context = f"node {n}, clock {k}, s(k-1) {s_prev}"
-            board.check("written", write, int(k > LAST_ROW - ROWS), context)
+            context = f"node {n}, clock {k}, s(k-1) {s_prev}, {table}"
+            board.check("written", write, int(k > table.last - len(rows)), context)
             if write:
                 row, content = unpack_row(number(dut.entry))
                 context += f", row {row}"
                 board.check("row once", row in rows and row not in seen, True, context)
-                board.check("row", content, rows[row], context)
-                if len(seen) == 3:
+                board.check("row", content, rows.get(row), context)
+                board.check("bank", number(dut.of_bank), table.bank, context)
+                board.check(
+                    "inside", number(dut.inside), int(not beyond(node, limits, row)), context
+                )
+                if len(seen) == 3 and not table.successor:
                     board.check("s(k-1) first", row, 16 + pattern, context)
                 seen[row] = content
                 board.cover("whole horizon", int(content[0] == limits.horizon))
@@ -110,8 +144,8 @@ async def random_nodes(dut) -> None:
                 board.cover("outside, alive", int(outside))
             if k >= HELD:
                 board.check("held", number(dut.held), int(inside), context)
-            board.check("ready", number(dut.ready), int(k > LAST_ROW - READY_BEFORE), context)
-            if k in (cut, LAST_ROW):
+            board.check("ready", number(dut.ready), int(k > table.last - READY_BEFORE), context)
+            if k in (cut, table.last):
                 break
             await clock.tick()
         if cut:
@@ -123,12 +157,15 @@ async def random_nodes(dut) -> None:
             continue
         board.check("all rows", sorted(seen), sorted(rows), f"node {n}")
         board.cover("held" if inside else "not held")
+        board.cover("successor" if table.successor else "root")
         for _ in range(1 + rng.choice([0, 0, 4]) * given["throttle"]):
             await clock.tick()
             board.check("no row without a start", lowest_bit(dut.entry), 0)
             board.check("held stays", number(dut.held), int(inside))
+    least = 12 if given["successors"] else 15
     board.finish(
-        {"row": 15 * given["nodes"], "held": given["nodes"]},
+        {"row": least * given["nodes"], "held": given["nodes"], "inside": least * given["nodes"]},
         {"held": 5, "not held": 10, "whole horizon": 50, "dead": 50, "between": 50, "reset": 1}
-        | ({"outside, alive": 50} if given["inwards"] else {}),
+        | ({"outside, alive": 50} if given["inwards"] else {})
+        | ({"successor": 50, "root": 30} if given["successors"] else {}),
     )

@@ -12,7 +12,8 @@ library work;
 
 entity capacitor_search_flat is
   generic (
-    INWARDS : boolean := false -- true: the rule inwards built in
+    SECOND_LEVEL : boolean := false; -- true: successors built in
+    INWARDS      : boolean := false  -- true: the rule inwards built in
   );
   port (
     clk      : in    std_logic;                                    -- rising edge
@@ -21,9 +22,13 @@ entity capacitor_search_flat is
     limits   : in    std_logic_vector(LIMITS_BITS - 1 downto 0);   -- limits_t
     node     : in    std_logic_vector(NODE_BITS - 1 downto 0);     -- node_t
     previous : in    std_logic_vector(8 downto 0);                 -- s(k-1), phase a rightmost
+    successor : in    std_logic;                                   -- with start: '1': of a successor
+    bank      : in    std_logic;                                   -- with start: which table
     held     : out   std_logic;                                    -- '1': the lines of s(k-1) are inside at k+1
     ready    : out   std_logic;                                    -- '1': the last row is out 5 clocks later
-    entry    : out   std_logic_vector(CAPACITOR_BITS - 1 downto 0) -- capacitor_t
+    entry    : out   std_logic_vector(CAPACITOR_BITS - 1 downto 0); -- capacitor_t, but for
+    of_bank  : out   std_logic;                                    -- its bank
+    inside   : out   std_logic                                     -- '1': it is inside at k
   );
 end entity capacitor_search_flat;
 
@@ -35,7 +40,8 @@ begin
 
   i_capacitors : entity directmpc.capacitor_search
     generic map (
-      INWARDS => INWARDS
+      SECOND_LEVEL => SECOND_LEVEL,
+      INWARDS      => INWARDS
     )
     port map (
       clk      => clk,
@@ -44,13 +50,15 @@ begin
       limits   => to_limits(limits),
       node     => to_node(node),
       previous => to_positions(previous),
-      successor => '0',
-      bank     => '0',
+      successor => successor,
+      bank     => bank,
       held     => held,
       ready    => ready,
       entry    => entry_record
     );
 
-  entry <= to_vector(entry_record);
+  entry   <= to_vector(entry_record);
+  of_bank <= entry_record.bank;
+  inside  <= entry_record.inside;
 
 end architecture bench;

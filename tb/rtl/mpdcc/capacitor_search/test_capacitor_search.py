@@ -1,11 +1,13 @@
 """The table of the capacitors' lengths against straight lines walked step by step.
 
-Sweep: without and with the rule inwards, its bit set and not; bounds 0 to 29000, horizons 1 to 63.
+Sweep: without and with the rule inwards, its bit set and not; without and with successors; bounds 0
+to 29000, horizons 1 to 63.
 Stimulus: random and corner nodes, errors on their bounds and one beyond, any currents; back to back
 and with idle clocks; resets in the middle.
-Checks: all 17 rows, each once, those of s(k-1) first; the hold test; when rows come and that none
-comes otherwise.
-Timing: the hold test 8 clocks after start, the last row 23 clocks after start, ready six earlier.
+Checks: all 17 rows, each once, those of s(k-1) first; of a successor the 13 that move; table and
+place at k of each; the hold test; when rows come and that none comes otherwise.
+Timing: the hold test 8 clocks after start, the last row 23 clocks after start, of a successor 19,
+ready six earlier.
 Does not prove: inputs that change before the table is complete, which is forbidden.
 """
 
@@ -23,15 +25,26 @@ FILES = [MPDCC_FLAT, Path(__file__).with_name("capacitor_search_flat.vhd")]
 
 
 def bench(
-    nodes: int = 500, throttle: bool = False, rtl: Path = RTL, *, inwards: bool = True
+    nodes: int = 500,
+    throttle: bool = False,
+    rtl: Path = RTL,
+    *,
+    inwards: bool = True,
+    successors: bool = False,
 ) -> Outcome:
     return run(
         "capacitor_search_flat",
         "tb.rtl.mpdcc.capacitor_search.bench_capacitor_search",
         units=["capacitor_search"],
         files=FILES,
-        generics={"INWARDS": str(inwards).lower()},
-        arguments={"seed": 6, "nodes": nodes, "throttle": throttle, "inwards": inwards},
+        generics={"INWARDS": str(inwards).lower(), "SECOND_LEVEL": str(successors).lower()},
+        arguments={
+            "seed": 6,
+            "nodes": nodes,
+            "throttle": throttle,
+            "inwards": inwards,
+            "successors": successors,
+        },
         rtl=rtl,
     )
 
@@ -40,6 +53,11 @@ def bench(
 @pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
 def test_rows_are_straight_lines(throttle: bool, inwards: bool) -> None:
     assert bench(throttle=throttle, inwards=inwards).checks["row"] >= 7500
+
+
+@pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
+def test_rows_of_successors(inwards: bool) -> None:
+    assert bench(inwards=inwards, successors=True).checks["row"] >= 6000
 
 
 FAULTS = [
@@ -63,6 +81,20 @@ FAULTS = [
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench(120, rtl=rtl))
+
+
+OF_SUCCESSORS = [
+    Fault(
+        "capacitor_search", "elsif (line >= DISCHARGED and", "elsif (line > DISCHARGED and", "row"
+    ),
+    Fault("capacitor_search", "inside(i) <= inside(i - 1);", "null;", r"inside"),
+    Fault("capacitor_search", "bank_row <= bank_now &", "bank_row <= '0' &", r"bank:"),
+]
+
+
+@pytest.mark.parametrize("fault", OF_SUCCESSORS, ids=str)
+def test_a_fault_of_successors_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(120, rtl=rtl, successors=True))
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -1,0 +1,50 @@
+"""The successors of common_terms: what is shown when, and when they overflow.
+
+Stimulus: nodes that saturate and nodes that do not, three successors of each with any operands,
+small ones, or none; their words are shown in either order.
+Checks: the root against its equations; advanced in its clock; what explorers read stays until it is
+shown, and is then what the words say; the natural slope; a successor without operands overflows
+never, whatever the node before it did.
+Timing: advanced 20 clocks after advance; the third phase's error a clock after the others'.
+Does not prove: the successor's equations; the benches of mpdcc_core compare decisions with them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+
+FILES = [MPDCC_FLAT, Path(__file__).with_name("successors_flat.vhd")]
+
+
+def bench(nodes: int = 60, rtl: Path = RTL) -> Outcome:
+    return run(
+        "successors_flat",
+        "tb.rtl.mpdcc.common_terms.bench_successors",
+        units=["common_terms"],
+        files=FILES,
+        arguments={"seed": 5, "nodes": nodes},
+        rtl=rtl,
+    )
+
+
+def test_a_successor_is_shown_when_it_is_due() -> None:
+    assert bench().checks["shown"] >= 700
+
+
+FAULTS = [
+    Fault("common_terms", "or begins_ahead = '1'", "", r"overflowed:"),
+    Fault("common_terms", "if (last = '1' or successor.show_slope = '1')", "if (true)", "what"),
+    Fault("common_terms", "(x = 2 and show_third = '1')", "(x = 2 and show_third = '0')", "what"),
+    Fault("common_terms", "<= successor.slope(1);", "<= successor.slope(0);", r"natural slope:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
