@@ -615,6 +615,7 @@ class _Judge:
         self.source = self.file.read_text(encoding="utf-8")
         self.killer = {_name(row): row["by"] for row in known if row.get("by")}
         self.kills = Counter(self.killer.values())
+        self.tries = Counter(self.kills)
         (folder / "library").mkdir()
         rtl = place.root / "rtl"
         self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
@@ -641,9 +642,12 @@ class _Judge:
         return self.place.unchanged[tests]
 
     def _order(self, mutant: Mutant, each: Mapping[str, float]) -> list[str]:
-        """Tests that kill most in the least time first; before all, the one that killed it once."""
-        found = [test for test in each if self.kills[test]]
-        found.sort(key=lambda test: each[test] / self.kills[test])
+        """All tests; first the one that killed it once, then those that kill in the least time.
+
+        A test takes its time for each try, and tries over kills until one is killed. Of a test that
+        was not tried one kill in one try is supposed: a quick one comes first until it fails often.
+        """
+        found = sorted(each, key=lambda t: each[t] * (self.tries[t] + 1) / (self.kills[t] + 1))
         last = self.killer.get(mutant.name)
         return sorted(found, key=lambda test: test != last)
 
@@ -686,6 +690,7 @@ class _Judge:
         found = self.place.run(
             tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
         )
+        self.tries.update(found["each"].keys())
         end, by = found["end"], found["test"] or tests[0]
         if end == "broken":
             raise MutationError(f"{by}: {found['said']}")

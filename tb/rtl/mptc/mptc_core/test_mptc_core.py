@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
@@ -36,25 +37,44 @@ from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 
 
-def ghdl(rows: core.Rows, *, flux_control: bool = True, rtl: Path | None = None) -> np.ndarray:
-    """Decisions of the RTL in the order of ``rtl_simulation.FIELDS``."""
+def ghdl(
+    rows: core.Rows,
+    *,
+    flux_control: bool = True,
+    rtl: Path | None = None,
+    wanted: core.Rows | None = None,
+) -> np.ndarray:
+    """Decisions of the RTL in the order of ``rtl_simulation.FIELDS``, up to the first wrong one.
+
+    It is held to the twin's of `wanted`, which are the rows themselves if that is not given.
+    """
+    found = table_of(wanted or rows)
+    u, whole, none = found[:, 0], np.full(len(found), TIME_STEPS), np.zeros(len(found), np.int64)
     job = Job(
         rows.registers[0],
         rows.measurements,
         rows.u,
         flux_control=flux_control,
         each_registers=rows.registers,
+        # one vector, for the whole period
+        wanted=np.column_stack([found, u, u, u, whole, none]),
     )
     return np.asarray(rtl_simulation.simulate(job, rtl=rtl)["decisions"])
 
 
-def wrong(rows: core.Rows, got: np.ndarray) -> int:
-    """Decisions that differ from the twin's in anything."""
+def table_of(rows: core.Rows) -> np.ndarray:
+    """The twin's decisions in the order of ``rtl_simulation.FIELDS``."""
     wanted = rows.expected()
-    table = np.column_stack(
+    return np.column_stack(
         [wanted[:, 0], rows.cycles(), wanted[:, 1], wanted[:, 2], core.SWITCHES[wanted[:, 0]]]
     )
-    return int(np.any(table != got, axis=1).sum())
+
+
+def wrong(rows: core.Rows, got: np.ndarray) -> int:
+    """Decisions that differ from the twin's in anything, or are missing."""
+    table = table_of(rows)
+    same = np.all(table[: len(got)] == got, axis=1).sum()
+    return int(len(table) - same)
 
 
 def test_rtl_decides_as_the_twin() -> None:
@@ -70,9 +90,10 @@ def test_rtl_decides_as_the_twin() -> None:
 def test_core_without_mpfc_decides_as_the_twin() -> None:
     rows = core.mixed(seed=2, n=20)
     registers = rows.registers.copy()
-    got = ghdl(core.Rows(registers, rows.measurements, rows.u), flux_control=False)
     registers[:, -1] = 0
-    assert wrong(core.Rows(registers, rows.measurements, rows.u), got) == 0
+    wanted = core.Rows(registers, rows.measurements, rows.u)
+    got = ghdl(rows, flux_control=False, wanted=wanted)
+    assert wrong(wanted, got) == 0
 
 
 def _netlist(rows: core.Rows, flux_control: bool) -> netlist_check.Result:
