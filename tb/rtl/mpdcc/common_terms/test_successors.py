@@ -1,10 +1,10 @@
 """The successors of common_terms: what is shown when, and when they overflow.
 
 Stimulus: nodes that saturate and nodes that do not, three successors of each with any operands,
-small ones, or none; their words are shown in either order.
+small ones, or none; their words are shown in either order; resets while a successor is computed.
 Checks: the root against its equations; advanced in its clock; what explorers read stays until it is
 shown, and is then what the words say; the natural slope; a successor without operands overflows
-never, whatever the node before it did.
+never, whatever the node before it did; nothing of a successor is left after a reset.
 Timing: advanced 20 clocks after advance; the third phase's error a clock after the others'.
 Does not prove: the successor's equations; the benches of mpdcc_core compare decisions with them.
 """
@@ -22,7 +22,7 @@ from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
 FILES = [MPDCC_FLAT, Path(__file__).with_name("successors_flat.vhd")]
 
 
-def bench(nodes: int = 60, rtl: Path = RTL) -> Outcome:
+def bench(nodes: int = 120, rtl: Path = RTL) -> Outcome:
     return run(
         "successors_flat",
         "tb.rtl.mpdcc.common_terms.bench_successors",
@@ -41,6 +41,7 @@ FAULTS = [
     Fault("common_terms", "or begins_ahead = '1'", "", r"overflowed:"),
     Fault("common_terms", "if (last = '1' or successor.show_slope = '1')", "if (true)", "what"),
     Fault("common_terms", "(x = 2 and show_third = '1')", "(x = 2 and show_third = '0')", "what"),
+    Fault("common_terms", "        ended <= '0';\n", "", r"silent after reset:"),
     Fault("common_terms", "<= successor.slope(1);", "<= successor.slope(0);", r"natural slope:"),
 ]
 
