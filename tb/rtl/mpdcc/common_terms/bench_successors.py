@@ -27,14 +27,15 @@ def shown(node: int) -> tuple[list[int], list[int]]:
     return every[:3], every[7:]
 
 
+def word_of(words: int, name: str) -> int:
+    """A result, by its name."""
+    at = PLACES[name] * f.TERM_WIDTH
+    return signed(words >> at & (1 << f.TERM_WIDTH) - 1, f.TERM_WIDTH)
+
+
 def in_phases(words: int, name: str) -> list[int]:
     """A result of the plane in phases a, b, and the opposite of c."""
-    found = []
-    for axis in ("alpha", "beta"):
-        at = PLACES[f"{name}_{axis}"] * f.TERM_WIDTH
-        found.append(signed(words >> at & (1 << f.TERM_WIDTH) - 1, f.TERM_WIDTH))
-    a, b, _ = plain.phases(*found)
-    return [a, b, a + b]
+    return slope_of([word_of(words, f"{name}_{axis}") for axis in ("alpha", "beta")])
 
 
 @cocotb.test()
@@ -71,11 +72,15 @@ async def random_successors(dut) -> None:
         for m in range(3):
             before = shown(number(dut.node))
             context = f"node {n}, successor {m}"
-            kind = "empty" if m == n // 2 % 3 else rng.choice(["full", "small"])
-            size = {"empty": 0, "small": 200, "full": 2 ** (f.OPERAND_WIDTH - 1) - 1}[kind]
+            kind = "empty" if m == n // 2 % 3 else rng.choice(["full", "small", "still"])
+            most = 2 ** (f.OPERAND_WIDTH - 1) - 1
+            size = {"empty": 0, "small": 200, "full": most, "still": most}[kind]
             base = [rng.randint(-size, size) for _ in BASE]
-            steps = 0 if kind == "empty" else rng.randint(1, 63)
+            steps = 0 if kind in ("empty", "still") else rng.randint(1, 63)
             signs = [1, *(rng.choice([-1, 0, 1]) for _ in range(LENGTHS - 1))]
+            if kind == "still":
+                # forced by the link alone
+                base = [0 if n.startswith("ahead_") else b for n, b in zip(BASE, base, strict=True)]
             dut.base.value = join(base, f.OPERAND_WIDTH)
             dut.lengths.value = join([sign * steps for sign in signs], f.LENGTH_WIDTH + 1)
             slope = [rng.randint(-size, size) for _ in "ab"]
@@ -105,6 +110,13 @@ async def random_successors(dut) -> None:
             board.cover("overflowed" if over else "fits")
             board.check("natural slope", in_phases(words, "slope"), slope_of(slope), context)
             error, natural = in_phases(words, "error"), slope_of(slope)
+            if not steps:
+                # nothing moves: the errors are those that it begins with
+                at = BASE.index("base_error_alpha")
+                board.check("errors at rest", error, slope_of(base[at : at + 2]), context)
+                link = 2 * base[BASE.index("quarter_link")]
+                for x in "abc":
+                    board.check("forced by the link", word_of(words, f"forced_{x}"), link, context)
             first = rng.choice(["show_error", "show_slope"])
             for name in (first, "show_slope" if first == "show_error" else "show_error"):
                 getattr(dut, name).value = 1
@@ -121,8 +133,20 @@ async def random_successors(dut) -> None:
                 board.check("shown", shown(number(dut.node)), before, f"{context}, {name}")
             board.cover(kind)
     board.finish(
-        {"shown": 5 * given["nodes"], "overflowed": given["nodes"] // 3},
-        {"saturated": 10, "in range": 10, "overflowed": 10, "fits": 10, "full": 5, "small": 5}
+        {
+            "shown": 5 * given["nodes"],
+            "overflowed": given["nodes"] // 3,
+            "errors at rest": given["nodes"] // 2,
+        },
+        {
+            "saturated": 10,
+            "in range": 10,
+            "overflowed": 10,
+            "fits": 10,
+            "full": 5,
+            "small": 5,
+            "still": 5,
+        }
         | {"reset": 20},
     )
 

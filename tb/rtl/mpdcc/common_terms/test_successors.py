@@ -3,8 +3,9 @@
 Stimulus: nodes that saturate and nodes that do not, three successors of each with any operands,
 small ones, or none; their words are shown in either order; resets while a successor is computed.
 Checks: the root against its equations; advanced in its clock; what explorers read stays until it is
-shown, and is then what the words say; the natural slope; a successor without operands overflows
-never, whatever the node before it did; nothing of a successor is left after a reset.
+shown, and is then what the words say; the natural slope; errors and forced slopes where nothing
+moves; a successor without operands overflows never, whatever the node before it did; nothing of a
+successor is left after a reset.
 Timing: advanced 20 clocks after advance; the third phase's error a clock after the others'.
 Does not prove: the successor's equations; the benches of mpdcc_core compare decisions with them.
 """
@@ -42,6 +43,8 @@ FAULTS = [
     Fault("common_terms", "if (last = '1' or successor.show_slope = '1')", "if (true)", "what"),
     Fault("common_terms", "(x = 2 and show_third = '1')", "(x = 2 and show_third = '0')", "what"),
     Fault("common_terms", "        ended <= '0';\n", "", r"silent after reset:"),
+    Fault("common_terms", 'x"4000" &', 'x"4001" &', r"forced by the link:"),
+    Fault("common_terms", 'x"0080";', 'x"0081";', r"errors at rest:"),
     Fault("common_terms", "<= successor.slope(1);", "<= successor.slope(0);", r"natural slope:"),
 ]
 
