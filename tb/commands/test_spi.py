@@ -159,7 +159,7 @@ def test_a_host_in_real_time_over_spi(tmp_path: Path) -> None:
     lockstep.warm_up(drive)
     with (
         VirtualBoard(generics("mpdcc"), tmp_path / "board", spi=True) as running,
-        Board(f"spi:{running.port}", real_time=True) as board,
+        Board(f"spi:{running.port}", real_time=True, timeout=60) as board,
     ):
         board.load(drive)
         period = drive.control.ts * board.identity.clock
