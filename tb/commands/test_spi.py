@@ -154,7 +154,8 @@ def test_a_port_that_is_none_is_one_line(tmp_path: Path, monkeypatch: pytest.Mon
     spi.VirtualDevice(name).close()
 
 
-def test_a_host_in_real_time_over_spi(tmp_path: Path) -> None:
+def test_a_host_in_real_time_over_spi(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spi, "PATIENCE", 60.0)
     drive = load_drive("anpc5l_6kv")
     lockstep.warm_up(drive)
     with (

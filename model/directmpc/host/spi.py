@@ -30,7 +30,7 @@ RATE = 10_000_000
 LEAD = 16
 """Bytes of a transaction that fetches a reply, before it has to begin."""
 
-PATIENCE = 30.0
+PATIENCE = 9.0
 """Seconds within which a virtual board has to answer a transaction."""
 
 
