@@ -239,8 +239,8 @@ class Lines:
             self.raw(wire[:place], self.spi)
             self.script.wait(400)
         self.raw(wire[:9], self.spi)
-        # longer than a frame may take
-        self.script.wait(70_000)
+        # longer than a frame may take: 5 ms
+        self.script.wait(130_000)
         self.raw(wire[9:], self.spi)
         self.script.wait(3000)
         self.script.run()
