@@ -127,6 +127,10 @@ def test_a_device_of_linux(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(stream._device, spi.Device)
     with pytest.raises(LinkError, match=r"^/dev/spidev9\.9: cannot be opened: .*No such file"):
         Board("spi:/dev/spidev9.9")
+    with pytest.raises(
+        LinkError, match=r"^/dev/spidev0\.0: a clock of 0 Hz; it has to be above 0$"
+    ):
+        Board("spi:/dev/spidev0.0", baud=0)
 
 
 def test_without_spidev_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,8 +174,8 @@ def decision_of(
 def _stream_of(port: str, rate: int | None) -> SerialStream | spi.SpiStream:
     """The line to a board, by the port's name."""
     if port.startswith(SPI):
-        return spi.opened(port.removeprefix(SPI), rate or spi.RATE)
-    return SerialStream(port, rate or BAUD)
+        return spi.opened(port.removeprefix(SPI), spi.RATE if rate is None else rate)
+    return SerialStream(port, BAUD if rate is None else rate)
 
 
 class Board:

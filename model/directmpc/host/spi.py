@@ -137,7 +137,7 @@ class Device:
     Raises
     ------
     LinkError
-        If it cannot be opened, or spidev is not installed.
+        If it cannot be opened, the rate is not above 0, or spidev is not installed.
     """
 
     def __init__(self, path: str, rate: int = RATE) -> None:
@@ -145,13 +145,15 @@ class Device:
             import spidev  # an optional requirement of the package
         except ImportError:
             raise LinkError("spidev is not installed; pip install spidev does it") from None
+        if rate <= 0:
+            raise LinkError(f"{path}: a clock of {rate} Hz; it has to be above 0")
         self.path = path
         self._device = spidev.SpiDev()
         try:
             self._device.open_path(path)
             self._device.mode = 0
             self._device.max_speed_hz = rate
-        except (OSError, TypeError, ValueError) as error:
+        except (OSError, OverflowError, TypeError, ValueError) as error:
             raise LinkError(f"{path}: cannot be opened: {error}") from None
 
     def transfer(self, data: bytes, /) -> bytes:
