@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 import resource
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from scripts.hdl import conversion
@@ -25,6 +25,8 @@ from scripts.shared.tools import Generics, ToolError
 
 #: Seconds of the processor that Yosys may take for one question: a busy machine leaves none open.
 LIMIT = 30
+#: Names of the questions that Yosys is asked.
+REGISTERS, OUTPUTS = "registers", "outputs"
 #: Clocks that the inductions look back.
 CLOCKS = 4
 
@@ -83,8 +85,7 @@ def equal(
     gold: Sequence[Path],
     gate: Sequence[Path],
     folder: Path,
-    *,
-    outputs: bool = True,
+    questions: Collection[str] = (REGISTERS, OUTPUTS),
 ) -> bool:
     """Whether two versions of an entity are shown to do the same.
 
@@ -98,8 +99,8 @@ def equal(
         VHDL of both versions, in compile order.
     folder : Path
         Where their netlists are left, for this call alone.
-    outputs : bool
-        Whether the third question is asked, too; it takes longest.
+    questions : Collection[str]
+        Which are asked behind the first: ``REGISTERS`` is the second, ``OUTPUTS`` the third.
 
     Returns
     -------
@@ -125,9 +126,9 @@ def equal(
     if texts[0] == texts[1]:
         return True
     lowered = top.lower()
-    if _holds(folder, _script(lowered, _BY_REGISTERS)):
+    if REGISTERS in questions and _holds(folder, _script(lowered, _BY_REGISTERS)):
         return True
-    if not outputs:
+    if OUTPUTS not in questions:
         return False
     head = re.search(rf"^module {lowered}\n(.*?);\n", (folder / "gold.v").read_text(), re.M | re.S)
     reset = head is not None and re.search(r"\binput\s+rst\b", head[1]) is not None

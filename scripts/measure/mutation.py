@@ -661,17 +661,20 @@ class _Judge:
     def judge_on(self, mutant: Mutant, *, argued: bool) -> tuple[str, str]:
         """Outcome of a mutant that its own benches do not notice.
 
-        Of one that is argued to do the same only the quick questions are asked: Yosys has been slow
-        to find nothing.
+        Of one that is argued to do the same Yosys is not asked: it has been slow to find nothing.
         """
         with self._changed(mutant) as changed:
-            if self.unit.above:
-                # the quick questions come before the benches of what stands above
-                if self._equal(outputs=False):
-                    return "equivalent", ""
-                if found := self._run(self.unit.above, mutant, changed):
-                    return found
-            return ("equivalent" if self._equal(outputs=not argued) else "survived"), ""
+            left = list(self.unit.configurations)
+            if not argued:
+                # the quick question comes before the benches of what stands above
+                left = self._unlike(left, equivalence.REGISTERS)
+            if not left:
+                return "equivalent", ""
+            if self.unit.above and (found := self._run(self.unit.above, mutant, changed)):
+                return found
+            if not argued and not self._unlike(left, equivalence.OUTPUTS):
+                return "equivalent", ""
+            return "survived", ""
 
     @contextmanager
     def _changed(self, mutant: Mutant) -> Iterator[str]:
@@ -700,25 +703,25 @@ class _Judge:
             self.kills[by] += 1
         return ("killed" if end == "failed" else end), by
 
-    def _equal(self, *, outputs: bool = True) -> bool:
-        """Whether the changed unit is shown to be the same in every configuration."""
+    def _unlike(self, among: Sequence[Generics], question: str) -> list[Generics]:
+        """Configurations in which a question does not show the changed unit to be the same."""
         if not self.unit.top:
-            return False
+            return list(among)
         designs = [
             sources.compile_order(self.unit.top, sources.rtl_files(rtl))
             for rtl in (self.gold, self.place.root / "rtl")
         ]
-        for generics in self.unit.configurations:
+
+        def _same(generics: Generics) -> bool:
             with tempfile.TemporaryDirectory(dir=self.folder) as name:
                 try:
-                    same = equivalence.equal(
-                        self.unit.top, generics, *designs, Path(name), outputs=outputs
+                    return equivalence.equal(
+                        self.unit.top, generics, *designs, Path(name), [question]
                     )
                 except ToolError:  # it has no netlist of its own
                     return False
-            if not same:
-                return False
-        return True
+
+        return [generics for generics in among if not _same(generics)]
 
 
 def _row(mutant: Mutant, outcome: str, by: str) -> dict[str, Any]:
