@@ -52,6 +52,8 @@ SEED = 1
 PATIENCE, GRACE = 6, 5
 #: Longest time on the clock a bench is waited for.
 LONGEST = 4 * 3600
+#: Part of its time that a test is supposed to take until it kills.
+EARLY = 0.25
 _KEYS = ("tests", "above", "top", "configurations")
 #: What the copy of the project is without.
 _ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
@@ -615,7 +617,7 @@ class _Judge:
         self.source = self.file.read_text(encoding="utf-8")
         self.killer = {_name(row): row["by"] for row in known if row.get("by")}
         self.kills = Counter(self.killer.values())
-        self.tries = Counter(self.kills)
+        self.spent: dict[str, float] = {}  # seconds of the processor, by test
         (folder / "library").mkdir()
         rtl = place.root / "rtl"
         self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
@@ -644,10 +646,16 @@ class _Judge:
     def _order(self, mutant: Mutant, each: Mapping[str, float]) -> list[str]:
         """All tests; first the one that killed it once, then those that kill in the least time.
 
-        A test takes its time for each try, and tries over kills until one is killed. Of a test that
-        was not tried one kill in one try is supposed: a quick one comes first until it fails often.
+        That is the time that a test has spent over its kills. One kill that ended it early is
+        supposed of each, and known kills where their time is not known: so each is tried, until it
+        fails too often.
         """
-        found = sorted(each, key=lambda t: each[t] * (self.tries[t] + 1) / (self.kills[t] + 1))
+
+        def _per_kill(test: str) -> float:
+            early, kills = EARLY * each[test], self.kills[test]
+            return (early + self.spent.get(test, kills * early)) / (kills + 1)
+
+        found = sorted(each, key=_per_kill)
         last = self.killer.get(mutant.name)
         return sorted(found, key=lambda test: test != last)
 
@@ -693,8 +701,10 @@ class _Judge:
         found = self.place.run(
             tests, work=normal.work, one=normal.one, first=self._order(mutant, normal.each)
         )
-        self.tries.update(found["each"].keys())
         end, by = found["end"], found["test"] or tests[0]
+        for test, seconds in found["each"].items():
+            before = EARLY * normal.each.get(test, 0.0) * self.kills[test]
+            self.spent[test] = self.spent.get(test, before) + seconds
         if end == "broken":
             raise MutationError(f"{by}: {found['said']}")
         if end == "passed":

@@ -435,15 +435,18 @@ def test_a_test_that_kills_quickly_goes_first(tmp_path: Path) -> None:
     ]
     judge = mutation._Judge.__new__(mutation._Judge)
     judge.killer = {(row["before"], "", 1): row["by"] for row in known}
-    judge.kills = Counter(judge.killer.values())
+    judge.kills, judge.spent = Counter(judge.killer.values()), {}
     each = {"never": 0.1, **dict(killers.values())}
     of = {name: Mutant("operator", 0, 0, "", 1, name, "", 1) for name in "abcd"}
     # one that takes little is tried, until it has failed too often
-    judge.tries = Counter(judge.kills)
     assert judge._order(of["d"], each) == ["never", "quick", "slow"]
-    judge.tries["never"] = 200
+    judge.spent["never"] = 20.0
     assert judge._order(of["d"], each) == ["quick", "slow", "never"]
     assert judge._order(of["a"], each) == ["slow", "quick", "never"]
+    # a long test that kills at its begin goes before a short one that kills at its end
+    judge.kills.update(slow=10, quick=10)
+    judge.spent |= {"slow": 3.0, "quick": 10.0}
+    assert judge._order(of["d"], each) == ["slow", "quick", "never"]
 
 
 def test_equality_is_proven_where_it_holds_only(tmp_path: Path) -> None:
