@@ -1,7 +1,8 @@
 """Workers: processes of this machine, and those of a Dask cluster of a scheduler and two workers.
 
-Stimulus: short closed loops of the robustness study; one of the cluster's two worker processes is
-killed with SIGKILL while it has calls; wrong addresses; a scheduler without workers.
+Stimulus: short closed loops of the robustness study, some calls of every other study, and a few
+mutants; one of the cluster's two worker processes is killed with SIGKILL while it has calls; wrong
+addresses; a scheduler without workers.
 Checks: results are the same in one process and in the cluster, number by number; every call has one
 result, though a worker was killed; what goes wrong is one sentence.
 Does not prove: that processors of another kind round alike.
@@ -19,15 +20,19 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from scripts.measure import mutation
 from scripts.shared import workers
 from scripts.shared.tools import ROOT, ToolError
-from scripts.studies import robustness
+from scripts.studies import bounds, deadlocks, horizon, mptc_robustness, robustness
+from scripts.studies.fidelity import loops
+from scripts.studies.fidelity.points import points
 
 STEPS, PATIENCE = 1500, 240
 
@@ -230,3 +235,90 @@ def test_a_study_is_the_same_though_a_worker_is_killed(
         assert left == [13]
         assert first.wait() == -signal.SIGKILL
     assert there.read_bytes() == alone.read_bytes()
+
+
+class AskedError(Exception):
+    """What a study would have had computed."""
+
+    def __init__(self, function: Callable[..., Any], calls: list[tuple[Any, ...]]) -> None:
+        super().__init__()
+        self.function, self.calls = function, calls
+
+
+class Asking(workers.Pool):
+    """Says what it is to compute, and computes nothing."""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def each(self, what, function, arguments):
+        """Tell the test."""
+        raise AskedError(function, list(arguments))
+
+
+def _horizon(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    horizon.study(steps=STEPS, starts=1, out=folder)
+
+
+def _deadlocks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = ROOT / "drives" / "anpc5l_6kv.toml"
+    deadlocks.study(drive, steps=STEPS, starts=1, detailed=0, out=folder)
+
+
+def _bounds(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("STARTS", 1), ("STEPS", STEPS), ("RTL_ROWS", 0)):
+        monkeypatch.setattr(bounds, name, value)
+    bounds.study(1)
+
+
+def _mptc(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mptc_robustness.study(folder / "mptc.csv", 1, 1)
+
+
+def _fidelity(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # what it measures is kept in a file, so the part that computes is asked
+    raise AskedError(loops._run, [(p, "fast", 0, 1, STEPS) for p in points()])
+
+
+def _mutation(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    units = mutation.named(["uart_timing", "gate_release", "sync_bits"], mutation.listed())
+    raise AskedError(mutation.elsewhere, [(unit, 2, {}) for unit in units])
+
+
+STUDIES = [_horizon, _deadlocks, _bounds, _mptc, _fidelity, _mutation]
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.__name__.strip("_"))
+def test_what_a_study_asks_is_the_same_though_a_worker_is_killed(
+    study: Callable[[Path, pytest.MonkeyPatch], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for module in (horizon, deadlocks, bounds, mptc_robustness):
+        monkeypatch.setattr(module, "Pool", Asking)
+    with pytest.raises(AskedError) as found:
+        study(tmp_path, monkeypatch)
+    function, calls = found.value.function, found.value.calls
+    # some from the first to the last
+    chosen = [calls[len(calls) * n // 6] for n in range(6)] if len(calls) > 6 else calls
+    alone = [function(*arguments) for arguments in chosen]
+    with (
+        scheduling(tmp_path) as address,
+        _worker(tmp_path, "one", address) as (first, log),
+        _worker(tmp_path, "two", address) as (_, other),
+    ):
+        _logged(log, r"(Registered to)")
+        _logged(other, r"(Registered to)")
+        there: dict[int, Any] = {}
+        with workers.Pool(1, address) as pool:
+            for n, result in pool.each("calls", function, chosen):
+                there[n] = result
+                if len(there) == 1:
+                    first.kill()
+        assert first.wait() == -signal.SIGKILL
+    assert [repr(there[n]) for n in range(len(chosen))] == [repr(one) for one in alone]
+    assert len({repr(one) for one in alone}) > 1

@@ -1,0 +1,51 @@
+"""What explorers see of a node's band: margins, what is outside, and thresholds when they are due.
+
+Sweep: without and with the rule inwards.
+Stimulus: nodes of both shipped drives, of random drives and of random registers, some with errors
+outside, and further than any is followed; thresholds for other errors in the middle.
+Checks: every field of the band in every clock: thresholds are those of the last show_turn while the
+next ones are searched for; the third's a clock later.
+Timing: thresholds of a and b a clock after show_turn, of the third current two; limits one clock
+after the node; all other fields at once.
+Does not prove: rows of the capacitors, which are capacitor_search's.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+
+FILES = [MPDCC_FLAT, Path(__file__).with_name("node_preparation_flat.vhd")]
+
+
+def bench(inwards: bool, nodes: int = 60, rtl: Path = RTL) -> Outcome:
+    return run(
+        "node_preparation_flat",
+        "tb.rtl.mpdcc.node_preparation.bench_node_preparation",
+        units=["node_preparation"],
+        files=FILES,
+        generics={"INWARDS": str(inwards).lower()},
+        arguments={"seed": 9, "nodes": nodes, "clocks": 60, "inwards": inwards},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
+def test_the_band_is_the_nodes(inwards: bool) -> None:
+    assert bench(inwards).checks["turn"] >= 1000
+
+
+FAULTS = [
+    Fault("node_preparation", "(x < 2 and prep", "(x < 2 or prep", "turn:"),
+    Fault("node_preparation", "outside and not follow", "outside", "outside:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(True, rtl=rtl))
