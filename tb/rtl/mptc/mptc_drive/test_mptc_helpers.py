@@ -53,7 +53,7 @@ def bench(entity: str, steps: int, rtl: Path = RTL) -> Outcome:
 
 def test_observer_steps_as_its_twin() -> None:
     found = bench("mptc_observer", 240)
-    assert found.checks["estimate"] == 240 + 2 * 4
+    assert found.checks["estimate"] == 240 + 2 * 6
     assert found.covered["saturated"] >= 10
 
 
