@@ -1,0 +1,52 @@
+"""The queue of nodes, against lists of Python.
+
+Stimulus: roots of all positions; none, some or all candidates, with few or all efforts, of any
+length, the whole horizon among them; entries taken at once or later, all of them or some; emptied
+by clear and by reset; inputs random where nothing is evaluated.
+Checks: every entry with its position, length and slopes, in order; that it stays until it is taken;
+whole, valid and empty in every clock; the slopes of place 0 while the root is open.
+Timing: an entry three clocks after the root is closed or one is taken, its slopes a clock later.
+Does not prove: candidates that come while entries are shown, which no scheduler does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+FILES = [Path(__file__).with_name("node_queue_flat.vhd")]
+
+
+def bench(roots: int = 25, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
+    return run(
+        "node_queue_flat",
+        "tb.rtl.mpdcc.node_queue.bench_node_queue",
+        units=["node_queue"],
+        files=FILES,
+        arguments={"seed": 11, "roots": roots, "throttle": throttle},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("throttle", [0.0, 0.5], ids=["full speed", "throttled"])
+def test_entries_come_in_order(throttle: float) -> None:
+    assert bench(throttle=throttle).checks["entry"] >= 250
+
+
+FAULTS = [
+    Fault(
+        "node_queue", "for i in EFFORTS - 1 downto 0 loop", "for i in 0 to EFFORTS - 1 loop", "e"
+    ),
+    Fault("node_queue", "place <= (others => '0');", "null;", "slope of place 0:"),
+    Fault("node_queue", "stage      <= CHOOSE;", "null;", "not shown yet:|entry:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
