@@ -17,6 +17,9 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments, join, number, si
 #: Clocks after the clock of turn in which thresholds are complete, as turn_threshold declares.
 COMPLETE = clocks_of("turn_threshold", "latency")
 
+#: Rows of a root, and of a successor, which has none of what rests.
+ROWS = (17, 13)
+
 PLACES: dict[str, tuple[int, int, int]] = {}
 _offset = 0
 for _name, _words, _width in plain.BAND_FIELDS:
@@ -50,7 +53,7 @@ async def random_nodes(dut) -> None:
     rng, inwards = random.Random(given["seed"]), given["inwards"]
     generator = np.random.default_rng(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
-    for name in ("turn", "show_turn"):
+    for name in ("turn", "show_turn", "capacitors"):
         getattr(dut, name).value = 0
     await clock.reset(2)
     for n in range(given["nodes"]):
@@ -73,13 +76,20 @@ async def random_nodes(dut) -> None:
         searched: list[int] = []  # thresholds that are complete, or will be
         shown: list[int | None] = [None, None, None]
         begun, third, waits = 99, False, 0
+        successor, bank, rows = rng.randrange(2), rng.randrange(2), 0
         for k in range(given["clocks"]):
             turn = int(begun > COMPLETE and rng.random() < 0.3 and not waits)
             show = int(begun >= COMPLETE and bool(searched) and not turn and rng.random() < 0.2)
             errors = ahead(rng, node, limits.bound_current, inwards)
             dut.error_ahead.value = join(errors, f.TRAJECTORY_WIDTH)
             dut.turn.value, dut.show_turn.value = turn, show
+            dut.capacitors.value = int(k == 3)
+            dut.successor.value = successor if k == 3 else rng.randrange(2)
+            dut.bank.value = bank if k == 3 else rng.randrange(2)
             await clock.settle()
+            if number(dut.row_write):
+                rows += 1
+                board.check("table", number(dut.row_bank), bank, f"node {n}, clock {k}")
             packed = number(dut.band) if None not in shown else None
             if packed is not None:
                 context = f"node {n}, clock {k}"
@@ -115,6 +125,7 @@ async def random_nodes(dut) -> None:
                     for e, c in zip(errors, node.curvature, strict=True)
                 ]
                 begun = 1
+        board.check("rows", rows, ROWS[successor], f"node {n}")
     board.finish(
         {"turn": 1000, "margin_up": 1000} | ({"limit": 1000} if inwards else {}),
         {"outside": 50, "while others are searched for": 100},

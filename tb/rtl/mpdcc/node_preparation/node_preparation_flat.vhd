@@ -1,4 +1,4 @@
--- node_preparation with its records as vectors, see mpdcc_flat; the capacitors rest.
+-- node_preparation with its records as vectors, see mpdcc_flat.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -21,6 +21,9 @@ entity node_preparation_flat is
   port (
     clk         : in    std_logic;                                           -- rising edge
     rst         : in    std_logic;                                           -- synchronous, active high
+    capacitors  : in    std_logic;                                           -- '1' for one clock: find the rows
+    successor   : in    std_logic;                                           -- with it: those of a successor
+    bank        : in    std_logic;                                           -- with it: which table
     turn        : in    std_logic;                                           -- '1' for one clock: find thresholds
     show_turn   : in    std_logic;                                           -- '1': they become those of band
     limits      : in    std_logic_vector(LIMITS_BITS - 1 downto 0);          -- limits_t
@@ -28,7 +31,9 @@ entity node_preparation_flat is
     previous    : in    std_logic_vector(8 downto 0);                        -- s(k-1), a on the right
     negative    : in    std_logic_vector(2 downto 0);                        -- '1': negative phase current
     error_ahead : in    std_logic_vector(3 * TRAJECTORY_WIDTH - 1 downto 0); -- of the thresholds, a on the right
-    band        : out   std_logic_vector(BAND_BITS - 1 downto 0)             -- band_t
+    band        : out   std_logic_vector(BAND_BITS - 1 downto 0);            -- band_t
+    row_write   : out   std_logic;                                           -- of capacitor, '1': a row is new
+    row_bank    : out   std_logic                                            -- likewise, its table
   );
 end entity node_preparation_flat;
 
@@ -38,12 +43,13 @@ architecture bench of node_preparation_flat is
   signal positions   : positions_t;
   signal ahead       : trajectories_t;
   signal band_record : band_t;
+  signal row         : capacitor_t;
 
 begin
 
-  preparation.capacitors <= '0';
-  preparation.successor  <= '0';
-  preparation.bank       <= '0';
+  preparation.capacitors <= capacitors;
+  preparation.successor  <= successor;
+  preparation.bank       <= bank;
   preparation.turn       <= turn;
   preparation.show_turn  <= show_turn;
 
@@ -67,11 +73,13 @@ begin
       negative    => negative,
       error_ahead => ahead,
       band        => band_record,
-      capacitor   => open,
+      capacitor   => row,
       ready       => open,
       held        => open
     );
 
-  band <= to_vector(band_record);
+  band      <= to_vector(band_record);
+  row_write <= row.write;
+  row_bank  <= row.bank;
 
 end architecture bench;

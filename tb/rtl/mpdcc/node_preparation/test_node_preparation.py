@@ -4,10 +4,11 @@ Sweep: without and with the rule inwards.
 Stimulus: nodes of both shipped drives, of random drives and of random registers, some with errors
 outside, and further than any is followed; thresholds for other errors in the middle.
 Checks: every field of the band in every clock: thresholds are those of the last show_turn while the
-next ones are searched for; the third's a clock later.
+next ones are searched for; the third's a clock later. Rows of the capacitors by their number and
+table.
 Timing: thresholds of a and b a clock after show_turn, of the third current two; limits one clock
 after the node; all other fields at once.
-Does not prove: rows of the capacitors, which are capacitor_search's.
+Does not prove: what the rows hold; test_capacitor_search does.
 """
 
 from __future__ import annotations
