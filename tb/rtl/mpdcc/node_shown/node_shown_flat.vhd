@@ -17,7 +17,7 @@ entity node_shown_flat is
     clk               : in    std_logic;                                             -- rising edge
     rst               : in    std_logic;                                             -- synchronous, active high
     follow            : in    std_logic;                                             -- '1': the root
-    launch            : in    std_logic;                                             -- '1' for one clock: a node's leaves
+    launch            : in    std_logic;                                             -- '1' for one clock: leaves begin
     node              : in    std_logic_vector(NODE_BITS - 1 downto 0);              -- node_t
     words             : in    std_logic_vector(RESULT_COUNT * TERM_WIDTH - 1 downto 0); -- RESULT_* order
     lead              : in    std_logic_vector(LENGTH_WIDTH - 1 downto 0);           -- L1
