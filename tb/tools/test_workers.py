@@ -1,8 +1,8 @@
 """Workers: processes of this machine, and those of a Dask cluster of a scheduler and two workers.
 
-Stimulus: short closed loops of the robustness study, some calls of every other study, and a few
-mutants; one of the cluster's two worker processes is killed with SIGKILL while it has calls; wrong
-addresses; a scheduler without workers.
+Stimulus: short closed loops of the robustness study; some calls of fidelity, bounds, horizon,
+deadlocks and two-level robustness, and a few mutants; one of the cluster's two worker processes is
+killed with SIGKILL while it has calls; wrong addresses; a scheduler without workers.
 Checks: results are the same in one process and in the cluster, number by number; every call has one
 result, though a worker was killed; what goes wrong is one sentence.
 Does not prove: that processors of another kind round alike.

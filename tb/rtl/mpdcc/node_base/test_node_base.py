@@ -38,9 +38,7 @@ def test_operands_are_of_their_node(keeps: float) -> None:
 
 
 FAULTS = [
-    Fault(
-        "node_base", "slope(1), OPERAND_WIDTH) + shift", "slope(1), OPERAND_WIDTH) - shift", "op"
-    ),
+    Fault("node_base", "WIDTH) + shift_right(slope", "WIDTH) - shift_right(slope", "operands:"),
     Fault("node_base", "lowered xor to_std_logic(x = 2)", "lowered", "lengths:"),
     Fault("node_base", "found    := found or", "found    :=", "unfit:"),
 ]
