@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
 from directmpc.host.link import RefusedError
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -110,8 +111,7 @@ class Hostile:
         drive = load_drive(MPTC)
         found = values(drive, GuardSettings(clock=self.clock))
         # nothing else may switch the gates off during the test: no watchdog within its length
-        for _, address, word in found.writes():
-            self.request(Type.WRITE, struct.pack("<HI", address, word))
+        load(self, found)
         self.write("guard.decision_limit", 0xFFFF)
         self.write("guard.watchdog", 0xFFFF)
         self.write("system.command", 1)
@@ -139,6 +139,18 @@ class Hostile:
         for first in (0, p.COUNTERS_PER_REPLY):
             counts += struct.unpack("<8I", self.request(Type.COUNTERS, bytes([first])))
         return Counter({o: counts[o] for o in Outcome if counts[o]})
+
+
+def load(board: Hostile, found: RegisterValues) -> None:
+    """Register values of a drive, with the gates off."""
+    for _, address, word in found.writes():
+        board.request(Type.WRITE, struct.pack("<HI", address, word))
+
+
+def decided(board: Hostile, words: Iterable[int], position: int) -> Decision:
+    """The decision on measurement words."""
+    payload = p.step_payload([int(word) for word in words], position)
+    return Decision.unpack(board.request(Type.STEP, payload))
 
 
 def script_gates(board: Hostile) -> int:

@@ -32,23 +32,31 @@ from directmpc.host import lockstep
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, RefusedError, SerialStream
-from directmpc.host.protocol import Decision, Frame, Outcome, Splitter, Type
+from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import GuardSettings, registers_of, values
 from directmpc.mpdcc import closed_loop, formats, observer, trace
+from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import Decisions, IntArray
+from directmpc.mpdcc.variants import VARIANTS
+from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import cycles
+from directmpc.mptc.coefficients import registers as mptc_registers
 from directmpc.states import MpdccState
 from scripts.generate.protocol_examples import MEASUREMENTS
+from scripts.hdl import states
 from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.virtual_board import Script, VirtualBoard, generics
+from tb.helpers import mptc_rows
 from tb.rtl.boards.board_steps import (
     CLOCK,
     MPDCC,
     MPTC,
     Hostile,
+    decided,
     exhausted_of,
+    load,
     replayed,
     rows_of,
     script_gates,
@@ -585,6 +593,48 @@ def test_settings_are_locked_and_addresses_between_two_words_are_none() -> None:
         board.write("system.control", 1)
 
 
+def test_decisions_on_any_measurement_are_the_models_with_their_flags() -> None:
+    """MPFC at its corners: values that saturate, a torque that cannot be reached; then MPDCC."""
+    rng = np.random.default_rng(5)
+    drive = load_drive(MPTC).with_control(method="MPFC")
+    register = mptc_registers(drive).array()
+    seen: set[int] = set()
+    with Script(generics("mptc")) as script:
+        board = Hostile(script, True)
+        load(board, values(drive, GuardSettings(clock=CLOCK)))
+        u = board.step(0).position & 7
+        for row in mptc_rows.any_measurements(rng, 60):
+            got = decided(board, row, u)
+            after, saturated, clamped = mptc_bit_true.decide_words(register, row, u)
+            flags = saturated << Flag.SATURATED | clamped << Flag.CLAMPED
+            switches = int(mptc_rows.SWITCHES[after])
+            assert (got.position, got.flags, got.length) == (after | switches << 3, flags, 0), row
+            u = int(after)
+            seen.add(got.flags)
+    assert len(seen) == 4
+    shipped = load_drive(MPDCC)
+    array = VARIANTS["fast"].registers(shipped).array()
+    seen = set()
+    with Script(generics("mpdcc")) as script:
+        board = Hostile(script, True)
+        load(board, values(shipped, GuardSettings(clock=CLOCK)))
+        position = 0
+        for n, row in enumerate(states.words(60, rng)):
+            measured = np.array(MEASUREMENTS) if n % 10 == 9 else row
+            s = np.array([position >> 3 * x & 7 for x in range(3)])
+            got = decided(board, measured, position)
+            *after, held, deadlock, length, saturated = bit_true_fast.decide_words(
+                array, measured, s
+            )[:7]
+            flags = held << Flag.HELD | deadlock << Flag.DEADLOCK | saturated << Flag.SATURATED
+            position = p.packed_positions([int(x) for x in after])
+            assert (got.position, got.flags, got.length) == (position, flags, length), measured
+            seen.add(got.flags)
+    assert any(flags >> Flag.SATURATED & 1 for flags in seen)
+    assert any(flags >> Flag.DEADLOCK & 1 for flags in seen)
+    assert any(not flags for flags in seen)
+
+
 def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
     """SESE without a budget, one start and commit, then everything that a host may want at once."""
     drive = load_drive(MPDCC).with_control(switching_horizon="SESE")
@@ -594,8 +644,7 @@ def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
         board = Hostile(script, True)
         found = values(drive, GuardSettings(clock=CLOCK))
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
-        for _, address, word in found.writes():
-            board.request(Type.WRITE, struct.pack("<HI", address, word))
+        load(board, found)
         board.write("system.control", 0)
         # a state whose decision takes long
         slowest: tuple[int, list[int]] = (0, [])

@@ -80,6 +80,9 @@ class Line:
         kind = rng.randrange(14)
         if kind == 0:
             wire = bytes(rng.randrange(1, 256) for _ in range(rng.randrange(1, 60)))
+            if rng.random() < 0.5:
+                # about the longest there is
+                wire = p.stuff(rng.randbytes(p.MAX_FRAME + rng.choice([-1, 0, 1, 1, 2])))
         elif kind == 1:
             at = rng.randrange(len(wire))
             wire = wire[:at] + bytes([wire[at] ^ 1 << rng.randrange(8)]) + wire[at + 1 :]

@@ -51,6 +51,7 @@ FAULTS = [
     Fault(NAME, "(lost and not (here and", "(lost and not (here or", "outcome"),
     Fault(NAME, "(cut and not (here and", "(cut and not (here or", "outcome"),
     Fault(NAME, "waiting <= 0;\n\n", "waiting <= 1;\n\n", "outcome"),
+    Fault("link_constants", "MAX_FRAME : natural := 42", "MAX_FRAME : natural := 43", "outcome"),
 ]
 
 
