@@ -311,7 +311,8 @@ def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        Hexadecimal, for the unit's file, each file of its tests, and ``tests``: which of them.
+        Hexadecimal, for the unit's file, each file of its tests, ``tests``: which of them, and
+        ``configurations`` where netlists are compared in others than the defaults.
 
     Raises
     ------
@@ -329,6 +330,9 @@ def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
             for path in files:
                 parts += [path.name, path.read_bytes()]
             found[name] = tools.digest(*parts)
+    if unit.configurations != ({},):
+        generics = [repr(sorted(each.items())) for each in unit.configurations]
+        found["configurations"] = tools.digest(*generics)
     return {name: digits[:16] for name, digits in found.items()}
 
 
@@ -336,7 +340,8 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
     """Results that still hold.
 
     What was killed holds as long as the VHDL and the file of the test that killed it are the same,
-    with what is no test beside it; what survived, as long as all tests are.
+    with what is no test beside it; what is equivalent, as long as the VHDL and the configurations
+    are; what survived, as long as the VHDL and all tests are.
 
     Parameters
     ----------
@@ -354,6 +359,9 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
     """
     before = found.get("keys", {})
 
+    def _tests(of: Mapping[str, str]) -> dict[str, str]:
+        return {name: digits for name, digits in of.items() if name != "configurations"}
+
     def _same(*names: str) -> bool:
         return all(name in keys and before.get(name) == keys[name] for name in names)
 
@@ -364,10 +372,13 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
 
     def _holds(row: Mapping[str, Any]) -> bool:
         if row["outcome"] == "survived":
-            return before == dict(keys)
+            # of more configurations no more is equivalent
+            return _tests(before) == _tests(keys)
         needed = [unit.file.as_posix()]
         if row["outcome"] in ("killed", "timeout"):
             needed += _files(row.get("by", ""))
+        elif row["outcome"] == "equivalent" and "configurations" in {*before, *keys}:
+            needed.append("configurations")
         return _same(*needed)
 
     return [row for row in found.get("mutants", []) if _holds(row)]

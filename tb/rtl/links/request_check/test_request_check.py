@@ -1,0 +1,66 @@
+"""Requests byte by byte, and what becomes of them, against the protocol's model.
+
+Sweep: MPDCC and MPTC; bytes in every clock, and with pauses.
+Stimulus: every type with every size, foreign types; sequence numbers at both ends of what is new,
+and beyond, on both links; steps from the position of the gates and with bits of it changed; writes
+of zero to system.control, and with one bit of address or word changed; gates that move while no
+step can begin; anything at inputs that do not count; headers that come once more; resets, also in
+the clocks in which a request acts and its number counts.
+Checks: every output in every clock in which it means something.
+Timing: the outcome in the clock after the last byte, a number in the second clock after acted.
+Does not prove: payloads of more than 32 bytes; frame_receiver lets none through.
+Faults: a number of the other link, a zero that is none, bits of a position, a reset that leaves
+something behind, a number that counts without a change.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+NAME = "request_check"
+STEP_WORDS = {1: 13, 2: 8}  # by controller
+
+
+def bench(
+    rtl: Path = RTL, controller: int = 1, pause: float = 0, sizes: int = 0, requests: int = 200
+) -> Outcome:
+    return run(
+        NAME,
+        f"tb.rtl.links.{NAME}.bench_{NAME}",
+        units=[NAME],
+        generics={"CONTROLLER": controller, "STEP_WORDS": STEP_WORDS[controller]},
+        arguments={"seed": 5, "pause": pause, "sizes": sizes, "requests": requests},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("pause", [0, 0.3], ids=["full speed", "throttled"])
+@pytest.mark.parametrize("controller", [1, 2], ids=["MPDCC", "MPTC"])
+def test_requests_are_judged_by_the_protocol(controller: int, pause: float) -> None:
+    found = bench(controller=controller, pause=pause, sizes=1)
+    assert found.checks["outcome"] >= 300
+    assert found.covered["type and size"] == 330
+
+
+FAULTS = [
+    Fault(NAME, "not (number_now(31) xor link)", "'1'", "outcome:"),
+    Fault(NAME, "behind(NUMBER_BITS - 1) and not", "(not behind(5)) and not", "outcome:"),
+    Fault(NAME, "elsif (data /= x\"00\") then", "elsif (data(7) = '1') then", "outcome:"),
+    Fault(NAME, "MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
+    Fault(NAME, "(stepping = '1' or disables = '0')", "disables = '0'", "outcome:"),
+    Fault(NAME, "noted <= acted and changes;", "noted <= acted;", "last:"),
+    Fault(NAME, "        noted <= '0';\n", "", "last:"),
+    Fault(NAME, "size(5 downto 0) + (HEADER_SIZE - 1)", "size(4 downto 0) + (HEADER_SIZE - 1)",
+          "complete:"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)

@@ -1,0 +1,57 @@
+"""Decisions of the flux methods from the sums of e on, against the bit-true model.
+
+Stimulus: MPFC2, MPFC3, MPC2 and SVM in random order; e as in test_mptc_coordinates; running
+sequences of any vectors, with times of zero, of the whole period and between; squares of the
+distances as the multipliers return them, any sums in all other clocks; resets in any clock of a
+decision; one after the other, and with clocks between, which other methods use; a decision that is
+taken late; inputs random where none is read.
+Checks: the operands of all squares, all vectors and times that are chosen, far; exactly.
+Timing: far six clocks after that of rest, operands 30 to 43, chosen 47 and until it is taken.
+Does not prove: running times that are more than the period together; mptc_controller fits them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+FILES = [Path(__file__).with_name("mptc_hexagon_flat.vhd")]
+
+
+def bench(decisions: int = 180, throttle: int = 0, rtl: Path = RTL) -> Outcome:
+    return run(
+        "mptc_hexagon_flat",
+        "tb.rtl.mptc.mptc_hexagon.bench_mptc_hexagon",
+        units=["mptc_hexagon"],
+        files=FILES,
+        arguments={"seed": 9, "decisions": decisions, "throttle": throttle},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("throttle", [0, 1], ids=["full speed", "throttled"])
+def test_decisions_are_the_models(throttle: int) -> None:
+    outcome = bench(throttle=throttle)
+    assert outcome.checks["chosen t1"] >= 130
+    assert outcome.checks["along"] >= 1900
+    assert outcome.covered["reset"] >= 12
+
+
+FAULTS = [
+    Fault("mptc_hexagon", "rest_t <= within - first;", "rest_t <= within;", "chosen t2:"),
+    Fault("mptc_hexagon", "(row) and zero_is_u_7(best.other)", "(row)", "chosen u2:"),
+    Fault("mptc_hexagon", "if (flat = '1') then", "if (false) then", "chosen t1:"),
+    Fault("mptc_hexagon", "sum      => sum_alpha", "sum      => sum_beta", "chosen u"),
+    Fault("mptc_hexagon", "elsif (unsigned(given.t2) /= 0) then", "elsif (true) then", "along:"),
+    Fault("mptc_hexagon", "rst = '1' or last = '1'", "last = '1'", "along:|far:|chosen"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
