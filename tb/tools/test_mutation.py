@@ -24,10 +24,11 @@ from pathlib import Path
 import pytest
 
 from scripts.__main__ import main
-from scripts.hdl import equivalence
+from scripts.hdl import equivalence, sources
 from scripts.hdl.mutants import KINDS, Mutant, code, mutants, shuffled
 from scripts.measure import bench_server, mutation
 from scripts.measure.mutation import Unit
+from scripts.publish import entity_pages
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 
@@ -212,6 +213,22 @@ def test_a_mistake_in_the_list_is_named(text: str, said: str, tmp_path: Path) ->
     path.write_text(text)
     with pytest.raises(mutation.MutationError, match=said):
         mutation.listed(path)
+
+
+def test_netlists_are_compared_with_each_option_and_without_it() -> None:
+    seen = 0
+    for unit in mutation.listed():
+        rows = mutation.kept(unit.name).get("mutants", ())
+        if not unit.top or not any(row["outcome"] == "equivalent" for row in rows):
+            continue
+        text = sources.entities()[unit.top].read_text(encoding="utf-8")
+        for generic in entity_pages.generics(text, unit.top):
+            if generic.kind.lower() == "boolean":
+                default = generic.default == "true"
+                given = {each.get(generic.name, default) for each in unit.configurations}
+                assert given == {False, True}, f"{unit.name}: {generic.name} is always {given}"
+                seen += 1
+    assert seen >= 20
 
 
 def test_arguments_are_about_mutants_that_there_are() -> None:
@@ -628,6 +645,9 @@ def test_results_hold_as_long_as_what_they_depend_on(tmp_path: Path) -> None:
         return "".join(str(row["after"]) for row in rows)
 
     assert held() == "12345"
+    # netlists that were not compared in all configurations
+    wider = Unit(unit.name, unit.file, unit.tests, unit.above, unit.top, ({"WIDTH": 3},))
+    assert held(wider) == "1345"
     (above / "test_above.py").write_text("# more\n")
     assert held() == "123"
     (above / "test_above.py").write_text("\n")
