@@ -96,3 +96,18 @@ async def largest_voltages(dut) -> None:
         found = await bench.step(Step(np.array(m), np.array(s)))
         bench.board.cover("fits" if not found["flux"][2] else "saturated")
     bench.board.finish({"estimate": 64}, {"fits": 5})
+
+
+@cocotb.test(skip=arguments()["case"] != "without leakage")
+async def without_leakage(dut) -> None:
+    """The ports of the leakage tell that it is one, and nothing else."""
+    bench = Bench(dut, arguments()["seed"], (0,))
+    rng, board = bench.rng, bench.board
+    bench.o = observer.coefficients(states.shipped("anpc5l_6kv"))[0]
+    await bench.reset()
+    for _ in range(4):
+        await bench.step(any_step(rng, "filters flux"))
+        board.check("theta of one", number(dut.theta), 1 << leakage.FRACTION)
+        for name in ("scaling", "scaled", "clipped", "leakage_saturated", "leakage_valid"):
+            board.check(f"no {name}", number(getattr(dut, name)), 0)
+    board.finish({"theta of one": 4, "estimate": 4})

@@ -4,7 +4,8 @@ Stimulus: a reset of one or three clocks in each clock of a step with all parts 
 `start` within the reset, inputs that are anything; phase voltages of every sign with dc-link and
 capacitors at their ends.
 Checks: nothing is valid and nothing is busy from the reset to the next start; the next two steps
-are the twins' from the state of power-up, whatever parts they have; estimates of large voltages.
+are the twins' from the state of power-up, whatever parts they have; estimates of large voltages;
+without LEAKAGE its ports tell a leakage of one and nothing else.
 Timing: as of test_state_observer; a start one clock behind the reset, or later.
 Does not prove: a memory that is written within a reset.
 """
@@ -21,13 +22,15 @@ from tb.helpers.simulation import Outcome, run
 
 
 def bench(case: str, rtl: Path = RTL) -> Outcome:
+    leakage = case != "without leakage"
     return run(
         "state_observer",
         "tb.rtl.observers.state_observer_reset.bench_state_observer_reset",
         units=["state_observer"],
+        generics={"LEAKAGE": str(leakage).lower()},
         arguments={
-            "seed": 8, "case": case, "filters": True, "leakage": True, "pauses": (0,), "steps": 0,
-            "alone": "",
+            "seed": 8, "case": case, "filters": True, "leakage": leakage, "pauses": (0,),
+            "steps": 0, "alone": "",
         },
         rtl=rtl,
     )  # fmt: skip
@@ -41,7 +44,17 @@ def test_the_largest_voltages_are_taken() -> None:
     assert bench("voltages").checks["estimate"] >= 64
 
 
+def test_without_leakage_its_ports_stand_still() -> None:
+    assert bench("without leakage").checks["theta of one"] == 4
+
+
 FAULTS = [
+    (
+        "without leakage",
+        "g_leakage : if LEAKAGE generate",
+        "g_leakage : if true generate",
+        r"theta",
+    ),
     ("resets", "valid         <= '0';\n        leakage_valid", "leakage_valid", r"quiet valid:"),
     ("resets", "no_flux       <= '1';", "no_flux       <= '0';", r"(estimate:|flux_alpha)"),
     ("resets", "scales <= '0';", "null;", r"quiet scaling:"),
