@@ -8,10 +8,10 @@ the estimate of the leakage, of 120 with the rotor-flux observer, and of 300 of 
 over the pseudo-terminal of the virtual board; 100,000 corrupted, random, replayed, oversized and
 cut off frames over SPI, 200 over UART, with the gates let through; good requests in between;
 measurements of any content for MPFC and MPDCC.
-Checks: decisions against the bit-true model with every flag of theirs, and against the files that replay writes from the
-recorded trace: the model's for all steps, the RTL's, clocks included, for a sample; no gate
-changes; every counter; that the request that follows is answered; that all gates are off after a
-reset and without permit.
+Checks: decisions against the bit-true model with every flag of theirs, and against the files that
+replay writes from the recorded trace: the model's for all steps, the RTL's, clocks included, for a
+sample; no gate changes; every counter; that the request that follows is answered; that all gates
+are off after a reset and without permit.
 Timing: from the pins; the SPI exchange of a step stays below 32 us.
 Does not prove: anything about pads, cables and drivers.
 """
