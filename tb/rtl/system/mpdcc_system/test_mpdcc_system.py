@@ -1,0 +1,58 @@
+"""The system of MPDCC: its parameters one by one, resets, the estimate, and options left out.
+
+Stimulus: each parameter of the core changed alone in a state in which the decision depends on it,
+and not on its neighbour of the other axis; resets of one to five clocks in any clock of a decision,
+of a commit and while a decision waits for one; states near a drive's, and of any content.
+Checks: decisions of the model; what says which options are built in; behind a reset no decision and
+nothing for the guard, then decisions as behind power-up; the clock in which the
+guard gets a decision; that an overflow of the leakage's step is told, and theta forgotten.
+Timing: a decision behind a reset of the observer comes as early as any.
+Does not prove: what the bench of both systems has, which is tb/rtl/system/test_system.py.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+
+def bench(rtl: Path = RTL, *, second_level: bool = True, folded: bool = False) -> Outcome:
+    return run(
+        "mpdcc_system",
+        "tb.rtl.system.mpdcc_system.bench_mpdcc_system",
+        units=["mpdcc_system"],
+        generics={"EXPLORERS": 1, "SECOND_LEVEL": second_level, "FOLDED": folded},
+        arguments={"seed": 3, "rounds": 18},
+        rtl=rtl,
+    )
+
+
+def test_parameters_resets_and_the_estimate_are_as_the_model_has_them() -> None:
+    found = bench()
+    assert found.checks["alone"] >= 30
+    assert found.checks["decision"] == 54
+    assert found.covered["waited"] >= 3
+
+
+@pytest.mark.parametrize("folded", [False, True], ids=["one level", "paper"])
+def test_without_a_second_level_a_decision_is_given_at_once(folded: bool) -> None:
+    assert bench(second_level=folded, folded=folded).checks["given"] == 6
+
+
+WAITS = "        waits_for_go <= '0';\n        followed_on "
+FAULTS = [
+    Fault("mpdcc_system", "=> c(PLACE_C_WEIGHT_ALPHA)", "=> c(PLACE_C_WEIGHT_BETA)", "alone:"),
+    Fault("mpdcc_system", WAITS, "        followed_on ", "apply is undefined"),
+    Fault("mpdcc_system", "loaded <= taking;", "null;", "theta:"),
+    Fault("mpdcc_system", "(leakage_valid and leakage_full) or ", "", "told:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=["port", "waiting decision", "theta", "overflow"])
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
