@@ -44,6 +44,29 @@ def test_without_a_second_level_a_decision_is_given_at_once(folded: bool) -> Non
     assert bench(second_level=folded, folded=folded).checks["given"] == 6
 
 
+def gates(rtl: Path = RTL) -> Outcome:
+    return run(
+        "mpdcc_system",
+        "tb.rtl.system.bench_system",
+        units=["mpdcc_system"],
+        generics={"EXPLORERS": 1},
+        arguments={
+            "seed": 5, "rounds": 0, "decisions": 0, "registers": 0, "controller": "mpdcc",
+            "only": "switched",
+        },
+        rtl=rtl,
+    )  # fmt: skip
+
+
+def test_the_observer_goes_by_the_gates_of_each_leg() -> None:
+    assert gates().covered["late commutation"] > 10
+
+
+def test_another_legs_gates_are_seen(tmp_path: Path) -> None:
+    fault = Fault("mpdcc_system", "watched_c <= gates_c", "watched_c <= gates_b", "switched:")
+    assert_seen(fault, tmp_path, gates)
+
+
 WAITS = "        waits_for_go <= '0';\n        followed_on "
 FAULTS = [
     Fault("mpdcc_system", "=> c(PLACE_C_WEIGHT_ALPHA)", "=> c(PLACE_C_WEIGHT_BETA)", "alone:"),
