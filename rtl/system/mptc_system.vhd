@@ -143,6 +143,7 @@ architecture rtl of mptc_system is
   signal built_several  : std_logic;
   signal shown_alpha    : std_logic_vector(15 downto 0);
   signal shown_beta     : std_logic_vector(15 downto 0);
+  signal shows          : std_logic; -- shown_alpha and shown_beta are those of the last decision
   signal is_running     : std_logic;
   signal forget_own     : std_logic;       -- what was decided last is forgotten
   signal waits          : std_logic_vector(2 downto 0);
@@ -389,11 +390,15 @@ begin
 
     from_hardware.result.speed.omega_r.we <= core_valid;
 
+    shows <= core_valid;
+
   end generate g_speed;
 
+  -- the observer's outputs move on with the decision of MPTC, and before that of MPFC
   g_no_speed : if not SENSORLESS generate
     shown_alpha                           <= flux_alpha;
     shown_beta                            <= flux_beta;
+    shows                                 <= core_start;
     from_hardware.result.speed.omega_r    <= (next_q => (others => '0'), we => '0');
   end generate g_no_speed;
 
@@ -668,8 +673,8 @@ begin
   from_hardware.result.decision.switches <= (next_q => core_switches, we => core_valid);
   from_hardware.result.decision.saturated <= (next_q => core_saturated, we => core_valid);
   from_hardware.result.decision.clamped <= (next_q => core_clamped, we => core_valid);
-  from_hardware.result.stator_flux.alpha <= (next_q => shown_alpha, we => core_valid);
-  from_hardware.result.stator_flux.beta <= (next_q => shown_beta, we => core_valid);
+  from_hardware.result.stator_flux.alpha <= (next_q => shown_alpha, we => shows);
+  from_hardware.result.stator_flux.beta <= (next_q => shown_beta, we => shows);
 
   built_family  <= to_std_logic(FAMILY);
   built_speed   <= to_std_logic(SENSORLESS);
