@@ -162,6 +162,7 @@ async def of_one_vector(system: System, drive: Drive, count: int) -> None:
         await system.write_parameters({"family_method": method})
         await bus.write("system.command", commit=1)
         await system.settled()
+        await system.decide(drive.measurements())
     for n in range(count):
         part = rng.randrange(TIME_STEPS + 1)
         await bus.write("running.vectors", **{u: rng.randrange(8) for u in ("u1", "u2", "u3")})
