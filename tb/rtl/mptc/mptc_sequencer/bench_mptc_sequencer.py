@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import cocotb
@@ -220,6 +221,21 @@ class Bench:
                 board.check(name, kinds[value], wanted, f"{where}, block {block}")
 
 
+def some(bench: Bench, count: int) -> Iterator[tuple[Task, int]]:
+    """Decisions, and the clocks before a reset, or all."""
+    rng = bench.rng
+    for _ in range(count):
+        task = bench.some_task()
+        yield task, rng.randrange(task.last) if rng.random() < 0.4 else task.last
+
+
+def resets_anywhere(bench: Bench) -> Iterator[tuple[Task, int]]:
+    """A reset in each clock of each way through the program."""
+    for name in ("MPTC", *["MPFC"] * bench.flux, *["MPTC1", "MPTC2", "SVM"] * bench.family):
+        task = Task(name, "best")
+        yield from ((task, clocks) for clocks in range(task.last))
+
+
 @cocotb.test()
 async def programs(dut) -> None:
     """Decisions of every method, some of them reset; the next begins at once or later."""
@@ -232,13 +248,11 @@ async def programs(dut) -> None:
     bench.behind_reset = True
     for _ in range(3 * given["throttle"] + 1):
         await bench.tick()
-    for _ in range(given["decisions"]):
-        task = bench.some_task()
+    for task, until in [*some(bench, given["decisions"]), *resets_anywhere(bench)]:
         bench.place(task)
         dut.start.value = 1
         await bench.tick()
         bench.task, bench.n = task, 0
-        until = rng.randrange(task.last) if rng.random() < 0.4 else task.last
         while bench.task and bench.n < until:
             dut.start.value = int(rng.random() < 0.3 and bench.n < task.last - 1)
             bench.scramble()

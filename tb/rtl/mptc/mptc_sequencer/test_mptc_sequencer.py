@@ -1,8 +1,9 @@
 """The sequencer of the two-level controllers against the model's program.
 
 Stimulus: decisions of every method and duty rule in random order, one after the other and with
-clocks between; `start` while one is under way; a reset of one to three clocks in any clock, with
-`start` in it; methods and rules are anything in every clock but that of a start.
+clocks between; `start` while one is under way; a reset of one to three clocks in any clock, and in
+each one of each way through the program, with `start` in it; methods and rules are anything in
+every clock but that of a start.
 Checks: in every clock each product with its operands, each word and term that is written, every
 event, the method and its rule, `accept`, `busy` and `valid`; nothing is due behind a reset.
 Timing: clocks of the program counted from the edge that accepts `start`, `valid` with its last.
@@ -44,7 +45,7 @@ def bench(options: str, throttle: int = 0, rtl: Path = RTL) -> Outcome:
 def test_every_clock_is_the_programs(options: str, throttle: int) -> None:
     outcome = bench(options, throttle)
     assert outcome.checks["issue"] >= 6000
-    assert outcome.covered["reset"] >= 80
+    assert outcome.covered["reset"] >= 110
 
 
 RESET = "          events.term_writes  <= (others => '0');\n          events.normalise"
