@@ -6,7 +6,7 @@
 --
 -- Formats: replies as in docs/protocol.md. number and address show their lowest byte; next_number and next_address
 -- ask for the one after it.
--- Latency: the first byte five clocks after begins, then a byte a clock; a counter takes 5 to 11 clocks more.
+-- Latency: the first byte four clocks after begins, then a byte a clock; that of a counter four after it is shown.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

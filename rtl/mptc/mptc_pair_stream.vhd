@@ -34,8 +34,8 @@
 -- Latency: place n of PAIR_TABLE is looked up PAIR_SPACING * n clocks after the clock that follows begin_pairs; its
 -- search begins PAIR_AHEAD clocks later; its result comes DUTY_CLOCKS clocks later, with mean ROOT_CLOCKS, its flux
 -- PAIR_REGISTERS after that, its comparison STREAM_COMPARE after its flux. chosen is valid with last. length comes
--- before the first place whose duty it tells is looked up, leader a clock after the first place is, product with the
--- flux.
+-- before the first place whose duty it tells is looked up, leader a clock after the first place is, product a clock
+-- after the flux. begin_pairs comes FIRST_PAIR clocks or more after the end of the decision before.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -62,7 +62,7 @@ entity mptc_pair_stream is
     leader      : in    vector_t;        -- MPTC1's vector, active
     state       : in    mptc_state_t;    -- torque terms, stable
     length      : in    mptc_length_t;   -- of the flux with a single vector, both_duties
-    product     : in    sum_t;           -- torque error that a pair leaves; with tried.enable
+    product     : in    sum_t;           -- torque error that a pair leaves; a clock after tried.enable
     cheaper     : in    std_logic;       -- '1': the pair that is compared is the cheapest so far
     found       : out   mptc_duty_t;     -- a pair with its duty
     tried       : out   mptc_tried_t;    -- when its flux is there, and its torque error when the cost takes it

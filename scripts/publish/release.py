@@ -103,10 +103,12 @@ def refuse_old_figures() -> None:
     Raises
     ------
     ToolError
-        If the report has a stage to measure.
+        If a stage of the report, or a figure with a command of its own, is to be measured.
     """
     if old := report.state(lambda _: None):
-        raise ToolError(f"{old} stages of the report are of other sources; run `make report` first")
+        raise ToolError(
+            f"{old} published figures are of other sources; `make report ARGS=--state` names them"
+        )
 
 
 #: Packages without which tests say that they are skipped -> what installs them.

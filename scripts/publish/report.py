@@ -39,7 +39,15 @@ from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.measure.ranges import table as ranges
-from scripts.publish import kept, mptc_report, noise, paper_b, sensorless, study_figures
+from scripts.publish import (
+    kept,
+    mptc_report,
+    noise,
+    paper_b,
+    provenance,
+    sensorless,
+    study_figures,
+)
 from scripts.publish.reporting import ReportError, run_script
 from scripts.publish.stages import (
     METRICS,
@@ -1077,6 +1085,7 @@ def _build(
             ),
         }
         document["measured"] = _measured_at(document, record(results), names)
+        document["measured"] |= provenance.commits()
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
             "commit": document["measured"].get("mptc-runs", "unknown"),
@@ -1104,7 +1113,7 @@ def _build(
 
 
 def state(say: Callable[[str], None]) -> int:
-    """Tell of each stage what is published of it.
+    """Tell of each stage, and of figures with commands of their own, what is published of it.
 
     Parameters
     ----------
@@ -1114,7 +1123,12 @@ def state(say: Callable[[str], None]) -> int:
     Returns
     -------
     int
-        Stages that are not by the sources of the tree.
+        Those that are not by the sources of the tree.
+
+    Raises
+    ------
+    ToolError
+        If git does not have a commit of a figure.
     """
     known, old = recorded(), 0
     for stage in stages_of(1, SEEDS, say):
@@ -1123,6 +1137,7 @@ def state(say: Callable[[str], None]) -> int:
         commit = mine["commit"][:12] if mine else "never"
         say(f"{stage.name}: {commit}, {sources_of}" if mine else f"{stage.name}: {commit}")
         old += not current
+    old += provenance.state(say)
     say(f"{old} of them to be measured" if old else "all are by the sources of the tree")
     return old
 
@@ -1171,6 +1186,7 @@ def regenerate(
     elif tables_only:
         path = REPORTS / METRICS
         document = json.loads(path.read_text(encoding="utf-8")) | study_figures.sections()
+        document["measured"] |= provenance.commits()
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         with all_or_nothing():
             tools.write(path, json.dumps(document, indent=1) + "\n")

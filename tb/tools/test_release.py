@@ -104,7 +104,7 @@ def test_figures_of_other_sources_leave_nothing(
     ready: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(release.report, "state", lambda say: 3)
-    with pytest.raises(ToolError, match="3 stages of the report are of other sources"):
+    with pytest.raises(ToolError, match="3 published figures are of other sources"):
         release.build(tmp_path / "out", 1, ["cores"], check=green)
     assert not list(tmp_path.iterdir())
 

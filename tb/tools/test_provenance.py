@@ -1,0 +1,130 @@
+"""Figures with commands of their own: whether they are by the sources of the tree.
+
+Stimulus: a repository of two files, changed in several ways; the files in reports/.
+Checks: a comment is no change; code, a new file, another version of a tool and a measurement of
+files that were not committed are, and are named; a commit that git lacks is refused; every file in
+reports/ that has a commit of its own is known here or to a stage, and metrics.json has the commit.
+Does not prove: that a figure is by the sources of the tree. A release asks for that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from scripts.publish import provenance, report, stages
+from scripts.shared.tools import ToolError
+
+CODE = "-- what it is\nq <= a and b;\n"
+
+
+def git(root: Path, *arguments: str) -> str:
+    who = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    command = ["git", "-C", str(root), *who, *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+@pytest.fixture
+def figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> provenance.Figure:
+    """A figure of one file of VHDL, measured at the commit of a repository."""
+    (tmp_path / "gate.vhd").write_text(CODE)
+    (tmp_path / "requirements.txt").write_text("numpy==1\n")
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "--quiet", "-m", "a")
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+    monkeypatch.setattr(provenance.tools, "version", lambda name: f"{name} 1")
+    head = git(tmp_path, "rev-parse", "HEAD")
+    return provenance.Figure("gates", head, (), (tmp_path / "gate.vhd",), {"ghdl": "ghdl 1"})
+
+
+def test_nothing_has_changed(figure: provenance.Figure) -> None:
+    assert provenance.changes(figure) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("-- what it is now\nq <=  a and b;\n", []),
+        (CODE.replace("and", "or"), ["gate.vhd"]),
+    ],
+    ids=["comment", "code"],
+)
+def test_a_comment_is_no_change(
+    figure: provenance.Figure, tmp_path: Path, text: str, found: list[str]
+) -> None:
+    (tmp_path / "gate.vhd").write_text(text)
+    assert provenance.changes(figure) == found
+    git(tmp_path, "commit", "--quiet", "-a", "-m", "b")
+    assert provenance.changes(figure) == found
+
+
+def test_a_new_file_is_a_change(figure: provenance.Figure, tmp_path: Path) -> None:
+    new = tmp_path / "new.vhd"
+    new.write_text(CODE)
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "--quiet", "-m", "b")
+    more = dataclasses.replace(figure, data=(*figure.data, new))
+    assert provenance.changes(more) == ["new.vhd"]
+
+
+def test_other_packages_and_tools_are_changes(
+    figure: provenance.Figure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "requirements.txt").write_text("numpy==2\n")
+    monkeypatch.setattr(provenance.tools, "version", lambda name: f"{name} 2")
+    assert provenance.changes(figure) == ["requirements.txt", "ghdl"]
+
+
+def test_a_tree_that_was_not_committed_is_a_change(figure: provenance.Figure) -> None:
+    dirty = dataclasses.replace(figure, commit=figure.commit + "-dirty")
+    assert provenance.changes(dirty) == ["files that were not committed"]
+
+
+def test_a_commit_that_git_lacks_is_refused(figure: provenance.Figure) -> None:
+    lost = dataclasses.replace(figure, commit="1" * 40)
+    with pytest.raises(ToolError, match="gates: git does not have its commit 111111111111"):
+        provenance.changes(lost)
+
+
+def test_old_figures_are_told_and_counted(
+    figure: provenance.Figure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gate.vhd").write_text("q <= a;\n")
+    other = dataclasses.replace(figure, name="others", data=())
+    monkeypatch.setattr(provenance, "APART", (lambda: [figure, other],))
+    told: list[str] = []
+    assert provenance.state(told.append) == 1
+    commit = figure.commit[:12]
+    assert told == [
+        f"gates: {commit}, other sources: gate.vhd",
+        f"others: {commit}, as the tree",
+    ]
+
+
+def test_the_state_of_the_report_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "stages_of", lambda *_: [])
+    monkeypatch.setattr(report.provenance, "state", lambda say: 2)
+    told: list[str] = []
+    assert report.state(told.append) == 2
+    assert told == ["2 of them to be measured"]
+
+
+def test_every_stored_commit_is_looked_at() -> None:
+    names = set(provenance.commits())
+    known = {file for one in stages.recorded().values() for file in one["files"]}
+    # metrics.json is made of the others; times of a newcomer are of a machine and a day
+    known |= {"metrics.json", "newcomer.json", "stages.json"}
+    apart = {path.name for path in stages.REPORTS.glob("*.json")} - known
+    assert apart, "reports/ is not where it was"
+    for name in apart:
+        kind = name.removesuffix(".json").replace("_", "-").removesuffix("s")
+        assert any(one.startswith(kind) for one in names), name
+    assert "design-space" in names
+    metrics = json.loads((stages.REPORTS / "metrics.json").read_text(encoding="utf-8"))
+    for name, commit in provenance.commits().items():
+        assert metrics["measured"][name] == commit, name
