@@ -213,7 +213,7 @@ def commits() -> dict[str, str]:
     return {one.name: one.commit for one in figures()}
 
 
-def state(say: Callable[[str], None]) -> int:
+def old(say: Callable[[str], None]) -> list[str]:
     """Tell of each figure whether it is by the sources of the tree.
 
     Parameters
@@ -223,19 +223,20 @@ def state(say: Callable[[str], None]) -> int:
 
     Returns
     -------
-    int
-        Figures that are not.
+    list of str
+        Names of those that are not.
 
     Raises
     ------
     ToolError
         As of `changes`.
     """
-    old = 0
+    found = []
     for one in figures():
         changed = changes(one)
         more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
         said = f"other sources: {changed[0]}{more}" if changed else "as the tree"
         say(f"{one.name}: {one.commit[:12]}, {said}")
-        old += bool(changed)
-    return old
+        if changed:
+            found.append(one.name)
+    return found

@@ -603,10 +603,23 @@ def page_figures(document: dict[str, Any]) -> str:
         "last two rows at "
         f"{_measured(document, [f'points-{variant}' for variant in DESIGNS])}, what is compared "
         f"with the ideal controller above them (`make fidelity`) at `{fitted}`. "
+        f"{_by_sources(document)}"
         "`make report ARGS=--state` says what is by the sources of the tree."
     )
 
     return f"{head}\n\n{table}\n\n{_over_the_bounds(document)}"
+
+
+def _by_sources(document: dict[str, Any]) -> str:
+    """By the sources of which commit the figures are, if the last report was whole."""
+    known = document.get("sources")
+    if known is None:
+        return ""
+    others = ", ".join(known["others"])
+    return (
+        f"Every figure in `reports/`{f', but {others},' if others else ''} is by the sources of "
+        f"commit `{known['commit'][:12]}`, whenever it was measured. "
+    )
 
 
 def _over_the_bounds(document: dict[str, Any]) -> str:
@@ -1086,6 +1099,9 @@ def _build(
         }
         document["measured"] = _measured_at(document, record(results), names)
         document["measured"] |= provenance.commits()
+        document.pop("sources", None)
+        if not only:
+            document["sources"] = {"commit": document["commit"], "others": provenance.old(say)}
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
             "commit": document["measured"].get("mptc-runs", "unknown"),
@@ -1137,7 +1153,7 @@ def state(say: Callable[[str], None]) -> int:
         commit = mine["commit"][:12] if mine else "never"
         say(f"{stage.name}: {commit}, {sources_of}" if mine else f"{stage.name}: {commit}")
         old += not current
-    old += provenance.state(say)
+    old += len(provenance.old(say))
     say(f"{old} of them to be measured" if old else "all are by the sources of the tree")
     return old
 

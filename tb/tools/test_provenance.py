@@ -98,7 +98,7 @@ def test_old_figures_are_told_and_counted(
     other = dataclasses.replace(figure, name="others", data=())
     monkeypatch.setattr(provenance, "APART", (lambda: [figure, other],))
     told: list[str] = []
-    assert provenance.state(told.append) == 1
+    assert provenance.old(told.append) == ["gates"]
     commit = figure.commit[:12]
     assert told == [
         f"gates: {commit}, other sources: gate.vhd",
@@ -108,10 +108,18 @@ def test_old_figures_are_told_and_counted(
 
 def test_the_state_of_the_report_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "stages_of", lambda *_: [])
-    monkeypatch.setattr(report.provenance, "state", lambda say: 2)
+    monkeypatch.setattr(report.provenance, "old", lambda say: ["torture", "scaling"])
     told: list[str] = []
     assert report.state(told.append) == 2
     assert told == ["2 of them to be measured"]
+
+
+def test_the_page_says_what_is_of_other_sources() -> None:
+    known = {"commit": "1" * 40, "others": ["torture", "scaling"]}
+    text = report._by_sources({"sources": known})
+    assert "but torture, scaling, is by the sources of commit `111111111111`" in text
+    assert "but" not in report._by_sources({"sources": known | {"others": []}})
+    assert report._by_sources({}) == ""
 
 
 def test_every_stored_commit_is_looked_at() -> None:
