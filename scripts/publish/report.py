@@ -615,10 +615,10 @@ def _by_sources(document: dict[str, Any]) -> str:
     known = document.get("sources")
     if known is None:
         return ""
-    others = ", ".join(known["others"])
+    others = ", ".join(["a newcomer's times", *known["others"]])
     return (
-        f"Every figure in `reports/`{f', but {others},' if others else ''} is by the sources of "
-        f"commit `{known['commit'][:12]}`, whenever it was measured. "
+        f"Every figure in `reports/`, but for {others}, is by the sources of commit "
+        f"`{known['commit'][:12]}`, whenever it was measured. "
     )
 
 
