@@ -21,7 +21,7 @@ from scripts.hdl.boards import BOARDS
 from scripts.measure import pnr, sweep, sweep_points
 from scripts.publish import kept
 from scripts.shared import cache, tools
-from scripts.shared.tools import ROOT, ToolError
+from scripts.shared.tools import ROOT
 from scripts.studies.coverage import goals
 from scripts.studies.torture import run as torture
 
@@ -170,6 +170,9 @@ def _differs(commit: str, path: Path) -> bool:
         return cache.meaning(old) != cache.meaning(path)
 
 
+UNKNOWN = "git does not have this commit (git fetch --unshallow)"
+
+
 def changes(one: Figure) -> list[str]:
     """What a figure depends on and is not as when it was measured.
 
@@ -181,19 +184,16 @@ def changes(one: Figure) -> list[str]:
     Returns
     -------
     list of str
-        Files of the project, and names of tools.
+        Files of the project, and names of tools; `UNKNOWN` alone if git lacks the commit.
 
     Raises
     ------
     ToolError
-        If git does not know the commit, or there is no module of a name.
+        If there is no module of a name.
     """
     commit = one.commit.removesuffix("-dirty")
     if _git("cat-file", "-e", f"{commit}^{{commit}}").returncode:
-        raise ToolError(
-            f"{one.name}: git does not have its commit {commit[:12]}; "
-            "fetch the whole history (git fetch --unshallow)"
-        )
+        return [UNKNOWN]
     files = [*cache.closure(*one.modules), *one.data, ROOT / "requirements.txt"]
     names = sorted({path.relative_to(ROOT).as_posix() for path in files})
     differing = _git("diff", "--name-only", "-z", commit, "--", *names).stdout.decode()
@@ -236,6 +236,7 @@ def old(say: Callable[[str], None]) -> list[str]:
         changed = changes(one)
         more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
         said = f"other sources: {changed[0]}{more}" if changed else "as the tree"
+        said = UNKNOWN if changed == [UNKNOWN] else said
         say(f"{one.name}: {one.commit[:12]}, {said}")
         if changed:
             found.append(one.name)

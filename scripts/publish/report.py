@@ -1139,12 +1139,7 @@ def state(say: Callable[[str], None]) -> int:
     Returns
     -------
     int
-        Those that are not by the sources of the tree.
-
-    Raises
-    ------
-    ToolError
-        If git does not have a commit of a figure.
+        Those that are not by the sources of the tree, as far as git knows.
     """
     known, old = recorded(), 0
     for stage in stages_of(1, SEEDS, say):

@@ -2,7 +2,7 @@
 
 Stimulus: a repository of two files, changed in several ways; the files in reports/.
 Checks: a comment is no change; code, a new file, another version of a tool and a measurement of
-files that were not committed are, and are named; a commit that git lacks is refused; every file in
+files that were not committed are, and are named; so is a commit that git lacks; every file in
 reports/ that has a commit of its own is known here or to a stage, and metrics.json has the commit.
 Does not prove: that a figure is by the sources of the tree. A release asks for that.
 """
@@ -17,7 +17,6 @@ from pathlib import Path
 import pytest
 
 from scripts.publish import provenance, report, stages
-from scripts.shared.tools import ToolError
 
 CODE = "-- what it is\nq <= a and b;\n"
 
@@ -85,10 +84,14 @@ def test_a_tree_that_was_not_committed_is_a_change(figure: provenance.Figure) ->
     assert provenance.changes(dirty) == ["files that were not committed"]
 
 
-def test_a_commit_that_git_lacks_is_refused(figure: provenance.Figure) -> None:
+def test_a_commit_that_git_lacks_counts_as_changed(
+    figure: provenance.Figure, monkeypatch: pytest.MonkeyPatch
+) -> None:
     lost = dataclasses.replace(figure, commit="1" * 40)
-    with pytest.raises(ToolError, match="gates: git does not have its commit 111111111111"):
-        provenance.changes(lost)
+    monkeypatch.setattr(provenance, "APART", (lambda: [lost],))
+    told: list[str] = []
+    assert provenance.old(told.append) == ["gates"]
+    assert told == ["gates: 111111111111, git does not have this commit (git fetch --unshallow)"]
 
 
 def test_old_figures_are_told_and_counted(
