@@ -165,9 +165,9 @@ def _differs(commit: str, path: Path) -> bool:
     if then.returncode:
         return True
     with tempfile.TemporaryDirectory() as folder:
-        old = Path(folder) / path.name
-        old.write_bytes(then.stdout)
-        return cache.meaning(old) != cache.meaning(path)
+        temporary = Path(folder) / path.name
+        temporary.write_bytes(then.stdout)
+        return cache.meaning(temporary) != cache.meaning(path)
 
 
 UNKNOWN = "git does not have this commit (git fetch --unshallow)"
