@@ -14,10 +14,13 @@ from scripts.shared.tools import ROOT
 LOG = ROOT / "build" / "fresh_machine" / "bookworm.log"
 """Where scripts/fresh_machine.sh keeps the output of what it runs."""
 
+SCRIPT = ROOT / "scripts" / "newcomers_path.sh"
+
 TIMES = ROOT / "reports" / "newcomer.json"
 PAGE = ROOT / "docs" / "installing.md"
 MARKS = ("<!-- newcomer: begin -->", "<!-- newcomer: end -->")
 
+_STEP = re.compile(r"^step '([^']+)'", re.MULTILINE)
 _TOOK = re.compile(r"^newcomer: took (\d+) s: (.+)$", re.MULTILINE)
 _DONE = re.compile(
     r"^newcomer: all steps work: (.+), (\d+) cores, commit ([0-9a-f]{40})$", re.MULTILINE
@@ -40,7 +43,7 @@ def times(output: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If a step failed, or it was not this script.
+        If a step failed or is not there, or it was not this script.
     """
     text = output.replace("\r", "")
     done = _DONE.search(text)
@@ -50,6 +53,9 @@ def times(output: str) -> dict[str, Any]:
             "scripts/newcomers_path.sh to its end"
         )
     seconds = {name: int(took) for took, name in _TOOK.findall(text)}
+    steps = _STEP.findall(SCRIPT.read_text(encoding="utf-8"))
+    if missing := [name for name in steps if name not in seconds]:
+        raise InputError(f"no time of the step {missing[0]}; all of the output is needed")
     system, cores, commit = done.groups()
     return {"system": system, "cores": int(cores), "commit": commit, "seconds": seconds}
 

@@ -1,6 +1,7 @@
 """The times of a newcomer's first steps come from the output of the script that takes them.
 
-Stimulus: output as the script prints it, among lines of other programs; output that ends early.
+Stimulus: output as the script prints it, among lines of other programs; output that ends early, or
+whose beginning is cut off.
 Checks: the stored times, the page's table, and that nothing is stored of a run that failed. The
 script prints the lines that are read here.
 Does not prove: the times themselves, which need a bare machine.
@@ -28,7 +29,15 @@ newcomer: all steps work: Debian GNU/Linux 12 (bookworm), 2 cores, commit {"a" *
 """
 
 
-def test_times_are_stored_and_shown(tmp_path: Path) -> None:
+@pytest.fixture
+def two_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A script of two steps."""
+    script = tmp_path / "newcomers_path.sh"
+    script.write_text("step '`make run`' make run\nstep 'a drive file' make \\\n  drive\n", "utf-8")
+    monkeypatch.setattr(newcomer, "SCRIPT", script)
+
+
+def test_times_are_stored_and_shown(tmp_path: Path, two_steps: None) -> None:
     log, path, page = tmp_path / "log", tmp_path / "newcomer.json", tmp_path / "page.md"
     log.write_text(OUTPUT, "utf-8")
     page.write_bytes(newcomer.PAGE.read_bytes())
@@ -60,9 +69,18 @@ def test_a_run_that_failed_is_not_stored(
     assert (newcomer.TIMES.read_bytes(), newcomer.PAGE.read_bytes()) == before
 
 
-def test_the_script_prints_what_is_read() -> None:
+def test_output_without_its_beginning_is_not_stored(tmp_path: Path, two_steps: None) -> None:
+    log, path = tmp_path / "log", tmp_path / "newcomer.json"
+    log.write_text(OUTPUT.partition("something else")[2], "utf-8")
+    with pytest.raises(InputError, match="no time of the step `make run`; all of the output"):
+        newcomer.keep(log, path)
+    assert not path.exists()
+
+
+def test_the_script_prints_what_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     script = (ROOT / "scripts" / "newcomers_path.sh").read_text("utf-8")
     names = [line.split("'")[1] for line in script.splitlines() if line.startswith("step '")]
+    assert names == newcomer._STEP.findall(script)
     assert names == list(json.loads(newcomer.TIMES.read_text("utf-8"))["seconds"])
     step = script[script.index("step() {") : script.index("on_a_virtual_board() {")]
     done = script[script.index("printf 'newcomer: all steps") :]
@@ -70,4 +88,7 @@ def test_the_script_prints_what_is_read() -> None:
         ["bash", "-c", f"{step}\nstep 'one of two' true\n{done}"],
         check=True, capture_output=True, text=True, cwd=ROOT,
     )  # fmt: skip
+    own = tmp_path / "own.sh"
+    own.write_text("step 'one of two' true\n", "utf-8")
+    monkeypatch.setattr(newcomer, "SCRIPT", own)
     assert list(newcomer.times(ran.stdout)["seconds"]) == ["one of two"]
