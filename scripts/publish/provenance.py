@@ -83,11 +83,12 @@ def _design_space() -> Iterable[Figure]:
 def _bitstreams() -> Iterable[Figure]:
     rtl = _rtl("board_top")
     for one in _json(kept.BITSTREAMS):
+        board, more = BOARDS[one["board"]], f"-{one['explorers']}" * (one["explorers"] > 1)
         yield Figure(
-            f"bitstream-{one['board']}-{one['controller']}",
+            f"bitstream-{board.name}-{one['controller']}{more}",
             one["commit"] + "-dirty" * one["modified"],
             ("scripts.measure.bitstream",),
-            (*rtl, BOARDS[one["board"]].constraint_file),
+            (*rtl, *board.vendor_files, board.constraint_file),
             _versions(one["tools"]),
         )
 
@@ -170,6 +171,14 @@ def _differs(commit: str, path: Path) -> bool:
         return cache.meaning(temporary) != cache.meaning(path)
 
 
+def _has(commit: str) -> bool:
+    """Whether git has a commit; without git there is none."""
+    try:
+        return _git("cat-file", "-e", f"{commit}^{{commit}}").returncode == 0
+    except FileNotFoundError:
+        return False
+
+
 UNKNOWN = "git does not have this commit (git fetch --unshallow)"
 
 
@@ -192,7 +201,7 @@ def changes(one: Figure) -> list[str]:
         If there is no module of a name.
     """
     commit = one.commit.removesuffix("-dirty")
-    if _git("cat-file", "-e", f"{commit}^{{commit}}").returncode:
+    if not _has(commit):
         return [UNKNOWN]
     files = [*cache.closure(*one.modules), *one.data, ROOT / "requirements.txt"]
     names = sorted({path.relative_to(ROOT).as_posix() for path in files})
@@ -211,6 +220,21 @@ def commits() -> dict[str, str]:
         Name -> commit.
     """
     return {one.name: one.commit for one in figures()}
+
+
+def put_commits(document: dict[str, Any]) -> None:
+    """Bring the commits in metrics.json up to date with what is stored.
+
+    Parameters
+    ----------
+    document : dict
+        What metrics.json holds. If a figure was measured anew, `sources` goes: only a whole report
+        says by whose sources all figures are.
+    """
+    now = commits()
+    if any(document["measured"].get(name) != commit for name, commit in now.items()):
+        document.pop("sources", None)
+    document["measured"] |= now
 
 
 def old(say: Callable[[str], None]) -> list[str]:

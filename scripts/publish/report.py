@@ -1098,9 +1098,9 @@ def _build(
             ),
         }
         document["measured"] = _measured_at(document, record(results), names)
-        document["measured"] |= provenance.commits()
+        provenance.put_commits(document)
         document.pop("sources", None)
-        if not only:
+        if not only and not dirty:
             document["sources"] = {"commit": document["commit"], "others": provenance.old(say)}
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
@@ -1197,7 +1197,7 @@ def regenerate(
     elif tables_only:
         path = REPORTS / METRICS
         document = json.loads(path.read_text(encoding="utf-8")) | study_figures.sections()
-        document["measured"] |= provenance.commits()
+        provenance.put_commits(document)
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         with all_or_nothing():
             tools.write(path, json.dumps(document, indent=1) + "\n")

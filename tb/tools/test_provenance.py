@@ -2,8 +2,9 @@
 
 Stimulus: a repository of two files, changed in several ways; the files in reports/.
 Checks: a comment is no change; code, a new file, another version of a tool and a measurement of
-files that were not committed are, and are named; so is a commit that git lacks; every file in
-reports/ that has a commit of its own is known here or to a stage, and metrics.json has the commit.
+files that were not committed are, and are named; so is a commit that git lacks, or that nobody can
+look up; every file in reports/ that has a commit of its own is known here or to a stage, and
+metrics.json has the commit; what a whole report said ends where a figure is measured anew.
 Does not prove: that a figure is by the sources of the tree. A release asks for that.
 """
 
@@ -107,6 +108,32 @@ def test_old_figures_are_told_and_counted(
         f"gates: {commit}, other sources: gate.vhd",
         f"others: {commit}, as the tree",
     ]
+
+
+def test_without_git_no_commit_is_known(
+    figure: provenance.Figure, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    assert provenance.changes(figure) == [provenance.UNKNOWN]
+
+
+def test_the_clock_of_a_board_is_a_source_of_its_bitstream() -> None:
+    found = [one for one in provenance.figures() if one.name.startswith("bitstream-ulx3s")]
+    assert found
+    for one in found:
+        assert {"ecp5_clock.v", "ulx3s.lpf", "board_top.vhd"} <= {path.name for path in one.data}
+
+
+def test_a_figure_measured_anew_ends_what_a_whole_report_said(
+    figure: provenance.Figure, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(provenance, "APART", (lambda: [figure],))
+    document = {"measured": {"gates": figure.commit, "a": "1"}, "sources": {"commit": "1"}}
+    provenance.put_commits(document)
+    assert document["sources"] == {"commit": "1"}, "nothing is new"
+    document["measured"]["gates"] = "2"
+    provenance.put_commits(document)
+    assert document == {"measured": {"gates": figure.commit, "a": "1"}}
 
 
 def test_the_state_of_the_report_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:

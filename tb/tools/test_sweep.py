@@ -39,7 +39,7 @@ def test_the_constants_of_a_point_are_found(point: Point, tmp_path) -> None:
 @pytest.mark.parametrize(
     "point",
     [
-        Point("trajectory word", "20 bits", trajectory=-4),
+        Point("trajectory word", "19 bits", trajectory=-5),
         Point("cost fraction", "12 bits", cost_fraction=12),
         Point("horizon", "15 steps", length_width=4),
     ],
