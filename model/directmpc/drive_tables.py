@@ -8,7 +8,7 @@ refuse what a file may not hold.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -80,10 +80,90 @@ def integer(low: int, high: int) -> Any:
     return Annotated[int, Field(strict=True, ge=low, le=high, description=words)]
 
 
+def to_start(low: float, high: float, unit: str) -> Any:
+    """Annotate a number that a file may leave out, but without which no gate may come on.
+
+    Parameters
+    ----------
+    low, high : float
+        Least and largest value, in `unit`.
+    unit : str
+        Name of the unit.
+
+    Returns
+    -------
+    Any
+        The annotation of a key whose default is None.
+    """
+    words = f"a number from {low:g} to {high:g} {unit}"
+    return Annotated[
+        float | None, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
+    ]
+
+
 class Section(BaseModel):
     """A table of a drive file: frozen, without room for unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class GuardTable(Section):
+    """Table `guard`: what the devices of the inverter need of the gate guard; times in s.
+
+    Every key may be left out. Such a file simulates and replays, but its drive cannot be started:
+    `missing` says what is needed. `decision_limit` and `watchdog` follow from the control period
+    where they are left out.
+    """
+
+    #: Keys without which the drive can be started.
+    OPTIONAL: ClassVar[tuple[str, ...]] = ("decision_limit", "watchdog")
+
+    dead_time: to_start(1e-9, 1e-3, "s") = None
+    minimum_on: to_start(1e-9, 1e-3, "s") = None
+    minimum_off: to_start(1e-9, 1e-3, "s") = None
+    decision_limit: to_start(1e-7, 1.0, "s") = None
+    watchdog: to_start(1e-7, 1.0, "s") = None
+
+    def missing(self) -> list[str]:
+        """What has to be added to the file before its drive can be started.
+
+        Returns
+        -------
+        list of str
+            A sentence for each key: what is missing, what is allowed; empty where nothing is.
+        """
+        return [
+            f"guard.{name}: missing; it must be {allowed(type(self), name)}"
+            for name in keys_of(type(self))
+            if getattr(self, name) is None and name not in self.OPTIONAL
+        ]
+
+
+def check_link(guard: Any, vdc: float, unit: str) -> None:
+    """Refuse trip levels of the dc link that do not enclose its nominal voltage.
+
+    Parameters
+    ----------
+    guard : GuardTable
+        With `link_high` and `link_low`.
+    vdc : float
+        Nominal voltage.
+    unit : str
+        Name of its unit.
+
+    Raises
+    ------
+    PydanticCustomError
+        If a level is given and lies outside; names key and range.
+    """
+    for key, low, high in (("link_high", vdc, 2.0 * vdc), ("link_low", 0.5 * vdc, vdc)):
+        value = getattr(guard, key)
+        if value is not None and not low <= value <= high:
+            raise refused(
+                f"guard.{key}",
+                f"got {value:g} {unit}; it must be a number from {low:g} to {high:g} {unit} with "
+                f"inverter.vdc = {vdc:g} {unit}",
+            )
 
 
 class AnyDrive(Section):

@@ -11,7 +11,7 @@ import textwrap
 from typing import Any
 
 from directmpc.api.drive_file import load_drive
-from directmpc.drive_tables import allowed, keys_of
+from directmpc.drive_tables import GuardTable, allowed, keys_of
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 
@@ -29,23 +29,42 @@ HEADS = {
     "mptc": "Drive file of MPTC and MPFC: two-level inverter, induction machine, SI.",
 }
 
+_GUARD_TABLE = (
+    "What the devices of the inverter and their drivers need. ASSUMED values: put in yours. They "
+    "may be left out of a file that only simulates."
+)
+
+_GUARD = {
+    "guard.dead_time": "Time from a gate's off to the on of a gate that shorts a source with it.",
+    "guard.minimum_on": "Shortest time that a gate is on. A stop alone cuts it short.",
+    "guard.minimum_off": "Shortest time that a gate is off.",
+    "guard.decision_limit": "Longest time from the start of a step to its decision.",
+    "guard.watchdog": "Longest time between two decisions: how long the drive may run on one.",
+    "guard.current_limit": "A phase current above it turns the gates off.",
+    "guard.link_high": "A dc-link voltage above it turns the gates off.",
+    "guard.link_low": "A dc-link voltage below it turns the gates off.",
+}
+
 TABLES = {
     "mpdcc": {
         "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
         "machine": "Star circuit, rotor referred to the stator, per unit.",
         "inverter": "Per unit.",
+        "guard": _GUARD_TABLE,
         "control": "Bounds are half widths, per unit.",
     },
     "mptc": {
         "machine": "T circuit, rotor referred to the stator. ls lr has to be above lm^2.",
         "inverter": "SI.",
+        "guard": _GUARD_TABLE,
         "control": "What lies beyond a full scale saturates: choose it above what may occur.",
     },
 }
 """What stands under the head of each table."""
 
 MEANINGS = {
-    "mpdcc": {
+    "mpdcc": _GUARD
+    | {
         "controller": "Which controller.",
         "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
         "base.current": "Base current, peak: sqrt(2) of the rated rms.",
@@ -82,7 +101,8 @@ MEANINGS = {
         "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
         "estimate scales the prediction of the currents: docs/robustness.md.",
     },
-    "mptc": {
+    "mptc": _GUARD
+    | {
         "controller": "Which controller.",
         "machine.rs": "Stator resistance.",
         "machine.rr": "Rotor resistance, referred to the stator.",
@@ -135,12 +155,17 @@ def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> li
     dotted = prefix + name
     field = keys_of(table)[name]
     rule = "Required." if field.is_required() else f"Without it: {_value(field.default)}."
+    if field.default is None:
+        rule = "Required to start the drive."
+        if name in GuardTable.OPTIONAL:
+            rule = "Without it: from control.ts."
     words = allowed(table, name)
+    line = f"{name} = {_value(value)}" if value is not None else f"# {name} ="
     return [
         "",
         *_comment(MEANINGS[controller][dotted]),
         *_comment(f"Allowed: {words}. {rule}"),
-        f"{name} = {_value(value)}",
+        line,
     ]
 
 

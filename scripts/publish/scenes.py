@@ -350,7 +350,7 @@ _AXI = (
     "s_axil_wdata", "s_axil_bvalid",
 )  # fmt: skip
 
-GUARDED = host_registers.GuardSettings(dead_time=0.4e-6, minimum_on=0.6e-6, minimum_off=0.6e-6)
+GUARDED = {"dead_time": 0.4e-6, "minimum_on": 0.6e-6, "minimum_off": 0.6e-6}
 """Short times, so that a commutation fits into the picture."""
 
 
@@ -359,7 +359,7 @@ def _loaded(name: str) -> tuple[Clocks, dict[str, Any]]:
     drive = load_drive(ROOT / "drives" / f"{name}.toml")
     if isinstance(drive, Drive):
         drive = drive.with_control(**states.STUDIED)
-    found = host_registers.values(drive, GUARDED)
+    found = host_registers.values(drive.changed(guard=GUARDED))
     clocks: Clocks = [{"rst": 1, "enable": 1}, {"rst": 0}, {}, {}]
     # MPDCC copies its parameters behind a reset and behind a commit, then scales some of them
     waits: Clocks = []

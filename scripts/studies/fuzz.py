@@ -25,7 +25,7 @@ from directmpc.api.drive_file import load_drive, shipped_drives
 from directmpc.csv_table import TraceError
 from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
-from directmpc.host.registers import GuardSettings, values
+from directmpc.host.registers import values
 from directmpc.mpdcc import trace as mpdcc_trace
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import trace as mptc_trace
@@ -83,7 +83,7 @@ def _drive(data: bytes, folder: Path) -> None:
     if isinstance(drive, Drive):
         return  # its registers take a second each
     try:
-        values(drive, GuardSettings(clock=25_000_000))
+        values(drive, clock=25_000_000)
     except ValueError as error:  # a combination that does not fit the core's words
         if "\n\n" in str(error) or not str(error):
             raise AssertionError(f"no one-paragraph message: {error!r}") from None

@@ -28,7 +28,7 @@ from directmpc.host.board import LONGEST_TIME, Board, RegisterError, TrippedErro
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
 from directmpc.host.reference import LinkModel
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc import cycles
 from scripts import __main__ as program
 from scripts.commands import virtual_board as virtual_board_command
@@ -50,12 +50,18 @@ CONTROL = ADDRESSES["system.control"]
 class Rehearsal(LinkModel):
     """A board of MPTC in Python that keeps every write and answers steps as it is told to."""
 
-    def __init__(self, flags: int = 1 << Flag.ENABLED, forgets: str = "", fault: int = 0) -> None:
+    def __init__(
+        self,
+        flags: int = 1 << Flag.ENABLED,
+        forgets: str = "",
+        fault: int = 0,
+        clock: int = 25_000_000,
+    ) -> None:
         self.written: list[tuple[int, int]] = []
         self.words: dict[int, int] = {}
         self.forgets, self.fault = forgets, fault
         super().__init__(
-            Identity(p.VERSION, Controller.MPTC, 0, 3, 0, 25_000_000, 125_000),
+            Identity(p.VERSION, Controller.MPTC, 0, 3, 0, clock, 125_000),
             read=lambda address: (0, self.words.get(address, 0)),
             write=self._write,
             step=lambda payload: Decision(3, flags, 0, 39, 0, 0x15),
@@ -104,11 +110,56 @@ def test_in_real_time_the_guards_times_follow_the_control_period() -> None:
     period = 25e6 * drive.control.ts
     assert model.words[ADDRESSES["guard.watchdog"]] == pytest.approx(1.5 * period, abs=1)
     assert model.words[ADDRESSES["guard.decision_limit"]] == pytest.approx(1.1 * period, abs=1)
-    settings = GuardSettings(clock=25e6, watchdog=3.0, dead_time=4e-6)
+    asked = drive.changed(guard={"watchdog": 3.0 * drive.control.ts, "dead_time": 4e-6})
     with board_of(model, real_time=True) as board:
-        board.load(drive, settings)
+        board.load(asked)
     assert model.words[ADDRESSES["guard.watchdog"]] == pytest.approx(3.0 * period, abs=1)
     assert model.words[ADDRESSES["guard.dead_time"]] == 100
+
+
+@pytest.mark.parametrize("clock", [25_000_000, 100_000_000])
+def test_a_change_of_one_setting_leaves_the_others_at_every_clock(clock: int) -> None:
+    drive = load_drive(MPTC)
+    for keys in ({}, {"current_limit": 25.0}, {"dead_time": 3e-6}):
+        model = Rehearsal(clock=clock)
+        with board_of(model) as board:
+            board.load(drive.changed(guard=keys))
+        for name in ("dead_time", "minimum_on", "minimum_off"):
+            asked = keys.get(name, getattr(drive.guard, name))
+            assert model.words[ADDRESSES[f"guard.{name}"]] == round(asked * clock), name
+
+
+def test_values_for_another_clock_are_refused() -> None:
+    model = Rehearsal(clock=100_000_000)
+    with board_of(model) as board:
+        with pytest.raises(LinkError, match="for a clock of 25 MHz, the board has 100 MHz"):
+            board.load(values(load_drive(MPTC)))
+        assert model.written == []
+        board.load(values(load_drive(MPTC), clock=100e6))
+    assert model.written
+
+
+def test_a_drive_without_what_its_devices_need_is_loaded_and_not_started() -> None:
+    model = Rehearsal()
+    drive = load_drive(MPTC).changed(guard={"dead_time": None, "link_low": None})
+    with board_of(model) as board:
+        board.load(drive)
+        board.step(STATE)
+        with pytest.raises(
+            ValueError, match=r"start: guard\.dead_time: missing; .* to 0.001 s; "
+        ) as no:
+            board.start()
+        assert "guard.link_low: missing; it must be a number from 0.5 to 100000 V" in str(no.value)
+    assert 1 not in model.enabled
+    assert model.words[ADDRESSES["guard.dead_time"]] == 4095
+
+
+def test_in_lock_step_what_the_file_asks_for_is_not_made_longer() -> None:
+    model = Rehearsal()
+    with board_of(model) as board:
+        board.load(load_drive(MPTC).changed(guard={"watchdog": 80e-6}))
+    assert model.words[ADDRESSES["guard.watchdog"]] == 2000
+    assert model.words[ADDRESSES["guard.decision_limit"]] == LONGEST_TIME
 
 
 def test_a_drive_that_was_not_started_is_not_turned_off() -> None:
@@ -228,7 +279,7 @@ def test_a_value_that_was_made_safer_is_a_warning() -> None:
         board_of(Rehearsal(), real_time=True) as board,
         pytest.warns(UserWarning, match=r"guard\.watchdog: .* 65535 written"),
     ):
-        board.load(MPTC, GuardSettings(clock=25e6, watchdog=1e4))
+        board.load(load_drive(MPTC).changed(guard={"watchdog": 0.5}))
 
 
 def test_in_real_time_a_drive_that_decides_too_late_is_refused() -> None:
@@ -261,7 +312,7 @@ def file_with(tmp_path: Path, settings: str) -> Path:
         ("SESE", "--clock 75e6", BEFORE + 3470),
         ("SESE", "--clock 75e6 --explorers 2", 0),
         ("SESE", "--clock 80e6", 0),
-        ("SESE", "--decision-limit 4", 0),
+        ("SESE", "--decision-limit 2e-4", 0),
         ("SESE 400", "", 0),
         ("SE", "", 0),
         ("SE", "--variant paper", BEFORE + cycles.decision(1, "paper")),

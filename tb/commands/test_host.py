@@ -32,7 +32,7 @@ from directmpc.host.protocol import (
     Type,
 )
 from directmpc.host.reference import LinkModel
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.trace import read_decisions
 from scripts.generate import link_package as vhdl_package
 from scripts.generate import protocol_examples as examples
@@ -209,9 +209,9 @@ OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter", "
                                      {"leakage_estimate": True}])  # fmt: skip
 def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
     drive = states.shipped("anpc5l_6kv")
-    plain = values(drive, GuardSettings(clock=25e6), "fast")
+    plain = values(drive, "fast", clock=25e6)
     asked = drive.with_control(**control)
-    found = values(asked, GuardSettings(clock=25e6), "fast")
+    found = values(asked, "fast", clock=25e6)
     address, fields = registers_of("mpdcc")["system.capabilities"]
     lacking, complete = (
         Board(link_of(model(controller=Controller.MPDCC, words={address: word})))
@@ -259,7 +259,7 @@ def test_a_value_that_does_not_fit_is_refused_before_anything_is_sent(
 
 def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:
     words: dict[int, int] = {}
-    found = values(load_drive(ROOT / "drives" / "induction_2kw2.toml"), GuardSettings(clock=25e6))
+    found = values(load_drive(ROOT / "drives" / "induction_2kw2.toml"), clock=25e6)
     found.words["guard.watchdog"] = 70_000
     with pytest.raises(RegisterError, match=r"guard.watchdog: clocks = 70000 .*0 to 65535"):
         Board(link_of(model(words=words))).load(found)
@@ -281,7 +281,7 @@ def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
 
 def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
     drive = load_drive(ROOT / "drives" / "induction_2kw2.toml")
-    found = values(drive.with_control(method="MPFC"), GuardSettings(clock=25e6))
+    found = values(drive.with_control(method="MPFC"), clock=25e6)
     address, fields = registers_of("mptc")["system.capabilities"]
     words: dict[int, int] = {}
     lacking = Board(link_of(model(words=words)))

@@ -28,6 +28,12 @@ from scripts.shared.tools import ROOT
 
 SPECIFICATION = ROOT / "docs" / "specification.md"
 CONTROLLERS = ("mpdcc", "mptc")
+#: End of a key's comment by its default in the specification.
+RULES = {
+    "required": "Required.",
+    "to start": "Required to start the drive.",
+    "from `control.ts": "Without it: from control.ts.",
+}
 
 
 def specified(controller: str) -> dict[str, tuple[str, str]]:
@@ -43,7 +49,10 @@ def keys_in(text: str) -> dict[str, tuple[str, Any]]:
     """Keys of a template: the comment above each, and its value."""
     values, found, table, comment = tomllib.loads(text), {}, "", ""
     for line in text.splitlines():
-        if line.startswith("#"):
+        if line.endswith(" ="):  # left to its default
+            found[f"{table}.{line[2:-2]}"] = comment, None
+            comment = ""
+        elif line.startswith("#"):
             comment += f" {line[2:]}"
         elif line.startswith("["):
             table = line.strip("[]")
@@ -69,7 +78,7 @@ def test_every_key_is_there_with_its_range_and_default(controller: str) -> None:
             assert choice in comment, key
         if "`" not in allowed:
             assert {float(number) for number in numbers.findall(allowed)} <= shown, key
-        rule = "Required." if default == "required" else f"Without it: {default}."
+        rule = RULES.get(default, f"Without it: {default}.")
         assert comment.endswith(rule), key
 
 
@@ -109,7 +118,7 @@ def test_the_file_loads_and_runs(
             assert getattr(one, key) == wanted, f"{table}.{key}"
     found = registers.values(drive)
     assert found.saturated == []
-    registers.refuse_slow(drive, registers.GuardSettings(), found)
+    registers.refuse_slow(drive, found)
     result = simulate(drive, "model", steps=20)
     assert len(result.decisions) == 20
     assert not result.decisions.saturated.any()
@@ -117,7 +126,7 @@ def test_the_file_loads_and_runs(
         # with a second level, too, and still in time on one explorer
         sese = drive.with_control(switching_horizon="SESE", delay_compensation=True)
         found = registers.values(sese)
-        registers.refuse_slow(sese, registers.GuardSettings(), found)
+        registers.refuse_slow(sese, found)
 
 
 def test_nothing_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,7 @@ import re
 
 import pytest
 
+from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from scripts.generate import boards
 from scripts.hdl import sources
@@ -76,7 +77,7 @@ def test_clocks_are_constrained(board: Board) -> None:
     for line in wanted:
         assert line in text.splitlines()
     # what register values are made for unless another clock is given
-    assert registers.GuardSettings().clock == registers.CORE_CLOCK
+    assert registers.values(load_drive("induction_2kw2")).clock == registers.CORE_CLOCK
     for build in board.controllers:
         clock = board.core_mhz(build) * 1e6
         assert clock == (board.pll_mhz[build] * 1e6 if board.pll_mhz else registers.CORE_CLOCK)

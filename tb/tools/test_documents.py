@@ -26,6 +26,7 @@ import pytest
 
 import directmpc
 from directmpc.api import drive_file
+from directmpc.drive_tables import GuardTable
 from directmpc.mpdcc import drive as mpdcc_drive
 from directmpc.mpdcc import inverter, trace
 from directmpc.mptc import drive as mptc_drive
@@ -108,6 +109,9 @@ def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
             assert shown == expected, key
         if field.is_required():
             assert default == "required", key
+        elif field.default is None:  # of the guard
+            follows = key.removeprefix("guard.") in GuardTable.OPTIONAL
+            assert default == ("from `control.ts`" if follows else "to start"), key
         else:
             assert json.loads(default.strip("`")) == field.default, key
 

@@ -34,6 +34,7 @@ from directmpc.host.console import (
 )
 from directmpc.host.link import LinkError, RefusedError
 from directmpc.host.protocol import Outcome
+from directmpc.host.registers import GUARD_TIMES
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.mptc.drive import MptcDrive
@@ -296,8 +297,10 @@ def read(board: Board, console: Console, given: argparse.Namespace) -> int:
     RegisterError
         If there is no such register, or the board does not let it be read.
     """
+    time = given.register in GUARD_TIMES
     for field, value in board.read(given.register).items():
-        console.print(f"{field} = {value}", highlight=False)
+        meant = f", {1e9 * value / board.identity.clock:.0f} ns" if time else ""
+        console.print(f"{field} = {value}{meant}", highlight=False)
     return 0
 
 

@@ -26,6 +26,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from directmpc.api.drive_file import load_drive
+from directmpc.drive_tables import DriveError, GuardTable
 from directmpc.host import protocol as p
 from directmpc.host import spi
 from directmpc.host.console import terminable, undisturbed
@@ -33,7 +34,6 @@ from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
 from directmpc.host.registers import (
-    GuardSettings,
     RegisterValues,
     packed,
     refuse_slow,
@@ -236,6 +236,8 @@ class Board:
         self.drive: Drive | MptcDrive | None = None
         self._encoder: Encoder | None = None
         self._started = False
+        #: Keys that the drive file lacks, and without which no gate may come on.
+        self._missing: list[str] = []
         #: What stays in system.control: bits of a drive whose sequences or speed are the board's.
         self._kept: dict[str, int] = {"own_positions": 0}
 
@@ -415,7 +417,6 @@ class Board:
     def values(
         self,
         drive: Drive | MptcDrive,
-        settings: GuardSettings | None = None,
         *,
         sensorless: bool = False,
     ) -> RegisterValues:
@@ -425,15 +426,14 @@ class Board:
         ----------
         drive : Drive or MptcDrive
             As loaded from a file.
-        settings : GuardSettings, optional
-            Of the gate guard; with the board's clock, and defaults for the rest, if not given.
         sensorless : bool
             Whether the board estimates the speed, and the flux with it; two-level drives alone.
 
         Returns
         -------
         RegisterValues
-            In lock-step with the longest decision limit and watchdog.
+            In lock-step with the longest decision limit and watchdog, unless the drive file has
+            its own.
 
         Raises
         ------
@@ -443,19 +443,20 @@ class Board:
         capabilities = self.read("system.capabilities")
         found = values(
             drive,
-            settings or GuardSettings(clock=float(self.identity.clock)),
             self.variant,
+            clock=float(self.identity.clock),
             built=[name for name in ("family", "sensorless") if capabilities[name]],
             sensorless=sensorless,
         )
         if not self.real_time:
-            found.words |= {"guard.decision_limit": LONGEST_TIME, "guard.watchdog": LONGEST_TIME}
+            for name in GuardTable.OPTIONAL:  # what the file asks for is never loosened
+                if getattr(drive.guard, name) is None:
+                    found.words[f"guard.{name}"] = LONGEST_TIME
         return found
 
     def load(
         self,
         drive: Drive | MptcDrive | str | os.PathLike[str] | RegisterValues,
-        settings: GuardSettings | None = None,
         *,
         sensorless: bool = False,
     ) -> int:
@@ -466,8 +467,6 @@ class Board:
         drive : Drive, MptcDrive, str, path or RegisterValues
             A drive, the path of its file, the name of a shipped one; or values of one's own, which
             are written as they are, and for which `step` knows no units.
-        settings : GuardSettings, optional
-            Of the gate guard, as of `values`.
         sensorless : bool
             As of `values`; not with values of one's own.
 
@@ -479,7 +478,8 @@ class Board:
         Raises
         ------
         LinkError
-            If the board does not answer, or the drive is for the other controller.
+            If the board does not answer, or the drive is for the other controller or the values for
+            another clock.
         RegisterError
             If it asks for what was not built into this board, or a value does not fit its register;
             nothing is written then. If a register does not keep what was written.
@@ -497,14 +497,18 @@ class Board:
         else:
             known = drive if isinstance(drive, Drive | MptcDrive) else load_drive(drive)
             self._check_controller(known.controller)
-            found = self.values(known, settings, sensorless=sensorless)
+            found = self.values(known, sensorless=sensorless)
             if self.real_time:
-                guard = settings or GuardSettings(clock=float(self.identity.clock))
-                refuse_slow(known, guard, found, self.variant, max(self.identity.explorers, 1))
+                refuse_slow(known, found, self.variant, max(self.identity.explorers, 1))
             for sentence in found.saturated:
                 warnings.warn(sentence, stacklevel=2)
             self.drive, self._encoder = known, Encoder(known)
         self._check_controller(found.controller)
+        if found.clock != self.identity.clock:
+            raise LinkError(
+                f"the values are for a clock of {found.clock / 1e6:g} MHz, the board has "
+                f"{self.identity.clock / 1e6:g} MHz"
+            )
         built = self.read("system.capabilities")
         for name, capability in _NEEDED.items():
             if found.words.get(name) and not built[capability]:
@@ -520,6 +524,7 @@ class Board:
         self._kept = {"own_positions": int(found.words.get("parameters.family_method", 0) > 0)}
         if found.words.get("parameters.sensorless"):
             self._kept["use_observer"] = 1
+        self._missing = list(found.missing)
         self.stop()
         for _, address, word in writes:
             self.write_word(address, word)
@@ -541,10 +546,14 @@ class Board:
         ------
         LinkError
             If the board does not answer.
+        DriveError
+            If the drive file lacks keys of `[guard]`; names all of them and what is allowed.
         TrippedError
             If a fault is latched again at once: permit is missing, for instance.
         """
         self.stop()
+        if self._missing:
+            raise DriveError(f"start: {'; '.join(self._missing)}")
         self.write("system.faults", **self.read("system.faults"))
         control = self.drive.control if isinstance(self.drive, Drive) else None
         remembers = control and (control.capacitor_filter or control.leakage_estimate)

@@ -3,12 +3,12 @@
 ``python -m directmpc.host.registers drives/anpc5l_6kv.toml`` prints addresses and words as CSV, the
 commit last; ``--c`` the same as a C array with the measurements' scales, ``--table`` for people.
 
-The gate guard's settings are not in a drive file, they belong to the switches and the clock; they
-have options here.  What the guard gets is never less safe than asked for: dead and minimum times
-and lower limits are rounded up, longest times and upper limits down.  What does not fit its
-register is an error where the nearest value that does is less safe; where it is safer, it is
-written and named, on standard error and in the C comment. A trip level that no measurement can
-exceed is an error.
+The gate guard's settings are those of the file's table `[guard]`; options replace them.  A key that
+is missing there is said, and its register gets the value with which no gate comes on.  What the
+guard gets is never less safe than asked for: dead and minimum times and lower limits are rounded
+up, longest times and upper limits down.  What does not fit its register is an error where the
+nearest value that does is less safe; where it is safer, it is written and named, on standard error
+and in the C comment. A trip level that no measurement can exceed is an error.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from directmpc.api.drive_file import load_drive
+from directmpc.drive_tables import keys_of
 from directmpc.mpdcc import coefficients, formats
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import coefficients as mptc_coefficients
@@ -31,7 +32,7 @@ from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
 from directmpc.mptc import speed_observer as mptc_speed_observer
 from directmpc.mptc import vector_sequencer
-from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive
+from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive, MptcGuard
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -43,45 +44,18 @@ HIGHEST: dict[tuple[str, str], int] = {
     ("guard.link_high", "value"): 2**16 - 2,
 }
 
+#: Registers of the gate guard that count clocks.
+GUARD_TIMES = tuple(
+    f"guard.{name}"
+    for name in ("dead_time", "minimum_on", "minimum_off", "decision_limit", "watchdog")
+)
+
 #: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
 
 #: Clocks that the guard's times have after a reset.
 GUARD_DEAD_TIME = 100
 GUARD_MINIMUM_TIME = 200
-
-
-@dataclass(frozen=True)
-class GuardSettings:
-    """What the gate guard is set to.
-
-    Attributes
-    ----------
-    clock : float
-        Clock frequency of the core, Hz: the guard's times are counted in it.
-    dead_time, minimum_on, minimum_off : float
-        s.
-    current : float or None
-        Trip level of the phase currents, pu (MPDCC) or A (MPTC); by default 1.8 pu, or 0.95 of the
-        full scale.
-    link_high, link_low : float
-        Trip levels of the dc-link voltage, of the nominal one.
-    decision_limit : float or None
-        Longest time from start to decision, control periods; by default 0.9, and 1.1 where
-        decisions reach the guard with the next start: MPTC, and MPDCC with delay compensation.
-    watchdog : float
-        Longest time between two decisions, control periods.
-    """
-
-    clock: float = CORE_CLOCK
-    dead_time: float = 2e-6
-    minimum_on: float = 4e-6
-    minimum_off: float = 4e-6
-    current: float | None = None
-    link_high: float = 1.25
-    link_low: float = 0.75
-    decision_limit: float | None = None
-    watchdog: float = 1.5
 
 
 @dataclass
@@ -94,13 +68,34 @@ class RegisterValues:
         "mpdcc" or "mptc".
     words : dict of int
         Register name as in the map -> integer, signed where the register is; in address order.
+    clock : float
+        Clock of the core that the times are counted in, Hz. No board with another one takes them.
     saturated : list of str
         One sentence per value that did not fit, and is safer or less exact than asked for.
+    missing : list of str
+        One sentence per key that the drive file lacks, and without which no gate can come on.
     """
 
     controller: str
     words: dict[str, int]
+    clock: float
     saturated: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+
+    def nanoseconds(self, name: str) -> float | None:
+        """Time that a register of the gate guard holds.
+
+        Parameters
+        ----------
+        name : str
+            Name of the register.
+
+        Returns
+        -------
+        float or None
+            ns, at the clock of these values; None where it holds no time.
+        """
+        return 1e9 * self.words[name] / self.clock if name in GUARD_TIMES else None
 
     def writes(self) -> list[tuple[str, int, int]]:
         """Name, address and 32-bit word of every write; the commit is the last.
@@ -195,8 +190,8 @@ class _Setting:
 
     Attributes
     ----------
-    asked : float
-        In the unit of ``GuardSettings``.
+    asked : float or None
+        In the unit of the drive file; None where the file does not say.
     unit : str
         Its name.
     scale : float
@@ -212,7 +207,7 @@ class _Setting:
         A trip level: one above `most` is an error, because nothing would ever trip.
     """
 
-    asked: float
+    asked: float | None
     unit: str
     scale: float
     counts: str
@@ -228,6 +223,8 @@ class _Setting:
         ValueError
             Where the nearest one is less safe, or would never trip, or this is no number.
         """
+        if self.asked is None:  # with it no gate comes on
+            return self.most if self.more_is_safer else 0
         exact = self.asked * self.scale
         if not math.isfinite(exact):
             raise ValueError(f"{name}: {self.asked:g} {self.unit} cannot be counted")
@@ -248,24 +245,23 @@ class _Setting:
         )
 
 
-def guard_words(
-    drive: Drive | MptcDrive, settings: GuardSettings, saturated: list[str]
-) -> dict[str, int]:
+def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) -> dict[str, int]:
     """Registers of the gate guard; appends to ``saturated``.
 
     Parameters
     ----------
     drive : Drive or MptcDrive
-        Control period, dc-link voltage and, for MPTC, full scales.
-    settings : GuardSettings
-        What the guard is set to, in its units.
+        Its table `guard`; control period and, for MPTC, full scales.
+    clock : float
+        Of the core, Hz.
     saturated : list of str
         Sentences are appended for values that do not fit and become safer ones.
 
     Returns
     -------
     dict of str to int
-        Register of the guard to counts: clocks, or LSB of the measurement.
+        Register of the guard to counts: clocks, or LSB of the measurement. What the drive file does
+        not say has the value with which no gate comes on.
 
     Raises
     ------
@@ -273,42 +269,61 @@ def guard_words(
         Where the nearest value that fits would be less safe than what is asked for, or a trip level
         is one that no measurement exceeds.
     """
-    clock = settings.clock
     if not 0.0 < clock < math.inf:
         raise ValueError(f"clock: got {clock:g} Hz; it must be a number above 0")
-    limit, current = settings.decision_limit, settings.current
+    asked, ts = drive.guard, drive.control.ts
     if isinstance(drive, Drive):
-        if limit is None:  # a decision for the next step waits for its start
-            limit = 1.1 if drive.control.delay_compensation else 0.9
-        current, unit = 1.8 if current is None else current, "pu"
-        current_scale, link = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
+        current, voltage = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
+        units = "pu", "pu"
     else:
         form = mptc_formats.measurement_formats(drive)
-        limit = 1.1 if limit is None else limit
-        current, unit = 0.95 * drive.control.current_max if current is None else current, "A"
-        current_scale, link = form["is_alpha"].scale, form["v_dc"].scale
-    period, clocks = clock * drive.control.ts, f"clocks of {clock / 1e6:g} MHz"
-    voltage = "of the nominal dc-link voltage", link * drive.inverter.vdc, "of v_dc"
-    time, longest = 2**12 - 1, 2**16 - 1
+        current, voltage = form["is_alpha"].scale, form["v_dc"].scale
+        units = "A", "V"
+    limit = decision_periods(drive) * ts if asked.decision_limit is None else asked.decision_limit
+    watchdog = WATCHDOG_PERIODS * ts if asked.watchdog is None else asked.watchdog
+    time = "s", clock, f"clocks of {clock / 1e6:g} MHz"
+    amperes, volts = (units[0], current, "of its unit"), (units[1], voltage, "of v_dc")
+    short, long = 2**12 - 1, 2**16 - 1
     highest, peak = (HIGHEST[f"guard.{name}", "value"] for name in ("link_high", "current_limit"))
     chosen = {
-        "dead_time": _Setting(settings.dead_time, "s", clock, clocks, time, True),
-        "minimum_on": _Setting(settings.minimum_on, "s", clock, clocks, time, True),
-        "minimum_off": _Setting(settings.minimum_off, "s", clock, clocks, time, True),
-        "decision_limit": _Setting(limit, "control periods", period, clocks, longest, False),
-        "watchdog": _Setting(settings.watchdog, "control periods", period, clocks, longest, False),
-        "current_limit": _Setting(current, unit, current_scale, "of its unit", peak, False, True),
-        "link_high": _Setting(settings.link_high, *voltage, highest, False, True),
-        "link_low": _Setting(settings.link_low, *voltage, 2**16 - 1, True),
+        "dead_time": _Setting(asked.dead_time, *time, short, True),
+        "minimum_on": _Setting(asked.minimum_on, *time, short, True),
+        "minimum_off": _Setting(asked.minimum_off, *time, short, True),
+        "decision_limit": _Setting(limit, *time, long, False),
+        "watchdog": _Setting(watchdog, *time, long, False),
+        "current_limit": _Setting(asked.current_limit, *amperes, peak, False, True),
+        "link_high": _Setting(asked.link_high, *volts, highest, False, True),
+        "link_low": _Setting(asked.link_low, *volts, 2**16 - 1, True),
     }
     return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
 
 
+#: Longest time between two decisions where the drive file does not say, control periods.
+WATCHDOG_PERIODS = 1.5
+
+
+def decision_periods(drive: Drive | MptcDrive) -> float:
+    """Longest time from start to decision where the drive file does not say.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What decides.
+
+    Returns
+    -------
+    float
+        Control periods; more than one where a decision for the next step waits for its start.
+    """
+    delayed = isinstance(drive, MptcDrive) or drive.control.delay_compensation
+    return 1.1 if delayed else 0.9
+
+
 def values(
     drive: Drive | MptcDrive,
-    settings: GuardSettings | None = None,
     variant: str = "fast",
     *,
+    clock: float = CORE_CLOCK,
     built: Collection[str] = (),
     sensorless: bool = False,
 ) -> RegisterValues:
@@ -318,10 +333,10 @@ def values(
     ----------
     drive : Drive or MptcDrive
         Validated drive file.
-    settings : GuardSettings, optional
-        Gate guard; the defaults without it.
     variant : str
         "fast" or "paper", for MPDCC.
+    clock : float
+        Of the core, Hz; `Board.values` and `Board.load` take the board's.
     built : collection of str
         Of "family" and "sensorless", what the system has: their registers are among the values even
         where the drive could do without.
@@ -342,7 +357,7 @@ def values(
         fit and the nearest that does is less safe; the message names the register.
     """
     saturated: list[str] = []
-    guard = guard_words(drive, settings or GuardSettings(), saturated)
+    guard = guard_words(drive, clock, saturated)
     words = {f"guard.{name}": guard[name] for name in guard}
     if isinstance(drive, Drive):
         from directmpc.mpdcc import capacitor_observer, leakage
@@ -373,12 +388,12 @@ def values(
             parameters["sensorless"] = int(sensorless)
         parameters["method_mpfc"] = int(drive.control.method == "MPFC")
         if drive.control.sequences or "family" in built:
-            parameters |= _sequence_words(drive, (settings or GuardSettings()).clock)
+            parameters |= _sequence_words(drive, clock)
         controller = "mptc"
     words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
     addresses = registers_of(controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
-    return RegisterValues(controller, words, saturated)
+    return RegisterValues(controller, words, clock, saturated, drive.guard.missing())
 
 
 def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
@@ -409,6 +424,14 @@ def duty_rule_word(drive: MptcDrive) -> int:
     """
     c = drive.control
     return DUTY_RULES.index(c.duty_rule) if c.method in RULED_METHODS else 0
+
+
+def _time(found: RegisterValues, name: str) -> str:
+    """What a register of clocks means, behind two blanks; nothing of another one."""
+    nanoseconds = found.nanoseconds(name)
+    if nanoseconds is None:
+        return ""
+    return f"  {nanoseconds:.0f} ns at {found.clock / 1e6:g} MHz"
 
 
 def format_csv(found: RegisterValues) -> str:
@@ -468,7 +491,9 @@ def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> st
     unit = "pu" if isinstance(drive, Drive) else "A, Wb, rad/s, V or N*m"
     lines = [
         f"/* Registers of {source}: write them in this order, the last commits them. */",
+        f"/* Times are in clocks of {found.clock / 1e6:g} MHz: the core has to have this clock. */",
         *(f"/* saturated: {problem} */" for problem in found.saturated),
+        *(f"/* no gate comes on: {problem} */" for problem in found.missing),
         "#include <stdint.h>",
         "",
         "#ifndef DIRECTMPC_WRITE",
@@ -484,7 +509,7 @@ def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> st
         "",
         "static const directmpc_write directmpc_registers[] = {",
         *(
-            f"  {{0x{address:03X}, 0x{word:08X}u}}, /* {name} */"
+            f"  {{0x{address:03X}, 0x{word:08X}u}}, /* {name}{_time(found, name)} */"
             for name, address, word in found.writes()
         ),
         "};",
@@ -512,6 +537,7 @@ def format_table(found: RegisterValues) -> str:
     """
     return "\n".join(
         f"{name:42} 0x{address:03X}  0x{word:08X} {found.words.get(name, word):>9}"
+        f"{_time(found, name)}"
         for name, address, word in found.writes()
     )
 
@@ -554,7 +580,6 @@ def _clocks(drive: Drive, variant: str, explorers: int, budget: int) -> int:
 
 def refuse_slow(
     drive: Drive | MptcDrive,
-    settings: GuardSettings,
     found: RegisterValues,
     variant: str = "fast",
     explorers: int = 1,
@@ -565,8 +590,6 @@ def refuse_slow(
     ----------
     drive : Drive or MptcDrive
         What the values are of.
-    settings : GuardSettings
-        The clock, and the limit if one is asked for.
     found : RegisterValues
         The values.
     variant : str
@@ -581,15 +604,15 @@ def refuse_slow(
     """
     limit = found.words["guard.decision_limit"]
     told, ends = f"{limit} (guard.decision_limit)", "the gate guard trips"
-    period = math.floor(settings.clock * drive.control.ts + 1e-6)
-    if settings.decision_limit is None and period < limit:  # the next start comes then
+    period = math.floor(found.clock * drive.control.ts + 1e-6)
+    if drive.guard.decision_limit is None and period < limit:  # the next start comes then
         limit, told, ends = period, f"{period} (control.ts)", "the next start comes"
     if isinstance(drive, MptcDrive):
         method, rule = drive.control.method, drive.control.duty_rule
         clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
         clocks += SPEED_KNOWN if "parameters.sensorless" in found.words else 0
         if clocks > limit:
-            raise ValueError(_never(drive, settings, clocks, limit, told))
+            raise ValueError(_never(drive, found.clock, clocks, limit, told))
         return
     budget = drive.control.budget
     clocks = _clocks(drive, variant, explorers, budget)
@@ -597,13 +620,13 @@ def refuse_slow(
         return
     least = _clocks(drive.with_control(switching_horizon="SE"), variant, 8, 0)
     if least > limit:
-        raise ValueError(_never(drive, settings, least, limit, told))
+        raise ValueError(_never(drive, found.clock, least, limit, told))
     ways = []
     sese = drive.control.switching_horizon == "SESE"
     if sese and (most := _largest_budget(drive, variant, explorers, limit)):
         ways.append(f"a budget of at most {most}")
     # rounded up, so that what is said serves
-    ways.append(f"a clock of {math.ceil(1e-4 * settings.clock * clocks / limit) / 100:g} MHz")
+    ways.append(f"a clock of {math.ceil(1e-4 * found.clock * clocks / limit) / 100:g} MHz")
     if explorers < 8:
         ways.append("a core with more explorers (--explorers)")
     key = f"control.budget: got {budget or 'none'}" if sese else f"control.ts: got {_ts(drive)}"
@@ -612,8 +635,8 @@ def refuse_slow(
     raise ValueError(
         f"{key}; {whose} up to {clocks} clocks to decide{paper}, "
         f"{_before(drive)} of them before the core starts, and {ends} after "
-        f"{told} at {settings.clock / 1e6:g} MHz; {', '.join(ways[:-1])}{' or ' * (len(ways) > 1)}"
-        f"{ways[-1]} is needed; in lock-step, which is not real time, a longer --decision-limit"
+        f"{told} at {found.clock / 1e6:g} MHz; {', '.join(ways[:-1])}{' or ' * (len(ways) > 1)}"
+        f"{ways[-1]} is needed; in lock-step, which is not real time, a longer guard.decision_limit"
     )
 
 
@@ -637,16 +660,14 @@ def _ts(drive: Drive | MptcDrive) -> str:
     return f"{1e6 * drive.control.ts:g} us"
 
 
-def _never(
-    drive: Drive | MptcDrive, settings: GuardSettings, clocks: int, limit: int, told: str
-) -> str:
+def _never(drive: Drive | MptcDrive, clock: float, clocks: int, limit: int, told: str) -> str:
     """The sentence for a control period that no core keeps."""
-    ts, clock = drive.control.ts, settings.clock
+    ts = drive.control.ts
     return (
         f"control.ts: got {_ts(drive)}; the quickest core takes up to {clocks} clocks to "
         f"decide, and the limit is {told} at {clock / 1e6:g} MHz; a control period of "
         f"{1e6 * ts * clocks / limit:.4g} us or a clock of {clock / 1e6 * clocks / limit:.4g} MHz "
-        "is needed at least; in lock-step, which is not real time, a longer decision limit"
+        "is needed at least; in lock-step, which is not real time, a longer guard.decision_limit"
     )
 
 
@@ -676,38 +697,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8",
         help="MPDCC only: of the core, which has to decide in time; 1 by default",
     )  # fmt: skip
-    defaults = GuardSettings()
-    unset = {
-        "current": "1.8 pu, or 0.95 of full scale",
-        "decision_limit": "0.9, MPTC and with delay_compensation 1.1",
-    }
-    for name, unit in (
-        ("clock", "clock of the core that its times are counted in, Hz"),
-        ("dead_time", "s"),
-        ("minimum_on", "s"),
-        ("minimum_off", "s"),
-        ("current", "trip level, pu (MPDCC) or A (MPTC)"),
-        ("link_high", "trip level, of the nominal dc-link voltage"),
-        ("link_low", "trip level, of the nominal dc-link voltage"),
-        ("decision_limit", "control periods"),
-        ("watchdog", "control periods"),
-    ):
-        value = getattr(defaults, name)
-        shown = f"{value:g}" if value is not None else unset[name]
+    parser.add_argument(
+        "--clock", type=_positive, default=CORE_CLOCK,
+        help=f"clock of the core that times are counted in, Hz; {CORE_CLOCK:g} by default",
+    )  # fmt: skip
+    for name in keys_of(MptcGuard):
         parser.add_argument(
             f"--{name.replace('_', '-')}",
             type=_positive,
-            default=value,
-            help=f"gate guard: {unit}; {shown} by default",
+            help="in the place of the drive file's key of [guard], in its unit",
         )
     given = parser.parse_args(arguments)
-    settings = GuardSettings(
-        **{name: getattr(given, name) for name in GuardSettings.__dataclass_fields__}
-    )
+    asked = {name: getattr(given, name) for name in keys_of(MptcGuard)}
     try:
         drive = load_drive(given.drive)
-        found = values(drive, settings, given.variant)
-        refuse_slow(drive, settings, found, given.variant, given.explorers)
+        drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
+        found = values(drive, given.variant, clock=given.clock)
+        refuse_slow(drive, found, given.variant, given.explorers)
         if given.c:
             text = format_c(drive, found, os.path.basename(given.drive))
         else:
@@ -720,6 +726,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         shown = shown if shown.startswith(given.drive) else f"{given.drive}: {shown}"
         print(f"registers: {shown}", file=sys.stderr)
         return 2
+    for problem in found.missing:
+        print(f"registers: {given.drive}: no gate comes on: {problem}", file=sys.stderr)
     for problem in found.saturated:
         print(f"registers: saturated: {problem}", file=sys.stderr)
     return 0

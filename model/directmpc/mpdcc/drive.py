@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from directmpc.drive_tables import AnyDrive, Section, integer, number, refused
+from directmpc.drive_tables import (
+    AnyDrive,
+    GuardTable,
+    Section,
+    check_link,
+    integer,
+    number,
+    refused,
+    to_start,
+)
 from directmpc.mpdcc.machine import InductionMachine
 
 TS_PU_MIN = 0.006
@@ -47,6 +56,14 @@ class Inverter(Section):
     vdc: number(1.5, 2.5, "pu")
     xdc: number(0.5, 10.0, "pu")
     xph: number(0.5, 10.0, "pu")
+
+
+class Guard(GuardTable):
+    """What the gate guard of an MPDCC drive is set to: times in s, levels per unit."""
+
+    current_limit: to_start(0.01, 2.0478, "pu") = None
+    link_high: to_start(1.5, 4.095, "pu") = None
+    link_low: to_start(0.5, 2.5, "pu") = None
 
 
 class Control(Section):
@@ -92,7 +109,13 @@ class Drive(AnyDrive):
     base: Base
     machine: Machine
     inverter: Inverter
+    guard: Guard = Guard()
     control: Control
+
+    @model_validator(mode="after")
+    def _check_guard(self) -> Self:
+        check_link(self.guard, self.inverter.vdc, "pu")
+        return self
 
     @model_validator(mode="after")
     def _check_sampling(self) -> Self:

@@ -10,7 +10,16 @@ from typing import Literal, Self, get_args
 
 from pydantic import model_validator
 
-from directmpc.drive_tables import AnyDrive, Section, integer, number, refused
+from directmpc.drive_tables import (
+    AnyDrive,
+    GuardTable,
+    Section,
+    check_link,
+    integer,
+    number,
+    refused,
+    to_start,
+)
 
 DutyRule = Literal["deadbeat", "mean", "best"]
 Method = Literal["MPTC", "MPFC", "MPTC1", "MPTC2", "GTV", "MPFC2", "MPFC3", "MPC2", "SVM"]
@@ -59,6 +68,14 @@ class MptcInverter(Section):
     vdc: number(1.0, 1e5, "V")
 
 
+class MptcGuard(GuardTable):
+    """What the gate guard of a two-level drive is set to, SI."""
+
+    current_limit: to_start(1e-3, 1e6, "A") = None
+    link_high: to_start(1.0, 2e5, "V") = None
+    link_low: to_start(0.5, 1e5, "V") = None
+
+
 class MptcControl(Section):
     """Settings and full scales of the controller, SI."""
 
@@ -89,4 +106,10 @@ class MptcDrive(AnyDrive):
     controller: Literal["mptc"]
     machine: MptcMachine
     inverter: MptcInverter
+    guard: MptcGuard = MptcGuard()
     control: MptcControl
+
+    @model_validator(mode="after")
+    def _check_guard(self) -> Self:
+        check_link(self.guard, self.inverter.vdc, "V")
+        return self

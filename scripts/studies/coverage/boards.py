@@ -12,7 +12,7 @@ from pathlib import Path
 
 from directmpc.api.drive_file import load_mpdcc_drive, load_mptc_drive
 from directmpc.host import protocol as p
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import states
@@ -140,7 +140,7 @@ class Lines:
             Registers that get another word; a double underscore stands for the point.
         """
         self.write("system.control", 0)
-        for _, address, word in values(drive, GuardSettings(clock=25_000_000)).writes():
+        for _, address, word in values(drive, clock=25_000_000).writes():
             self.request(p.Type.WRITE, struct.pack("<HI", address, word))
         for name in ("guard.decision_limit", "guard.watchdog"):
             self.write(name, LONGEST)

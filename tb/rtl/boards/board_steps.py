@@ -13,7 +13,7 @@ from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
 from directmpc.host.link import RefusedError
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
-from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
+from directmpc.host.registers import RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -109,7 +109,7 @@ class Hostile:
     def run_up(self) -> Decision:
         """Load a drive, enable the gates, decide twice: the gates are on now."""
         drive = load_drive(MPTC)
-        found = values(drive, GuardSettings(clock=self.clock))
+        found = values(drive, clock=self.clock)
         # nothing else may switch the gates off during the test: no watchdog within its length
         load(self, found)
         self.write("guard.decision_limit", 0xFFFF)

@@ -34,7 +34,7 @@ from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, RefusedError, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc import closed_loop, formats, observer, trace
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.drive import Drive
@@ -100,7 +100,7 @@ def test_steps_of_the_6kv_drive_over_the_virtual_board_are_replays(
         stream = SerialStream(str(running.port), 3_000_000)
         board = Board(Link(stream))
         assert board.is_mpdcc()
-        found = values(drive, GuardSettings(clock=CLOCK))
+        found = values(drive, clock=CLOCK)
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
         board.load(found)
         assert board.differing(found) == []
@@ -240,7 +240,7 @@ def test_the_link_tells_that_a_budget_ended_the_search(tmp_path: Path) -> None:
     with VirtualBoard(generics("mpdcc"), tmp_path / "board") as running:
         stream = SerialStream(str(running.port), 3_000_000)
         board = Board(Link(stream))
-        board.load(values(drive, GuardSettings(clock=CLOCK)))
+        board.load(values(drive, clock=CLOCK))
         board.write("system.control", enable=0, own_positions=0)
         run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, 300, "fast")
         stream.close()
@@ -262,7 +262,7 @@ def test_the_two_level_drive_runs_on_the_same_top(tmp_path: Path) -> None:
         stream = SerialStream(str(running.port), 3_000_000)
         board = Board(Link(stream))
         assert board.controller == "mptc"
-        found = values(drive, GuardSettings(clock=CLOCK))
+        found = values(drive, clock=CLOCK)
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
         board.load(found)
         assert board.differing(found) == []
@@ -333,7 +333,7 @@ def test_times_and_rates_follow_the_clock(tmp_path: Path) -> None:
         board = Board(Link(stream))
         assert board.identity.clock == clock
         assert board.read("system.capabilities")["least_dead_time"] == 40  # 400 ns
-        found = values(drive, GuardSettings(clock=clock))
+        found = values(drive, clock=clock)
         assert found.words["guard.dead_time"] == 200  # 2 us
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
         board.load(found)
@@ -602,7 +602,7 @@ def test_decisions_on_any_measurement_are_the_models_with_their_flags() -> None:
     seen: set[int] = set()
     with Script(generics("mptc")) as script:
         board = Hostile(script, True)
-        load(board, values(drive, GuardSettings(clock=CLOCK)))
+        load(board, values(drive, clock=CLOCK))
         u = board.step(0).position & 7
         for row in mptc_rows.any_measurements(rng, 60):
             got = decided(board, row, u)
@@ -618,7 +618,7 @@ def test_decisions_on_any_measurement_are_the_models_with_their_flags() -> None:
     seen = set()
     with Script(generics("mpdcc")) as script:
         board = Hostile(script, True)
-        load(board, values(shipped, GuardSettings(clock=CLOCK)))
+        load(board, values(shipped, clock=CLOCK))
         position = 0
         for n, row in enumerate(states.words(60, rng)):
             measured = np.array(MEASUREMENTS) if n % 10 == 9 else row
@@ -643,7 +643,7 @@ def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
     known = registers_of("mpdcc")
     with Script(generics("mpdcc")) as script:
         board = Hostile(script, True)
-        found = values(drive, GuardSettings(clock=CLOCK))
+        found = values(drive, clock=CLOCK)
         found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
         load(board, found)
         board.write("system.control", 0)

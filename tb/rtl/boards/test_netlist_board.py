@@ -38,7 +38,7 @@ from directmpc.host.board import Board, TrippedError
 from directmpc.host.gate_guard import anpc_gates, two_level_gates
 from directmpc.host.link import Link, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
-from directmpc.host.registers import GuardSettings, RegisterValues, registers_of, values
+from directmpc.host.registers import RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
@@ -98,7 +98,7 @@ def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> Regi
     """A drive's registers, written, committed and read back."""
     capabilities = board.read("system.capabilities")
     built = [name for name in ("family", "sensorless") if capabilities.get(name)]
-    found = values(drive, GuardSettings(clock=float(board.identity.clock)), built=built)
+    found = values(drive, clock=float(board.identity.clock), built=built)
     found.words |= {"guard.decision_limit": 0xFFFF, "guard.watchdog": 0xFFFF}
     board.load(found)
     assert not back or board.differing(found) == []

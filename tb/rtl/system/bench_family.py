@@ -11,7 +11,6 @@ from cocotb.triggers import FallingEdge, Timer
 
 from directmpc.host.gate_guard import GateGuard, Inputs
 from directmpc.host.goal_holder import GoalHolder
-from directmpc.host.registers import GuardSettings
 from directmpc.host.registers import values as register_values
 from directmpc.mptc import bit_true, closed_loop, cycles, machine, plant
 from directmpc.mptc import bit_true_sequences as twin
@@ -192,9 +191,10 @@ class Rig:
 
 def words_of(drive: MptcDrive, period: int, sensorless: bool, jitter: bool) -> dict[str, int]:
     """Registers of a drive whose control period has so many clocks."""
-    settings = GuardSettings(clock=period / drive.control.ts)
     built = ("family", "sensorless") if sensorless else ("family",)
-    found = register_values(drive, settings, built=built, sensorless=sensorless).words
+    found = register_values(
+        drive, clock=period / drive.control.ts, built=built, sensorless=sensorless
+    ).words
     chosen = SETTINGS | {"minimum_on": 450} if jitter else SETTINGS
     return found | {f"guard.{name}": value for name, value in chosen.items()}
 

@@ -243,7 +243,7 @@ async def decisions_and_flags(system: System, count: int) -> None:
         drive = states.shipped("anpc5l_6kv")
     else:
         drive = mptc_core.shipped("induction_2kw2")
-    found = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0))
+    found = registers.values(drive)
     for _, address, data in found.writes():
         assert await bus.write_word(address, data) == OKAY
     # what the drive does not need is 0
@@ -364,8 +364,7 @@ async def filtered(system: System) -> None:
     """Decisions on the voltages of the filters, whose step comes first; they begin anew."""
     bus, board, rng = system.bus, system.board, system.rng
     drive = states.shipped("anpc5l_6kv")
-    settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
-    base = registers.values(drive, settings).words
+    base = registers.values(drive).words
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     alone = clocks_of("state_observer", "filters")
     before_flux = clocks_of("state_observer", "filtered") - clocks_of("state_observer", "flux")
@@ -463,8 +462,7 @@ async def estimated(system: System) -> None:
     """Decisions with slopes that the estimate of the leakage scales; it is frozen and forgotten."""
     bus, board, rng = system.bus, system.board, system.rng
     drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
-    settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
-    base = registers.values(drive, settings).words
+    base = registers.values(drive).words
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     c = leakage.array(leakage.coefficients(drive)[0])
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
@@ -596,7 +594,7 @@ async def switched(system: System) -> None:
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
     drive = states.shipped("anpc5l_6kv")
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
-    base = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0)).words
+    base = registers.values(drive).words
     all_faults = dict.fromkeys(bus.registers["system.faults"][1], 1)
 
     whole = [sum(1 << gate - 1 for gate in anpc_gates(position)) for position in range(8)]

@@ -22,11 +22,14 @@ from pathlib import Path
 import pytest
 
 from directmpc.api.drive_file import load_drive, load_mpdcc_drive
+from directmpc.drive_tables import GuardTable, keys_of
 from directmpc.host import registers
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import cycles as mpdcc_cycles
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
+from directmpc.mpdcc.drive import Drive
+from directmpc.mptc.drive import MptcDrive
 from scripts.generate import register_files
 from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.shared.tools import ROOT
@@ -106,25 +109,31 @@ def test_a_duty_rule_becomes_a_word_where_the_method_has_one() -> None:
         assert found.words["parameters.duty_rule"] == 0
 
 
+def with_guard(name: str, **keys: float | None) -> Drive | MptcDrive:
+    """A shipped drive whose guard is set to something else."""
+    return load_drive(name).changed(guard=keys)
+
+
 def test_what_does_not_fit_is_named_and_safe() -> None:
-    drive = load_drive(ROOT / "drives" / "anpc5l_6kv.toml")
-    found = registers.values(drive, registers.GuardSettings(decision_limit=90.0, watchdog=60.0))
+    drive = with_guard("anpc5l_6kv", decision_limit=4e-3, watchdog=3e-3)
+    found = registers.values(drive)
     clipped = ["decision_limit", "watchdog"]
     assert [text.partition(":")[0] for text in found.saturated] == [f"guard.{n}" for n in clipped]
     for name in clipped:
         assert found.words[f"guard.{name}"] == 2**16 - 1
     # rounded to the safe side
-    settings = registers.GuardSettings(
-        dead_time=2.01e-6, watchdog=1.5005, current=1.00001, link_high=1.25, link_low=0.75
-    )
-    found = registers.values(drive, settings)
+    drive = with_guard(
+        "anpc5l_6kv", dead_time=2.01e-6, watchdog=75.03e-6, current_limit=1.00001,
+        link_high=2.5, link_low=1.5,
+    )  # fmt: skip
+    found = registers.values(drive)
     assert found.saturated == []
     assert found.words["guard.dead_time"] == 51
     assert found.words["guard.watchdog"] == 1875
     assert found.words["guard.current_limit"] == 16_000
-    level = drive.inverter.vdc * formats.LINK_VOLTAGE.scale
-    assert found.words["guard.link_high"] == math.floor(1.25 * level) < 1.25 * level
-    assert found.words["guard.link_low"] == math.ceil(0.75 * level) > 0.75 * level
+    level = formats.LINK_VOLTAGE.scale
+    assert found.words["guard.link_high"] == math.floor(2.5 * level) < 2.5 * level
+    assert found.words["guard.link_low"] == math.ceil(1.5 * level) > 1.5 * level
 
 
 @pytest.mark.parametrize(
@@ -132,16 +141,20 @@ def test_what_does_not_fit_is_named_and_safe() -> None:
     [
         ("dead_time", 1e-3, "25000 clocks of 25 MHz; it must be at most 0.0001638 s, 4095 clocks"),
         ("minimum_on", 163.81e-6, "at most 0.0001638 s"),
-        ("minimum_off", 1e300, "at most 0.0001638 s"),
-        ("minimum_off", 1e305, "cannot be counted"),
-        ("link_low", 2.0, "65536 of v_dc; it must be at most 1.99996948242 of the nominal dc-link"),
+        ("minimum_off", 1e-3, "at most 0.0001638 s"),
+        ("current_limit", 32.0, "at most 31.9990234"),
+        ("dead_time", 2.0, "guard.dead_time: got 2.0; it must be a number from 1e-09 to 0.001 s"),
+        ("link_low", 0.75, "guard.link_low: got 0.75 V; it must be a number from 270 to 540 V"),
+        ("link_high", 1.25, "guard.link_high: got 1.25 V; it must be a number from 540 to 1080 V"),
         ("clock", 0.0, "clock: got 0 Hz; it must be a number above 0"),
     ],
 )
 def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: str) -> None:
     path = ROOT / "drives" / "induction_2kw2.toml"
+    clock = asked if name == "clock" else registers.CORE_CLOCK
+    keys = {} if name == "clock" else {name: asked}
     with pytest.raises(ValueError, match=name) as refused:
-        registers.values(load_drive(path), registers.GuardSettings(**{name: asked}))
+        registers.values(load_drive(path).changed(guard=keys), clock=clock)
     assert allowed in str(refused.value)
     status, text, complaints = command(str(path), f"--{name.replace('_', '-')}", str(asked), "--c")
     assert (status, text) == (2, "")
@@ -149,44 +162,86 @@ def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: s
 
 
 @pytest.mark.parametrize(
-    ("name", "just", "beyond", "most"),
+    ("name", "key", "just", "beyond", "most"),
     [
-        ("current", 32_766 / 16_000, 32_767 / 16_000, "2.047875 pu, 32766 of its unit"),
-        ("link_high", 65_534 / 32_006.25, 65_535 / 32_006.25, "2.04753759031 of the nominal"),
+        ("anpc5l_6kv", "current_limit", 2.0478, None, ""),
+        ("anpc5l_6kv", "link_high", 4.0, None, ""),
+        ("induction_2kw2", "current_limit", 31.999, 32.0, "31.9990234"),
+        ("induction_2kw2", "link_high", 1079.96, 1079.99, "1079.96704"),
     ],
 )
 def test_a_limit_that_could_never_trip_is_an_error(
-    name: str, just: float, beyond: float, most: str
+    name: str, key: str, just: float, beyond: float | None, most: str
 ) -> None:
-    path = ROOT / "drives" / "anpc5l_6kv.toml"
-    drive = load_drive(path)
-    register = "guard.current_limit" if name == "current" else f"guard.{name}"
-    found = registers.values(drive, registers.GuardSettings(**{name: just}))
-    assert found.words[register] == registers.HIGHEST[register, "value"]
+    register = f"guard.{key}"
+    found = registers.values(with_guard(name, **{key: just}))
+    assert found.words[register] <= registers.HIGHEST[register, "value"]
     assert found.writes()
-    with pytest.raises(ValueError, match=register) as refused:
-        registers.values(drive, registers.GuardSettings(**{name: beyond}))
-    assert f"at most {most}" in str(refused.value)
+    if beyond is not None:
+        with pytest.raises(ValueError, match=register) as refused:
+            registers.values(with_guard(name, **{key: beyond}))
+        assert f"at most {most}" in str(refused.value)
     # nor can it be written by name
-    found.words[register] += 1
+    found.words[register] = registers.HIGHEST[register, "value"] + 1
     with pytest.raises(ValueError, match=f"{register}: value = .* from 0 to"):
         found.writes()
 
 
 def test_the_longest_times_fit() -> None:
-    drive = load_drive(ROOT / "drives" / "induction_2kw2.toml")
     longest = 0.0001638
-    settings = registers.GuardSettings(
-        dead_time=longest, minimum_on=longest, minimum_off=longest, link_low=1.99996948242
+    drive = with_guard(
+        "induction_2kw2", dead_time=longest, minimum_on=longest, minimum_off=longest, link_low=540.0
     )
-    found = registers.values(drive, settings)
+    found = registers.values(drive)
     assert found.saturated == []
     for name in ("dead_time", "minimum_on", "minimum_off"):
         assert found.words[f"guard.{name}"] == 4095
-    assert found.words["guard.link_low"] == 65535
+    assert found.words["guard.link_low"] == 32768
     # a negative trip level would become one of 0
-    with pytest.raises(ValueError, match=r"guard.current_limit: .* at least 0"):
-        registers.values(drive, registers.GuardSettings(current=-1.0))
+    with pytest.raises(ValueError, match=r"guard.current_limit: .* from 0.001"):
+        with_guard("induction_2kw2", current_limit=-1.0)
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "induction_2kw2"])
+@pytest.mark.parametrize("clock", [25e6, 100e6])
+def test_a_time_is_the_same_time_at_every_clock(name: str, clock: float) -> None:
+    found = registers.values(with_guard(name, dead_time=3e-6), clock=clock)
+    for key, time in (("dead_time", 3e-6), ("minimum_on", 4e-6), ("watchdog", 75e-6)):
+        assert found.words[f"guard.{key}"] / clock == pytest.approx(time)
+        assert found.nanoseconds(f"guard.{key}") == pytest.approx(1e9 * time)
+    assert found.nanoseconds("guard.current_limit") is None
+    path = ROOT / "drives" / f"{name}.toml"
+    for layout in ("--table", "--c"):
+        _, text, _ = command(str(path), layout, "--clock", f"{clock:g}")
+        (line,) = [row for row in text.splitlines() if "guard.dead_time" in row]
+        assert f"2000 ns at {clock / 1e6:g} MHz" in line
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "induction_2kw2"])
+def test_what_a_file_does_not_say_lets_no_gate_come_on(name: str, tmp_path: Path) -> None:
+    text = (ROOT / "drives" / f"{name}.toml").read_text(encoding="utf-8")
+    path = tmp_path / "drive.toml"
+    path.write_text(re.sub(r"\[guard\].*?(?=\n\[)", "", text, flags=re.S), encoding="utf-8")
+    drive = load_drive(path)
+    needed = [key for key in keys_of(type(drive.guard)) if key not in GuardTable.OPTIONAL]
+    assert len(needed) > 5
+    found = registers.values(drive)
+    assert [text.split(":")[0] for text in found.missing] == [f"guard.{key}" for key in needed]
+    assert found.words["guard.dead_time"] == found.words["guard.minimum_off"] == 4095
+    assert found.words["guard.current_limit"] == found.words["guard.link_high"] == 0
+    assert found.words["guard.link_low"] == 2**16 - 1
+    status, shown, complaints = command(str(path))
+    assert status == 0
+    assert shown.startswith("register,address,word,value\n")
+    assert complaints.splitlines()[0] == (
+        f"registers: {path}: no gate comes on: guard.dead_time: missing; it must be a number from "
+        "1e-09 to 0.001 s"
+    )
+    assert complaints.count("\n") == len(needed)
+    # each key may be given one by one
+    shipped = load_drive(name).guard
+    given = [f"--{key.replace('_', '-')}={getattr(shipped, key)}" for key in needed]
+    assert command(str(path), *given) == command(str(ROOT / "drives" / f"{name}.toml"))
 
 
 def command(*arguments: str) -> tuple[int, str, str]:
@@ -228,7 +283,7 @@ def test_the_command_takes_the_clock() -> None:
 def test_the_command_prints_a_table() -> None:
     drive = str(ROOT / "drives" / "induction_2kw2.toml")
     _, text, _ = command(drive, "--table")
-    rows = [tuple(line.split()) for line in text.splitlines()]
+    rows = [tuple(line.split()[:4]) for line in text.splitlines()]
     parts = csv.reader(io.StringIO(command(drive)[1]))
     assert [tuple(row) for row in parts][1:] == rows
 
@@ -242,7 +297,7 @@ def test_the_command_prints_c_and_csv(tmp_path: Path) -> None:
         "word": "0x00000001",
         "value": "1",
     }
-    _, text, complaints = command(drive, "--c", "--watchdog", "100")
+    _, text, complaints = command(drive, "--c", "--watchdog", "0.5")
     assert "saturated: guard.watchdog" in text
     assert "saturated: guard.watchdog" in complaints
     source = tmp_path / "registers.c"
@@ -319,7 +374,7 @@ def test_the_paper_variant_is_not_given_what_it_cannot_do(tmp_path: Path) -> Non
         (
             "anpc5l_6kv",
             {"switching_horizon": "SESE", "budget": 960, "delay_compensation": True},
-            ("--decision-limit", "0.9"),
+            ("--decision-limit", "45e-6"),
             r"got 960; .* a budget of at most 914",
         ),
         ("motulator_2kw2", {}, ("--clock", "1e6"), None),
@@ -375,7 +430,7 @@ def test_what_no_core_can_keep_is_refused(
     assert re.search(words, complaints), complaints
     assert complaints.count("\n") == 1
     # a simulator in lock-step waits as long as it takes
-    status, text, complaints = command(str(path), *given, "--decision-limit", "60")
+    status, text, complaints = command(str(path), *given, "--decision-limit", "3e-3")
     assert (status, complaints) == (0, "")
 
 
@@ -399,6 +454,6 @@ def test_what_comes_before_a_core_counts() -> None:
     assert clocks_of("mptc_speed_observer", "speed") == registers.SPEED_KNOWN
     for filters, figure in ((0, "flux"), (4, "filtered")):
         drive = load_mpdcc_drive("anpc5l_6kv").with_control(capacitor_filter=filters)
-        found, settings = registers.values(drive), registers.GuardSettings(clock=1e6)
+        found = registers.values(drive, clock=1e6)
         with pytest.raises(ValueError, match=f"up to {clocks_of('state_observer', figure) + 70} "):
-            registers.refuse_slow(drive.with_control(delay_compensation=False), settings, found)
+            registers.refuse_slow(drive.with_control(delay_compensation=False), found)

@@ -15,7 +15,7 @@ from cocotb.triggers import Timer
 from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
 from directmpc.host.protocol import Flag, Type
-from directmpc.host.registers import GuardSettings, registers_of, values
+from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.variants import VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
@@ -304,7 +304,7 @@ class Bench:
     def decisions(self, host: Host, count: int) -> None:
         """The model's decisions, the whole words; each depends on one word of the measurements."""
         model = FiveLevel() if self.mpdcc else TwoLevel()
-        load(host, values(model.drive, GuardSettings(clock=self.hz)))
+        load(host, values(model.drive, clock=self.hz))
         rng, at = random.Random(7), 0
         for n in range(count):
             word = n % len(model.widths)

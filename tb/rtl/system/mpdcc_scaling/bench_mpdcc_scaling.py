@@ -26,8 +26,7 @@ class Estimator:
     def __init__(self, system: System) -> None:
         self.system = system
         drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
-        settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
-        found = registers.values(drive, settings).words
+        found = registers.values(drive).words
         self.words = {n: found[f"parameters.{n}"] for n in system.words} | {"l_mode": 1}
         self.row = np.array([self.words.get(x, self.words.get(f"c_{x}", 0)) for x in INDEX])
         self.c = leakage.array(leakage.coefficients(drive)[0])

@@ -33,7 +33,7 @@ TRIES = 2_000  # states that are tried for a decision that a parameter changes
 def shipped(system: System) -> dict[str, int]:
     """Parameters of the 6 kV drive, with the observer's."""
     drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
-    found = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0)).words
+    found = registers.values(drive).words
     return {name: found[f"parameters.{name}"] for name in system.words} | {"l_mode": 0}
 
 

@@ -26,8 +26,7 @@ class Drive:
     def __init__(self, system: System, sensorless: int) -> None:
         self.system = system
         self.drive = mptc_rows.shipped(DRIVE)
-        settings = registers.GuardSettings(dead_time=0.0, minimum_on=0.0)
-        found = registers.values(self.drive, settings).words
+        found = registers.values(self.drive).words
         self.words = {n: found.get(f"parameters.{n}", 0) for n in system.words}
         self.words |= {"sensorless": 0} if sensorless else {}
         self.rows = np.concatenate(

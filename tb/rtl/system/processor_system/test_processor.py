@@ -47,8 +47,7 @@ COMMIT_PENDING, BUSY_BIT, ENABLE, START, COMMIT = 2, 1, 1, 2, 1
 def compiled(folder: Path, old: str = "", new: str = "") -> Path:
     """The driver, the example and the test's part as a library; ``old`` replaced by ``new``."""
     drive = load_drive(DRIVE)
-    settings = registers.GuardSettings(clock=100e6)
-    found = registers.values(drive, settings)
+    found = registers.values(drive, clock=100e6)
     text = registers.format_c(drive, found, DRIVE.name)
     (folder / "drive.h").write_text(text + "\n", encoding="utf-8")
     driver = (EXAMPLE / "directmpc.c").read_text(encoding="utf-8")

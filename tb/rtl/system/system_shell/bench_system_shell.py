@@ -39,7 +39,7 @@ def shipped(system: System) -> dict[str, int]:
     """Parameters of the drive that the controller ships with."""
     five = system.controller == "mpdcc"
     drive = states.shipped("anpc5l_6kv") if five else mptc_rows.shipped("induction_2kw2")
-    found = registers.values(drive, registers.GuardSettings(dead_time=0.0, minimum_on=0.0)).words
+    found = registers.values(drive).words
     return {
         n: found.get(f"parameters.{n}", 0) for n in system.words if not system.words[n].optional
     }
