@@ -1,6 +1,6 @@
 -- Sequencer of a microprogram of products: counts the clocks of a step and tells mac_blocks what to do.
 --
--- start begins a step.  In every clock the row of PROGRAM for that clock, if there is one, appears at enable,
+-- start begins a step.  In every clock the row of MAC_PROGRAM for that clock, if there is one, appears at enable,
 -- accumulate, alignment and the three selects; due has one bit for each of EVENTS, '1' in its clock.  Whoever
 -- uses it connects the first group to one mac_block or several, and writes sums to registers with due.
 --
@@ -26,16 +26,16 @@ library work;
 
 entity mac_sequencer is
   generic (
-    PROGRAM   : mac_program_t := EXAMPLE_PROGRAM; -- rows: clock, word of A, word of B, alignment, seed
-    EVENTS    : mac_clocks_t  := EXAMPLE_EVENTS;  -- clocks in which bits of due are '1', index from 0
-    VALID_AT  : natural       := 6;               -- clock after which valid is '1'
-    LAST_AT   : natural       := 7;               -- last clock of a step
-    A_BITS    : positive      := 2;               -- bits of a_select
-    B_BITS    : positive      := 2;               -- bits of b_select
-    SEEDS     : positive      := 2;               -- number of seeds
-    SECOND_AT : natural       := 0;               -- clock of the second entry
-    THIRD_AT  : natural       := 0;               -- clock of the third entry
-    IN_RAM    : boolean       := false            -- true: the rows are in block RAM, false: in LUTs
+    MAC_PROGRAM : mac_program_t := EXAMPLE_PROGRAM; -- rows: clock, word of A, word of B, alignment, seed
+    EVENTS      : mac_clocks_t  := EXAMPLE_EVENTS;  -- clocks in which bits of due are '1', index from 0
+    VALID_AT    : natural       := 6;               -- clock after which valid is '1'
+    LAST_AT     : natural       := 7;               -- last clock of a step
+    A_BITS      : positive      := 2;               -- bits of a_select
+    B_BITS      : positive      := 2;               -- bits of b_select
+    SEEDS       : positive      := 2;               -- number of seeds
+    SECOND_AT   : natural       := 0;               -- clock of the second entry
+    THIRD_AT    : natural       := 0;               -- clock of the third entry
+    IN_RAM      : boolean       := false            -- true: the rows are in block RAM, false: in LUTs
   );
   port (
     clk         : in    std_logic;                                    -- rising edge
@@ -101,16 +101,16 @@ architecture rtl of mac_sequencer is
 
     found := NO_ROW;
 
-    for i in PROGRAM'range(1) loop
-      if (clock = PROGRAM(i, 0)) then
+    for i in MAC_PROGRAM'range(1) loop
+      if (clock = MAC_PROGRAM(i, 0)) then
         found.enable     := '1';
-        found.accumulate := to_std_logic(PROGRAM(i, 4) = GATHER);
-        found.a_select   := std_logic_vector(to_unsigned(PROGRAM(i, 1), A_BITS));
-        found.b_select   := std_logic_vector(to_unsigned(PROGRAM(i, 2), B_BITS));
-        found.alignment  := std_logic_vector(to_unsigned(PROGRAM(i, 3), 2));
+        found.accumulate := to_std_logic(MAC_PROGRAM(i, 4) = GATHER);
+        found.a_select   := std_logic_vector(to_unsigned(MAC_PROGRAM(i, 1), A_BITS));
+        found.b_select   := std_logic_vector(to_unsigned(MAC_PROGRAM(i, 2), B_BITS));
+        found.alignment  := std_logic_vector(to_unsigned(MAC_PROGRAM(i, 3), 2));
 
-        if (PROGRAM(i, 4) /= GATHER) then
-          found.seed_select(PROGRAM(i, 4)) := '1';
+        if (MAC_PROGRAM(i, 4) /= GATHER) then
+          found.seed_select(MAC_PROGRAM(i, 4)) := '1';
         end if;
       end if;
     end loop;
@@ -127,9 +127,9 @@ architecture rtl of mac_sequencer is
   function fits (bits_of_a, bits_of_b, seed_count, last : natural) return boolean is
   begin
 
-    for i in PROGRAM'range(1) loop
-      if (PROGRAM(i, 0) > last or PROGRAM(i, 1) >= 2 ** bits_of_a or PROGRAM(i, 2) >= 2 ** bits_of_b
-          or PROGRAM(i, 3) > 3 or PROGRAM(i, 4) >= seed_count) then
+    for i in MAC_PROGRAM'range(1) loop
+      if (MAC_PROGRAM(i, 0) > last or MAC_PROGRAM(i, 1) >= 2 ** bits_of_a or MAC_PROGRAM(i, 2) >= 2 ** bits_of_b
+          or MAC_PROGRAM(i, 3) > 3 or MAC_PROGRAM(i, 4) >= seed_count) then
         return false;
       end if;
     end loop;
@@ -146,12 +146,12 @@ architecture rtl of mac_sequencer is
 
 begin
 
-  assert PROGRAM'length(2) = 5 and EVENTS'low = 0 and VALID_AT <= LAST_AT
-    report "mac_sequencer: a row of PROGRAM has five numbers, EVENTS begins at 0, VALID_AT is not behind LAST_AT"
+  assert MAC_PROGRAM'length(2) = 5 and EVENTS'low = 0 and VALID_AT <= LAST_AT
+    report "mac_sequencer: a row of MAC_PROGRAM has five numbers, EVENTS begins at 0, VALID_AT is not behind LAST_AT"
     severity failure;
 
   assert fits(A_BITS, B_BITS, SEEDS, LAST_AT)
-    report "mac_sequencer: a clock of PROGRAM or EVENTS is behind LAST_AT, or a number has more bits than its port"
+    report "mac_sequencer: a clock of MAC_PROGRAM or EVENTS is behind LAST_AT, or a number has more bits than its port"
     severity failure;
 
   first  <= THIRD_AT when entry(1) = '1' else
@@ -212,7 +212,7 @@ begin
     subtype rows_t is std_logic_vector((PARKED + 1) * ROW_BITS - 1 downto 0);
 
     -- all rows, that of clock 0 rightmost
-    function packed return std_logic_vector is
+    function packed_rows return std_logic_vector is
 
       variable one  : row_t;
       variable rows : rows_t;
@@ -228,9 +228,9 @@ begin
 
       return rows;
 
-    end function packed;
+    end function packed_rows;
 
-    constant ROWS : rows_t := packed;
+    constant ROWS : rows_t := packed_rows;
 
     signal place : std_logic_vector(ADDRESS_BITS - 1 downto 0);
     signal bits  : bits_t;

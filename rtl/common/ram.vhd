@@ -66,7 +66,7 @@ architecture rtl of ram is
   type memory_t is array (places - 1 downto 0) of std_logic_vector(WIDTH - 1 downto 0);
 
   -- contents at power-up, unknown where none are given
-  function initial return memory_t is
+  function first_words return memory_t is
 
     constant GIVEN  : std_logic_vector(CONTENTS'length - 1 downto 0) := CONTENTS;
     variable result : memory_t;
@@ -83,7 +83,7 @@ architecture rtl of ram is
 
     return result;
 
-  end function initial;
+  end function first_words;
 
   -- the word of Quartus for a style
   function quartus_style return string is
@@ -113,7 +113,7 @@ architecture rtl of ram is
   constant LATTICE : string := lattice_style;
 
   -- vsg_off signal_007
-  signal memory : memory_t := initial;
+  signal memory : memory_t := first_words;
   -- vsg_on signal_007
   signal word   : std_logic_vector(WIDTH - 1 downto 0);
 

@@ -45,7 +45,7 @@ architecture rtl of clock_monitor is
   signal runs    : std_logic                      := '0';
   -- vsg_on signal_007
   signal beat    : std_logic; -- divided clock, synchronous to oscillator
-  signal before  : std_logic; -- a clock ago
+  signal earlier : std_logic; -- a clock ago
   signal change  : std_logic;
 
 begin
@@ -74,13 +74,13 @@ begin
       synchronous(0)  => beat
     );
 
-  change <= beat xor before;
+  change <= beat xor earlier;
 
   p_watch : process (oscillator) is
   begin
 
     if rising_edge(oscillator) then
-      before <= beat;
+      earlier <= beat;
 
       if (change = '1') then
         -- since does not count this clock

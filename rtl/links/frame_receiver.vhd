@@ -59,29 +59,29 @@ architecture rtl of frame_receiver is
 
   -- what is known of a link
   type state_t is record
-    inside  : std_logic;            -- a byte has come since the last delimiter
-    left    : unsigned(7 downto 0); -- bytes until the next code
-    size    : unsigned(5 downto 0); -- bytes taken off, up to MAX_FRAME
-    length  : unsigned(7 downto 0); -- the frame's length byte
-    line    : std_logic;            -- a byte was lost
-    over    : std_logic;            -- more than MAX_FRAME
-    late    : std_logic;            -- beyond LIMIT
-    blocked : std_logic;            -- the memory was not free
-    crc     : crc_t;
-    adds    : std_logic;            -- a byte is to be added to the CRC
+    in_frame : std_logic;            -- a byte has come since the last delimiter
+    left     : unsigned(7 downto 0); -- bytes until the next code
+    size     : unsigned(5 downto 0); -- bytes taken off, up to MAX_FRAME
+    length   : unsigned(7 downto 0); -- the frame's length byte
+    line     : std_logic;            -- a byte was lost
+    over     : std_logic;            -- more than MAX_FRAME
+    late     : std_logic;            -- beyond LIMIT
+    blocked  : std_logic;            -- the memory was not free
+    crc      : crc_t;
+    adds     : std_logic;            -- a byte is to be added to the CRC
   end record state_t;
 
   constant STATE_INIT : state_t := (
-    inside  => '0',
-    left    => (others => '0'),
-    size    => (others => '0'),
-    length  => (others => '0'),
-    line    => '0',
-    over    => '0',
-    late    => '0',
-    blocked => '0',
-    crc     => (others => '1'),
-    adds    => '0'
+    in_frame => '0',
+    left     => (others => '0'),
+    size     => (others => '0'),
+    length   => (others => '0'),
+    line     => '0',
+    over     => '0',
+    late     => '0',
+    blocked  => '0',
+    crc      => (others => '1'),
+    adds     => '0'
   );
 
   -- what follows from a state, made while the other link has its turn
@@ -161,7 +161,7 @@ begin
   -- a code ends the zero before it, but for the first one
   plain <= x"00" when facts.at_code = '1' else
            data;
-  store <= byte_in and not (zero or r.line or (facts.at_code and not r.inside));
+  store <= byte_in and not (zero or r.line or (facts.at_code and not r.in_frame));
   keep  <= store and not (facts.full or busy);
   place <= turn & std_logic_vector(r.size);
 
@@ -242,7 +242,7 @@ begin
       data    <= next_up;
       zero    <= to_std_logic(next_up = x"00");
 
-      if (r.inside = '1' and facts.old = '1') then
+      if (r.in_frame = '1' and facts.old = '1') then
         v.late := '1';
       end if;
 
@@ -259,17 +259,17 @@ begin
       end if;
 
       if (loss = '1') then
-        v.inside := '1';
-        v.line   := '1';
-      elsif (stop = '1' and r.inside = '1') then
+        v.in_frame := '1';
+        v.line     := '1';
+      elsif (stop = '1' and r.in_frame = '1') then
         -- cut off: as a broken byte and a delimiter
         rejected <= here;
         outcome  <= OUTCOME_LINE;
-        v.inside := '0';
+        v.in_frame := '0';
       elsif (byte_in = '1' and zero = '1') then
-        v.inside := '0';
+        v.in_frame := '0';
 
-        if (r.inside = '1') then
+        if (r.in_frame = '1') then
           if (found = OUTCOME_ACCEPTED) then
             kept <= (kept and not served) or here;
           else
@@ -277,8 +277,8 @@ begin
           end if;
         end if;
       elsif (byte_in = '1') then
-        v.inside  := '1';
-        v.blocked := r.blocked or busy;
+        v.in_frame := '1';
+        v.blocked  := r.blocked or busy;
 
         if (facts.at_code = '1') then
           v.left := unsigned(data) - 1;
@@ -287,14 +287,14 @@ begin
         end if;
       end if;
 
-      if (v.inside = '0') then
+      if (v.in_frame = '0') then
         v := STATE_INIT;
       end if;
 
       other   <= v;
       waiting <= 0;
 
-      if (v.inside = '1') then
+      if (v.in_frame = '1') then
         waiting <= timer;
 
         if (facts.old = '0') then

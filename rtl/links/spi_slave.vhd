@@ -60,11 +60,11 @@ architecture rtl of spi_slave is
   -- vsg_on signal_007
 
   -- driven by clk
-  signal tx_hold   : byte_t;
-  signal seen      : std_logic_vector(2 downto 0); -- SCK's side, synchronous to clk: RX, TX, CS
-  signal before    : std_logic_vector(2 downto 0); -- seen a clock ago
-  signal rising    : std_logic; -- cs_n has gone high
-  signal taken     : std_logic;
+  signal tx_hold : byte_t;
+  signal seen    : std_logic_vector(2 downto 0); -- SCK's side, synchronous to clk: RX, TX, CS
+  signal earlier : std_logic_vector(2 downto 0); -- seen a clock ago
+  signal rising  : std_logic; -- cs_n has gone high
+  signal taken   : std_logic;
 
 begin
 
@@ -121,7 +121,7 @@ begin
 
   miso <= shift_out(7);
 
-  taken <= before(TX) xor seen(TX);
+  taken <= earlier(TX) xor seen(TX);
 
   i_sync_bits : entity work.sync_bits
     generic map (
@@ -140,12 +140,12 @@ begin
   begin
 
     if rising_edge(clk) then
-      before   <= seen;
-      rx_valid <= before(RX) xor seen(RX);
-      rising   <= seen(CS) and not before(CS);
+      earlier  <= seen;
+      rx_valid <= earlier(RX) xor seen(RX);
+      rising   <= seen(CS) and not earlier(CS);
       ended    <= rising;                      -- behind the rx_valid of the last byte
 
-      if (before(RX) /= seen(RX)) then
+      if (earlier(RX) /= seen(RX)) then
         rx_data <= rx_hold;
       end if;
 

@@ -53,7 +53,7 @@ architecture rtl of uart_receiver is
   );
 
   signal line    : std_logic; -- rx, synchronous to clk
-  signal before  : std_logic; -- line a clock ago
+  signal earlier : std_logic; -- line a clock ago
   signal r       : state_t;
   signal bits_in : byte_t;
 
@@ -81,7 +81,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      before   <= line;
+      earlier  <= line;
       v        := r;
       v.valid  := '0';
       v.broken := '0';
@@ -90,7 +90,7 @@ begin
         -- half a bit before the first sample; the line has to fall for a start bit
         v.phase := to_unsigned(2 ** (PHASE_WIDTH - 1), PHASE_WIDTH + 1);
         v.count := (others => '0');
-        v.busy  := before and not line;
+        v.busy  := earlier and not line;
       else
         v.phase := ('0' & r.phase(PHASE_WIDTH - 1 downto 0)) + INCREMENT;
 

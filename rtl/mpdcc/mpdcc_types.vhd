@@ -93,21 +93,21 @@ package mpdcc_types is
   subtype capacitor_row_t is unsigned(4 downto 0);
 
   type capacitor_t is record
-    write  : std_logic;       -- '1': a row is new
-    row    : capacitor_row_t;
-    length : length_t;        -- steps, at most the horizon
-    excess : trajectory_t;    -- |error at k+1| - bound
-    bank   : std_logic;       -- which of two tables; successors of the root take turns
-    inside : std_logic;       -- INWARDS: '1': inside at k
+    write     : std_logic;    -- '1': a row is new
+    row       : capacitor_row_t;
+    length    : length_t;     -- steps, at most the horizon
+    excess    : trajectory_t; -- |error at k+1| - bound
+    bank      : std_logic;    -- which of two tables; successors of the root take turns
+    is_inside : std_logic;    -- INWARDS: '1': inside at k
   end record capacitor_t;
 
   constant CAPACITOR_NONE : capacitor_t := (
-    write  => '0',
-    row    => (others => '0'),
-    length => (others => '0'),
-    excess => (others => '0'),
-    bank   => '0',
-    inside => '0'
+    write     => '0',
+    row       => (others => '0'),
+    length    => (others => '0'),
+    excess    => (others => '0'),
+    bank      => '0',
+    is_inside => '0'
   );
 
   type limits_t is record

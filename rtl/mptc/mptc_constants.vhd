@@ -143,7 +143,7 @@ package mptc_constants is
   constant STEP_COUNT : natural := 180; -- products
   constant STEP_COUNT_SINGLE : natural := 81; -- those without FAMILY, they come first
   constant STEP_COUNT_MPTC : natural := 49; -- those without MPFC, they come first
-  constant FORK : natural := 16; -- first clock in which the methods differ
+  constant FORK_CLOCK : natural := 16; -- first clock in which the methods differ
   constant FORK_ADDRESS : natural := 48; -- its address for MPFC
   constant ADDRESS_COUNT : natural := 110; -- program addresses
   constant FIRST_LENGTH : natural := 23; -- address: first vector enters the magnitude
@@ -254,7 +254,7 @@ package mptc_constants is
   type program_t is array (0 to STEP_COUNT - 1, 0 to 5) of integer;
 
   -- address, block, places in A_, B_, SEED_LISTS (-1: accumulate), 1: B/2, 2: 1 + B/2
-  constant PROGRAM : program_t := (
+  constant MPTC_PROGRAM : program_t := (
     (0, 0, 0, 0, 0, 0),
     (1, 0, 1, 1, -1, 0),
     (3, 0, 1, 2, 0, 0),

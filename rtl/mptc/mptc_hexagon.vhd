@@ -60,11 +60,11 @@ architecture rtl of mptc_hexagon is
   signal is_svm   : std_logic;                                 -- '1': the method is SVM
   signal is_mpfc3 : std_logic;
   signal is_mpfc2 : std_logic;
-  signal leading  : steps_t;                                   -- SVM: time of the leading vector
-  signal left     : steps_t;                                   -- what that leaves of the period
-  signal first    : steps_t;                                   -- time of the leading vector, of a spoke the other's
-  signal within   : steps_t;                                   -- what is left to it and to the last
-  signal rest_t   : steps_t;                                   -- what it leaves of that
+  signal leading  : steps_t; -- SVM: time of the leading vector
+  signal left     : steps_t; -- what that leaves of the period
+  signal first    : steps_t; -- time of the leading vector, of a spoke the other's
+  signal unspent  : steps_t; -- what is left to it and to the last
+  signal rest_t   : steps_t; -- what it leaves of that
 
   -- '1': u_1 to u_6
   function is_active (number : vector_t) return std_logic is
@@ -252,15 +252,15 @@ begin
   p_times : process (is_svm, is_mpfc3, is_mpfc2, best, e, leading, left) is
   begin
 
-    first  <= unsigned(best.part);
-    within <= unsigned(WHOLE_PERIOD);
+    first   <= unsigned(best.part);
+    unspent <= unsigned(WHOLE_PERIOD);
 
     if (is_svm = '1') then
-      first  <= leading;
-      within <= left;
+      first   <= leading;
+      unspent <= left;
     elsif (is_mpfc3 = '1' and best.kind = KIND_INSIDE) then
-      first  <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
-      within <= left;
+      first   <= unsigned(e.total(HEXAGON_FRACTION downto PART_SHIFT));
+      unspent <= left;
 
       if (best.beside = '1') then
         first <= leading;
@@ -271,7 +271,7 @@ begin
 
   end process p_times;
 
-  rest_t <= within - first;
+  rest_t <= unspent - first;
 
   p_chosen : process (is_svm, is_mpfc3, is_mpfc2, row, leader, idle, best, first, size_h, rest_t, beyond) is
   begin

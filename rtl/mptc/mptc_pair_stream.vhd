@@ -135,25 +135,25 @@ architecture rtl of mptc_pair_stream is
   signal left       : error_t;                              -- dividend, not negative where there is a search
   signal error      : error_t;                              -- the same, a clock later
   signal span       : error_t;
-  signal trial      : double_error_t;                       -- error less span
-  signal without    : std_logic;                            -- '1': there is no span
-  signal within     : std_logic;                            -- the duty is between 0 and 1
-  signal beyond     : std_logic;                            -- the duty is that of the whole period
-  signal wanted     : std_logic;                            -- '0': surely not within, told early
-  signal there      : std_logic;                            -- '1': the pair is tried
+  signal trial      : double_error_t; -- error less span
+  signal without    : std_logic;      -- '1': there is no span
+  signal is_duty    : std_logic;      -- the duty is between 0 and 1
+  signal beyond     : std_logic;      -- the duty is that of the whole period
+  signal wanted     : std_logic;      -- '0': surely not within, told early
+  signal there      : std_logic;      -- '1': the pair is tried
   signal known      : known_t;
   signal known_read : known_t;                              -- the same, with its result
   signal known_late : known_t;                              -- the same, a clock later
   signal known_write : std_logic;
   signal known_place : known_place_t;                       -- where it is read
-  signal load       : std_logic_vector(0 to SEARCHES - 1);
-  signal duties     : duties_t;
-  signal bits       : duty_t;                               -- what was found
-  signal duty       : duty_t;                               -- the same, with its limits
-  signal inside     : std_logic;                            -- '1': the duty was searched
-  signal first      : vector_t;                             -- its pair
-  signal second     : vector_t;
-  signal ended      : std_logic;                            -- '1': a search has ended
+  signal load     : std_logic_vector(0 to SEARCHES - 1);
+  signal duties   : duties_t;
+  signal bits     : duty_t;    -- what was found
+  signal duty     : duty_t;    -- the same, with its limits
+  signal has_duty : std_logic; -- '1': the duty was searched
+  signal first    : vector_t;  -- its pair
+  signal second   : vector_t;
+  signal ended    : std_logic; -- '1': a search has ended
   -- results on their way, by clocks
   signal on_way     : std_logic_vector(STREAM_COMPARE + PAIR_REGISTERS downto 2);
   signal flux_due   : std_logic;                            -- '1': its way is in the accumulators
@@ -440,8 +440,8 @@ begin
 
   without <= to_std_logic(span = 0);
 
-  within <= not sign_of(error) and sign_of(trial);
-  beyond <= (sign_of(trial) xnor mean) or without;
+  is_duty <= not sign_of(error) and sign_of(trial);
+  beyond  <= (sign_of(trial) xnor mean) or without;
 
   -- of two opposite vectors one has a dividend that is not negative, but for its one's complement; others have no such
   wanted <= (sign_of(level) xnor falls) or to_std_logic(pair_2.second /= "000");
@@ -460,8 +460,8 @@ begin
   dividend <= shift_left(unsigned(resize(left, ERROR_WIDTH + 1)), 1) when mean = '1' else
               unsigned(resize(left, ERROR_WIDTH + 1));
 
-  there <= pair_2.there and not (pair_2.probe and within);
-  known <= pair_2.first & pair_2.second & pair_2.direction & pair_2.other & there & within & beyond;
+  there <= pair_2.there and not (pair_2.probe and is_duty);
+  known <= pair_2.first & pair_2.second & pair_2.direction & pair_2.other & there & is_duty & beyond;
 
   known_place <= slot(KNOWN_PLACES downto 1) - ROOT_BEHIND when mean = '1' else
                  slot(KNOWN_PLACES downto 1) - QUOTIENT_BEHIND;
@@ -525,11 +525,11 @@ begin
 
   end process p_result;
 
-  first  <= known_late(KNOWN_WIDTH - 1 downto KNOWN_WIDTH - 3);
-  second <= known_late(KNOWN_WIDTH - 4 downto KNOWN_WIDTH - 6);
-  inside <= known_late(1);
-  duty   <= bits when inside = '1' else
-            (others => known_late(0));
+  first    <= known_late(KNOWN_WIDTH - 1 downto KNOWN_WIDTH - 3);
+  second   <= known_late(KNOWN_WIDTH - 4 downto KNOWN_WIDTH - 6);
+  has_duty <= known_late(1);
+  duty     <= bits when has_duty = '1' else
+              (others => known_late(0));
 
   found.duty      <= duty;
   found.second    <= without_rule(second);

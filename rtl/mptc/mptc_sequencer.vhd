@@ -106,7 +106,7 @@ begin
             active  <= '0';
             valid   <= '1';
             address <= PARKED;
-          elsif (FLUX_CONTROL and turned = '1' and address = FORK - 1) then
+          elsif (FLUX_CONTROL and turned = '1' and address = FORK_CLOCK - 1) then
             address <= FORK_ADDRESS;
           else
             address <= (address + 1) mod 2 ** ADDRESS_BITS;
@@ -134,7 +134,7 @@ begin
 
       following <= (address + 1) mod 2 ** ADDRESS_BITS;
 
-      if (turned = '1' and address = FORK - 1) then
+      if (turned = '1' and address = FORK_CLOCK - 1) then
         following <= FORK_ADDRESS;
       elsif (address = LAST_MPTC) then
         following <= PAIR_ADDRESS;
@@ -284,26 +284,26 @@ begin
 
       for i in 0 to STEPS - 1 loop
         if (not FLUX_CONTROL) then
-          due := address = PROGRAM(i, 0);
-        elsif (PROGRAM(i, 0) = 0) then
+          due := address = MPTC_PROGRAM(i, 0);
+        elsif (MPTC_PROGRAM(i, 0) = 0) then
           due := start = '1' and active = '0';
-        elsif (PROGRAM(i, 0) = FORK) then
-          due := address = FORK - 1 and turned = '0';
-        elsif (PROGRAM(i, 0) = FORK_ADDRESS) then
-          due := address = FORK - 1 and turned = '1';
+        elsif (MPTC_PROGRAM(i, 0) = FORK_CLOCK) then
+          due := address = FORK_CLOCK - 1 and turned = '0';
+        elsif (MPTC_PROGRAM(i, 0) = FORK_ADDRESS) then
+          due := address = FORK_CLOCK - 1 and turned = '1';
         else
-          due := address = PROGRAM(i, 0) - 1;
+          due := address = MPTC_PROGRAM(i, 0) - 1;
         end if;
 
         for n in 0 to BLOCK_COUNT - 1 loop
-          if (due and PROGRAM(i, 1) = n) then
+          if (due and MPTC_PROGRAM(i, 1) = n) then
             issued.issue(n)       := '1';
-            issued.gather(n)      := issued.gather(n) or to_std_logic(PROGRAM(i, 4) < 0);
-            issued.halve(n)       := issued.halve(n) or to_std_logic(PROGRAM(i, 5) > 0);
-            issued.lead(n)        := issued.lead(n) or to_std_logic(PROGRAM(i, 5) > 1);
-            issued.a_choice(n)    := issued.a_choice(n) or bits_of(PROGRAM(i, 2));
-            issued.b_choice(n)    := issued.b_choice(n) or bits_of(PROGRAM(i, 3));
-            issued.seed_choice(n) := issued.seed_choice(n) or bits_of(PROGRAM(i, 4));
+            issued.gather(n)      := issued.gather(n) or to_std_logic(MPTC_PROGRAM(i, 4) < 0);
+            issued.halve(n)       := issued.halve(n) or to_std_logic(MPTC_PROGRAM(i, 5) > 0);
+            issued.lead(n)        := issued.lead(n) or to_std_logic(MPTC_PROGRAM(i, 5) > 1);
+            issued.a_choice(n)    := issued.a_choice(n) or bits_of(MPTC_PROGRAM(i, 2));
+            issued.b_choice(n)    := issued.b_choice(n) or bits_of(MPTC_PROGRAM(i, 3));
+            issued.seed_choice(n) := issued.seed_choice(n) or bits_of(MPTC_PROGRAM(i, 4));
           end if;
         end loop;
       end loop;
@@ -420,26 +420,26 @@ begin
       result := (others => '0');
 
       for i in 0 to STEPS - 1 loop
-        base := PROGRAM(i, 0) * ENTRY_BITS;
+        base := MPTC_PROGRAM(i, 0) * ENTRY_BITS;
 
         -- operands of clock 0 are those of an idle sequencer
-        if (PROGRAM(i, 0) = 0) then
+        if (MPTC_PROGRAM(i, 0) = 0) then
           base := PARKED * ENTRY_BITS;
         end if;
 
-        base             := base + PROGRAM(i, 1) * BLOCK_BITS;
-        result(base)     := to_std_logic(PROGRAM(i, 0) /= 0);
-        result(base + 1) := to_std_logic(PROGRAM(i, 4) < 0);
-        result(base + 2) := to_std_logic(PROGRAM(i, 5) > 0);
-        result(base + 3) := to_std_logic(PROGRAM(i, 5) > 1);
+        base             := base + MPTC_PROGRAM(i, 1) * BLOCK_BITS;
+        result(base)     := to_std_logic(MPTC_PROGRAM(i, 0) /= 0);
+        result(base + 1) := to_std_logic(MPTC_PROGRAM(i, 4) < 0);
+        result(base + 2) := to_std_logic(MPTC_PROGRAM(i, 5) > 0);
+        result(base + 3) := to_std_logic(MPTC_PROGRAM(i, 5) > 1);
         base             := base + 4;
 
-        result(base + A_BITS - 1 downto base) := bits_of(PROGRAM(i, 2))(A_BITS - 1 downto 0);
+        result(base + A_BITS - 1 downto base) := bits_of(MPTC_PROGRAM(i, 2))(A_BITS - 1 downto 0);
         base                                  := base + A_BITS;
-        result(base + B_BITS - 1 downto base) := bits_of(PROGRAM(i, 3))(B_BITS - 1 downto 0);
+        result(base + B_BITS - 1 downto base) := bits_of(MPTC_PROGRAM(i, 3))(B_BITS - 1 downto 0);
         base                                  := base + B_BITS;
 
-        result(base + SEED_BITS - 1 downto base) := bits_of(PROGRAM(i, 4))(SEED_BITS - 1 downto 0);
+        result(base + SEED_BITS - 1 downto base) := bits_of(MPTC_PROGRAM(i, 4))(SEED_BITS - 1 downto 0);
       end loop;
 
       for i in 0 to WORD_EVENTS - 1 loop

@@ -153,13 +153,13 @@ begin
 
   i_sequencer : entity work.mac_sequencer
     generic map (
-      PROGRAM   => OBSERVER_PROGRAM,
-      EVENTS    => OBSERVER_EVENTS,
-      VALID_AT  => VALID_AT,
-      LAST_AT   => LAST_AT,
-      A_BITS    => A_BITS,
-      B_BITS    => B_BITS,
-      SEEDS     => SEED_KINDS
+      MAC_PROGRAM => OBSERVER_PROGRAM,
+      EVENTS      => OBSERVER_EVENTS,
+      VALID_AT    => VALID_AT,
+      LAST_AT     => LAST_AT,
+      A_BITS      => A_BITS,
+      B_BITS      => B_BITS,
+      SEEDS       => SEED_KINDS
     )
     port map (
       clk         => clk,

@@ -250,7 +250,7 @@ architecture rtl of state_observer is
   end function placed;
 
   -- how many rows of a program are from one clock to another
-  function rows_of (program : mac_program_t; first, last : natural) return natural is
+  function rows_of (listed : mac_program_t; first, last : natural) return natural is
 
     variable count : natural;
 
@@ -258,8 +258,8 @@ architecture rtl of state_observer is
 
     count := 0;
 
-    for i in program'range(1) loop
-      if (program(i, 0) >= first and program(i, 0) <= last) then
+    for i in listed'range(1) loop
+      if (listed(i, 0) >= first and listed(i, 0) <= last) then
         count := count + 1;
       end if;
     end loop;
@@ -269,19 +269,19 @@ architecture rtl of state_observer is
   end function rows_of;
 
   -- these rows
-  function part (program : mac_program_t; first, last : natural) return mac_program_t is
+  function part (listed : mac_program_t; first, last : natural) return mac_program_t is
 
-    variable rows  : mac_program_t(0 to rows_of(program, first, last) - 1, 0 to 4);
+    variable rows  : mac_program_t(0 to rows_of(listed, first, last) - 1, 0 to 4);
     variable count : natural;
 
   begin
 
     count := 0;
 
-    for i in program'range(1) loop
-      if (program(i, 0) >= first and program(i, 0) <= last) then
+    for i in listed'range(1) loop
+      if (listed(i, 0) >= first and listed(i, 0) <= last) then
         for column in 0 to 4 loop
-          rows(count, column) := program(i, column);
+          rows(count, column) := listed(i, column);
         end loop;
 
         count := count + 1;
@@ -306,16 +306,16 @@ begin
 
   i_products : entity work.mac_sequencer
     generic map (
-      PROGRAM    => part(STATE_PRODUCTS, FIRST_CLOCK, LAST_CLOCK),
-      EVENTS     => ENDS,
-      VALID_AT   => FLUX_END,
-      LAST_AT    => LAST_CLOCK,
-      A_BITS     => A_BITS,
-      B_BITS     => B_BITS,
-      SEEDS      => SEED_KINDS,
-      SECOND_AT  => FLUX_PART,
-      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART),
-      IN_RAM     => true
+      MAC_PROGRAM => part(STATE_PRODUCTS, FIRST_CLOCK, LAST_CLOCK),
+      EVENTS      => ENDS,
+      VALID_AT    => FLUX_END,
+      LAST_AT     => LAST_CLOCK,
+      A_BITS      => A_BITS,
+      B_BITS      => B_BITS,
+      SEEDS       => SEED_KINDS,
+      SECOND_AT   => FLUX_PART,
+      THIRD_AT    => choose(LEAKAGE, SCALING_PART, FLUX_PART),
+      IN_RAM      => true
     )
     port map (
       clk         => clk,
@@ -337,16 +337,16 @@ begin
 
   i_moves : entity work.mac_sequencer
     generic map (
-      PROGRAM    => part(STATE_MOVES, FIRST_CLOCK, LAST_CLOCK),
-      EVENTS     => ENDS,
-      VALID_AT   => FLUX_END,
-      LAST_AT    => LAST_CLOCK,
-      A_BITS     => target'length,
-      B_BITS     => MOVE_BITS,
-      SEEDS      => TAKERS,
-      SECOND_AT  => FLUX_PART,
-      THIRD_AT   => choose(LEAKAGE, SCALING_PART, FLUX_PART),
-      IN_RAM     => true
+      MAC_PROGRAM => part(STATE_MOVES, FIRST_CLOCK, LAST_CLOCK),
+      EVENTS      => ENDS,
+      VALID_AT    => FLUX_END,
+      LAST_AT     => LAST_CLOCK,
+      A_BITS      => target'length,
+      B_BITS      => MOVE_BITS,
+      SEEDS       => TAKERS,
+      SECOND_AT   => FLUX_PART,
+      THIRD_AT    => choose(LEAKAGE, SCALING_PART, FLUX_PART),
+      IN_RAM      => true
     )
     port map (
       clk         => clk,

@@ -202,7 +202,7 @@ def _program() -> list[str]:
             ("STEP_COUNT", len(rows), "products"),
             ("STEP_COUNT_SINGLE", len(single), "those without FAMILY, they come first"),
             ("STEP_COUNT_MPTC", basic, "those without MPFC, they come first"),
-            ("FORK", p.FORK, "first clock in which the methods differ"),
+            ("FORK_CLOCK", p.FORK, "first clock in which the methods differ"),
             ("FORK_ADDRESS", p.address(p.FORK, True), "its address for MPFC"),
             ("ADDRESS_COUNT", p.address(p.MPFC_LAST, True) + 1, "program addresses"),
             ("FIRST_LENGTH", p.FIRST_LENGTH, "address: first vector enters the magnitude"),
@@ -364,7 +364,7 @@ def _program() -> list[str]:
         "  type program_t is array (0 to STEP_COUNT - 1, 0 to 5) of integer;",
         "",
         *_table(
-            "PROGRAM",
+            "MPTC_PROGRAM",
             "program_t",
             issue,
             "address, block, places in A_, B_, SEED_LISTS (-1: accumulate), 1: B/2, 2: 1 + B/2",

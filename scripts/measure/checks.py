@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scripts.hdl import sources
+from scripts.hdl.conversion import KEYWORDS
 from scripts.shared import tools
 from scripts.shared.tools import ROOT, ToolError
 
@@ -36,6 +37,18 @@ GENERATED_DIRECTORIES = (
 )
 # Register blocks as PeakRDL writes them.
 GENERATED_VHDL = ROOT / "rtl" / "system" / "generated"
+# Their package declares functions alone. Names of parameters do not reach a netlist.
+REGISTER_FUNCTIONS = GENERATED_VHDL / "reg_utils.vhd"
+
+# Keywords of SystemVerilog that are words of VHDL or types that every design uses.
+_VHDL_WORDS = set(
+    """
+    alias and assert begin case config context default else end event for force function generate
+    if inout integer large library nand new nor not null or package parameter property protected
+    pure release restrict return sequence signed string strong type unsigned use wait while with
+    xnor xor assume cover
+    """.split()  # noqa: SIM905
+)
 
 _REGION = re.compile(r"\b(generic|port)\s*\(", re.I)
 _ENTITY_START = re.compile(r"^\s*entity\s+(\w+)\s+is\b", re.I)
@@ -224,6 +237,43 @@ def _documented_ports() -> list[str]:
     ]
 
 
+def keyword_names(text: str, name: str) -> list[str]:
+    """Names in a VHDL file that are keywords of SystemVerilog: other tools have to rename them.
+
+    Parameters
+    ----------
+    text : str
+        VHDL.
+    name : str
+        The file's name, for the lines.
+
+    Returns
+    -------
+    list[str]
+        A line for each use, with file, line and name.
+    """
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        code = re.sub(r'"[^"]*"', '""', line).partition("--")[0]
+        words = dict.fromkeys(re.findall(r"(?<![\w'])[A-Za-z]\w*", code))
+        found += [
+            f"{name}:{number}: the name {word} is a keyword of SystemVerilog"
+            for word in words
+            if word.lower() in KEYWORDS - _VHDL_WORDS
+        ]
+    return found
+
+
+def _keyword_names() -> list[str]:
+    """No name in `rtl/` is a keyword of SystemVerilog, so that Verilog has the same names."""
+    return [
+        line
+        for path in sources.rtl_files()
+        if path != REGISTER_FUNCTIONS
+        for line in keyword_names(path.read_text(encoding="utf-8"), str(path.relative_to(ROOT)))
+    ]
+
+
 def _snapshot() -> dict[Path, bytes]:
     return {
         path: path.read_bytes()
@@ -261,6 +311,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "VHDL-93 analysis (ghdl)": lambda: _analysis("93"),
     "VHDL-2008 analysis (ghdl)": lambda: _analysis("08"),
     "ports and generics documented": _documented_ports,
+    "no keywords of SystemVerilog": _keyword_names,
     "generated files up to date": _fresh_files,
 }
 

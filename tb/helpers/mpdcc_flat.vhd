@@ -288,13 +288,13 @@ package body mpdcc_flat is
 
   begin
 
-    bits          := value;
-    result.write  := bits(0);
-    result.row    := unsigned(bits(5 downto 1));
-    result.length := unsigned(bits(5 + LENGTH_WIDTH downto 6));
-    result.excess := signed(bits(CAPACITOR_BITS - 1 downto 6 + LENGTH_WIDTH));
-    result.bank   := '0';
-    result.inside := '0';
+    bits             := value;
+    result.write     := bits(0);
+    result.row       := unsigned(bits(5 downto 1));
+    result.length    := unsigned(bits(5 + LENGTH_WIDTH downto 6));
+    result.excess    := signed(bits(CAPACITOR_BITS - 1 downto 6 + LENGTH_WIDTH));
+    result.bank      := '0';
+    result.is_inside := '0';
     return result;
 
   end function to_capacitor;

@@ -236,3 +236,20 @@ end architecture rtl;
     ]
     assert got[0].startswith("e.vhd:4:")
     assert checks.undocumented("entity f is port (x : in bit); end entity;", "f") != []
+
+
+def test_names_that_are_keywords_of_systemverilog_are_found() -> None:
+    text = """
+architecture rtl of e is
+  signal inside, kept : std_logic; -- output of the first stage
+  signal count : unsigned(7 downto 0);
+begin
+  assert kept'event report "no priority";
+  entry.Output <= inside;
+end architecture rtl;
+"""
+    assert checks.keyword_names(text, "e.vhd") == [
+        "e.vhd:3: the name inside is a keyword of SystemVerilog",
+        "e.vhd:7: the name Output is a keyword of SystemVerilog",
+        "e.vhd:7: the name inside is a keyword of SystemVerilog",
+    ]

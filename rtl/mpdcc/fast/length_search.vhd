@@ -180,24 +180,24 @@ begin
 
     p_bit : process (clk) is
 
-      variable cell    : cell_t;
-      variable secant  : slope_t;
-      variable curve   : slope_t; -- change of the slope over the steps tried
-      variable rise    : slope_t; -- of the slope, up to the last step tried
-      variable tail    : slope_t;
-      variable outside : std_logic;
-      variable within  : std_logic;
-      variable fits    : std_logic;
-      variable moved   : signed(SLOPE_WIDTH - m downto 0);
-      variable trial   : signed(SLOPE_WIDTH downto 0);
-      variable side    : std_logic;
-      variable exceeds : std_logic;
-      variable turned  : std_logic;
-      variable accept  : std_logic;
-      variable ahead   : unsigned(SLOPE_WIDTH - 1 downto 0);
-      variable back    : unsigned(SLOPE_WIDTH - 1 downto 0);
-      variable change  : unsigned(SLOPE_WIDTH downto 0);
-      variable changed : unsigned(SLOPE_WIDTH downto 0);
+      variable reduced   : cell_t;
+      variable secant    : slope_t;
+      variable curve     : slope_t; -- change of the slope over the steps tried
+      variable rise      : slope_t; -- of the slope, up to the last step tried
+      variable tail      : slope_t;
+      variable outside   : std_logic;
+      variable is_inside : std_logic;
+      variable fits      : std_logic;
+      variable moved     : signed(SLOPE_WIDTH - m downto 0);
+      variable trial     : signed(SLOPE_WIDTH downto 0);
+      variable side      : std_logic;
+      variable exceeds   : std_logic;
+      variable turned    : std_logic;
+      variable accept    : std_logic;
+      variable ahead     : unsigned(SLOPE_WIDTH - 1 downto 0);
+      variable back      : unsigned(SLOPE_WIDTH - 1 downto 0);
+      variable change    : unsigned(SLOPE_WIDTH downto 0);
+      variable changed   : unsigned(SLOPE_WIDTH downto 0);
 
     begin
 
@@ -244,23 +244,23 @@ begin
             turned := tail(tail'high) xnor curvature(x)(CURVATURE_WIDTH - 1);
 
             -- the bound on the curvature's side is left unless the error leaves before it turns
-            exceeds := side xnor curvature(x)(CURVATURE_WIDTH - 1);
-            within  := trial(SLOPE_WIDTH) xnor side;
-            fits    := not overflows(secant, SLOPE_WIDTH - m);
-            accept  := fits and within and not (exceeds and turned and to_std_logic(m > 0));
-            accept  := accept or (outside and fits and not turned);
+            exceeds   := side xnor curvature(x)(CURVATURE_WIDTH - 1);
+            is_inside := trial(SLOPE_WIDTH) xnor side;
+            fits      := not overflows(secant, SLOPE_WIDTH - m);
+            accept    := fits and is_inside and not (exceeds and turned and to_std_logic(m > 0));
+            accept    := accept or (outside and fits and not turned);
 
-            cell           := lanes(DECIDED - 1)(x);
-            cell.length(m) := accept;
+            reduced           := lanes(DECIDED - 1)(x);
+            reduced.length(m) := accept;
 
             if (accept = '1') then
-              cell.margin  := unsigned(trial(INSIDE_WIDTH - 1 downto 0));
-              cell.outside := not within and to_std_logic(INWARDS);
+              reduced.margin  := unsigned(trial(INSIDE_WIDTH - 1 downto 0));
+              reduced.outside := not is_inside and to_std_logic(INWARDS);
             end if;
 
             -- an error may come nearer in step one by crossing the whole band
-            if (INWARDS and m = 0 and cell.length = 0) then
-              cell.length(0) := '1';
+            if (INWARDS and m = 0 and reduced.length = 0) then
+              reduced.length(0) := '1';
             end if;
 
             -- half the steps next: 3/2 of the change on where these are taken, 1/2 back where not
@@ -274,10 +274,10 @@ begin
             change(0) := not accept;
             changed   := (unsigned(secant) & '1') + change;
 
-            cell.secant := signed(changed(SLOPE_WIDTH downto 1));
+            reduced.secant := signed(changed(SLOPE_WIDTH downto 1));
 
             -- as a whole: of four assignments to parts of the signal GHDL 2.0 may lose one
-            lanes(DECIDED)(x) <= cell;
+            lanes(DECIDED)(x) <= reduced;
           end if;
         end loop;
       end if;

@@ -338,9 +338,9 @@ begin
 
       if rising_edge(clk) then
         for x in 0 to 3 loop
-          first(x)  <= (fresh(x) and not capacitor.bank and capacitor.inside)
+          first(x)  <= (fresh(x) and not capacitor.bank and capacitor.is_inside)
                        or (first(x) and not (fresh(x) and not capacitor.bank));
-          second(x) <= (fresh(x) and capacitor.bank and capacitor.inside)
+          second(x) <= (fresh(x) and capacitor.bank and capacitor.is_inside)
                        or (second(x) and not (fresh(x) and capacitor.bank));
         end loop;
 

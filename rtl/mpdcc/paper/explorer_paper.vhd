@@ -132,8 +132,8 @@ architecture rtl of explorer_paper is
   signal accept     : std_logic;
   signal hand_over  : std_logic;
 
-  signal valid  : std_logic_vector(1 to STAGE_COUNT); -- valid(n): stage n's registers hold an output
-  signal output : outputs_t;
+  signal valid     : std_logic_vector(1 to STAGE_COUNT); -- valid(n): stage n's registers hold an output
+  signal output_of : outputs_t;
 
   signal voltage_1      : voltages_t;
   signal neutral_1      : trajectory_t;
@@ -219,7 +219,7 @@ begin
         third_2  <= (others => '0');
 
         for phase in 0 to 2 loop
-          if (output(1) = phase) then
+          if (output_of(1) = phase) then
             forced_2 <= shift_left(resize(voltage_1(phase), FORCED_WIDTH + 3), 1)
                         - voltage_1((phase + 1) mod 3);
             third_2  <= voltage_1((phase + 2) mod 3);
@@ -227,7 +227,7 @@ begin
             bound_2  <= limits.bound_current;
           end if;
 
-          if (output(1) = 4 + phase) then
+          if (output_of(1) = 4 + phase) then
             charge  := weighted(node.phase_current(phase),
                                 is_in(front.candidate.position(phase), CAPACITOR_DISCHARGE),
                                 is_in(front.candidate.position(phase), CAPACITOR_CHARGE));
@@ -236,13 +236,13 @@ begin
           end if;
         end loop;
 
-        if (output(1) = 3) then
+        if (output_of(1) = 3) then
           base_2  <= neutral_1;
           bound_2 <= limits.bound_neutral;
         end if;
 
         for i in 0 to OUTPUTS - 1 loop
-          if (output(1) = i) then
+          if (output_of(1) = i) then
             error_2 <= node.error(i);
           end if;
         end loop;
@@ -293,8 +293,8 @@ begin
   begin
 
     if rising_edge(clk) then
-      valid(2 to STAGE_COUNT)  <= valid(1 to STAGE_COUNT - 1);
-      output(2 to STAGE_COUNT) <= output(1 to STAGE_COUNT - 1);
+      valid(2 to STAGE_COUNT)     <= valid(1 to STAGE_COUNT - 1);
+      output_of(2 to STAGE_COUNT) <= output_of(1 to STAGE_COUNT - 1);
 
       if (rst = '1' or front_next.busy = '0') then
         valid(2 to STAGE_COUNT) <= (others => '0');
@@ -304,9 +304,9 @@ begin
   end process p_valid;
 
   -- stage 1's registers are loaded once per candidate; the outputs are counted out of them
-  valid(1)  <= to_std_logic(front.busy = '1' and front.setup = '0' and front.issue /= OUTPUTS);
-  output(1) <= front.issue when front.issue /= OUTPUTS else
-               0;
+  valid(1)     <= to_std_logic(front.busy = '1' and front.setup = '0' and front.issue /= OUTPUTS);
+  output_of(1) <= front.issue when front.issue /= OUTPUTS else
+                  0;
 
   ---------------------------------------------------------------------------------------------
   -- Searches
@@ -316,7 +316,7 @@ begin
 
   g_searches : for i in 0 to OUTPUTS - 1 generate
 
-    search_start(i) <= to_std_logic(valid(4) = '1' and output(4) = i);
+    search_start(i) <= to_std_logic(valid(4) = '1' and output_of(4) = i);
 
     i_search : entity work.binary_search
       generic map (

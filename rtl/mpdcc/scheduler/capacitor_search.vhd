@@ -170,14 +170,14 @@ architecture rtl of capacitor_search is
   signal alive_2  : std_logic; -- inside, or on its way in
   signal row_2    : capacitor_row_t;
 
-  signal room   : rooms_t;
-  signal pace   : paces_t;
-  signal length : lengths_t;
-  signal inside : std_logic_vector(2 to CAPACITOR_STAGES);
-  signal alive  : std_logic_vector(2 to CAPACITOR_STAGES);
-  signal excess : ends_t;
-  signal row    : rows_t;
-  signal passed : std_logic;
+  signal room      : rooms_t;
+  signal pace      : paces_t;
+  signal length    : lengths_t;
+  signal is_inside : std_logic_vector(2 to CAPACITOR_STAGES);
+  signal alive     : std_logic_vector(2 to CAPACITOR_STAGES);
+  signal excess    : ends_t;
+  signal row       : rows_t;
+  signal passed    : std_logic;
 
 begin
 
@@ -405,13 +405,13 @@ begin
   end process p_room;
 
   -- stages 3 to CAPACITOR_STAGES
-  room(2)   <= room_2;
-  pace(2)   <= pace_2;
-  inside(2) <= inside_2;
-  alive(2)  <= alive_2;
-  excess(2) <= excess_2;
-  row(2)    <= row_2;
-  length(2) <= (others => '0');
+  room(2)      <= room_2;
+  pace(2)      <= pace_2;
+  is_inside(2) <= inside_2;
+  alive(2)     <= alive_2;
+  excess(2)    <= excess_2;
+  row(2)       <= row_2;
+  length(2)    <= (others => '0');
 
   g_stages : for i in 3 to CAPACITOR_STAGES generate
 
@@ -428,23 +428,23 @@ begin
           left := room(i - 1);
           bits := length(i - 1);
 
-          for bit in 2 * (CAPACITOR_STAGES - i) + 1 downto 2 * (CAPACITOR_STAGES - i) loop
-            -- the bits below bit are unaffected by 2**bit * pace and bypass the subtractor
-            less := signed(resize(shift_right(left, bit), less'length)) - signed(resize(pace(i - 1), less'length));
+          for place in 2 * (CAPACITOR_STAGES - i) + 1 downto 2 * (CAPACITOR_STAGES - i) loop
+            -- the bits below place are unaffected by 2**place * pace and bypass the subtractor
+            less := signed(resize(shift_right(left, place), less'length)) - signed(resize(pace(i - 1), less'length));
 
             if (less >= 0) then
-              left(ROOM_WIDTH - 1 downto bit) := unsigned(less(ROOM_WIDTH - bit - 1 downto 0));
-              bits(bit)                       := '1';
+              left(ROOM_WIDTH - 1 downto place) := unsigned(less(ROOM_WIDTH - place - 1 downto 0));
+              bits(place)                       := '1';
             end if;
           end loop;
 
-          room(i)   <= left;
-          pace(i)   <= pace(i - 1);
-          length(i) <= bits;
-          inside(i) <= inside(i - 1);
-          alive(i)  <= alive(i - 1);
-          excess(i) <= excess(i - 1);
-          row(i)    <= row(i - 1);
+          room(i)      <= left;
+          pace(i)      <= pace(i - 1);
+          length(i)    <= bits;
+          is_inside(i) <= is_inside(i - 1);
+          alive(i)     <= alive(i - 1);
+          excess(i)    <= excess(i - 1);
+          row(i)       <= row(i - 1);
         end if;
       end if;
 
@@ -461,15 +461,15 @@ begin
 
   end process p_bank;
 
-  p_entry : process (valid, row, bank_row, length, inside, alive, excess, limits) is
+  p_entry : process (valid, row, bank_row, length, is_inside, alive, excess, limits) is
   begin
 
-    entry.write  <= valid(CAPACITOR_STAGES);
-    entry.row    <= row(CAPACITOR_STAGES);
-    entry.bank   <= bank_row(CAPACITOR_STAGES);
-    entry.length <= length(CAPACITOR_STAGES);
-    entry.excess <= excess(CAPACITOR_STAGES);
-    entry.inside <= inside(CAPACITOR_STAGES);
+    entry.write     <= valid(CAPACITOR_STAGES);
+    entry.row       <= row(CAPACITOR_STAGES);
+    entry.bank      <= bank_row(CAPACITOR_STAGES);
+    entry.length    <= length(CAPACITOR_STAGES);
+    entry.excess    <= excess(CAPACITOR_STAGES);
+    entry.is_inside <= is_inside(CAPACITOR_STAGES);
 
     if (alive(CAPACITOR_STAGES) = '0') then
       entry.length <= (others => '0');

@@ -32,13 +32,13 @@ end entity decision_register;
 architecture rtl of decision_register is
 
   -- the decision to hold s(k-1)
-  function kept (before : positions_t; flag : std_logic) return decision_t is
+  function kept (last : positions_t; flag : std_logic) return decision_t is
 
     variable result : decision_t;
 
   begin
 
-    result.position  := before;
+    result.position  := last;
     result.held      := '1';
     result.deadlock  := '0';
     result.length    := (others => '0');
@@ -50,10 +50,10 @@ architecture rtl of decision_register is
 
   -- the decision for a candidate
   function decided (
-    best   : result_t;
-    before : positions_t;
-    flag   : std_logic;
-    cut    : std_logic
+    best : result_t;
+    last : positions_t;
+    flag : std_logic;
+    cut  : std_logic
   ) return decision_t is
 
     variable result : decision_t;
@@ -61,7 +61,7 @@ architecture rtl of decision_register is
   begin
 
     for x in 0 to 2 loop
-      result.position(x) := next_position(before(x), choice_of(best.index, x));
+      result.position(x) := next_position(last(x), choice_of(best.index, x));
     end loop;
 
     result.held      := '0';

@@ -55,20 +55,20 @@ architecture rtl of leaf_dispatcher is
 
   subtype choice_t is natural range 0 to 3;
 
-  signal running  : std_logic;
-  signal fresh    : std_logic; -- the first clock of a node
-  signal from     : positions_t;
-  signal before   : unsigned(EFFORT_WIDTH - 1 downto 0);
-  signal sign     : std_logic_vector(2 downto 0);
-  signal bank_now : std_logic;
-  signal place    : unsigned(INDEX_WIDTH - 1 downto 0);
-  signal passing  : std_logic; -- a leaf is out
-  signal choice_a : choice_t;
-  signal choice_b : choice_t;
-  signal choice_c : choice_t;                 -- of explorer 0
-  signal left     : unsigned(3 downto 0);     -- blocks after this one
-  signal end_c    : std_logic;
-  signal finished : std_logic;
+  signal running       : std_logic;
+  signal fresh         : std_logic; -- the first clock of a node
+  signal from          : positions_t;
+  signal effort_so_far : unsigned(EFFORT_WIDTH - 1 downto 0);
+  signal sign          : std_logic_vector(2 downto 0);
+  signal bank_now      : std_logic;
+  signal place         : unsigned(INDEX_WIDTH - 1 downto 0);
+  signal passing       : std_logic; -- a leaf is out
+  signal choice_a      : choice_t;
+  signal choice_b      : choice_t;
+  signal choice_c      : choice_t;             -- of explorer 0
+  signal left          : unsigned(3 downto 0); -- blocks after this one
+  signal end_c         : std_logic;
+  signal finished      : std_logic;
 
 begin
 
@@ -107,17 +107,17 @@ begin
       end if;
 
       if (load = '1') then
-        running  <= '1';
-        fresh    <= '1';
-        from     <= visit.position;
-        before   <= visit.effort;
-        sign     <= negative;
-        bank_now <= visit.bank;
-        place    <= visit.index;
-        choice_a <= 0;
-        choice_b <= 0;
-        choice_c <= 0;
-        left     <= resize(combinations(visit.position, 2, 1), left'length);
+        running       <= '1';
+        fresh         <= '1';
+        from          <= visit.position;
+        effort_so_far <= visit.effort;
+        sign          <= negative;
+        bank_now      <= visit.bank;
+        place         <= visit.index;
+        choice_a      <= 0;
+        choice_b      <= 0;
+        choice_c      <= 0;
+        left          <= resize(combinations(visit.position, 2, 1), left'length);
       end if;
 
       if (rst = '1') then
@@ -144,7 +144,7 @@ begin
 
       a    := to_unsigned(choice_a, 2);
       b    := to_unsigned(choice_b, 2);
-      both := resize(before, TOTAL_EFFORT_WIDTH) + transition_weight(from(0), sign(0), a)
+      both := resize(effort_so_far, TOTAL_EFFORT_WIDTH) + transition_weight(from(0), sign(0), a)
               + transition_weight(from(1), sign(1), b);
 
       for i in 0 to EXPLORERS - 1 loop

@@ -34,17 +34,17 @@ end entity guarded_states_flat;
 
 architecture bench of guarded_states_flat is
 
-  signal state  : signed(WIDTH + 2 downto 3);
-  signal before : signed(WIDTH + 4 downto 5);
+  signal state   : signed(WIDTH + 2 downto 3);
+  signal earlier : signed(WIDTH + 4 downto 5);
 
 begin
 
-  state  <= signed(value);
-  before <= signed(origin);
+  state   <= signed(value);
+  earlier <= signed(origin);
 
   coarse_out <= coarse(state, GUARD);
   round_out  <= std_logic_vector(rounded(state, GUARD + 1));
-  half_out   <= half_of(state, before, GUARD);
+  half_out   <= half_of(state, earlier, GUARD);
   seed_out   <= seed_of(state, SUM_WIDTH, SHIFT);
   lsb_out    <= half_lsb(SUM_WIDTH, SHIFT);
   chosen_out <= chosen_word(candidates, choice);

@@ -53,8 +53,8 @@ FAULTS = [
     ),
     Fault(
         "mac_sequencer",
-        "if (PROGRAM(i, 4) /= GATHER) then",
-        "if (PROGRAM(i, 4) = 0) then",
+        "if (MAC_PROGRAM(i, 4) /= GATHER) then",
+        "if (MAC_PROGRAM(i, 4) = 0) then",
         "program",
     ),
     Fault(

@@ -73,13 +73,13 @@ architecture rtl of gate_guard_checked is
 
   type ages_t is array (0 to COUNT - 1) of age_t;
 
-  signal g         : std_logic_vector(COUNT - 1 downto 0);
-  signal now_on    : std_logic;
-  signal latched   : std_logic_vector(8 downto 0);
-  signal known     : std_logic := '0'; -- there has been a reset
-  signal before    : std_logic_vector(COUNT - 1 downto 0);
-  signal was_on    : std_logic;
-  signal ages      : ages_t;           -- clocks since the gate changed
+  signal g       : std_logic_vector(COUNT - 1 downto 0);
+  signal now_on  : std_logic;
+  signal latched : std_logic_vector(8 downto 0);
+  signal known   : std_logic := '0'; -- there has been a reset
+  signal earlier : std_logic_vector(COUNT - 1 downto 0);
+  signal was_on  : std_logic;
+  signal ages    : ages_t;           -- clocks since the gate changed
   signal floor_dead : unsigned(11 downto 0);
   signal floor_on   : unsigned(11 downto 0);
   signal floor_off  : unsigned(11 downto 0);
@@ -259,13 +259,13 @@ begin
         known <= '1';
       end if;
 
-      before <= g;
-      was_on <= now_on;
+      earlier <= g;
+      was_on  <= now_on;
 
       for i in 0 to COUNT - 1 loop
         if (rst = '1' and known = '0') then
           ages(i) <= (others => '1');
-        elsif (g(i) /= before(i)) then
+        elsif (g(i) /= earlier(i)) then
           ages(i) <= to_unsigned(1, age_t'length);
         elsif (ages(i) /= (age_t'range => '1')) then
           ages(i) <= ages(i) + 1;
@@ -350,7 +350,7 @@ begin
 
   end process p_history;
 
-  p_properties : process (g, before, ages, now_on, was_on, latched, known, floor_dead, floor_on, floor_off,
+  p_properties : process (g, earlier, ages, now_on, was_on, latched, known, floor_dead, floor_on, floor_off,
                           must_stop, fresh, whole, entered, hungry, vetted) is
 
     variable leg      : std_logic_vector(SIZE - 1 downto 0);
@@ -375,15 +375,15 @@ begin
         n := x * SIZE + i;
 
         -- ages count what was before this clock
-        if (before(n) = '1' or (g(n) = '0' and ages(n) < dead)) then
+        if (earlier(n) = '1' or (g(n) = '0' and ages(n) < dead)) then
           extended(i) := '1';
         end if;
 
-        if (g(n) = '0' and before(n) = '1' and now_on = '1' and ages(n) < floor_on) then
+        if (g(n) = '0' and earlier(n) = '1' and now_on = '1' and ages(n) < floor_on) then
           found(2) <= '1';
         end if;
 
-        if (g(n) = '1' and before(n) = '0' and ages(n) < floor_off) then
+        if (g(n) = '1' and earlier(n) = '0' and ages(n) < floor_off) then
           found(3) <= '1';
         end if;
       end loop;

@@ -40,8 +40,8 @@ def test_frames_of_both_links_are_judged_and_kept() -> None:
 
 FAULTS = [
     Fault(NAME, "store and not (facts.full or busy)", "store and not facts.full", "content"),
-    Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := busy;", "outcome"),
-    Fault(NAME, "v.blocked := r.blocked or busy;", "v.blocked := '0';", "outcome"),
+    Fault(NAME, "v.blocked  := r.blocked or busy;", "v.blocked := busy;", "outcome"),
+    Fault(NAME, "v.blocked  := r.blocked or busy;", "v.blocked := '0';", "outcome"),
     Fault(NAME, "v.late := '1';", "null;", "outcome"),
     Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
     Fault(NAME, "place <= turn &", "place <= link &", "content"),

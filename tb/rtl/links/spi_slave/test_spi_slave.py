@@ -46,7 +46,7 @@ FAULTS = [
     Fault(NAME, "rx_hold   <= shift_in & mosi;", "rx_hold   <= mosi & shift_in;", "received"),
     Fault(NAME, "shift_out <= tx_hold;", "shift_out <= tx_data;", "miso"),
     Fault(NAME, "asynchronous(RX) => rx_toggle", "asynchronous(RX) => tx_toggle", "reset"),
-    Fault(NAME, "if (before(RX) /= seen(RX)) then", "if (true) then", "stands"),
+    Fault(NAME, "if (earlier(RX) /= seen(RX)) then", "if (true) then", "stands"),
     Fault(NAME, 'tx_hold  <= x"00";\n        rx_valid', "rx_valid", "reset"),
     Fault(NAME, "        rx_valid <= '0';\n", "", "reset"),
     Fault(NAME, "        rising   <= '0';\n", "", "reset"),

@@ -65,7 +65,7 @@ FAULTS = [
     Fault(NAME, "v.busy := not line;  ", "v.busy := '1';  ", "(broken|valid)"),
     Fault(NAME, "v.valid  := line;", "v.valid  := '1';", "valid"),
     Fault(NAME, "v.broken := not line;", "v.broken := '0';", "broken"),
-    Fault(NAME, "v.busy  := before and not line;", "v.busy  := not line;", "(broken|valid)"),
+    Fault(NAME, "v.busy  := earlier and not line;", "v.busy  := not line;", "(broken|valid)"),
     Fault(NAME, "2 ** (PHASE_WIDTH - 1), PH", "2 ** (PHASE_WIDTH - 2), PH", "(broken|valid|data)"),
     Fault(NAME, "line & bits_in(7 downto 1)", "bits_in(6 downto 0) & line", "data"),
 ]

@@ -132,7 +132,7 @@ async def random_nodes(dut) -> None:
                 board.check("row", content, rows.get(row), context)
                 board.check("bank", number(dut.of_bank), table.bank, context)
                 board.check(
-                    "inside", number(dut.inside), int(not beyond(node, limits, row)), context
+                    "inside", number(dut.is_inside), int(not beyond(node, limits, row)), context
                 )
                 if len(seen) == 3 and not table.successor:
                     board.check("s(k-1) first", row, 16 + pattern, context)

@@ -144,7 +144,7 @@ INWARD_FAULTS = [
         "or (outside and fits)",
         r"length:|index:",
     ),
-    Fault("length_search", "cell.outside := not within", "cell.outside := outside", ANY),
+    Fault("length_search", "reduced.outside := not is_inside", "reduced.outside := outside", ANY),
     Fault("length_search", "rise := triple(x);", "rise := curve;", ANY),
 ]
 

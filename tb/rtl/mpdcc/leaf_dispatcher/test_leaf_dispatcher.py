@@ -45,7 +45,7 @@ def test_leaves_come_in_order_after_a_while() -> None:
 
 FAULTS = [
     Fault("leaf_dispatcher", "left < LAST_BLOCKS", "left <= LAST_BLOCKS", r"ending:"),
-    Fault("leaf_dispatcher", "before   <= visit.effort;", "null;", r"leaf:"),
+    Fault("leaf_dispatcher", "effort_so_far <= visit.effort;", "null;", r"leaf:"),
     Fault("leaf_dispatcher", "fresh <= '0';\n\n", "", r"launch:"),
 ]
 

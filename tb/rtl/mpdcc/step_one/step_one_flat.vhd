@@ -80,12 +80,12 @@ begin
   limits.deadlock_rule   <= rule;
   limits.outside_inwards <= '0';
 
-  capacitor.write  <= write;
-  capacitor.row    <= unsigned(row);
-  capacitor.length <= unsigned(row_length);
-  capacitor.excess <= signed(row_excess);
-  capacitor.bank   <= row_bank;
-  capacitor.inside <= row_inside;
+  capacitor.write     <= write;
+  capacitor.row       <= unsigned(row);
+  capacitor.length    <= unsigned(row_length);
+  capacitor.excess    <= signed(row_excess);
+  capacitor.bank      <= row_bank;
+  capacitor.is_inside <= row_inside;
 
   stages(SLOPE_STAGE)    <= valid;
   probes(SLOPE_STAGE)    <= probe;

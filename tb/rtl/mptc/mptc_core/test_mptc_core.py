@@ -156,8 +156,16 @@ FAULTS = {
         "due := start = '1' and active = '0';",
         "due := start = '1';",
     ),
-    "fork": ("mptc_sequencer", "address = FORK - 1 and turned = '1';", "address = FORK - 1;"),
-    "decoded late": ("mptc_sequencer", "address = PROGRAM(i, 0) - 1", "address = PROGRAM(i, 0)"),
+    "fork": (
+        "mptc_sequencer",
+        "address = FORK_CLOCK - 1 and turned = '1';",
+        "address = FORK_CLOCK - 1;",
+    ),
+    "decoded late": (
+        "mptc_sequencer",
+        "address = MPTC_PROGRAM(i, 0) - 1",
+        "address = MPTC_PROGRAM(i, 0)",
+    ),
     "latency": ("mptc_constants", "LAST_MPTC : natural := 38", "LAST_MPTC : natural := 37"),
     "seed": (
         "mptc_datapath",

@@ -118,8 +118,8 @@ FAULTS = {
     "whole period": ("mptc_pair_stream", "(others => known_late(0));", "(others => '0');"),
     "duty within": (
         "mptc_pair_stream",
-        "bits when inside = '1' else",
-        "bits when inside = '0' else",
+        "bits when has_duty = '1' else",
+        "bits when has_duty = '0' else",
     ),
     "long times": ("mptc_controller", "fitted(running);", "running;"),
     "flag of long times": (
@@ -201,7 +201,7 @@ FAULTS = {
     "what is known of a root": ("mptc_pair_stream", "- ROOT_BEHIND when", "- QUOTIENT_BEHIND when"),
     "pair without a search": (
         "mptc_pair_stream",
-        "pair_2.there and not (pair_2.probe and within);",
+        "pair_2.there and not (pair_2.probe and is_duty);",
         "pair_2.there and not pair_2.probe;",
     ),
     "vectors of more torque": (

@@ -43,7 +43,7 @@ def test_decisions_are_the_models(throttle: int) -> None:
 
 
 FAULTS = [
-    Fault("mptc_hexagon", "rest_t <= within - first;", "rest_t <= within;", "chosen t2:"),
+    Fault("mptc_hexagon", "rest_t <= unspent - first;", "rest_t <= unspent;", "chosen t2:"),
     Fault("mptc_hexagon", "(row) and zero_is_u_7(best.other)", "(row)", "chosen u2:"),
     Fault("mptc_hexagon", "if (flat = '1') then", "if (false) then", "chosen t1:"),
     Fault("mptc_hexagon", "sum      => sum_alpha", "sum      => sum_beta", "chosen u"),

@@ -48,7 +48,7 @@ def test_pairs_come_with_their_duties(throttle: int) -> None:
 FAULTS = [
     Fault("mptc_pair_stream", "(others => known_late(0));", "(others => '0');", "duty:"),
     Fault("mptc_pair_stream", "given.direction <= leader;", "null;", "duty:"),
-    Fault("mptc_pair_stream", "and not (pair_2.probe and within);", ";", "found:"),
+    Fault("mptc_pair_stream", "and not (pair_2.probe and is_duty);", ";", "found:"),
     Fault("mptc_pair_stream", "best <= compared;", "best <= named;", "cheapest:"),
     Fault("mptc_pair_stream", "=> STREAM_TERM_FAMILY\n", "=> STREAM_TERM\n", "left:"),
     Fault("mptc_pair_stream", "zero_is_u_7(winner(5 downto 3))", "'0'", "chosen:"),

@@ -67,12 +67,12 @@ architecture bench of mptc_sequencer_flat is
 
   end function place;
 
-  function byte (value : natural) return std_logic_vector is
+  function byte_of (value : natural) return std_logic_vector is
   begin
 
     return std_logic_vector(to_unsigned(value, 8));
 
-  end function byte;
+  end function byte_of;
 
 begin
 
@@ -105,9 +105,9 @@ begin
     halve(n)  <= products.halve(n);
     lead(n)   <= products.lead(n);
 
-    a(8 * n + 7 downto 8 * n)    <= byte(A_LISTS(n, place(products.a_choice(n), A_LISTS'length(2))));
-    b(8 * n + 7 downto 8 * n)    <= byte(B_LISTS(n, place(products.b_choice(n), B_LISTS'length(2))));
-    seed(8 * n + 7 downto 8 * n) <= byte(SEED_LISTS(n, place(products.seed_choice(n), SEED_LISTS'length(2))));
+    a(8 * n + 7 downto 8 * n)    <= byte_of(A_LISTS(n, place(products.a_choice(n), A_LISTS'length(2))));
+    b(8 * n + 7 downto 8 * n)    <= byte_of(B_LISTS(n, place(products.b_choice(n), B_LISTS'length(2))));
+    seed(8 * n + 7 downto 8 * n) <= byte_of(SEED_LISTS(n, place(products.seed_choice(n), SEED_LISTS'length(2))));
   end generate g_blocks;
 
   p_writes : process (events.word_writes, events.term_writes) is
