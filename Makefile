@@ -91,25 +91,20 @@ format: $(READY) ## rewrite VHDL and Python in house style
 
 # $(call need,NAME,what): stop with one line when a variable is empty
 need = @if [ -z "$${$(1)}" ]; then echo '$@: $(1) is not set ($(2))$(if $(filter replay,$@),; make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv)' >&2; exit 2; fi
-readable = @if [ ! -f "$${$(1)}" ] || [ ! -r "$${$(1)}" ]; then echo "$@: $(1): no readable file '$${$(1)}' in $$(pwd)" >&2; exit 2; fi
 empty :=
 oneof = @case "$${$(1)}" in $(subst $(empty) ,|,$(2))) ;; *) echo "replay: $(1) is '$${$(1)}', but has to be one of: $(2)" >&2; exit 2;; esac
 
 replay: $(READY) ## run a recorded trace through the RTL or a model
-	$(call need,DRIVE,the drive file)
+	$(call need,DRIVE,the drive file or the name of a shipped one)
 	$(call need,IN,the trace)
 	$(call need,OUT,the file for the decisions)
 	$(call oneof,ENGINE,rtl model ideal)
 	$(call oneof,EXPLORERS,1 2 3 4 5 6 7 8)
 	$(call oneof,VARIANT,fast paper)
-	$(call readable,DRIVE)
-	$(call readable,IN)
-	@if [ -d "$$OUT" ] || [ ! -d "$$(dirname -- "$$OUT")" ]; then echo "replay: OUT: cannot write '$$OUT': a directory, or in none" >&2; exit 2; fi
 	@'$(PY)' -m scripts replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
 
 registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
-	$(call need,DRIVE,the drive file)
-	$(call readable,DRIVE)
+	$(call need,DRIVE,the drive file or the name of a shipped one)
 	@'$(PY)' -m scripts registers "$$DRIVE" $(ARGS)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)

@@ -5,13 +5,13 @@ Each file of `scripts/commands/` is a command, which is imported when it is aske
 
 from __future__ import annotations
 
-import ast
 import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.host.console import interrupted
+from directmpc.host.console import interrupted, reported
+from scripts.shared.command import described
 
 COMMANDS = Path(__file__).resolve().parent / "commands"
 
@@ -32,8 +32,7 @@ def _overview() -> str:
     """The commands with what each does, from the first lines of their files."""
     lines = ["usage: python -m scripts COMMAND [ARGUMENTS]; COMMAND --help says more", ""]
     for name, path in commands().items():
-        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-        lines.append(f"  {name:<18} {text.splitlines()[0]}")
+        lines.append(f"  {name:<18} {described(path).splitlines()[0]}")
     return "\n".join(lines)
 
 
@@ -58,8 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] in ("-h", "--help"):
-        print(_overview())
-        return 0
+        return reported("scripts", lambda: print(_overview()) or 0)
     known = commands()
     if given[0] not in known:
         names = ", ".join(known)

@@ -18,17 +18,25 @@ import hashlib
 import os
 import platform
 import shutil
+import sys
 import tempfile
+import threading
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import numba
+from numba.core import event
 from platformdirs import user_cache_path
 
 #: Folders of compiled code that are kept, one for each state of a package's sources.
 KEPT = 24
+
+#: Compiling that nothing is said of, s.
+SILENT_S = 5.0
 
 _OWN_ROOT = Path(__file__).resolve().parent
 
@@ -60,10 +68,12 @@ def njit(
     Warns
     -----
     UserWarning
-        Once, where the folder of the cache cannot be written.  The code is compiled at every start.
+        Once, where compiled code cannot be kept: the folder of the cache cannot be written, is on a
+        full disk, or nobody knows where it is.  The code is compiled at every start.
     """
     if function is None:
         return functools.partial(njit, kept=kept, inline=inline)
+    _COMPILING.codes.add(function.__code__)
     folder = _folder(_root_of(Path(function.__code__.co_filename))) if kept else None
     how = "always" if inline else "never"
     if folder is None:
@@ -71,9 +81,96 @@ def njit(
     given = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(folder)
     try:
-        return numba.njit(cache=True, inline=how)(function)
+        made = numba.njit(cache=True, inline=how)(function)
     finally:
         numba.config.CACHE_DIR = given
+    _tolerate_full_disk(made, folder)
+    return made
+
+
+def _tolerate_full_disk(made: Any, folder: Path) -> None:
+    """Let a compiled function that cannot be kept be of use all the same."""
+    cache = made._cache
+    save = cache.save_overload
+
+    @functools.wraps(save)
+    def save_or_warn(*arguments: Any) -> None:
+        """Keep a compiled function, or say that it cannot be kept.
+
+        Parameters
+        ----------
+        *arguments : Any
+            As numba gives them.
+        """
+        try:
+            save(*arguments)
+        except OSError as error:
+            _warn_once(f"{folder.parent}: compiled code cannot be kept ({error.strerror})")
+
+    cache.save_overload = save_or_warn
+
+
+class _Compiling(event.Listener):  # type: ignore[misc]
+    """Says once on standard error that a silence is the compiler's, where it is a long one.
+
+    Attributes
+    ----------
+    codes
+        Of the functions that are ours.
+    """
+
+    def __init__(self) -> None:
+        self.codes: set[CodeType] = set()
+        self._depth, self._spent, self._began = 0, 0.0, 0.0
+        self._timer: threading.Timer | None = None
+        self._said = False
+
+    def _is_ours(self, data: Any) -> bool:
+        function = getattr(data["dispatcher"], "py_func", None)
+        return function is not None and function.__code__ in self.codes
+
+    def _say(self) -> None:
+        self._said = True
+        if sys.stderr is not None:
+            text = "compiling with numba, for half a minute or so; the next start finds most of it"
+            print(f"directmpc: {text}", file=sys.stderr, flush=True)
+
+    def on_start(self, event: event.Event) -> None:
+        """A compilation begins, maybe within another one.
+
+        Parameters
+        ----------
+        event : Event
+            Of numba, with the function.
+        """
+        if self._said or not self._is_ours(event.data):
+            return
+        self._depth += 1
+        if self._depth == 1:
+            self._began = time.monotonic()
+            self._timer = threading.Timer(max(0.0, SILENT_S - self._spent), self._say)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def on_end(self, event: event.Event) -> None:
+        """A compilation ends.
+
+        Parameters
+        ----------
+        event : Event
+            Of numba, with the function.
+        """
+        if self._timer is None or not self._is_ours(event.data):
+            return
+        self._depth -= 1
+        if self._depth == 0:
+            self._timer.cancel()
+            self._timer = None
+            self._spent += time.monotonic() - self._began
+
+
+_COMPILING = _Compiling()
+event.register("numba:compile", _COMPILING)
 
 
 def _root_of(path: Path) -> Path:
@@ -105,7 +202,14 @@ def _folder(root: Path) -> Path | None:
     digests = [_digest(each) for each in dict.fromkeys((_OWN_ROOT, root))]
     if not all(digests):
         return None
-    parent = _parent()
+    try:
+        parent = _parent()
+    except RuntimeError as error:  # neither HOME nor an entry of the user's in passwd
+        _warn_once(
+            f"compiled code cannot be kept ({error}); HOME, XDG_CACHE_HOME or NUMBA_CACHE_DIR "
+            "names a folder for it"
+        )
+        return None
     key = hashlib.sha256("".join(digests).encode()).hexdigest()[:32]
     folder = parent / f"{root.stem}-{key}"
     try:

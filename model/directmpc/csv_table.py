@@ -5,27 +5,47 @@ A file's columns are data (`Column`): a new kind of file is a list of columns.
 
 from __future__ import annotations
 
+import csv
 import math
 import os
 import re
-import secrets
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc import output_files
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 PathLike = str | os.PathLike[str]
 
 _REAL = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-_INTEGER = r"[+-]?[0-9]{1,15}"
+
+#: What other programs put between fields -> how a message calls it; None: one or more blanks.
+_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", None: "blanks"}
 
 
 class TraceError(ValueError):
     """A file cannot be used; names file, line, column and what is allowed."""
+
+
+class RowError(ValueError):
+    """A row of a trace cannot be decided on.
+
+    Parameters
+    ----------
+    row : int
+        Its number, from 0 on.
+    reason : str
+        Why, and what is needed.
+    """
+
+    def __init__(self, row: int, reason: str) -> None:
+        super().__init__(f"row {row + 1}: {reason}")
+        self.row, self.reason = row, reason
 
 
 @dataclass(frozen=True)
@@ -68,10 +88,10 @@ class Column:
         Returns
         -------
         str
-            For ``re.fullmatch``; an empty field matches where it may stand.
+            For ``re.fullmatch``; an empty field matches where it may stand. An integer may be
+            written as a real number, 6.0 or 6.000e+00.
         """
-        pattern = _INTEGER if self.is_integer else _REAL
-        return f"(?:{pattern})?" if self.may_be_empty else pattern
+        return f"(?:{_REAL})?" if self.may_be_empty else _REAL
 
     @property
     def allowed(self) -> str:
@@ -104,9 +124,10 @@ class Column:
             return False
         if not field:
             return True
+        number = float(field)
         if self.low is not None and self.high is not None:
-            return self.low <= int(field) <= self.high
-        return math.isfinite(float(field))
+            return number.is_integer() and self.low <= number <= self.high
+        return math.isfinite(number)
 
 
 #: Clock cycles of a decision: empty in every row where no clock is modelled.
@@ -114,7 +135,7 @@ CYCLES = Column("cycles", 0, 2**31 - 1, may_be_empty=True)
 
 
 def _read_lines(path: PathLike) -> list[str]:
-    """Read a text file as lines without their ends; an empty last piece is not a line."""
+    """Read a text file as lines without their ends; blank ones at its end are none."""
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
     except OSError as error:
@@ -123,10 +144,32 @@ def _read_lines(path: PathLike) -> list[str]:
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise TraceError(f"{path}, line {line}: not UTF-8 text; a CSV file is needed") from error
-    lines = text.split("\n")
-    if not lines[-1]:
+    lines = [line.removesuffix("\r") for line in text.split("\n")]
+    while lines and not lines[-1].strip():
         lines.pop()
-    return [line.removesuffix("\r") for line in lines]
+    return lines
+
+
+def _fields_of(path: PathLike, number: int, line: str) -> list[str]:
+    """Fields of a line; one may stand in double quotes."""
+    if '"' not in line:
+        return line.split(",")
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise TraceError(
+            f"{path}, line {number}: a quoted field does not end ({error}); a field is in two "
+            "double quotes or in none"
+        ) from error
+
+
+def _other_separator(line: str, known: Collection[str]) -> str | None:
+    """What separates the names of a header, where it is no comma."""
+    for separator, word in _SEPARATORS.items():
+        names = [name.strip(' "') for name in line.split(separator)]
+        if sum(name in known for name in names) > 1:
+            return word
+    return None
 
 
 def shown(text: str) -> str:
@@ -146,11 +189,18 @@ def shown(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in short)
 
 
-def _read_header(path: PathLike, line: str, columns: Sequence[Column]) -> list[Column]:
+def _read_header(path: PathLike, lines: Sequence[str], columns: Sequence[Column]) -> list[Column]:
     """Match a header line with the known columns, in the order of the file."""
     known = {column.name: column for column in columns}
     allowed = ",".join(column.name + ("?" * column.optional) for column in columns)
-    names = line.split(",")
+    names = _fields_of(path, 1, lines[0])
+    if (word := _other_separator(lines[0], known)) is not None:
+        point = any(re.search("[0-9],[0-9]", line) for line in lines[1:2])
+        wanted = ", and numbers must have a decimal point, no decimal comma" if point else ""
+        raise TraceError(
+            f"{path}, line 1: the separator of the fields is {word}; the separator must be a "
+            f"comma{wanted}"
+        )
     for index, name in enumerate(names, start=1):
         if name not in known:
             raise TraceError(
@@ -170,16 +220,28 @@ def _read_header(path: PathLike, line: str, columns: Sequence[Column]) -> list[C
     return [known[name] for name in names]
 
 
-def _row_error(path: PathLike, number: int, row: str, header: Sequence[Column]) -> TraceError:
+def _row_error(
+    path: PathLike, number: int, fields: Sequence[str], header: Sequence[Column]
+) -> TraceError:
     """Find the first thing wrong with a row."""
-    fields = row.split(",")
+    wide = len(fields) > len(header)
+    if wide and all(re.fullmatch("[-+0-9eE]*", field) for field in fields):
+        return TraceError(
+            f"{path}, line {number}: {len(fields)} fields for the {len(header)} columns of the "
+            "header; numbers must have a decimal point, because the comma is the separator"
+        )
     for index, (column, field) in enumerate(zip(header, fields, strict=False), start=1):
         if not column.accepts(field):
+            hint = ""
+            if re.fullmatch(_REAL, field.replace(",", ".")) and "," in field:
+                hint = ", with a decimal point"
+            elif any(separator in field for separator in _SEPARATORS if separator):
+                hint = "; the separator must be a comma"
             return TraceError(
                 f'{path}, line {number}, column {index} ({column.name}): got "{shown(field)}"; '
-                f"it must be {column.allowed}"
+                f"it must be {column.allowed}{hint}"
             )
-    if len(fields) < len(header):
+    if not wide:
         index = len(fields) + 1
         return TraceError(
             f"{path}, line {number}, column {index} ({header[index - 1].name}): missing; the row "
@@ -197,7 +259,8 @@ def read_table(path: PathLike, columns: Sequence[Column]) -> dict[str, list[str]
     Parameters
     ----------
     path : str or path
-        UTF-8, fields parted by commas, the header in line 1.
+        UTF-8, fields separated by commas, each in double quotes or in none, the header in line 1.
+        Blank lines at the end count as none.
     columns : sequence of Column
         What the header may name, in any order.
 
@@ -215,25 +278,26 @@ def read_table(path: PathLike, columns: Sequence[Column]) -> dict[str, list[str]
     if not lines:
         names = ",".join(column.name for column in columns if not column.optional)
         raise TraceError(f"{path}, line 1: the file is empty; a header is needed: {names}")
-    header = _read_header(path, lines[0], columns)
+    header = _read_header(path, lines, columns)
     if len(lines) == 1:
         raise TraceError(f"{path}, line 2: no row follows the header; at least one is needed")
     # One pattern for a whole row is many times faster than looking at every field by itself.
     pattern = re.compile(",".join(column.pattern for column in header))
     rows = []
     for number, line in enumerate(lines[1:], start=2):
-        if pattern.fullmatch(line) is None:
-            raise _row_error(path, number, line, header)
-        rows.append(line.split(","))
+        fields = _fields_of(path, number, line)
+        if any("," in field for field in fields) or pattern.fullmatch(",".join(fields)) is None:
+            raise _row_error(path, number, fields, header)
+        rows.append(fields)
     table = {column.name: [row[i] for row in rows] for i, column in enumerate(header)}
     for column in header:
         numbers = np.array([float(field or 0) for field in table[column.name]])
         wrong = ~np.isfinite(numbers)
         if column.low is not None and column.high is not None:
-            wrong |= (numbers < column.low) | (numbers > column.high)
+            wrong |= (numbers < column.low) | (numbers > column.high) | (numbers % 1 != 0)
         if wrong.any():
             number = int(np.argmax(wrong)) + 2
-            raise _row_error(path, number, lines[number - 1], header)
+            raise _row_error(path, number, rows[number - 2], header)
     return table
 
 
@@ -280,7 +344,7 @@ def integers(table: dict[str, list[str]], name: str) -> IntArray:
     ValueError
         If a field is empty.
     """
-    return np.array([int(field) for field in table[name]], dtype=np.int64)
+    return np.array([float(field) for field in table[name]]).astype(np.int64)
 
 
 def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -302,24 +366,17 @@ def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[s
     TraceError
         If the file cannot be written; nothing is left behind then.
     """
-    target = Path(path).resolve()
-    if target.exists() and not target.is_file():
-        raise TraceError(f"{path}: cannot be written; the path of an ordinary file is needed")
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
-        with open(temporary, "x", encoding="utf-8", newline="") as file:
+        with (
+            output_files.replacing(path) as temporary,
+            open(temporary, "w", encoding="utf-8", newline="") as file,
+        ):
             file.write(",".join(header) + "\n")
             file.writelines(",".join(row) + "\n" for row in rows)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, target)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise TraceError(
-            f"{path}: cannot be written ({reason}); a path in a writable folder is needed"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    except output_files.OutputError as error:
+        raise TraceError(str(error)) from error
 
 
 def cycle_fields(cycles: IntArray | None, rows: int) -> list[str]:

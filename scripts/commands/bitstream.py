@@ -46,4 +46,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("bitstream", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("bitstream", __doc__, _arguments, _run)

@@ -25,6 +25,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command(
-    "bounds", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was rewritten"
-)
+COMMAND = Command("bounds", __doc__, _arguments, _run, interrupted="nothing was rewritten")

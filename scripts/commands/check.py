@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from directmpc.host.console import check_output, terminable
+from directmpc.host.console import terminable
 from directmpc.mpdcc.variants import VARIANTS
+from directmpc.output_files import check_output
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.measure import check
 from scripts.shared import tools
@@ -101,6 +102,6 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 COMMAND = Command(
-    "check", __doc__.splitlines()[0], _arguments, _run, failed=1,
+    "check", __doc__, _arguments, _run, failed=1,
     interrupted="nothing was written", outputs=("junit", "json"),
 )  # fmt: skip

@@ -35,4 +35,4 @@ def _run(given: argparse.Namespace) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-COMMAND = Command("coefficients", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("coefficients", __doc__, _arguments, _run)

@@ -54,7 +54,7 @@ def _run(given: argparse.Namespace) -> int | None:
 
 COMMAND = Command(
     "coverage",
-    __doc__.splitlines()[0],
+    __doc__,
     _arguments,
     _run,
     failed=1,

@@ -55,4 +55,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("deadlocks", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("deadlocks", __doc__, _arguments, _run, outputs=(), folders=("out",))

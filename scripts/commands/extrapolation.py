@@ -17,4 +17,4 @@ def _run(given: argparse.Namespace) -> None:
     print(format_table(load_mpdcc_drive(given.drive)))
 
 
-COMMAND = Command("extrapolation", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("extrapolation", __doc__, _arguments, _run)

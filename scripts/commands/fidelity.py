@@ -27,6 +27,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command(
-    "fidelity", __doc__.splitlines()[0], _arguments, _run, interrupted="what was measured is kept"
-)
+COMMAND = Command("fidelity", __doc__, _arguments, _run, interrupted="what was measured is kept")

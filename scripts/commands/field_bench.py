@@ -71,4 +71,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("field-bench", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("field-bench", __doc__, _arguments, _run, outputs=(), folders=("out",))

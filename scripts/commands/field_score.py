@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from directmpc.host.console import check_output
+from directmpc.output_files import check_output
 from scripts.shared import tools
 from scripts.shared.command import Command
 from scripts.studies import field_bench as study
@@ -31,4 +31,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("field-score", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("field-score", __doc__, _arguments, _run, outputs=("json",))

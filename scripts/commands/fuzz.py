@@ -48,4 +48,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 1 if failed else 0
 
 
-COMMAND = Command("fuzz", __doc__.splitlines()[0], _arguments, _run, failed=1, outputs=())
+COMMAND = Command("fuzz", __doc__, _arguments, _run, failed=1, outputs=(), folders=("out",))

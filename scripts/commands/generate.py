@@ -34,4 +34,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("generate", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("generate", __doc__, _arguments, _run)

@@ -42,4 +42,4 @@ def _lint(given: argparse.Namespace) -> int | None:
     return 1 if failed else 0
 
 
-COMMAND = Command("lint", __doc__.splitlines()[0], _arguments, _lint, failed=1)
+COMMAND = Command("lint", __doc__, _arguments, _lint, failed=1)

@@ -30,4 +30,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("mptc-study", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("mptc-study", __doc__, _arguments, _run)

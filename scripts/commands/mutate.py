@@ -67,10 +67,12 @@ def _run(given: argparse.Namespace) -> int | None:
 
 COMMAND = Command(
     "mutate",
-    __doc__.splitlines()[0],
+    __doc__,
     _arguments,
     _run,
     failed=1,
     interrupted="run it again to go on",
     outputs=(),
+    folders=("out",),
+    growing=("page", "metrics"),
 )

@@ -25,4 +25,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("netlist", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("netlist", __doc__, _arguments, _run)

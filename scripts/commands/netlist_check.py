@@ -38,4 +38,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 1 if result.mismatches else 0
 
 
-COMMAND = Command("netlist-check", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("netlist-check", __doc__, _arguments, _run)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from directmpc.output_files import check_output
 from scripts.generate import drive_template
 from scripts.shared import tools
 from scripts.shared.command import Command, InputError
@@ -19,14 +20,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     path = given.file
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; one that exists is needed")
-    text = drive_template.template(given.controller)
     if path.exists() or path.is_symlink():
         raise InputError(f"{path}: exists and stays as it is; a new name is needed")
-    tools.write(path, text)
+    check_output(path)
+    tools.write(path, drive_template.template(given.controller))
     print(f"{path}: put in your drive's values; docs/drive-file.md says how to get them")
     return 0
 
 
-COMMAND = Command("new-drive", __doc__.splitlines()[0], _arguments, _run, outputs=())
+COMMAND = Command("new-drive", __doc__, _arguments, _run, outputs=())

@@ -21,4 +21,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("newcomer", __doc__.splitlines()[0], _arguments, _run, outputs=())
+COMMAND = Command("newcomer", __doc__, _arguments, _run, outputs=())

@@ -18,4 +18,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("observer", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("observer", __doc__, _arguments, _run)

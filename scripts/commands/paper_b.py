@@ -19,4 +19,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("paper-b", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("paper-b", __doc__, _arguments, _run)

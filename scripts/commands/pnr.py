@@ -21,4 +21,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return pnr.place_all(given.only, given.exact, given.seeds, given.jobs)
 
 
-COMMAND = Command("pnr", __doc__.splitlines()[0], _arguments, _run, failed=1)
+COMMAND = Command("pnr", __doc__, _arguments, _run, failed=1)

@@ -62,4 +62,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 1 if problems else 0
 
 
-COMMAND = Command("prove", __doc__.splitlines()[0], _arguments, _run, failed=1)
+COMMAND = Command("prove", __doc__, _arguments, _run, failed=1)

@@ -41,6 +41,7 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 COMMAND = Command(
-    "pwm", __doc__.splitlines()[0], _arguments, _run,
+    "pwm", __doc__, _arguments, _run,
     interrupted="the runs that are through are kept", outputs=(),
+    growing=("out", "bounds_out", "page", "picture"), formats={"picture": ".png"},
 )  # fmt: skip

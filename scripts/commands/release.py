@@ -27,6 +27,6 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 COMMAND = Command(
-    "release", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written",
-    outputs=(),
+    "release", __doc__, _arguments, _run, interrupted="nothing was written",
+    outputs=(), folders=("out",),
 )  # fmt: skip

@@ -32,6 +32,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command(
-    "replay", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written"
-)
+COMMAND = Command("replay", __doc__, _arguments, _run, interrupted="nothing was written")

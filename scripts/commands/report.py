@@ -47,7 +47,7 @@ def _run(given: argparse.Namespace) -> int | None:
 
 COMMAND = Command(
     "report",
-    __doc__.splitlines()[0],
+    __doc__,
     _arguments,
     _run,
     interrupted="nothing was rewritten; what was measured is kept",

@@ -91,4 +91,7 @@ def _publish(rows: dict[robustness.Setting, dict[str, float]], given: argparse.N
     noise.draw(rows, given.out.with_suffix(".png"))
 
 
-COMMAND = Command("robustness", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command(
+    "robustness", __doc__, _arguments, _run, outputs=(),
+    growing=("out", "two_level_out", "decisions_out", "random_decisions_out", "rules_out", "page"),
+)  # fmt: skip

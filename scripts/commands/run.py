@@ -16,7 +16,7 @@ from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
 from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS, MPTC_FACTORS
-from directmpc.host.console import check_output, terminable
+from directmpc.host.console import terminable
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
@@ -24,6 +24,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors, check_errors
+from directmpc.output_files import check_output
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
@@ -102,7 +103,10 @@ def _factors(text: str | None, names: Iterable[str]) -> dict[str, float] | None:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
+    parser.add_argument(
+        "--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml",
+        help="drive file, or the name of a shipped one",
+    )  # fmt: skip
     parser.add_argument(
         "--speed", type=float,
         help="MPDCC: stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
@@ -154,7 +158,6 @@ def _outputs(given: argparse.Namespace) -> dict[str, Path]:
     """The files that are asked for, each of which can be written."""
     outputs = {name: path for name in OUTPUTS if (path := getattr(given, name, None)) is not None}
     for name, path in outputs.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
         check_output(path, given.drive)
         for other, another in outputs.items():
             if other != name and another.resolve() == path.resolve():
@@ -283,9 +286,10 @@ def _run(given: argparse.Namespace) -> int | None:
 
 COMMAND = Command(
     "run",
-    __doc__.splitlines()[0],
+    __doc__,
     _arguments,
     _run,
     interrupted="nothing was written",
     outputs=tuple(OUTPUTS),
+    formats={"out": ".png", "waves": ".fst"},
 )

@@ -28,6 +28,6 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 COMMAND = Command(
-    "scaling", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was written",
+    "scaling", __doc__, _arguments, _run, interrupted="nothing was written",
     outputs=("page",),
 )  # fmt: skip

@@ -19,4 +19,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("sensorless", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("sensorless", __doc__, _arguments, _run)

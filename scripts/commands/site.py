@@ -29,6 +29,6 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 COMMAND = Command(
-    "site", __doc__.splitlines()[0], _arguments, _run, interrupted="nothing was replaced",
-    outputs=(),
+    "site", __doc__, _arguments, _run, interrupted="nothing was replaced",
+    outputs=(), folders=("out",),
 )  # fmt: skip

@@ -28,4 +28,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("sources", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("sources", __doc__, _arguments, _run)

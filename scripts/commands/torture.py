@@ -45,10 +45,11 @@ def _run(given: argparse.Namespace) -> int | None:
 
 COMMAND = Command(
     "torture",
-    __doc__.splitlines()[0],
+    __doc__,
     _arguments,
     _run,
     failed=1,
     interrupted="run it again to go on",
     outputs=(),
+    growing=("out",),
 )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host.board import SPI
-from directmpc.host.console import check_output, terminable
+from directmpc.host.console import terminable
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS, BUILDS
@@ -73,8 +73,6 @@ def _run(given: argparse.Namespace) -> int | None:
     build = "family" if family or given.sensorless else controller
     if given.board and build not in BOARDS[given.board].controllers:
         raise UsageError(f"{given.board} has no bitstream of {BUILDS[build]}")
-    if given.gates:
-        check_output(given.gates)
     began = time.perf_counter()
     chosen = virtual_board.generics(
         controller, given.explorers, given.folded, family=family, sensorless=given.sensorless
@@ -102,4 +100,4 @@ def _run(given: argparse.Namespace) -> int | None:
             board.close()
 
 
-COMMAND = Command("virtual-board", __doc__.splitlines()[0], _arguments, _run, outputs=("gates",))
+COMMAND = Command("virtual-board", __doc__, _arguments, _run, outputs=("gates",))

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from directmpc.api.drive_file import load_drive
-from directmpc.host.console import check_output, progress_bar
+from directmpc.csv_table import RowError
+from directmpc.host.console import progress_bar
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
@@ -25,6 +26,7 @@ from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
+from directmpc.output_files import check_output
 from scripts.hdl import mptc_replay
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.shared.command import InputError
@@ -140,6 +142,8 @@ def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int]
                 yield progress
         else:
             yield None
+    except RowError as error:
+        raise InputError(f"{request.trace}, line {error.row + 2}: {error.reason}") from error
     except ValueError as error:  # names the key, but does not know the file
         raise InputError(f"{request.drive}: {error}") from error
 

@@ -7,12 +7,36 @@ input was wrong or a tool is missing, 1 that a check or a measurement failed, 0 
 from __future__ import annotations
 
 import argparse
+import ast
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
-from directmpc.host.console import OneParagraphParser, interrupted, report_error
-from scripts.shared.tools import ToolError
+from directmpc.host.console import OneParagraphParser, interrupted, lost, report_error, reported
+from directmpc.output_files import check_folder, check_output, check_suffix
+from scripts.shared.tools import BUILD, ToolError
+
+
+def described(file: Path) -> str:
+    """Docstring of a Python file, read from the file itself.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+
+    Returns
+    -------
+    str
+        Empty if it has none.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    return ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
 
 
 class InputError(ValueError):
@@ -32,7 +56,8 @@ class Command:
     name
         As a user types it; errors begin with it.
     summary
-        What it does, one line.
+        What it does: the first line of it, the docstring of the command's file for instance. Python
+        drops docstrings with -OO; the line is read from the file then.
     arguments
         Adds its arguments to a parser.
     run
@@ -42,17 +67,27 @@ class Command:
     interrupted
         What an interruption leaves, for its message.
     outputs
-        Arguments that name files it writes, all of them or none: where it fails, the message says
-        that those which existed are as they were.
+        Arguments that name files it writes, all of them or none. That they can be written is found
+        out before it begins. Where it fails, the message says that those which existed are as they
+        were.
+    growing
+        Arguments that name files which keep what is through where it fails.
+    folders
+        Arguments that name folders it makes or fills.
+    formats
+        Arguments among them with only one format: the suffix that the name must have.
     """
 
     name: str
-    summary: str
+    summary: str | None
     arguments: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace], int | None]
     failed: int = 2
     interrupted: str = ""
     outputs: tuple[str, ...] = ("out",)
+    growing: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
+    formats: Mapping[str, str] = field(default_factory=dict)
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Read the arguments, do it, and report what goes wrong; returns the exit code.
@@ -72,21 +107,49 @@ class Command:
         SystemExit
             With 2 where an argument is wrong, with 0 after --help.
         """
-        parser = OneParagraphParser(prog=self.name, description=self.summary)
+        return reported(self.name, lambda: self._main(arguments))
+
+    def _main(self, arguments: Sequence[str] | None) -> int:
+        """What `main` does, but for a standard output that takes no more."""
+        summary = self.summary or described(Path(self.run.__code__.co_filename))
+        parser = OneParagraphParser(prog=self.name, description=summary.splitlines()[0])
         self.arguments(parser)
         given = parser.parse_args(arguments)
+        paths = self._given(given, self.outputs)
         try:
+            self._check_outputs(given)
             return self.run(given) or 0
         except UsageError as error:
             parser.error(str(error))
         except (ToolError, ValueError, OSError) as error:
-            paths = [getattr(given, name, None) for name in self.outputs]
-            report_error(self.name, error, [path for path in paths if path is not None])
+            if isinstance(error, OSError) and lost(error):
+                raise
+            report_error(self.name, error, paths)
             return self.failed if isinstance(error, ToolError) else 2
         except KeyboardInterrupt:
             said = "; ".join(filter(None, ["interrupted", self.interrupted]))
             print(f"{self.name}: {said}", file=sys.stderr)
             return interrupted()
+
+    @staticmethod
+    def _given(given: argparse.Namespace, names: Sequence[str]) -> list[Path]:
+        """The paths among some arguments."""
+        found = [getattr(given, name, None) for name in names]
+        return [path for path in found if path is not None]
+
+    def _check_outputs(self, given: argparse.Namespace) -> None:
+        """Refuse an output that cannot be written; only below build/ is a folder made for one."""
+        files, folders = (*self.outputs, *self.growing), self.folders
+        for path in self._given(given, (*files, *folders)):
+            if BUILD in path.absolute().parents:
+                path.parent.mkdir(parents=True, exist_ok=True)
+        for path in self._given(given, files):
+            check_output(path)
+        for path in self._given(given, folders):
+            check_folder(path)
+        for name, suffix in self.formats.items():
+            for path in self._given(given, [name]):
+                check_suffix(path, suffix)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+
+from directmpc import output_files
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build"
@@ -177,7 +178,8 @@ def replacing(out: Path) -> Iterator[Path]:
     Parameters
     ----------
     out : Path
-        The file that is to be written; its folder is made.
+        The file that is to be written. Its folder is made: of an output that a user names
+        `Command` has seen that the folder exists.
 
     Yields
     ------
@@ -186,22 +188,12 @@ def replacing(out: Path) -> Iterator[Path]:
 
     Raises
     ------
-    ToolError
-        If `out` is there and is no ordinary file.
+    OutputError
+        If `out` is there and is no ordinary file, or it cannot be written.
     """
-    out = out.resolve()
-    if out.exists() and not out.is_file():
-        raise ToolError(f"{out}: cannot be written; the path of an ordinary file is needed")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.", suffix=out.suffix)
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    out.resolve().parent.mkdir(parents=True, exist_ok=True)
+    with output_files.replacing(out) as temporary:
         yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(out)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write(out: Path, text: str) -> None:
@@ -216,8 +208,8 @@ def write(out: Path, text: str) -> None:
 
     Raises
     ------
-    ToolError
-        If `out` is there and is no ordinary file.
+    OutputError
+        If `out` is there and is no ordinary file, or it cannot be written.
     """
     with replacing(out) as temporary:
         temporary.write_text(text, encoding="utf-8")

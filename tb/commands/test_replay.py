@@ -106,7 +106,7 @@ def test_values_outside_a_word_are_flagged(tmp_path: Path, rows: MpdccTrace, eng
         (lambda t: _field(t, 5, 12, "8"), ["line 5", "column 13 (s_a)", "0 to 7"]),
         (lambda t: _field(t, 2, 0, ""), ["line 2", "column 1 (is_alpha)"]),
         (lambda t: t + "1,2,3\n", ["line 42", "missing"]),
-        (lambda t: t + "\n", ["line 42"]),
+        (lambda t: t + "\n" + t.splitlines()[1], ["line 42"]),
     ],
 )
 def test_bad_traces(trace_file: Path, tmp_path: Path, change, words: list[str]) -> None:

@@ -26,7 +26,7 @@ from directmpc.mptc import closed_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import MptcDecisions, MptcTrace, read_decisions, write_trace
 from scripts.hdl.clocks import clocks_of
-from tb.helpers.commands import assert_one_paragraph, command, started
+from tb.helpers.commands import assert_one_paragraph, command, started, told
 
 ROOT = Path(__file__).resolve().parents[2]
 CYCLES = {method: clocks_of("mptc_core", method.lower()) for method in ("MPTC", "MPFC")}
@@ -212,11 +212,11 @@ def _field(text: str, line: int, column: int, value: str) -> str:
         (lambda t: _field(t, 4, 5, "1\0\x1b"), ["line 4", "column 6", r'got "1\x00\x1b"']),
         (lambda t: _field(t, 5, 7, "8"), ["line 5", "column 8 (u)", "0 to 7"]),
         (lambda t: _field(t, 5, 7, "-1"), ["line 5", "column 8 (u)", "0 to 7"]),
-        (lambda t: _field(t, 5, 7, "1.0"), ["line 5", "column 8 (u)", "0 to 7"]),
+        (lambda t: _field(t, 5, 7, "1.5"), ["line 5", "column 8 (u)", "0 to 7"]),
         (lambda t: _field(t, 13, 0, ""), ["line 13", "column 1 (is_alpha)"]),
         (lambda t: t + "1,2,3\n", ["line 14", "column 4 (psis_beta)", "missing"]),
         (lambda t: t.replace("\n", ",1\n").replace(",1\n", "\n", 1), ["line 2", "column 9"]),
-        (lambda t: t + "\n", ["line 14"]),
+        (lambda t: t + "\n" + t.splitlines()[1], ["line 14"]),
     ],
 )
 def test_bad_traces(tmp_path: Path, change, words: list[str]) -> None:
@@ -261,11 +261,11 @@ def test_bad_drives(tmp_path: Path, old: str, new: str, words: list[str]) -> Non
 def test_choices_of_the_other_controller_are_said_to_mean_nothing(tmp_path: Path) -> None:
     drive, trace, _ = small(tmp_path)
     usual = ("--drive", drive, "--trace", trace, "--out", tmp_path / "d.csv", "--engine", "model")
-    assert command(*usual, "--explorers", 2, "--variant", "fast").stderr == ""
+    assert told(command(*usual, "--explorers", 2, "--variant", "fast").stderr) == []
     for more in (("--explorers", 4), ("--variant", "paper")):
         done = command(*usual, *more)
         assert done.returncode == 0
-        assert done.stderr.count("\n") == 1
+        assert len(told(done.stderr)) == 1
         assert "EXPLORERS and VARIANT" in done.stderr
 
 

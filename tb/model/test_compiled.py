@@ -120,3 +120,25 @@ def test_the_folders_used_longest_ago_go(tmp_path: Path, monkeypatch) -> None:
         os.utime(folder, (1e9 - age, 1e9 - age))
     compiled._delete_old(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["state-0", "state-1"]
+
+
+#: Compiles something of ours three times, and something of its own.
+COMPILING = """
+import numba, sys
+from directmpc import compiled
+compiled.SILENT_S = float(sys.argv[1])
+own = numba.njit(lambda x: x + 1)
+for kind in (int, float, complex): own(kind(1))
+print("own code", file=sys.stderr, flush=True)
+ours = compiled.njit(lambda x: x + 1, kept=False)
+for kind in (int, float, complex): ours(kind(1))
+"""
+
+
+def test_a_long_compilation_is_said_once(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(COMPILING)
+    copy_of_package(tmp_path)
+    told = start(tmp_path, tmp_path / "cache", "script.py", "0").stderr.splitlines()
+    assert told[0] == "own code"
+    assert [line.split(",")[0] for line in told[1:]] == ["directmpc: compiling with numba"]
+    assert start(tmp_path, tmp_path / "cache", "script.py", "600").stderr == "own code\n"

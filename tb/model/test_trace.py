@@ -25,6 +25,7 @@ HEADER = (
     "iref_alpha,iref_beta,omega_s,omega_r,s_a,s_b,s_c"
 )
 ROW = "1.0,-.5,0.9,1e-3,+0.01,0.5,0.5,5e-1,1,0,1.0,0.99,0,3,7"
+QUOTED = ",".join(f'"{field}"' for field in ROW.split(","))
 
 
 @pytest.fixture
@@ -108,7 +109,6 @@ def test_columns_in_any_order_and_default_dc_link(drive: Drive, tmp_path: Path) 
         (f"{HEADER}\n{ROW}\n{ROW[:-2]}", ["line 3, column 15 (s_c)", "missing", "14 fields"]),
         (f"{HEADER}\n{ROW}\n{ROW},1", ["line 3, column 16", "unexpected", "16 fields"]),
         (f"{HEADER}\n{ROW}\n\n{ROW}", ["line 3, column 1 (is_alpha)", '""', "finite"]),
-        (f"{HEADER}\n{ROW}\n\n", ["line 3", "is_alpha"]),
         (f"{HEADER}\nx{ROW}", ["line 2, column 1 (is_alpha)", '"x1.0"', "a finite number"]),
         (f"{HEADER}\n{ROW.replace('1e-3', 'nan')}", ["line 2, column 4", "psir_beta", "finite"]),
         (f"{HEADER}\n{ROW.replace('1e-3', 'inf')}", ["line 2, column 4", "finite"]),
@@ -118,10 +118,25 @@ def test_columns_in_any_order_and_default_dc_link(drive: Drive, tmp_path: Path) 
         (f"{HEADER}\n{ROW.replace('1e-3', '0x1')}", ["line 2, column 4", "0x1"]),
         (f"{HEADER}\n{ROW}\n{ROW[:-1]}8", ["line 3, column 15 (s_c)", '"8"', "0 to 7"]),
         (f"{HEADER}\n{ROW[:-1]}-1", ["line 2, column 15 (s_c)", "0 to 7"]),
-        (f"{HEADER}\n{ROW}.0", ["line 2, column 15 (s_c)", '"7.0"', "an integer from 0 to 7"]),
+        (f"{HEADER}\n{ROW}.5", ["line 2, column 15 (s_c)", '"7.5"', "an integer from 0 to 7"]),
+        (f"{HEADER}\n{ROW[:-1]}6.001e+00", ["line 2, column 15 (s_c)", "an integer from 0 to 7"]),
+        (f"{HEADER}\n{ROW[:-1]}8.0", ["line 2, column 15 (s_c)", '"8.0"', "0 to 7"]),
         (f"{HEADER}\n{ROW[:-1]}", ["line 2, column 15 (s_c)", '""']),
         (f"{HEADER}\n{ROW[:-1]}{'9' * 60}", ["line 2, column 15 (s_c)", "9...", "0 to 7"]),
-        (f"{HEADER}\n{ROW};{ROW}", ["line 2, column 15 (s_c)"]),
+        (f"{HEADER}\n{ROW};{ROW}", ["line 2, column 15 (s_c)", "the separator must be a comma"]),
+        (
+            f"{HEADER};\n{ROW}\n".replace(",", ";"),
+            ["line 1", "separator of the fields is semicolons", "must be a comma"],
+        ),
+        (
+            f"{HEADER}\n{ROW}\n".replace(",", ";").replace(".", ","),
+            ["line 1", "semicolons", "separator must be a comma", "decimal point"],
+        ),
+        (f"{HEADER}\n{ROW}\n".replace(",", "\t"), ["line 1", "tabs", "must be a comma"]),
+        (f"{HEADER}\n{ROW}\n".replace(",", "  "), ["line 1", "blanks", "must be a comma"]),
+        (f"{HEADER}\n0,5,1,25{ROW[3:].replace('.', ',')}", ["line 2", "decimal point"]),
+        (f"{HEADER}\n{QUOTED.replace('1e-3', '0,5')}", ["line 2, column 4", '"0,5"', "point"]),
+        (f'{HEADER}\n"{ROW}', ["line 2", "quoted field does not end"]),
         (f"{HEADER}\n{ROW}\n\udcff", ["line 3", "not UTF-8"]),
     ],
 )
@@ -132,6 +147,24 @@ def test_bad_traces(drive: Drive, tmp_path: Path, text: str, named: list[str]) -
         read_trace(path, drive)
     for part in [str(path), *named]:
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{HEADER}\n{QUOTED}\n",
+        ",".join(f'"{name}"' for name in HEADER.split(",")) + f"\r\n{QUOTED}\r\n",
+        f"{HEADER}\n{ROW}\n\n",
+        f"{HEADER}\r\n{ROW}\r\n\r\n  \r\n",
+        f"{HEADER}\n{ROW.replace(',0,3,7', ',0.0,3.,7.000e+00')}\n",
+        f"\ufeff{HEADER}\n{QUOTED.replace('7', '0.7e1')}\n",
+    ],
+)
+def test_what_other_programs_write_is_read(drive: Drive, tmp_path: Path, text: str) -> None:
+    plain, path = tmp_path / "plain.csv", tmp_path / "other.csv"
+    plain.write_text(f"{HEADER}\n{ROW}\n", encoding="utf-8")
+    path.write_bytes(text.encode())
+    assert same(read_trace(path, drive), read_trace(plain, drive))
 
 
 def test_unreadable_trace(drive: Drive, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from directmpc.output_files import OutputError
 from scripts.commands import bitstream, netlist, pnr, synth
 from scripts.shared import tools
 
@@ -95,10 +96,6 @@ def test_replay_takes_absolute_paths(project):
         ("DRIVE=", "DRIVE is not set"),
         ("IN=", "IN is not set"),
         ("OUT=", "OUT is not set"),
-        ("DRIVE=none.toml", "DRIVE: no readable file 'none.toml'"),
-        ("IN=work dir/none.csv", "IN: no readable file 'work dir/none.csv'"),
-        ("OUT=no such/out.csv", "OUT: cannot write 'no such/out.csv'"),
-        ("OUT=work dir", "OUT: cannot write 'work dir'"),
         ("ENGINE=magic", "ENGINE is 'magic', but has to be one of: rtl model ideal"),
         ("EXPLORERS=9", "EXPLORERS is '9'"),
         ("EXPLORERS=2 3", "EXPLORERS is '2 3'"),
@@ -154,7 +151,7 @@ def test_writers_follow_links_and_refuse_what_is_no_file(tmp_path):
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "file").read_text(encoding="utf-8") == "text"
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(tools.ToolError, match="ordinary file"):
+    with pytest.raises(OutputError, match="ordinary file"):
         tools.write(tmp_path / "pipe", "text")
     assert (tmp_path / "pipe").is_fifo()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,7 @@ from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import bit_true_sequences, ideal_sequences
 from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.ideal_sequences import TOO_LARGE
 from directmpc.mptc.sequence import whole
 from directmpc.states import (
     Decision,
@@ -242,6 +244,8 @@ def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: Sta
         drive.inverter.vdc, state.torque_ref, state.psi_ref,
     )  # fmt: skip
     chosen = VectorSequence(*u) if drive.control.sequences else int(u)
+    if isinstance(chosen, VectorSequence) and not math.isfinite(chosen.t1 + chosen.t2):
+        raise StateError(TOO_LARGE)
     return MptcDecision(chosen, bool(saturated), bool(clamped))
 
 

@@ -27,10 +27,11 @@ from directmpc.host import lockstep, spi
 from directmpc.host.board import BAUD, Board, RegisterError, TrippedError
 from directmpc.host.console import (
     OneParagraphParser,
-    check_output,
     interrupted,
+    lost,
     progress_bar,
     report_error,
+    reported,
 )
 from directmpc.host.link import LinkError, RefusedError
 from directmpc.host.protocol import Outcome
@@ -38,6 +39,7 @@ from directmpc.host.registers import GUARD_TIMES
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.mptc.drive import MptcDrive
+from directmpc.output_files import check_output
 
 
 def _facts(board: Board) -> Table:
@@ -414,6 +416,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0, 1 when a decision differs from the model's, 2 on an error, 130 on an
         interrupt; SIGTERM ends the process with 143. The drive is off then.
     """
+    return reported("host", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
+    """What `main` does, but for a standard output that takes no more."""
     given = _arguments(arguments)
     console = Console(width=None if sys.stdout.isatty() else 110)
     lock_step = getattr(given, "lock_step", True)
@@ -423,6 +430,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ) as board:
             return COMMANDS[given.command](board, console, given)
     except (LinkError, RefusedError, RegisterError, TrippedError, ValueError, OSError) as error:
+        if isinstance(error, OSError) and lost(error):
+            raise
         out = getattr(given, "out", None)
         report_error("host", error, [out] if out else [])
         return 2

@@ -1,8 +1,10 @@
-"""What a command prints and how it stops: arguments, progress, errors, and the file it writes."""
+"""What a command prints and how it stops: arguments, progress and errors."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
 import itertools
 import os
 import signal
@@ -14,9 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn, Self, TextIO
 
-
-class OutputError(ValueError):
-    """A command cannot write where it is told to; the message names the path and what is needed."""
+from directmpc import output_files
 
 
 class OneParagraphParser(argparse.ArgumentParser):
@@ -138,6 +138,56 @@ def interrupted() -> int:
     """
     exec("")
     return 128 + signal.SIGINT
+
+
+def lost(error: OSError) -> bool:
+    """Whether an error is that standard output takes no more: its reader has ended, or it is full.
+
+    Parameters
+    ----------
+    error : OSError
+        Of a program that writes its files with `output_files.replacing`, which names them.
+
+    Returns
+    -------
+    bool
+        True for a broken pipe and for a full disk, where no file is named.
+    """
+    return error.filename is None and error.errno in (errno.EPIPE, *output_files.FULL)
+
+
+def reported(program: str, work: Callable[[], int]) -> int:
+    """Do the work of a program; a standard output that takes no more is one line, or none.
+
+    Parameters
+    ----------
+    program : str
+        Its name; the message begins with it.
+    work : callable
+        Does it, and returns the exit code. What `lost` is true of leaves it.
+
+    Returns
+    -------
+    int
+        Exit code of the work; 0 where the reader has had enough, as `head` has, and 2 where
+        standard output cannot be written.
+    """
+    try:
+        try:
+            return work()
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except OSError as error:
+        if not lost(error):
+            raise
+        # or Python tries once more at its end, and complains
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == errno.EPIPE:
+            return 0
+        print(f"{program}: standard output: {error.strerror}", file=sys.stderr)
+        return 2
 
 
 _PULSES_S = (10.0, 20.0, 30.0, 60.0)
@@ -280,36 +330,6 @@ def busy(text: str) -> Iterator[None]:
     print(f"{text} ...", file=sys.stderr, flush=True)
     with Pulse(lambda: f"{text} ...", sys.stderr):
         yield
-
-
-def check_output(out: Path, *inputs: Path) -> None:
-    """Find out that an output can be written before the work begins; what stands there stays.
-
-    Parameters
-    ----------
-    out : Path
-        File to write or to replace.
-    *inputs : Path
-        Files that are read.
-
-    Raises
-    ------
-    OutputError
-        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
-    """
-    folder = out.parent
-    if out.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise OutputError(
-            f"{out}: cannot be written (a folder, or in none that is writable); a path in "
-            "a writable folder is needed"
-        )
-    if not out.exists():
-        return
-    if not out.is_file():
-        raise OutputError(f"{out}: is a device or a pipe; the path of an ordinary file is needed")
-    for used in inputs:
-        if used.exists() and out.samefile(used):
-            raise OutputError(f"{out}: is an input; another path is needed")
 
 
 def nothing_written(standing: Sequence[Path]) -> str:

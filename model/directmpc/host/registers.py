@@ -24,6 +24,7 @@ import numpy as np
 
 from directmpc.api.drive_file import load_drive
 from directmpc.drive_tables import keys_of
+from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import coefficients as mptc_coefficients
@@ -36,6 +37,9 @@ from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive, MptcGu
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
+
+#: Clocks that a core can have, Hz. What is below was meant in MHz.
+LEAST_CLOCK, MOST_CLOCK = 1e6, 1e9
 
 #: Register and field -> largest value that serves, where that is not the largest that fits: nothing
 #: above a full scale can be measured, so that a trip level there would never trip.
@@ -269,8 +273,11 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
         Where the nearest value that fits would be less safe than what is asked for, or a trip level
         is one that no measurement exceeds.
     """
-    if not 0.0 < clock < math.inf:
-        raise ValueError(f"clock: got {clock:g} Hz; it must be a number above 0")
+    if not LEAST_CLOCK <= clock <= MOST_CLOCK:
+        raise ValueError(
+            f"clock: got {clock:g} Hz; it must be from {LEAST_CLOCK / 1e6:g} to "
+            f"{MOST_CLOCK / 1e6:g} MHz, given in Hz: {CORE_CLOCK / 1e6:g}e6 for instance"
+        )
     asked, ts = drive.guard, drive.control.ts
     if isinstance(drive, Drive):
         current, voltage = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
@@ -543,9 +550,12 @@ def format_table(found: RegisterValues) -> str:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from 0 on")
+        raise argparse.ArgumentTypeError(f"got {text!r:.40}; it must be a number from 0 on")
     return value
 
 
@@ -603,6 +613,11 @@ def refuse_slow(
         If a decision can be late; names the key and what would serve.
     """
     limit = found.words["guard.decision_limit"]
+    if limit < 1:
+        raise ValueError(
+            f"guard.decision_limit: got {drive.guard.decision_limit:g} s, 0 clocks of "
+            f"{found.clock / 1e6:g} MHz; it must be at least 1 clock"
+        )
     told, ends = f"{limit} (guard.decision_limit)", "the gate guard trips"
     period = math.floor(found.clock * drive.control.ts + 1e-6)
     if drive.guard.decision_limit is None and period < limit:  # the next start comes then
@@ -684,7 +699,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit code: 0, or 2 where the drive file or a setting cannot be used.
     """
-    parser = argparse.ArgumentParser(
+    return reported("registers", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
+    """What `main` does, but for a standard output that takes no more."""
+    parser = OneParagraphParser(
         prog="registers", description="Register values of a system for a drive file."
     )
     parser.add_argument("drive", help="drive file (TOML)")
@@ -718,14 +738,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             text = format_c(drive, found, os.path.basename(given.drive))
         else:
             text = format_table(found) if given.table else format_csv(found)
-        print(text, flush=True)
-    except BrokenPipeError:  # a reader such as head has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except ValueError as error:
         shown = str(error)
         shown = shown if shown.startswith(given.drive) else f"{given.drive}: {shown}"
         print(f"registers: {shown}", file=sys.stderr)
         return 2
+    print(text)
     for problem in found.missing:
         print(f"registers: {given.drive}: no gate comes on: {problem}", file=sys.stderr)
     for problem in found.saturated:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.csv_table import RowError
 from directmpc.mptc import ideal
 from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.ideal import IdealParameters, as_complex, ideal_parameters
@@ -110,6 +111,12 @@ def sequence_parameters(drive: MptcDrive) -> SequenceParameters:
     return SequenceParameters(
         ideal_parameters(drive), SEQUENCE_METHODS.index(c.method), DUTY_RULES.index(c.duty_rule)
     )
+
+
+TOO_LARGE = (
+    "a value is too large for the ideal controller: its square leaves the range of float64; one in "
+    "the range of the drive's full scales is needed"
+)
 
 
 @njit
@@ -469,6 +476,9 @@ def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
     ------
     ValueError
         If the drive's method applies one vector a period.
+    RowError
+        If a value is so large that its square leaves the range of float64: the times of the vectors
+        would be no numbers.
     """
     n = len(trace)
     applied = trace.sequences()
@@ -486,6 +496,8 @@ def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
         vectors,
         times,
     )
+    if (lost := ~np.isfinite(times).all(axis=1)).any():
+        raise RowError(int(np.argmax(lost)), TOO_LARGE)
     return MptcDecisions(
         u=vectors[:, 0],
         cycles=None,

@@ -146,7 +146,7 @@ def test_what_does_not_fit_is_named_and_safe() -> None:
         ("dead_time", 2.0, "guard.dead_time: got 2.0; it must be a number from 1e-09 to 0.001 s"),
         ("link_low", 0.75, "guard.link_low: got 0.75 V; it must be a number from 270 to 540 V"),
         ("link_high", 1.25, "guard.link_high: got 1.25 V; it must be a number from 540 to 1080 V"),
-        ("clock", 0.0, "clock: got 0 Hz; it must be a number above 0"),
+        ("clock", 0.0, "clock: got 0 Hz; it must be from 1 to 1000 MHz"),
     ],
 )
 def test_what_would_be_less_safe_is_an_error(name: str, asked: float, allowed: str) -> None:
