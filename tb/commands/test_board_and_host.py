@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,8 @@ from directmpc.host import __main__ as commands
 from directmpc.host import board as board_module
 from directmpc.host import protocol as p
 from directmpc.host import registers as registers_module
-from directmpc.host.board import LONGEST_TIME, Board, RegisterError, TrippedError
+from directmpc.host.board import LONGEST_TIME, Board, DisabledError, RegisterError, TrippedError
+from directmpc.host.console import ENDING as ENDING_SIGNALS
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
 from directmpc.host.reference import LinkModel
@@ -225,6 +227,80 @@ def test_a_signal_while_the_drive_is_turned_off_waits(number: signal.Signals) ->
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
+@pytest.mark.parametrize("number", ENDING_SIGNALS)
+def test_every_signal_that_ends_a_program_turns_the_drive_off(number: int) -> None:
+    model = Rehearsal()
+
+    def work() -> None:
+        with board_of(model) as board:
+            board.load(MPTC)
+            board.start()
+            signal.raise_signal(number)
+
+    before = signal.getsignal(number)
+    signal.signal(number, signal.SIG_DFL)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            work()
+    finally:
+        signal.signal(number, before)
+    assert ended.value.code == 128 + number
+    assert model.enabled == [0, 0, 1, 0]
+
+
+def test_the_link_that_is_not_in_control_any_more_turns_its_drive_off() -> None:
+    _, fields = registers_of("mptc")["system.capabilities"]
+    model = Rehearsal()
+    model.words[ADDRESSES["system.capabilities"]] = 1 << fields["family"][0]
+    board = board_of(model)
+    board.load(load_drive(MPTC).with_control(method="MPTC1"))
+    board.start()
+    assert model.words[CONTROL] == 9, "the board goes by its own sequence"
+    model.identity = replace(model.identity, options=1)  # somebody moves the switch
+    board.stop()
+    assert model.words[CONTROL] == 0
+    model.identity = replace(model.identity, options=3)
+    board.stop()
+    assert model.words[CONTROL] == 8
+    assert model.enabled[-2:] == [0, 0]
+
+
+@pytest.mark.parametrize("steps", [0, 2], ids=["before the first gate", "later"])
+def test_a_drive_that_somebody_else_turns_off_is_an_error_in_a_step(steps: int) -> None:
+    enabled = 1 << registers_of("mptc")["system.status"][1]["enabled"][0]
+    flags = {"now": 1 << Flag.ENABLED if steps else 0}
+    model = Rehearsal()
+    model.step = lambda payload: Decision(3, flags["now"], 0, 39, 0, 0)
+    with board_of(model) as board:
+        board.load(MPTC)
+        board.start()
+        model.words[ADDRESSES["system.status"]] = enabled
+        for _ in range(steps):
+            board.step(STATE)
+        flags["now"] = 0
+        board.step(STATE)  # enabled: a gate may come on later
+        model.words[ADDRESSES["system.status"]] = 0  # the other link, or a reset
+        for _ in range(0 if steps else 2):
+            board.step(STATE)
+        with pytest.raises(DisabledError, match="was started and is off: the other link"):
+            board.step(STATE)
+
+
+def test_a_start_says_which_faults_it_clears() -> None:
+    fields = registers_of("mptc")["system.faults"][1]
+    model = Rehearsal()
+    with board_of(model) as board:
+        board.load(MPTC)
+        assert board.start() == ()
+        board.stop()
+        word = 1 << fields["over_current"][0] | 1 << fields["late"][0]
+        write = model.write
+        model.write = lambda address, data: 0 if address == CONTROL else write(address, data)
+        model.words[ADDRESSES["system.faults"]] = word
+        with pytest.warns(UserWarning, match="clears the faults over_current, late, which"):
+            assert board.start() == ("over_current", "late")
+
+
 def test_a_dead_line_says_that_the_gates_may_be_on() -> None:
     model = Rehearsal()
     board = board_of(model)
@@ -373,7 +449,10 @@ def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 # ---------------------------------------------------------------------------------------------
 
 
-ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+ENDING = (
+    signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGALRM,
+    signal.SIGXCPU, signal.SIGABRT,
+)  # fmt: skip
 """Signals that end a program."""
 
 HOST = """

@@ -15,6 +15,7 @@ import itertools
 import math
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from rich.table import Table
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep, spi
-from directmpc.host.board import BAUD, Board, RegisterError, TrippedError
+from directmpc.host.board import BAUD, Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.console import (
     OneParagraphParser,
     interrupted,
@@ -402,6 +403,11 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     return given
 
 
+def _told(message: Warning | str, *_: object, **__: object) -> None:
+    """Print a warning as one line."""
+    print(f"host: {message}", file=sys.stderr)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do one command; 1 when a decision differs from the model's, 2 on an error.
 
@@ -425,11 +431,23 @@ def _main(arguments: Sequence[str] | None) -> int:
     console = Console(width=None if sys.stdout.isatty() else 110)
     lock_step = getattr(given, "lock_step", True)
     try:
-        with Board(
-            given.port, real_time=not lock_step, baud=given.baud, timeout=given.timeout
-        ) as board:
+        with (
+            warnings.catch_warnings(),
+            Board(
+                given.port, real_time=not lock_step, baud=given.baud, timeout=given.timeout
+            ) as board,
+        ):
+            warnings.showwarning = _told
             return COMMANDS[given.command](board, console, given)
-    except (LinkError, RefusedError, RegisterError, TrippedError, ValueError, OSError) as error:
+    except (
+        LinkError,
+        RefusedError,
+        RegisterError,
+        TrippedError,
+        DisabledError,
+        ValueError,
+        OSError,
+    ) as error:
         if isinstance(error, OSError) and lost(error):
             raise
         out = getattr(given, "out", None)

@@ -56,6 +56,9 @@ LONGEST_TIME = 0xFFFF
 
 _STOP_ATTEMPTS = 5
 
+#: Steps after a start within which the gates have come on, or the host looks why they have not.
+_STEPS_TO_RUN = 4
+
 _RESPONSES = {
     2: "there is no such register, or not for that access, or it is locked now (docs/registers.md)",
     3: "beyond the registers",
@@ -104,6 +107,10 @@ class TrippedError(RuntimeError):
             "see docs/troubleshooting.md"
         )
         self.faults = faults
+
+
+class DisabledError(RuntimeError):
+    """A drive that was started is off, and no fault says why: all gates are off."""
 
 
 @dataclass(frozen=True)
@@ -182,8 +189,8 @@ class Board:
     """A board that has identified itself.
 
     As a context it turns off the drive that it has started, and closes the line, however the block
-    is left: at its end, by an exception, by Ctrl-C, SIGTERM or SIGHUP. Against SIGKILL and a dead
-    computer there is the gate guard's watchdog.
+    is left: at its end, by an exception, by Ctrl-C, by any signal that ends programs. Against
+    SIGKILL, a crash of the interpreter and a dead computer there is the gate guard's watchdog.
 
     Parameters
     ----------
@@ -236,6 +243,8 @@ class Board:
         self.drive: Drive | MptcDrive | None = None
         self._encoder: Encoder | None = None
         self._started = False
+        #: Steps since the start without gates; None once they have been on.
+        self._waited: int | None = 0
         #: Keys that the drive file lacks, and without which no gate may come on.
         self._missing: list[str] = []
         #: What stays in system.control: bits of a drive whose sequences or speed are the board's.
@@ -536,11 +545,16 @@ class Board:
         if controller != self.controller:
             raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
 
-    def start(self) -> None:
+    def start(self) -> tuple[str, ...]:
         """Clear the faults and let the gates switch; they follow the decisions from now on.
 
         The drive's capacitor filters, its observer, its estimate of the leakage and its own
         sequence begin anew: nobody knows how long ago the last step was.
+
+        Returns
+        -------
+        tuple of str
+            Names of the faults that were latched until now and have been cleared.
 
         Raises
         ------
@@ -550,21 +564,35 @@ class Board:
             If the drive file lacks keys of `[guard]`; names all of them and what is allowed.
         TrippedError
             If a fault is latched again at once: permit is missing, for instance.
+
+        Warns
+        -----
+        UserWarning
+            If faults have been cleared; it names them.
         """
         self.stop()
         if self._missing:
             raise DriveError(f"start: {'; '.join(self._missing)}")
-        self.write("system.faults", **self.read("system.faults"))
+        latched = self.read("system.faults")
+        self.write("system.faults", **latched)
+        cleared = tuple(name for name, value in latched.items() if value)
+        if cleared:
+            warnings.warn(
+                f"start: clears the faults {', '.join(cleared)}, which were latched before; their "
+                "cause has to be known",
+                stacklevel=2,
+            )
         control = self.drive.control if isinstance(self.drive, Drive) else None
         remembers = control and (control.capacitor_filter or control.leakage_estimate)
         if remembers or self._kept["own_positions"] or self._kept.get("use_observer"):
             self.forget_estimates()
-        self._started = True  # from here on there is something to turn off
+        self._started, self._waited = True, 0  # from here on there is something to turn off
         self.write("system.control", enable=1, **self._kept)
         if self.read("system.status")["fault"]:
             faults = self.faults()
             self.stop()
             raise TrippedError(faults, "start")
+        return cleared
 
     def forget_estimates(self) -> None:
         """Let capacitor filters, observer and estimate begin anew with the next step.
@@ -579,7 +607,7 @@ class Board:
         self.write("system.command", reset_observer=1)
 
     def stop(self) -> None:
-        """Turn all gates off, whatever state the board is in.
+        """Turn all gates off, whatever state the board is in, and whichever link is in control.
 
         A signal that comes meanwhile, a second Ctrl-C for instance, waits until it is done.
 
@@ -590,10 +618,12 @@ class Board:
         RefusedError
             If it refuses again and again.
         """
+        address, fields = self._map["system.control"]
+        kept = packed("system.control", fields, self._kept)
         with undisturbed():
             for attempt in range(1, _STOP_ATTEMPTS + 1):
                 try:
-                    self.write("system.control", enable=0, **self._kept)
+                    self.write_word(address, 0)  # the word that either link may write
                 except RefusedError as refused:  # a step whose reply nobody waited for
                     if refused.outcome is not Outcome.BUSY or attempt == _STOP_ATTEMPTS:
                         raise
@@ -606,6 +636,12 @@ class Board:
                 else:
                     break
             self._started = False
+            if kept:  # for steps without gates; the gates are off already
+                try:
+                    self.write_word(address, kept)
+                except RefusedError as refused:
+                    if refused.outcome is not Outcome.LINK:
+                        raise
 
     def faults(self) -> tuple[str, ...]:
         """Names of the faults that the gate guard holds.
@@ -664,6 +700,8 @@ class Board:
         ------
         TrippedError
             If the drive was started and the gate guard holds a fault.
+        DisabledError
+            If it was started and is off: by the other link, or by a reset of the board.
         LinkError
             If no reply comes (a step is sent once), or the core gives no decision.
         RefusedError
@@ -707,6 +745,8 @@ class Board:
         ------
         TrippedError
             If the drive was started and the gate guard holds a fault.
+        DisabledError
+            If it was started and is off: by the other link, or by a reset of the board.
         LinkError
             If no reply comes (a step is sent once), or the core gives no decision.
         RefusedError
@@ -715,9 +755,27 @@ class Board:
         answer = self.exchange(words, position)
         if self._started and answer.has(Flag.TRIPPED):
             raise TrippedError(self.faults(), name)
+        if self._started:
+            self._watch(answer, name)
         if answer.has(Flag.NO_ANSWER):
             raise LinkError(f"{name}: the core gave no decision")
         return answer
+
+    def _watch(self, answer: Decision, name: str) -> None:
+        """Notice that a drive that was started is off although there is no fault."""
+        if answer.has(Flag.ENABLED):
+            self._waited = None
+            return
+        if self._waited is not None:  # the first decisions reach the gates later
+            self._waited += 1
+            if self._waited < _STEPS_TO_RUN:
+                return
+        if not self.read("system.status")["enabled"]:
+            self._started = False
+            raise DisabledError(
+                f"{name}: the drive was started and is off: the other link has disabled it, or the "
+                "board was reset; load it and start it anew"
+            )
 
     def sequence(self) -> VectorSequence | None:
         """The sequence decided last.

@@ -39,9 +39,21 @@ class OneParagraphParser(argparse.ArgumentParser):
         sys.exit(2)
 
 
+#: Signals that end a program unless it handles them. Not here: SIGKILL, which cannot be handled,
+#: SIGINT, which Python makes an exception, SIGSEGV and its like, after which no program goes on.
+_ENDING_NAMES = (
+    "SIGTERM", "SIGHUP", "SIGQUIT", "SIGABRT", "SIGALRM", "SIGUSR1", "SIGUSR2", "SIGXCPU",
+    "SIGXFSZ", "SIGVTALRM", "SIGPROF", "SIGPIPE", "SIGIO", "SIGPWR", "SIGSYS", "SIGTRAP",
+    "SIGSTKFLT",
+)  # fmt: skip
+ENDING = tuple(getattr(signal, name) for name in _ENDING_NAMES if hasattr(signal, name)) + tuple(
+    range(getattr(signal, "SIGRTMIN", 1), getattr(signal, "SIGRTMAX", 0) + 1)
+)
+
+
 @contextmanager
 def terminable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the program as an exception does.
+    """Let every signal of `ENDING` end the program as an exception does.
 
     So what it has begun is undone: files that are not whole are taken away, a drive is turned off.
     A signal that the program handles itself is left alone, and so are all of them outside of the
@@ -71,11 +83,7 @@ def terminable() -> Iterator[None]:
         raise SystemExit(128 + number)
 
     main = threading.current_thread() is threading.main_thread()
-    taken = [
-        number
-        for number in (signal.SIGTERM, signal.SIGHUP)
-        if main and signal.getsignal(number) == signal.SIG_DFL
-    ]
+    taken = [n for n in ENDING if main and signal.getsignal(n) == signal.SIG_DFL]
     for number in taken:
         signal.signal(number, leave)
     try:
@@ -87,7 +95,7 @@ def terminable() -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Let SIGINT, SIGTERM and SIGHUP wait until a block is through: a second Ctrl-C, for instance.
+    """Let signals that end the program wait until a block is through: a second Ctrl-C too.
 
     They come then, and find their handlers. Outside of the main thread nothing is changed.
 
@@ -113,7 +121,7 @@ def undisturbed() -> Iterator[None]:
         """
         came.append(number)
 
-    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    ending = [n for n in (signal.SIGINT, *ENDING) if signal.getsignal(n) != signal.SIG_IGN]
     before = {number: signal.signal(number, wait) for number in ending}
     try:
         yield
