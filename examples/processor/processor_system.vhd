@@ -135,6 +135,8 @@ begin
       saturated      => open,
       exhausted      => open,
       cycles         => open,
+      flux_alpha     => open,
+      flux_beta      => open,
       gates          => system_gates,
       running        => open,
       faults         => system_faults,

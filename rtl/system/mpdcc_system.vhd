@@ -81,6 +81,9 @@ entity mpdcc_system is
     saturated      : out   std_logic;                     -- '1': a value did not fit its word
     exhausted      : out   std_logic;                     -- '1': the budget ended the search, the best so far
     cycles         : out   std_logic_vector(15 downto 0); -- of the decision, unsigned, one clock after valid
+    -- what the decision used, as in the registers: from one clock after valid until the next valid, 0 after a reset
+    flux_alpha     : out   std_logic_vector(15 downto 0); -- rotor flux, the observer's or psir_alpha, signed, 1/9000 pu
+    flux_beta      : out   std_logic_vector(15 downto 0); -- likewise
     -- gates
     gates          : out   std_logic_vector(23 downto 0); -- '1': on; S1 to S8 of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
@@ -195,8 +198,8 @@ architecture rtl of mpdcc_system is
   signal theta          : std_logic_vector(16 downto 0);
   signal theta_stands   : std_logic;
   signal preparing      : std_logic; -- parameters taken over are not yet in force
-  signal flux_alpha     : std_logic_vector(15 downto 0);
-  signal flux_beta      : std_logic_vector(15 downto 0);
+  signal core_alpha     : std_logic_vector(15 downto 0); -- flux that the core gets
+  signal core_beta      : std_logic_vector(15 downto 0);
   signal core_start     : std_logic;
   signal core_valid     : std_logic;
   signal core_a         : std_logic_vector(2 downto 0);
@@ -551,8 +554,8 @@ begin
       s_a               => watched_a,
       s_b               => watched_b,
       s_c               => watched_c,
-      psir_alpha        => flux_alpha,
-      psir_beta         => flux_beta,
+      psir_alpha        => core_alpha,
+      psir_beta         => core_beta,
       f_q_midpoint      => f_q_midpoint,
       f_q_phase         => f_q_phase,
       frozen            => l_mode(1),
@@ -585,9 +588,9 @@ begin
   leakage_flag  <= (leakage_valid and leakage_full) or (core_start and clipped);
   estimate_flag <= observer_flag or filters_flag or leakage_flag;
 
-  flux_alpha   <= observer_alpha when observing = '1' else
+  core_alpha   <= observer_alpha when observing = '1' else
                   sample.psir_alpha.value.value;
-  flux_beta    <= observer_beta when observing = '1' else
+  core_beta    <= observer_beta when observing = '1' else
                   sample.psir_beta.value.value;
   core_start   <= observer_valid when observing = '1' else
                   ready;
@@ -657,8 +660,8 @@ begin
       start                       => core_start,
       is_alpha                    => sample.is_alpha.value.value,
       is_beta                     => sample.is_beta.value.value,
-      psir_alpha                  => flux_alpha,
-      psir_beta                   => flux_beta,
+      psir_alpha                  => core_alpha,
+      psir_beta                   => core_beta,
       v_n                         => used_n,
       v_ph_a                      => used_a,
       v_ph_b                      => used_b,
@@ -777,9 +780,12 @@ begin
   from_hardware.result.decision.exhausted <= (next_q => core_exhausted, we => core_valid);
   from_hardware.result.decision.saturated <= (next_q => core_saturated, we => core_valid);
   from_hardware.result.decision.length <= (next_q => core_length, we => core_valid);
-  from_hardware.result.rotor_flux.alpha <= (next_q => flux_alpha, we => core_valid);
-  from_hardware.result.rotor_flux.beta <= (next_q => flux_beta, we => core_valid);
+  from_hardware.result.rotor_flux.alpha <= (next_q => core_alpha, we => core_valid);
+  from_hardware.result.rotor_flux.beta <= (next_q => core_beta, we => core_valid);
   from_hardware.result.leakage.theta <= (next_q => theta, we => theta_stands);
+
+  flux_alpha <= to_hardware.result.rotor_flux.alpha.value;
+  flux_beta  <= to_hardware.result.rotor_flux.beta.value;
 
   valid     <= core_valid;
   s_a       <= core_a;

@@ -61,6 +61,10 @@ entity mptc_system is
     saturated      : out   std_logic;                     -- '1': a value did not fit its word
     clamped        : out   std_logic;                     -- '1': MPFC cannot reach torque_ref
     cycles         : out   std_logic_vector(15 downto 0); -- of the decision, unsigned, one clock after valid
+    -- what the decision used, as in the registers: from one clock after valid until the next start, 0 after a reset
+    flux_alpha     : out   std_logic_vector(15 downto 0); -- stator flux, the observer's or psis_alpha, signed
+    flux_beta      : out   std_logic_vector(15 downto 0); -- likewise, unit as psis_beta
+    speed          : out   std_logic_vector(15 downto 0); -- speed with SENSORLESS, else 0; signed, unit as omega_r
     -- gates
     gates          : out   std_logic_vector(5 downto 0);  -- '1': on; upper, lower of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
@@ -118,8 +122,8 @@ architecture rtl of mptc_system is
   signal observer_beta  : std_logic_vector(15 downto 0);
   signal observer_full  : std_logic;
   signal observer_flag  : std_logic; -- observer_full of a step that has ended
-  signal flux_alpha     : std_logic_vector(15 downto 0);
-  signal flux_beta      : std_logic_vector(15 downto 0);
+  signal core_alpha     : std_logic_vector(15 downto 0); -- flux that the core gets
+  signal core_beta      : std_logic_vector(15 downto 0);
   signal core_valid     : std_logic;
   signal core_u         : std_logic_vector(2 downto 0);
   signal core_switches  : std_logic_vector(2 downto 0);
@@ -329,8 +333,8 @@ begin
 
   g_speed : if SENSORLESS generate
 
-    signal speed_valid : std_logic;
-    signal speed       : std_logic_vector(15 downto 0);
+    signal speed_valid    : std_logic;
+    signal observer_speed : std_logic_vector(15 downto 0);
 
   begin
 
@@ -362,7 +366,7 @@ begin
         c_gain_speed    => in_force.c_gain_speed.value.value,
         c_gain_integral => in_force.c_gain_integral.value.value,
         speed_valid     => speed_valid,
-        omega_r         => speed,
+        omega_r         => observer_speed,
         valid           => observer_valid,
         busy            => observer_busy,
         psis_alpha      => observer_alpha,
@@ -371,7 +375,7 @@ begin
       );
 
     core_start <= speed_valid;
-    core_omega <= speed when in_force.sensorless.value.value = '1' else
+    core_omega <= observer_speed when in_force.sensorless.value.value = '1' else
                   sample.omega_r.value.value;
 
     -- the observer's outputs move on before the core has decided
@@ -380,8 +384,8 @@ begin
 
       if rising_edge(clk) then
         if (core_start = '1') then
-          shown_alpha                                <= flux_alpha;
-          shown_beta                                 <= flux_beta;
+          shown_alpha                                <= core_alpha;
+          shown_beta                                 <= core_beta;
           from_hardware.result.speed.omega_r.next_q  <= core_omega;
         end if;
       end if;
@@ -396,18 +400,18 @@ begin
 
   -- the observer's outputs move on with the decision of MPTC, and before that of MPFC
   g_no_speed : if not SENSORLESS generate
-    shown_alpha                           <= flux_alpha;
-    shown_beta                            <= flux_beta;
+    shown_alpha                           <= core_alpha;
+    shown_beta                            <= core_beta;
     shows                                 <= core_start;
     from_hardware.result.speed.omega_r    <= (next_q => (others => '0'), we => '0');
   end generate g_no_speed;
 
   -- until its first step has ended the observer knows no flux
   watching   <= observing and to_std_logic(SENSORLESS or not FAMILY);
-  flux_alpha <= sample.psis_alpha.value.value when watching = '0' else
+  core_alpha <= sample.psis_alpha.value.value when watching = '0' else
                 observer_alpha when estimated = '1' else
                 (others => '0');
-  flux_beta  <= sample.psis_beta.value.value when watching = '0' else
+  core_beta  <= sample.psis_beta.value.value when watching = '0' else
                 observer_beta when estimated = '1' else
                 (others => '0');
 
@@ -441,8 +445,8 @@ begin
         start                       => core_start,
         is_alpha                    => sample.is_alpha.value.value,
         is_beta                     => sample.is_beta.value.value,
-        psis_alpha                  => flux_alpha,
-        psis_beta                   => flux_beta,
+        psis_alpha                  => core_alpha,
+        psis_beta                   => core_beta,
         omega_r                     => core_omega,
         v_dc                        => sample.v_dc.value.value,
         torque_ref                  => sample.torque_ref.value.value,
@@ -502,8 +506,8 @@ begin
         start                       => core_start,
         is_alpha                    => sample.is_alpha.value.value,
         is_beta                     => sample.is_beta.value.value,
-        psis_alpha                  => flux_alpha,
-        psis_beta                   => flux_beta,
+        psis_alpha                  => core_alpha,
+        psis_beta                   => core_beta,
         omega_r                     => core_omega,
         v_dc                        => sample.v_dc.value.value,
         torque_ref                  => sample.torque_ref.value.value,
@@ -706,5 +710,9 @@ begin
   switches  <= core_switches;
   saturated <= core_saturated;
   clamped   <= core_clamped;
+
+  flux_alpha <= to_hardware.result.stator_flux.alpha.value;
+  flux_beta  <= to_hardware.result.stator_flux.beta.value;
+  speed      <= to_hardware.result.speed.omega_r.value;
 
 end architecture rtl;

@@ -2690,6 +2690,7 @@ begin
             end if;
         end if;
     end process;
+    hwif_out.result.rotor_flux.alpha.value <= field_storage.result.rotor_flux.alpha.value;
 
     -- Field: directmpc_mpdcc.result.rotor_flux.beta
     process(all)
@@ -2718,6 +2719,7 @@ begin
             end if;
         end if;
     end process;
+    hwif_out.result.rotor_flux.beta.value <= field_storage.result.rotor_flux.beta.value;
 
     -- Field: directmpc_mpdcc.result.leakage.theta
     process(all)

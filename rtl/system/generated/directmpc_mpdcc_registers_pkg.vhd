@@ -270,6 +270,23 @@ package directmpc_mpdcc_registers_pkg is
         measurements : mpdcc_measurements_in_t;
     end record;
 
+    type \mpdcc_decision.rotor_flux.alpha_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_decision.rotor_flux.beta_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mpdcc_decision.rotor_flux_out_t\ is record
+        alpha : \mpdcc_decision.rotor_flux.alpha_out_t\;
+        beta : \mpdcc_decision.rotor_flux.beta_out_t\;
+    end record;
+
+    type mpdcc_decision_out_t is record
+        rotor_flux : \mpdcc_decision.rotor_flux_out_t\;
+    end record;
+
     type \mpdcc_parameters__external_out_t\ is record
         req : std_logic;
         addr : std_logic_vector(7 downto 0);
@@ -428,6 +445,7 @@ package directmpc_mpdcc_registers_pkg is
     type directmpc_mpdcc_out_t is record
         system : system_registers_out_t;
         guard : guard_registers_out_t;
+        result : mpdcc_decision_out_t;
         parameters : \mpdcc_parameters__external_out_t\;
         measurements : mpdcc_measurements_out_t;
     end record;

@@ -3042,6 +3042,7 @@ begin
             end if;
         end if;
     end process;
+    hwif_out.result.stator_flux.alpha.value <= field_storage.result.stator_flux.alpha.value;
 
     -- Field: directmpc_mptc.result.stator_flux.beta
     process(all)
@@ -3070,6 +3071,7 @@ begin
             end if;
         end if;
     end process;
+    hwif_out.result.stator_flux.beta.value <= field_storage.result.stator_flux.beta.value;
 
     -- Field: directmpc_mptc.result.vectors.u1
     process(all)
@@ -3334,6 +3336,7 @@ begin
             end if;
         end if;
     end process;
+    hwif_out.result.speed.omega_r.value <= field_storage.result.speed.omega_r.value;
 
     -- Field: directmpc_mptc.parameters.c_current.value
     process(all)

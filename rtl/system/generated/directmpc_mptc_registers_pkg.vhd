@@ -321,6 +321,19 @@ package directmpc_mptc_registers_pkg is
         running : mptc_running_in_t;
     end record;
 
+    type \mptc_decision.stator_flux.alpha_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mptc_decision.stator_flux.beta_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mptc_decision.stator_flux_out_t\ is record
+        alpha : \mptc_decision.stator_flux.alpha_out_t\;
+        beta : \mptc_decision.stator_flux.beta_out_t\;
+    end record;
+
     type \mptc_decision.sequencer.early_out_t\ is record
         value : std_logic;
     end record;
@@ -339,8 +352,18 @@ package directmpc_mptc_registers_pkg is
         delayed : \mptc_decision.sequencer.delayed_out_t\;
     end record;
 
+    type \mptc_decision.speed.omega_r_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \mptc_decision.speed_out_t\ is record
+        omega_r : \mptc_decision.speed.omega_r_out_t\;
+    end record;
+
     type mptc_decision_out_t is record
+        stator_flux : \mptc_decision.stator_flux_out_t\;
         sequencer : \mptc_decision.sequencer_out_t\;
+        speed : \mptc_decision.speed_out_t\;
     end record;
 
     type \mptc_parameters.c_current.value_out_t\ is record

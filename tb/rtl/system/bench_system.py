@@ -100,6 +100,20 @@ class System:
         )
         return tuple(number(getattr(self.dut, name)) for name in names)
 
+    async def check_flux(self, m: dict[str, int], where: str) -> None:
+        """One clock after valid ports and registers show the flux of the decision."""
+        kind, shown = ("psir", "rotor") if self.controller == "mpdcc" else ("psis", "stator")
+        wanted = [bits(int(m[f"{kind}_{axis}"]), 16) for axis in ("alpha", "beta")]
+        await FallingEdge(self.dut.clk)
+        got = [number(getattr(self.dut, f"flux_{axis}")) for axis in ("alpha", "beta")]
+        self.board.check("flux port", got, wanted, where)
+        got = [await self.bus.read(f"result.{shown}_flux", axis) for axis in ("alpha", "beta")]
+        self.board.check("observed flux", [bits(v, 16) for v in got], wanted, where)
+        got = [number(getattr(self.dut, f"flux_{axis}")) for axis in ("alpha", "beta")]
+        self.board.check("flux port", got, wanted, f"{where}, later")
+        if self.controller == "mptc":
+            self.board.check("speed port", number(self.dut.speed), 0, where)
+
     async def write_parameters(self, values: dict[str, int], share: float = 1.0) -> None:
         """Write shadows, all or some of them, in random order."""
         names = list(values)
@@ -270,6 +284,7 @@ async def decisions_and_flags(system: System, count: int) -> None:
         worst = max(worst, await bus.read("system.cycles", "last"))
         wanted = system.model(parameters, m)
         board.check("decision", system.decided(), wanted, f"decision {n}")
+        await system.check_flux(m, f"decision {n}")
         if system.controller == "mpdcc":
             names = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
             seen |= {"saturated"} if wanted[6] else set()
@@ -343,9 +358,7 @@ async def observed(system: System, drive, parameters: dict[str, int]) -> None:
         await system.decide(m)
         wanted = system.model(parameters, {k: int(v) for k, v in used.items()})
         board.check("observed", system.decided(), wanted, f"decision {n}")
-        if mpdcc:
-            shown = [await bus.read("result.rotor_flux", axis) for axis in ("alpha", "beta")]
-            board.check("observed flux", shown, [bits(int(v), 16) for v in flux], f"decision {n}")
+        await system.check_flux(used, f"decision {n}")
         last = wanted[:3] if mpdcc else wanted[0]
         for _ in range(3):
             await FallingEdge(system.dut.clk)

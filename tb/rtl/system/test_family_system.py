@@ -114,7 +114,7 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
 #: The same of what the observer gives.
 OF_THE_OBSERVER = {
     "measured speed": (
-        "core_omega <= speed when", "core_omega <= sample.omega_r.value.value when",
+        "core_omega <= observer_speed when", "core_omega <= sample.omega_r.value.value when",
         "speed|decision|sequence",
     ),
     "measured flux": (
@@ -124,6 +124,13 @@ OF_THE_OBSERVER = {
     "another voltage": (
         "u3              => sequence_now.u3", "u3              => sequence_now.u1",
         "decision|flux|speed|sequence",
+    ),
+    "another speed at the port": (
+        "speed      <= to_hardware.result.speed.omega_r.value", "speed <= core_omega", "speed port",
+    ),
+    "another flux at the port": (
+        "flux_beta  <= to_hardware.result.stator_flux.beta", "flux_beta <= core_beta; --",
+        "flux port",
     ),
     "too late": ("core_start <= speed_valid", "core_start <= observer_valid", "clocks"),
 }  # fmt: skip

@@ -102,6 +102,9 @@ BEFORE_THE_CORE = {
     "not filtered": ("ready         <= filters_valid", "ready         <= may_begin", "filtered"),
     "another interval": ("earlier_a when delayed", "until_a when delayed", "observed flux"),
     "untold": ("observer_flag or filters_flag", "observer_flag", "told"),
+    "another flux at the port": (
+        "to_hardware.result.rotor_flux.beta", "to_hardware.result.rotor_flux.alpha", "flux port"
+    ),
 }  # fmt: skip
 #: What is wrong in the estimate of the leakage.
 ESTIMATE = {
