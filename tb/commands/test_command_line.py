@@ -6,6 +6,7 @@ Does not prove: what the commands do; each has tests of its own.
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from scripts import __main__ as program
+from scripts.measure import check
 from scripts.shared.command import Command, InputError, UsageError
 from scripts.shared.tools import ROOT, ToolError
 
@@ -48,6 +50,32 @@ def test_help_and_wrong_arguments(name: str, capsys: pytest.CaptureFixture[str])
     said = capsys.readouterr().err
     assert said.startswith(f"{name}: ")
     assert said.count("\n") == 1
+
+
+TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "extrapolation", "horizon", "mptc-study",
+                "observer", "registers", "replay", "run", "virtual-board"}  # fmt: skip
+
+
+def test_a_shipped_name_serves_where_a_drive_is_taken(tmp_path, monkeypatch, capsys) -> None:
+    taking = set()
+    for name, path in program.commands().items():
+        found = importlib.import_module(f"scripts.commands.{path.stem}").COMMAND
+        if isinstance(found, Command):
+            parser = argparse.ArgumentParser()
+            found.arguments(parser)
+            taking |= {name} if any(one.dest == "drive" for one in parser._actions) else set()
+    assert taking | {"registers"} == TAKE_A_DRIVE
+    for name in ("coefficients", "registers"):
+        assert program.main([name, "anpc5l_6kv"]) == 0
+        by_name = capsys.readouterr().out
+        assert program.main([name, str(ROOT / "drives/anpc5l_6kv.toml")]) == 0
+        assert capsys.readouterr().out == by_name
+    shipped = ROOT / "drives/anpc5l_6kv.toml"
+    assert check.shipped_file(Path("anpc5l_6kv")) == shipped
+    assert check.shipped_file(Path("other.toml")) == Path("other.toml")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "anpc5l_6kv").touch()  # a file of that name comes first
+    assert check.shipped_file(Path("anpc5l_6kv")) == Path("anpc5l_6kv")
 
 
 def test_an_unknown_command_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,6 +28,7 @@ def project(tmp_path):
     (root / "work dir").mkdir()
     shutil.copy(ROOT / "Makefile", root)
     (root / "requirements.txt").write_text("")
+    (root / "requirements-proofs.txt").write_text("")
     setup = root / "scripts" / "setup.sh"
     setup.write_text(
         "#!/bin/sh\necho chatter on stdout\nmkdir -p .venv/bin\n"

