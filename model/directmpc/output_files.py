@@ -93,7 +93,7 @@ def check_suffix(out: Path, suffix: str) -> None:
 
 
 #: What the system says of a disk, a quota or a size limit that is used up.
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name))
 
 
 def _is_of(error: OSError, path: Path) -> bool:

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import random
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -391,3 +393,43 @@ def test_generated_texts_are_current() -> None:
         assert len(frame.wire()) == len(frame.payload) + 13
     path = vhdl_package._PATH
     assert vhdl_package.text() == path.read_text(encoding="ascii")
+
+
+OTHER_SYSTEM = """
+import sys, signal
+from tb.commands.test_host import Board, link_of, load_drive, model, values
+import directmpc
+for name in ("host.spi", "host.board", "host.console", "host.__main__", "output_files"):
+    sys.modules.pop(f"directmpc.{name}")
+for name in ("fcntl", "termios", "tty", "pwd", "grp", "resource"):
+    sys.modules[name] = None
+for name in ("SIGHUP", "SIGQUIT", "SIGALRM", "SIGUSR1", "SIGUSR2", "SIGPIPE", "SIGIO", "SIGXFSZ",
+             "SIGRTMIN", "SIGRTMAX", "SIGPWR", "SIGSYS", "SIGTRAP", "SIGVTALRM", "SIGPROF"):
+    delattr(signal, name)
+import errno, os
+del errno.EDQUOT, os.O_NOCTTY
+import directmpc.host.board, directmpc.host.console, directmpc.host.__main__
+from directmpc.host.spi import opened
+from directmpc.output_files import replacing
+drive = directmpc.load_drive("induction_2kw2")
+words = {}
+with directmpc.host.board.Board(link_of(model(words=words))) as board:
+    assert board.load(drive) > 10
+    board.stop()
+with directmpc.host.console.terminable(), directmpc.host.console.undisturbed(): pass
+with replacing(sys.argv[1]) as temporary: temporary.write_text("whole")
+print(len(words) > 10)
+sys.exit(directmpc.host.__main__.main(["--port", "spi:COM3", "identify"]))
+"""
+
+
+def test_a_host_without_what_linux_alone_has(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", OTHER_SYSTEM, tmp_path / "out"], cwd=ROOT,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "True\n"), done.stderr
+    assert done.stderr == (
+        "host: COM3: cannot be opened: SPI needs Linux; other systems have a board's UART\n"
+    )
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "whole"

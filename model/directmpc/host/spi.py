@@ -13,12 +13,9 @@ Two ways to a board:
 
 from __future__ import annotations
 
-import fcntl
 import os
 import select
-import termios
 import time
-import tty
 from typing import Protocol
 
 from directmpc.host import protocol as p
@@ -200,6 +197,14 @@ class VirtualDevice:
 
     def __init__(self, path: str) -> None:
         self.path = path
+        try:  # here, not above: the other ways to a board need no pseudo-terminal
+            import fcntl
+            import termios
+            import tty
+        except ImportError:
+            raise LinkError(
+                f"{path}: cannot be opened: SPI needs Linux; other systems have a board's UART"
+            ) from None
         try:
             self._line = os.open(path, os.O_RDWR | os.O_NOCTTY)
         except OSError as error:
