@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
@@ -98,6 +98,27 @@ def to_start(low: float, high: float, unit: str) -> Any:
     words = f"a number from {low:g} to {high:g} {unit}"
     return Annotated[
         float | None, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
+    ]
+
+
+def auto_or(value: Any) -> Any:
+    """Annotate a key that holds a number of its own, or "auto" for one that follows from the drive.
+
+    Parameters
+    ----------
+    value : Any
+        Annotation of the number, of `number` or `integer`.
+
+    Returns
+    -------
+    Any
+        The annotation of a key.
+    """
+    words = next(m.description for m in value.__metadata__ if isinstance(m, FieldInfo))
+    return Annotated[
+        value,
+        WrapValidator(lambda given, numbers: given if given == "auto" else numbers(given)),
+        Field(description=f'"auto" or {words}'),
     ]
 
 

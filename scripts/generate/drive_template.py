@@ -100,6 +100,10 @@ MEANINGS = {
         "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
         "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
         "estimate scales the prediction of the currents: docs/robustness.md.",
+        "control.extrapolation": "L of the paper variant's straight line, control periods; without "
+        "effect on the fast variant: docs/accuracy.md.",
+        "control.correction": "p of the paper variant's straight line; without effect on the fast "
+        "variant: docs/accuracy.md.",
     },
     "mptc": _GUARD
     | {

@@ -78,6 +78,7 @@ from scripts.studies import (
     pwm,
     random_decisions,
     robustness,
+    straight_lines,
 )
 from scripts.studies import horizon as horizon_study
 from scripts.studies import observer as observer_study
@@ -911,6 +912,11 @@ def studies(jobs: int) -> list[Stage]:
 
     def _bounds(work: Path) -> None:
         bounds.write(bounds.study(jobs), work / bounds.REPORT.name)
+        straight_lines.write(straight_lines.study(jobs), work / straight_lines.REPORT.name)
+
+    def _bounds_pages() -> None:
+        bounds.publish(bounds.read(bounds.REPORT), bounds.PAGE, bounds.PICTURE)
+        straight_lines.publish(straight_lines.read(straight_lines.REPORT))
 
     def _lengths(work: Path) -> None:
         lengths.write(lengths.study(jobs), work / lengths.REPORT.name)
@@ -929,8 +935,8 @@ def studies(jobs: int) -> list[Stage]:
               in_place(sensorless.regenerate), (*drives,),
               lambda: sensorless.write_texts(sensorless.stored())),
         Stage("bounds", "switching frequency and THD over the bound (Paper A, Fig. 5)",
-              _modules("studies.bounds"), _bounds, (*rtl, *drives),
-              lambda: bounds.publish(bounds.read(bounds.REPORT), bounds.PAGE, bounds.PICTURE)),
+              _modules("studies.bounds", "studies.straight_lines"), _bounds, (*rtl, *drives),
+              _bounds_pages),
         Stage("lengths", "errors of predicted lengths", _modules("studies.lengths"), _lengths,
               (*drives,), lambda: lengths.publish(lengths.read(lengths.REPORT))),
         Stage("sese", "switching horizons SE and SESE in closed loop",

@@ -94,7 +94,8 @@ def of_accuracy(reports: Path) -> Section:
     -------
     dict
         `whole` as of fidelity.json; `budget` by group and setting; `decisions` by drive, bound,
-        speed, variant and driver; `loops` and `straight_line` by drive, bound, speed, controller.
+        speed, variant and driver; `loops` and `straight_line` by drive, bound, speed, controller;
+        `lengths` of the straight line by drive, setting and bound.
     """
     point = ("drive", "bound_current_pu", "omega_s_pu")
     return {
@@ -103,6 +104,7 @@ def of_accuracy(reports: Path) -> Section:
         "decisions": of_rows(reports / "fidelity_decisions.csv", (*point, "variant", "driver")),
         "loops": of_rows(reports / "fidelity_loops.csv", (*point, "controller")),
         "straight_line": of_rows(reports / "fidelity_straight_line.csv", (*point, "controller")),
+        "lengths": of_rows(reports / "straight_lines.csv", ("drive", "setting", "bound_pu")),
     }
 
 

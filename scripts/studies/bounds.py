@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
@@ -39,14 +40,19 @@ BOUNDS = (0.04, 0.05, 0.06, 0.07, 0.08, 0.10, 0.12, 0.14, 0.16, 0.18)
 SETTINGS = (
     ("ideal", "largest"), ("paper", "largest"), ("fast", "largest"),
     ("ideal", "weighted"), ("fast", "weighted"),
+    ("ideal", "shipped"), ("fast", "shipped"),
 )  # fmt: skip
-"""Controller and deadlock rule. The paper variant has the paper's rule alone."""
+"""Controller and deadlock rule. The paper variant has the paper's rule alone. "shipped": the
+drive file with all of its settings; the others have the bounds of `states.STUDIED`."""
 
 NAMES = {"ideal": "ideal, float64", "paper": "paper variant", "fast": "fast variant"}
 STARTS, STEPS, SETTLE = 8, 8000, 400
 EXPLORERS = 2
 RTL_ROWS = 100
 """Of each loop's first start, spread over it, that the RTL decides anew."""
+
+SHOWN = 0.10
+"""Bound at which the settings are compared: that of the shipped file."""
 
 PAPER_FSW, PAPER_THD = 8.0, 2.0
 """Paper A: largest differences of its FPGA from its ideal controller, %."""
@@ -75,13 +81,16 @@ def drive_of(bound: float, rule: str) -> Drive:
     bound : float
         Half width, per unit.
     rule : str
-        "largest" or "weighted".
+        "largest" or "weighted", with `states.STUDIED`, the other rules of Paper A and no filter;
+        or "shipped".
 
     Returns
     -------
     Drive
-        The 6 kV drive, otherwise as its file has it.
+        The 6 kV drive.
     """
+    if rule == "shipped":
+        return load_mpdcc_drive(states.DRIVES / f"{DRIVE}.toml").with_control(bound_current=bound)
     base = states.shipped(DRIVE)
     return base.with_control(bound_current=bound, deadlock_rule=rule)
 
@@ -98,7 +107,7 @@ def loop(
     controller : str
         Key of `NAMES`.
     rule : str
-        "largest" or "weighted".
+        As of `drive_of`.
     start : int
         Seed of angle and disturbance.
     steps : int
@@ -358,9 +367,9 @@ def capacitor_table(rows: Sequence[dict[str, Any]]) -> str:
     str
         A Markdown table.
     """
-    limit = drive_of(BOUNDS[0], "largest").bounds
     lines = []
     for controller, rule in SETTINGS:
+        limit = drive_of(BOUNDS[0], rule).bounds
         own = _of(rows, controller, rule)
         lines.append(
             (
@@ -377,6 +386,38 @@ def capacitor_table(rows: Sequence[dict[str, Any]]) -> str:
         "largest v_ph, pu", "v_ph outside, % of steps", "deadlocks, % of searches",
     )  # fmt: skip
     return tables.markdown(head, lines, "llr")
+
+
+def settings_table(rows: Sequence[dict[str, Any]]) -> str:
+    """What the loops of this study are set to, and what that makes of one bound.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As of `point`.
+
+    Returns
+    -------
+    str
+        A Markdown table.
+    """
+    lines = []
+    for controller, rule in SETTINGS:
+        drive = drive_of(SHOWN, rule)
+        (row,) = (r for r in _of(rows, controller, rule) if math.isclose(r["bound_pu"], SHOWN))
+        lines.append(
+            (
+                NAMES[controller], f"{drive.control.bound_vn:g} / {drive.control.bound_vph:g}",
+                f"`{drive.control.deadlock_rule}`, `{drive.control.outside_rule}`",
+                drive.control.capacitor_filter or "none",
+                f"{row['fsw_hz']:.0f}", f"{row['thd_pct']:.2f}",
+            )
+        )  # fmt: skip
+    head = (
+        "controller", "bounds of v_n / v_ph, pu", "deadlock, outside rule", "capacitor filter",
+        f"f_sw at {SHOWN:g} pu, Hz", "THD, %",
+    )  # fmt: skip
+    return tables.markdown(head, lines, "lllr")
 
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
@@ -432,7 +473,8 @@ def draw_capacitors(rows: Sequence[dict[str, Any]], path: Path) -> None:
     figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.4), sharex=True, layout="constrained")
     limits = drive_of(BOUNDS[0], "largest").bounds[3:5]
     colours = dict(zip(NAMES, COLOURS, strict=True))
-    for controller, rule in SETTINGS:
+    # the shipped file has other bounds of the voltages
+    for controller, rule in (setting for setting in SETTINGS if setting[1] != "shipped"):
         own = _of(rows, controller, rule)
         for axis, name in zip(axes, ("vn", "vph"), strict=True):
             axis.plot(
@@ -468,7 +510,10 @@ def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
     """
     draw(rows, picture)
     draw_capacitors(rows, picture.with_stem(f"{picture.stem}_capacitors"))
-    made = {"distortion": distortion_table, "largest": largest_table, "capacitors": capacitor_table}
+    made = {
+        "settings": settings_table, "distortion": distortion_table, "largest": largest_table,
+        "capacitors": capacitor_table,
+    }  # fmt: skip
     tables.rewrite(
         page, {(BEGIN.format(n), END.format(n)): table(rows) for n, table in made.items()}
     )
@@ -484,8 +529,10 @@ def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
     path : Path
         The file.
     """
+    commit, dirty = tools.git_state()
     head = (
         f"drive: {DRIVE}, omega_s 1.0 pu, rated current, SE; {STARTS} starts of {STEPS} steps",
+        f"commit: {commit}{' and changes' if dirty else ''}",
         f"ghdl: {tools.version('ghdl')}",
         "command: python -m scripts bounds",
     )

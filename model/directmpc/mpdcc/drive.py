@@ -17,6 +17,7 @@ from directmpc.drive_tables import (
     AnyDrive,
     GuardTable,
     Section,
+    auto_or,
     check_link,
     integer,
     number,
@@ -79,6 +80,8 @@ class Control(Section):
     that the positions move and correct them by 2^-q of what is measured besides; 0: no filter.
     `leakage_estimate` lets an estimate of the machine's leakage scale the prediction of the
     currents, in the cores and their model.
+    `extrapolation` and `correction` are L and p of Paper A's straight line, in the variant `paper`
+    alone; "auto": `directmpc.mpdcc.extrapolation` chooses them.
     """
 
     ts: Annotated[
@@ -96,6 +99,8 @@ class Control(Section):
     outside_rule: Literal["dead", "inwards"] = "dead"
     capacitor_filter: integer(0, 7) = 0
     leakage_estimate: Annotated[bool, Field(strict=True, description="true or false")] = False
+    extrapolation: auto_or(integer(1, 64)) = "auto"
+    correction: auto_or(number(0.0, 10.0, "")) = "auto"
 
 
 PAPERS_RULES: dict[str, Any] = {"deadlock_rule": "largest", "outside_rule": "dead"}

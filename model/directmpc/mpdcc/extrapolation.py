@@ -2,9 +2,10 @@
 
 Paper A predicts the stator current L steps on with one Euler step of length L T_s, corrected by
 ``p (L T_s omega_r)^2 psi_r`` (eq. 14a, A_2), turns the reference with the Euler rotation
-A_0 (eq. 14b), and interpolates in between (eq. 20). A second-order expansion of the machine gives
-p = X_m/(2D) in the limit of small L; the paper's 0.21096 belongs to a machine it does not state and
-matches no realistic leakage this way, so p is fitted here to the drive at hand.
+A_0 (eq. 14b), and interpolates in between (eq. 20). Only the product p L enters the slopes. A
+second-order expansion of the machine gives p = X_m/(2D) in the limit of small L, and p is fitted
+here to the drive at hand. With L = 1 the paper's 0.21096 matches no realistic leakage. With L = 64
+its product is that of p = X_m/(2D) and L near 5: docs/accuracy.md. Keys of the drive file set both.
 """
 
 from __future__ import annotations
@@ -13,16 +14,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.machine import InductionMachine, discretise
 
-LENGTHS = (1, 2, 4, 8, 16, 32, 64)
-"""Extrapolation lengths looked at: powers of two, so that a division by L is a shift."""
+LENGTH_HIGH = 64
+"""Longest L. Paper A's L are powers of two, for its division; here L enters a coefficient alone."""
+
+SHOWN = (1, 2, 4, 8, 16, 32, 64)
+"""Lengths that the table shows, beside the chosen one."""
 
 SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Speeds, per unit, over which the prediction error of a length is averaged."""
+
+BAND = 1.5
+"""Half widths of the bound that a current crosses in `typical_span`; chosen by THD and switching
+frequency of closed loops at rated speed: docs/accuracy.md."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +111,12 @@ def fit_correction(
 
 
 def typical_span(drive: Drive) -> int:
-    """Steps in which one level of voltage error takes a current to its bound, at most the horizon.
+    """Steps over which the prediction is to be right, at most the horizon.
 
-    One level on one phase is a space vector of (2/3) (v_dc/4). Most candidates live about that
-    long, so it is there that the prediction has to be right: a length that fits whole trajectories
-    through the bounds, several times longer, mistakes the many candidates that end early.
+    One level of voltage error on one phase is a space vector of (2/3) (v_dc/4). In these steps it
+    takes a current through `BAND` half widths of its bound: candidates that are chosen live about
+    that long. A shorter span predicts the many candidates that end early better, and more decisions
+    are those of the ideal controller, but the loop's THD is too low: docs/accuracy.md.
 
     Parameters
     ----------
@@ -122,41 +130,17 @@ def typical_span(drive: Drive) -> int:
     """
     m = drive.machine
     slope = m.xr / m.d * drive.ts_pu * drive.inverter.vdc / 6
-    return max(1, min(drive.control.horizon, round(drive.control.bound_current / slope)))
-
-
-def _prediction_errors(
-    drive: Drive, length: int, p: float, speeds: Sequence[float], span: int
-) -> NDArray[np.float64]:
-    """|error| of the linear prediction of i* - i in steady state, shape (speeds, span), per unit.
-
-    The state is that of rated current and flux, the voltage that which would keep the current on
-    its reference: every candidate adds to it a response that both predict nearly alike.
-    """
-    m, h = drive.machine, drive.ts_pu
-    rated = abs(m.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
-    steps = np.arange(1, span + 1)
-    errors = np.empty((len(speeds), span))
-    for row, omega_s in enumerate(speeds):
-        point = m.steady_state(omega_s, current=1.0, flux=rated)
-        w, i, psi, v = point.omega_r, point.i_s, point.psi_r, point.v_s
-        hl = length * h
-        linear = i * (1 + 1j * omega_s * hl) - (
-            (1 - hl / m.tau_s) * i
-            + (m.xm / m.d * hl * (1 / m.tau_r - 1j * w) + p * (hl * w) ** 2) * psi
-            + m.xr / m.d * hl * v
-        )
-        for column, step in enumerate(steps):
-            a11, a12, _, _, b1, _ = discretise(m.tau_s, m.tau_r, m.xm, m.xr, m.d, w, step * h)
-            exact = i * np.exp(1j * omega_s * step * h) - (a11 * i + a12 * psi + b1 * v)
-            errors[row, column] = abs(exact - linear * step / length)
-    return errors
+    span = round(BAND * drive.control.bound_current / slope)
+    return max(1, min(drive.control.horizon, span))
 
 
 def compare_lengths(
-    drive: Drive, lengths: Sequence[int] = LENGTHS, speeds: Sequence[float] = SPEEDS
+    drive: Drive, lengths: Sequence[int], speeds: Sequence[float] = SPEEDS
 ) -> list[Extrapolation]:
-    """Fit p for each length and state how well the linear prediction then does.
+    """Fit p for each length and state how well the linear prediction of i* - i then does.
+
+    The state is that of rated current and flux, the voltage that which would keep the current on
+    its reference: every candidate adds to it a response that both predict nearly alike.
 
     Parameters
     ----------
@@ -177,11 +161,32 @@ def compare_lengths(
     ValueError
         If a length is below 1 or all speeds are zero.
     """
-    span = typical_span(drive)
+    m, h = drive.machine, drive.ts_pu
+    rated = abs(m.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
+    points = [m.steady_state(omega_s, current=1.0, flux=rated) for omega_s in speeds]
+    steps = np.arange(1, typical_span(drive) + 1)
+    exact = np.empty((len(points), len(steps)), dtype=np.complex128)
+    for row, (omega_s, at) in enumerate(zip(speeds, points, strict=True)):
+        for column, step in enumerate(steps):
+            a11, a12, _, _, b1, _ = discretise(
+                m.tau_s, m.tau_r, m.xm, m.xr, m.d, at.omega_r, step * h
+            )
+            ahead = a11 * at.i_s + a12 * at.psi_r + b1 * at.v_s
+            exact[row, column] = at.i_s * np.exp(1j * omega_s * step * h) - ahead
     result = []
     for length in lengths:
-        correction = fit_correction(drive.machine, drive.ts_pu, length, speeds)
-        errors = _prediction_errors(drive, length, correction.p, speeds, span)
+        correction = fit_correction(m, h, length, speeds)
+        hl = length * h
+        line = np.array(
+            [
+                at.i_s * (1j * omega_s + 1 / m.tau_s)
+                - (m.xm / m.d * (1 / m.tau_r - 1j * at.omega_r)) * at.psi_r
+                - correction.p * hl * at.omega_r**2 * at.psi_r
+                - m.xr / m.d * at.v_s
+                for omega_s, at in zip(speeds, points, strict=True)
+            ]
+        )
+        errors = np.abs(exact - h * line[:, None] * steps)
         result.append(
             Extrapolation(correction, float(np.sqrt(np.mean(errors**2))), float(np.max(errors)))
         )
@@ -189,26 +194,36 @@ def compare_lengths(
 
 
 def choose_extrapolation(drive: Drive) -> tuple[int, float]:
-    """Choose L and p of Paper A's extrapolation for a drive.
+    """L and p of Paper A's extrapolation for a drive: its keys, or a choice where they are "auto".
 
-    The criterion: the least root-mean-square error of the predicted current error i* - i over the
-    steps 1 to `typical_span` and over the speeds `SPEEDS`, at rated current and flux; the shorter
-    length on a tie.
+    The criterion of L: the least root-mean-square error of the predicted current error i* - i over
+    the steps 1 to `typical_span` and over the speeds `SPEEDS`, at rated current and flux; the
+    shorter length on a tie. p is then the one that fits L.
 
     Parameters
     ----------
     drive : Drive
-        Its machine, sampling interval, v_dc, current bound and horizon count.
+        Its keys `extrapolation` and `correction`; for a choice its machine, sampling interval,
+        v_dc, current bound and horizon count.
 
     Returns
     -------
     length : int
-        L in steps, a power of two.
+        L in steps.
     p : float
-        The correction fitted for it (Paper A, eqs. 4, 9b and 14).
+        The correction (Paper A, eqs. 4, 9b and 14).
     """
-    best = min(compare_lengths(drive), key=lambda e: (e.rms_error, e.correction.length))
-    return best.correction.length, best.correction.p
+    length, p = drive.control.extrapolation, drive.control.correction
+    if length == "auto":
+        # what is best over a span is about as long as it
+        lengths = range(1, min(LENGTH_HIGH, 2 * typical_span(drive)) + 1)
+        best = min(
+            compare_lengths(drive, lengths), key=lambda e: (e.rms_error, e.correction.length)
+        )
+        length = best.correction.length
+    if p == "auto":
+        p = fit_correction(drive.machine, drive.ts_pu, length, SPEEDS).p
+    return length, p
 
 
 def format_table(drive: Drive) -> str:
@@ -222,10 +237,10 @@ def format_table(drive: Drive) -> str:
     Returns
     -------
     str
-        p, its error and the error of the prediction (both per unit) for each of `LENGTHS`.
+        p, its error and the error of the prediction (both per unit) for each of `SHOWN`.
     """
     m = drive.machine
-    chosen, _ = choose_extrapolation(drive)
+    chosen, p = choose_extrapolation(drive)
     lines = [
         f"correction p by least squares over omega_r = {SPEEDS[0]:g} to {SPEEDS[-1]:g} pu; "
         f"X_m/(2D) = {m.xm / (2 * m.d):.4f}",
@@ -234,11 +249,12 @@ def format_table(drive: Drive) -> str:
         "",
         "      L         p   A_d(L) rms   A_d(L) max   prediction rms   prediction max",
     ]
-    for entry in compare_lengths(drive):
+    for entry in compare_lengths(drive, sorted({*SHOWN, chosen})):
         c = entry.correction
         mark = "  <- chosen" if c.length == chosen else ""
         lines.append(
             f"   {c.length:4d}  {c.p:8.5f}   {c.rms_error:10.5f}   {c.max_error:10.5f}"
             f"   {entry.rms_error:14.5f}   {entry.max_error:14.5f}{mark}"
         )
+    lines += ["", f"the variant paper takes L = {chosen}, p = {p:.5f}"]
     return "\n".join(lines)

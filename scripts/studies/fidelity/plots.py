@@ -212,6 +212,39 @@ def decision_table(figures: dict[str, Any]) -> str:
     return tables.markdown(("", "fast variant", "paper variant"), rows, "lr")
 
 
+def speed_table(rows: Sequence[Row]) -> str:
+    """Decisions that differ by speed, all runs of both drives and directions.
+
+    Parameters
+    ----------
+    rows : Sequence[Row]
+        Of reports/fidelity_decisions.csv.
+
+    Returns
+    -------
+    str
+        Markdown; the smallest and the largest share of a drive, bound and direction in brackets.
+    """
+    lines = []
+    for speed in sorted({abs(row["omega_s_pu"]) for row in rows}):
+        cells = []
+        for variant in ("fast", "paper"):
+            of_point: dict[tuple[Any, ...], list[float]] = {}
+            for row in rows:
+                if row["variant"] == variant and abs(row["omega_s_pu"]) == speed:
+                    at = (row["drive"], row["bound_current_pu"], row["omega_s_pu"])
+                    total = of_point.setdefault(at, [0.0, 0.0])
+                    total[0] += row["differing"]
+                    total[1] += row["steps"]
+            shares = [100 * differing / steps for differing, steps in of_point.values()]
+            differing, steps = np.sum(list(of_point.values()), axis=0)
+            pooled = 100 * differing / steps
+            cells.append(f"{pooled:.2f} ({min(shares):.2f} to {max(shares):.2f})")
+        lines.append((f"{speed:g}", *cells))
+    head = ("speed (pu)", "fast variant: differ (%)", "paper variant: differ (%)")
+    return tables.markdown(head, lines, "lr")
+
+
 def loop_table(figures: dict[str, Any]) -> str:
     """Closed loops of their own, both variants.
 
@@ -337,6 +370,7 @@ def page_tables(
     exits = found["parabolas"]
     named = {
         "decisions": decision_table(figures),
+        "decisions by speed": speed_table(found["decisions"]),
         "loops": loop_table(figures),
         "budget": _budget_table(found["budget"]),
         "straight line": _straight_table(explaining),

@@ -151,6 +151,7 @@ def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
     found = {
         "parabolas": figures["parabolas"],
         "budget": tables.numbers(tables.read_csv(reports / "error_budget.csv"), ["setting"]),
+        "decisions": tables.numbers(tables.read_csv(reports / "fidelity_decisions.csv")),
     }
     straight = tables.numbers(tables.read_csv(reports / "fidelity_straight_line.csv"), ["setting"])
     tables.rewrite(page, plots.page_tables(figures, found, straight))
