@@ -36,6 +36,7 @@ from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcom
 from directmpc.host.registers import (
     RegisterValues,
     packed,
+    refuse_short,
     refuse_slow,
     registers_of,
     values,
@@ -494,7 +495,8 @@ class Board:
             nothing is written then. If a register does not keep what was written.
         ValueError
             If the drive cannot be used; the message names the key. In real time also if a decision
-            can outlast the guard's decision limit, as of `registers.refuse_slow`.
+            can outlast the guard's decision limit, or a leg's move the control period, as of
+            `registers.refuse_slow` and `refuse_short`.
 
         Warns
         -----
@@ -509,6 +511,7 @@ class Board:
             found = self.values(known, sensorless=sensorless)
             if self.real_time:
                 refuse_slow(known, found, self.variant, max(self.identity.explorers, 1))
+                refuse_short(known)
             for sentence in found.saturated:
                 warnings.warn(sentence, stacklevel=2)
             self.drive, self._encoder = known, Encoder(known)

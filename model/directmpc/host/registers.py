@@ -54,6 +54,9 @@ GUARD_TIMES = tuple(
     for name in ("dead_time", "minimum_on", "minimum_off", "decision_limit", "watchdog")
 )
 
+#: Dead times in the longest transition of a leg: six gates of five-level ones, docs/gate-guard.md.
+DEAD_TIMES = {"mpdcc": 5, "mptc": 1}
+
 #: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
 
@@ -655,6 +658,56 @@ def refuse_slow(
     )
 
 
+def move_time(dead_times: int, dead_time: float, minimum_on: float, minimum_off: float) -> float:
+    """Longest time from a decision until its leg may move again, as `gate_leg` moves it.
+
+    Parameters
+    ----------
+    dead_times : int
+        Between the gates of the longest transition: `DEAD_TIMES`.
+    dead_time, minimum_on, minimum_off : float
+        Of the gate guard, s.
+
+    Returns
+    -------
+    float
+        s, without the two clocks before the first gate.
+    """
+    return dead_times * dead_time + max(minimum_on, minimum_off)
+
+
+def refuse_short(drive: Drive | MptcDrive) -> None:
+    """Refuse a control period in which a leg cannot end its move.
+
+    A controller does not know of such times: with a shorter period its decisions would wait, and
+    the guard would trip at the second that does.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Its control period and its table `guard`; nothing is refused where a time is missing.
+
+    Raises
+    ------
+    ValueError
+        Naming the keys and what would serve.
+    """
+    guard, count = drive.guard, DEAD_TIMES[drive.controller]
+    times = (guard.dead_time, guard.minimum_on, guard.minimum_off)
+    if None in times:
+        return
+    longest = move_time(count, *times)
+    # equal but for the last bit is enough
+    if drive.control.ts < longest * (1 - 1e-9):
+        rest = "minimum_on" if guard.minimum_on > guard.minimum_off else "minimum_off"
+        moves = f"{count} x guard.dead_time" if count > 1 else "guard.dead_time"
+        raise ValueError(
+            f"control.ts: got {_ts(drive)}; a leg takes up to {1e6 * longest:.6g} us to move and "
+            f"rest ({moves} and guard.{rest}), and a decision before that would wait; a control "
+            f"period of {1e6 * longest:.6g} us at least or shorter times of the guard are needed"
+        )
+
+
 def _largest_budget(drive: Drive, variant: str, explorers: int, limit: int) -> int:
     """The largest budget with which every decision takes ``limit`` clocks; 0 if there is none.
 
@@ -734,6 +787,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
         found = values(drive, given.variant, clock=given.clock)
         refuse_slow(drive, found, given.variant, given.explorers)
+        refuse_short(drive)
         if given.c:
             text = format_c(drive, found, os.path.basename(given.drive))
         else:

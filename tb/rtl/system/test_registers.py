@@ -397,6 +397,40 @@ def test_what_one_explorer_cannot_keep_is_refused(
         assert complaints.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "ts", "guard", "words"),
+    [
+        ("anpc5l_6kv", 20e-6, {}, None),
+        ("anpc5l_6kv", 20e-6, {"minimum_off": 10e-6}, None),  # 5 x 2 us and 10 us
+        ("anpc5l_6kv", 20e-6, {"minimum_off": 10.1e-6},
+         "20 us; .* 20.1 us .*5 x guard.dead_time and guard.minimum_off.* 20.1 us at least"),
+        ("anpc5l_6kv", 50e-6, {"minimum_on": 41e-6}, "50 us; .*51 us .*guard.minimum_on"),
+        ("anpc5l_6kv", 50e-6, {"minimum_on": None, "dead_time": 1e-3}, None),
+        ("induction_2kw2", 20e-6, {"minimum_on": 18e-6}, None),
+        ("induction_2kw2", 20e-6, {"minimum_on": 18.5e-6},
+         r"20 us; .* 20.5 us .*\(guard.dead_time and guard.minimum_on\)"),
+    ],
+)  # fmt: skip
+def test_a_period_shorter_than_a_move_is_refused(
+    name: str, ts: float, guard: dict[str, float | None], words: str | None
+) -> None:
+    drive = load_drive(name).changed(control={"ts": ts}, guard=guard)
+    with (
+        pytest.raises(ValueError, match=f"^control.ts: got {words}")
+        if words
+        else (contextlib.nullcontext())
+    ):
+        registers.refuse_short(drive)
+
+
+def test_the_command_names_the_time_of_a_move(capsys: pytest.CaptureFixture) -> None:
+    path = str(ROOT / "drives" / "anpc5l_6kv.toml")
+    assert registers.main([path, "--minimum-on", "45e-6"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith(f"registers: {path}: control.ts: got 50 us; a leg takes up to 55 us")
+
+
 def written(folder: Path, name: str, settings: dict[str, object]) -> Path:
     """A drive file like a shipped one, with other settings."""
     text = plain_text(name)
