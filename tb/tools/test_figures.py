@@ -473,6 +473,13 @@ def slices(generics: str, base: str) -> int:
     return one - other
 
 
+KIT = "board_top-capacitor_filter_false-leakage_estimate_false-second_level_false"
+KIT_PAPER = (
+    "board_top-capacitor_filter_false-folded_true-inwards_false-leakage_estimate_false"
+    "-second_level_false-weighted_deadlock_false"
+)
+"""Builds of the Spartan-3 kit, with the fast and with the paper's explorer."""
+
 ONE = "mpdcc_core-explorers_1-"
 PLAIN = f"{ONE}folded_false"
 
@@ -593,6 +600,14 @@ SAID: dict[str, list[Said]] = {
     "docs/figures.md": [
         ("five of two explorers (fast variant) reach {} to {} MHz",
          lambda: placed("mpdcc_core,EXPLORERS=2 FOLDED=false")),
+    ],
+    "docs/boards.md": [
+        ("Core, observer, guard, registers and both links take {} of the 15,360 LUTs", lambda: (
+            f"{budgets.load().resources[KIT]['xc3s']['lut']:,}",)),
+        ("need {} slices, which is too much; if all did, {}", lambda: tuple(
+            f"{one:,}" for one in budgets.slices(budgets.load().resources[KIT]["xc3s"]))),
+        ("The build with the paper's explorer needs {} slices at most", lambda: (
+            f"{budgets.slices(budgets.load().resources[KIT_PAPER]['xc3s'])[0]:,}",)),
     ],
     "docs/bounds.md": [
         ("the 6 kV drive alone, rated speed, bounds of {} to {} pu, means of eight starts of {}",
