@@ -34,6 +34,7 @@ def main(port: str, steps: int = 400) -> list[complex]:
                 omega_s=1.0,
                 omega_r=simulator.omega_r,
                 applied=tuple(positions),
+                vdc=simulator.vdc,
             )
             positions = board.step(measured).apply  # what the inverter gets
             simulator.step(positions)

@@ -186,7 +186,8 @@ class MpdccState:
     applied : tuple of 3 ints
         Switch positions until now, s(k-1), 0 to 7.
     vdc : float, optional
-        dc-link voltage; the drive's nominal one if None.
+        Measured dc-link voltage; the drive's nominal one if None. A drive whose gates are on needs
+        it.
 
     Raises
     ------
@@ -267,6 +268,9 @@ class MptcState:
     applied : int or VectorSequence
         Number of the voltage vector that is being applied, u(k), 0 to 7; with the methods of two
         and three vectors also u1, u2, u3, t1, t2.
+    vdc : float, optional
+        Measured dc-link voltage, V; the drive's nominal one if None. A drive whose gates are on
+        needs it.
 
     Raises
     ------
@@ -280,6 +284,7 @@ class MptcState:
     torque_ref: float
     psi_ref: float
     applied: int | VectorSequence = 0
+    vdc: float | None = None
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -289,6 +294,8 @@ class MptcState:
         put(self, "torque_ref", _number("torque_ref", self.torque_ref, "N*m"))
         put(self, "psi_ref", _number("psi_ref", self.psi_ref, "Wb"))
         put(self, "applied", vector_or_sequence("applied", self.applied))
+        if self.vdc is not None:
+            put(self, "vdc", _number("vdc", self.vdc, "V"))
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> Self:
@@ -297,7 +304,8 @@ class MptcState:
         Parameters
         ----------
         row : mapping of str to number or str
-            Columns of the trace file to values, SI. With u1, u2, u3, t1, t2 `u` has no meaning.
+            Columns of the trace file to values, SI; `v_dc` may be missing. With u1, u2, u3, t1, t2
+            `u` has no meaning.
 
         Returns
         -------
@@ -318,6 +326,7 @@ class MptcState:
             applied=_column(row, "u")
             if "u1" not in row
             else [_column(row, name) for name in VectorSequence._fields],
+            vdc=row.get("v_dc"),
         )
 
 

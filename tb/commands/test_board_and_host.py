@@ -44,7 +44,9 @@ from tb.helpers.drives import plain_text
 BEFORE = clocks_of("state_observer", "flux")
 
 MPTC = "induction_2kw2"
-STATE = MptcState(current=1 + 0j, flux=0.9 + 0.1j, omega_r=100.0, torque_ref=5.0, psi_ref=0.9)
+STATE = MptcState(
+    current=1 + 0j, flux=0.9 + 0.1j, omega_r=100.0, torque_ref=5.0, psi_ref=0.9, vdc=540.0
+)
 ADDRESSES = {name: address for name, (address, _) in registers_of("mptc").items()}
 CONTROL = ADDRESSES["system.control"]
 
@@ -286,6 +288,29 @@ def test_a_drive_that_somebody_else_turns_off_is_an_error_in_a_step(steps: int) 
             board.step(STATE)
 
 
+def test_the_measured_link_voltage_is_sent_and_needed_while_gates_are_on() -> None:
+    sent: list[int] = []
+    model = Rehearsal()
+
+    def step(payload: bytes) -> Decision:
+        sent.append(int.from_bytes(payload[10:12], "little"))
+        return Decision(3, 1 << Flag.ENABLED, 0, 39, 0, 0x15)
+
+    model.step = step
+    row = {"is_alpha": 1.0, "is_beta": 0.0, "psis_alpha": 0.9, "psis_beta": 0.0, "omega_r": 0.0,
+           "torque_ref": 5.0, "psi_ref": 0.9, "u": 0}  # fmt: skip
+    with board_of(model) as board:
+        board.load(MPTC)
+        board.step(replace(STATE, vdc=None))  # no gate can come on: the nominal voltage serves
+        board.start()
+        for state in (replace(STATE, vdc=None), row):
+            with pytest.raises(ValueError, match="vdc: missing; the measured dc-link voltage"):
+                board.step(state)
+        board.step(replace(STATE, vdc=810.0))
+        board.step(row | {"v_dc": 270.0})
+    assert sent == [32768, 49152, 16384]
+
+
 def test_a_start_says_which_faults_it_clears() -> None:
     fields = registers_of("mptc")["system.faults"][1]
     model = Rehearsal()
@@ -464,7 +489,7 @@ with Board(sys.argv[1]) as board:
     board.start()
     applied = 0
     while True:
-        applied = board.step(MptcState(1 + 0j, 0.9 + 0.1j, 100.0, 5.0, 0.9, applied)).apply
+        applied = board.step(MptcState(1 + 0j, 0.9 + 0.1j, 100.0, 5.0, 0.9, applied, 540.0)).apply
 """
 """A host of one's own."""
 

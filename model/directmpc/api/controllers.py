@@ -241,7 +241,7 @@ def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: Sta
     assert isinstance(drive, MptcDrive)
     u, saturated, clamped = decide(
         parameters, state.current, state.flux, state.omega_r, _applied(drive, state),
-        drive.inverter.vdc, state.torque_ref, state.psi_ref,
+        drive.inverter.vdc if state.vdc is None else state.vdc, state.torque_ref, state.psi_ref,
     )  # fmt: skip
     chosen = VectorSequence(*u) if drive.control.sequences else int(u)
     if isinstance(chosen, VectorSequence) and not math.isfinite(chosen.t1 + chosen.t2):

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
+from directmpc.api.controllers import state_of
 from directmpc.api.drive_file import load_drive
 from directmpc.drive_tables import DriveError, GuardTable
 from directmpc.host import protocol as p
@@ -44,7 +45,7 @@ from directmpc.host.registers import (
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
-from directmpc.states import MpdccDecision, MptcDecision, State, VectorSequence
+from directmpc.states import MpdccDecision, MptcDecision, State, StateError, VectorSequence
 
 BAUD = 3_000_000
 """Bit rate of the boards' UART, 1/s."""
@@ -713,11 +714,14 @@ class Board:
         RuntimeError
             If no drive has been loaded.
         TypeError, StateError
-            If the state is none of the drive's kind, or has an impossible value.
+            If the state is none of the drive's kind, has an impossible value, or lacks the dc-link
+            voltage of a drive that was started.
         """
         if self.drive is None or self._encoder is None:
             raise RuntimeError("step: no drive has been loaded; load(drive) comes first")
-        words, clipped, position = self._encoder.words(state)
+        known = state_of(self.drive, state)
+        self.refuse_unmeasured(known)
+        words, clipped, position = self._encoder.words(known)
         answer = self.answer(words, position)
         return Reply(
             decision_of(self.drive.controller, answer, clipped, self.sequence()),
@@ -726,6 +730,25 @@ class Board:
             answer.has(Flag.ENABLED),
             answer.has(Flag.EXHAUSTED),
         )
+
+    def refuse_unmeasured(self, state: State) -> None:
+        """Refuse a state that lacks what the gate guard compares, while the drive is started.
+
+        Parameters
+        ----------
+        state : MpdccState or MptcState
+            As `step` takes it.
+
+        Raises
+        ------
+        StateError
+            If the drive was started and the state has no dc-link voltage.
+        """
+        if self._started and state.vdc is None:
+            raise StateError(
+                "vdc: missing; the measured dc-link voltage is needed while the drive is started, "
+                "because the gate guard compares it (a row's column v_dc)"
+            )
 
     def answer(self, words: list[int], position: int, name: str = "step") -> Decision:
         """Measurement words in, a decision out, or the error that says why there is none.

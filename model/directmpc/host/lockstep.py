@@ -220,7 +220,9 @@ class BoardController:
         TypeError, StateError
             If the state is none.
         """
-        words, clipped, position = self._encoder.words(state)
+        known = state_of(self.drive, state)
+        self.board.refuse_unmeasured(known)
+        words, clipped, position = self._encoder.words(known)
         answer = self.board.answer(words, position, f"step {len(self.answers)}")
         self.answers.append(answer)
         decision = decision_of(self.drive.controller, answer, clipped, self.board.sequence())

@@ -76,8 +76,9 @@ class Encoder:
                 "0 to 7"
             )
         first = known.applied if isinstance(known.applied, int) else known.applied[0]
+        vdc = self.drive.inverter.vdc if known.vdc is None else known.vdc
         words, clipped = mptc_bit_true.encode_row(
-            *self._formats, known.current, known.flux, known.omega_r, self.drive.inverter.vdc,
+            *self._formats, known.current, known.flux, known.omega_r, vdc,
             known.torque_ref, known.psi_ref,
         )  # fmt: skip
         return [int(word) for word in words], bool(clipped), int(first)

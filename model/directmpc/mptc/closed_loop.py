@@ -415,7 +415,7 @@ def drive_controller(
     for k in range(n):
         currents[k], measured = current, measure(given, k, current)
         state = MptcState(
-            measured, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied
+            measured, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied, vdc
         )
         decision = mptc_decision(controller.decide(state), k)
         inputs = (measured, flux, omega_r, applied, vdc, state.torque_ref, state.psi_ref)

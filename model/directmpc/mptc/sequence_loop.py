@@ -354,7 +354,7 @@ def drive_controller(
         torque_ref: float, psi_ref: float,
     ) -> tuple[VectorSequence, int, int]:  # fmt: skip
         nonlocal made
-        answer = controller.decide(MptcState(i, psi, omega_r, torque_ref, psi_ref, applied))
+        answer = controller.decide(MptcState(i, psi, omega_r, torque_ref, psi_ref, applied, vdc))
         decision = mptc_decision(answer, made)
         made += 1
         chosen = decision.apply
