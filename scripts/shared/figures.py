@@ -49,6 +49,41 @@ def pyplot() -> Any:
     return plt
 
 
+def in_si(axis: Any, factor: float, label: str) -> None:
+    """Show the ordinates in SI units as well, at the right-hand side.
+
+    Parameters
+    ----------
+    axis : Any
+        matplotlib's axes, per unit.
+    factor : float
+        SI units in one of them.
+    label : str
+        Of the second axis.
+    """
+    other = axis.secondary_yaxis("right", functions=(lambda y: y * factor, lambda y: y / factor))
+    other.set_ylabel(label)
+    other.spines["right"].set_visible(True)
+
+
+def counted(number: int, word: str) -> str:
+    """A number with its noun.
+
+    Parameters
+    ----------
+    number : int
+        How many.
+    word : str
+        Of one.
+
+    Returns
+    -------
+    str
+        "1 deadlock", "2 deadlocks".
+    """
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
 def from_zero(axis: Any) -> None:
     """Let an axis of ordinates begin at zero, with room above what it shows.
 

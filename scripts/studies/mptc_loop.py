@@ -19,12 +19,14 @@ from rich.table import Table
 from directmpc.api.simulation import plant_with
 from directmpc.host.console import progress_bar
 from directmpc.host.registers import duty_rule_word
+from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import RPM, Scenario, constant
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import NO_ERRORS, MptcErrors, compiled_errors
 from directmpc.mptc.formats import MEASUREMENTS, measurement_formats
+from directmpc.mptc.inverter import COMMUTATIONS, STATES
 from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sequence import TIME_STEPS
@@ -32,7 +34,7 @@ from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop
 from scripts.hdl.waves import Signal
-from scripts.shared.figures import COLOURS, pyplot, save_png
+from scripts.shared.figures import COLOURS, counted, pyplot, save_png
 
 PERIODS = 2
 """Periods of the rotor's electrical speed that are run unless the number of steps is given."""
@@ -47,6 +49,9 @@ SHARE_OF_TORQUE = 0.5
 
 SHARE_OF_VOLTAGE = 0.85
 """At high speed the flux is this share of what vdc/sqrt(3) carries: the torque needs the rest."""
+
+_LANE = 1.6
+"""Height of the lane of a leg's states, 0 and 1, in the picture."""
 
 CLOCKS_MHZ = (40, 100)
 """Clock frequencies that the time of a decision is stated for."""
@@ -400,19 +405,62 @@ def outcome(run: Run) -> Table:
         f"{run.torque[last].std():.2f} N m at control instants",
     )
     table.add_row("stator flux", f"{flux[last].mean():.3f} Wb (asked {run.point.flux:.4g})")
+    table.add_row("switching frequency", f"{switching_frequency(run):.0f} Hz per device")
     table.add_row("largest current", f"{np.hypot(*run.current.T).max():.2f} A")
     if cycles is not None:
         most = int(cycles.max())
         times = ", ".join(f"{most / clock:.2f} us at {clock} MHz" for clock in CLOCKS_MHZ)
         table.add_row("decision time", f"{most} clock cycles; {times}")
-    table.add_row("saturated", f"{int(run.decisions.saturated.sum())} decisions")
+    table.add_row("saturated", counted(int(run.decisions.saturated.sum()), "decision"))
     if said := advice(run):
         table.add_row("advice", said)
     return table
 
 
+def vectors(run: Run) -> tuple[FloatArray, IntArray]:
+    """Voltage vectors in the order in which they are applied.
+
+    Parameters
+    ----------
+    run : Run
+        The loop, n control periods.
+
+    Returns
+    -------
+    begins : ndarray of float64, shape (m + 1,)
+        Control periods from the start of the run; the last is the end.
+    numbers : ndarray of int64, shape (m,)
+        Of the vectors, 0 to 7; those of a period that take no time are left out.
+    """
+    applied = run.trace.sequences()
+    last = 1.0 - applied.times.sum(axis=1)
+    shares = np.clip(np.column_stack([applied.times, last]), 0.0, 1.0)
+    ends = np.arange(len(run))[:, None] + np.cumsum(shares, axis=1)
+    used = shares.ravel() > 1e-9
+    begins = (ends - shares).ravel()[used]
+    return np.append(begins, float(len(run))), applied.vectors.ravel()[used]
+
+
+def switching_frequency(run: Run) -> float:
+    """Mean switching frequency of the six devices: how often each turns on, a second.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    float
+        Hz.
+    """
+    _, numbers = vectors(run)
+    changes = COMMUTATIONS[numbers[:-1], numbers[1:]].sum()
+    return float(changes) / 2.0 / 3.0 / (len(run) * run.drive.control.ts)
+
+
 def draw(run: Run, name: str, path: Path) -> None:
-    """Draw speed, torque, flux and a phase current into a PNG file.
+    """Draw torque, flux, currents, vectors, switch states and a phase voltage into a PNG file.
 
     Parameters
     ----------
@@ -424,28 +472,49 @@ def draw(run: Run, name: str, path: Path) -> None:
         PNG file; its folder is made.
     """
     plt = pyplot()
-    t = 1e3 * run.drive.control.ts * np.arange(len(run))
+    ts = 1e3 * run.drive.control.ts
+    t = ts * np.arange(len(run))
     figure, axes = plt.subplots(
-        4, 1, figsize=(9.0, 8.0), sharex=True, height_ratios=(1.0, 2.5, 1.5, 2.0),
+        6, 1, figsize=(9.0, 11.0), sharex=True, height_ratios=(2.2, 1.4, 2.4, 1.2, 1.8, 1.6),
         layout="constrained",
     )  # fmt: skip
-    axes[0].plot(t, run.trace.omega_r / run.drive.machine.pole_pairs / RPM, color=COLOURS[0])
-    axes[0].set_ylabel("imposed\nspeed (r/min)")
     for ax, made, asked, label in (
-        (axes[1], run.torque, run.trace.torque_ref, "torque (N m)"),
-        (axes[2], np.hypot(*run.trace.psi_s.T), run.trace.psi_ref, "stator flux (Wb)"),
+        (axes[0], run.torque, run.trace.torque_ref, "torque (N m)"),
+        (axes[1], np.hypot(*run.trace.psi_s.T), run.trace.psi_ref, "stator flux (Wb)"),
     ):
         ax.plot(t, made, color=COLOURS[0], linewidth=0.8, label="machine")
         ax.step(t, asked, where="post", color="0.4", linewidth=0.8, label="reference")
         ax.set_ylabel(label)
-    axes[1].legend(loc="upper left", ncols=2, frameon=False)
-    axes[3].plot(t, run.current[:, 0], color=COLOURS[0], linewidth=0.8)
-    axes[3].set_ylabel("current of phase a (A)")
-    axes[3].set_xlabel("time (ms)")
-    axes[3].set_xlim(0, t[-1] if len(t) > 1 else 1)
+    currents = run.current @ CLARKE_INVERSE.T
+    begins, numbers = vectors(run)
+    states = STATES[numbers]
+    edges, lane_of = ts * begins, [_LANE * (2 - phase) for phase in range(3)]
+    for phase, (colour, lane) in enumerate(zip(COLOURS, lane_of, strict=True)):
+        axes[2].plot(t, currents[:, phase], color=colour, linewidth=0.8, label="abc"[phase])
+        axes[4].stairs(states[:, phase] + lane, edges, baseline=None, color=colour, linewidth=0.7)
+    axes[2].set_ylabel("phase currents (A)")
+    for ax, title in ((axes[0], None), (axes[2], "phases")):
+        ax.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False,
+            borderaxespad=0.2, title=title, title_fontsize=9,
+        )  # fmt: skip
+    axes[3].stairs(numbers, edges, baseline=None, color="0.2", linewidth=0.7)
+    axes[3].set_ylabel("voltage\nvector $u_j$")
+    axes[3].set_yticks(range(0, 8, 1), ["0", "", "2", "", "4", "", "6", ""])
+    axes[4].set_ylabel("switch states\nof legs a, b, c")
+    axes[4].set_yticks([lane + s for lane in lane_of for s in (0, 1)], ["0", "1"] * 3)
+    axes[4].text(
+        1.0, 1.0, f"{switching_frequency(run):.0f} Hz per device",
+        transform=axes[4].transAxes, ha="right", va="bottom",
+    )  # fmt: skip
+    star = run.drive.inverter.vdc * (states[:, 0] - states.mean(axis=1))
+    axes[5].stairs(star, edges, baseline=None, color=COLOURS[0], linewidth=0.7)
+    axes[5].set_ylabel("voltage of\nphase a (V)")
+    axes[5].set_xlabel("time (ms)")
+    axes[5].set_xlim(0, ts * len(run))
     figure.suptitle(
-        f"{name}, {run.point.rpm:g} r/min, {run.drive.control.method}: {run.controller}, exact "
-        "plant", fontsize=10,
+        f"{name}, imposed speed {run.point.rpm:g} r/min, {run.drive.control.method}\n"
+        f"{run.controller}, exact plant", fontsize=10,
     )  # fmt: skip
     figure.align_ylabels(axes)
     path.parent.mkdir(parents=True, exist_ok=True)

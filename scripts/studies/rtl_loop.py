@@ -31,6 +31,7 @@ from directmpc.mpdcc.closed_loop import (
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
+from directmpc.mpdcc.inverter import POSITIONS, phase_voltages
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.observer import FluxObserver
@@ -41,7 +42,7 @@ from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
-from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
+from scripts.shared.figures import COLOURS, counted, drive_title, in_si, pyplot, save_png
 from scripts.studies import robustness
 
 PERIODS = 2
@@ -67,8 +68,8 @@ NOISE_FILTER, HIGH_NOISE_FILTER = 4, 5
 HIGH_NOISE = 2 * robustness.NOISE_VOLTAGE
 """Rms of the noise of the capacitor voltages from which on it is high, per unit."""
 
-_LANE = 11.0
-"""Height of the lane of a phase's positions, 0 to 7, in the picture."""
+_LANE = 5.5
+"""Height of the lane of a phase's levels, -2 to 2, in the picture."""
 
 
 @dataclass(frozen=True)
@@ -402,7 +403,7 @@ def outcome(run: Run) -> Table:
         f"(bounds {drive.control.bound_current:g}, {drive.control.bound_vn:g}, "
         f"{drive.control.bound_vph:g})",
     )
-    table.add_row("saturated", f"{int(result.decisions.saturated.sum())} decisions")
+    table.add_row("saturated", counted(int(result.decisions.saturated.sum()), "decision"))
     return table
 
 
@@ -427,7 +428,9 @@ def latency(run: Run) -> Table:
     """
     searches = run.cycles[run.result.decisions.held == 0]
     held = run.cycles[run.result.decisions.held == 1]
-    table = Table(title=f"Decision time, {run.explorers} explorer(s), variant {run.variant}")
+    table = Table(
+        title=f"Decision time, {counted(run.explorers, 'explorer')}, variant {run.variant}"
+    )
     table.add_column("")
     table.add_column("clock cycles", justify="right")
     for clock in CLOCKS_MHZ:
@@ -453,8 +456,57 @@ def latency(run: Run) -> Table:
     return table
 
 
+def levels(positions: IntArray) -> IntArray:
+    """Voltage levels of a leg: positions 1 and 2 make the same voltage, so do 3 and 4, 5 and 6.
+
+    Parameters
+    ----------
+    positions : ndarray of int64
+        Switch positions, 0 to 7.
+
+    Returns
+    -------
+    ndarray of int64
+        -2 to 2, in quarters of the dc-link voltage where all capacitors are at their nominal one.
+    """
+    made = [phase_voltages((s, s, s), 4.0, 0.0, np.ones(3))[0] for s in range(POSITIONS)]
+    return np.rint(made).astype(np.int64)[positions]
+
+
+def machine_voltages(run: Run) -> NDArray[np.float64]:
+    """Voltages of the phases against the machine's star point, as they begin each step.
+
+    Parameters
+    ----------
+    run : Run
+        The loop.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        Shape (n, 3), per unit.
+    """
+    result = run.result
+    legs = np.array(
+        [
+            phase_voltages(s, vdc, state[4], state[5:])
+            for s, vdc, state in zip(
+                result.positions[1:], result.profile.vdc, result.state[:-1], strict=True
+            )
+        ]
+    )
+    return legs - legs.mean(axis=1, keepdims=True)
+
+
+def _torque(run: Run) -> NDArray[np.float64]:
+    """Electromagnetic torque of the plant's machine at each step and after the last, per unit."""
+    machine, state = plant_with(run.drive, run.factors).machine, run.result.state
+    current, flux = state[:, 0] + 1j * state[:, 1], state[:, 2] + 1j * state[:, 3]
+    return machine.xm / machine.xr * (flux.conjugate() * current).imag
+
+
 def draw(run: Run, path: Path) -> None:
-    """Draw currents, positions and capacitor voltages into a PNG file.
+    """Draw currents, voltage levels, voltage, torque and capacitor voltages into a PNG file.
 
     Parameters
     ----------
@@ -465,7 +517,7 @@ def draw(run: Run, path: Path) -> None:
     """
     plt = pyplot()
 
-    drive, result = run.drive, run.result
+    drive, result, base = run.drive, run.result, run.drive.base
     n = len(result)
     t = 1e3 * drive.control.ts * np.arange(n + 1)
     currents = result.state[:, :2] @ CLARKE_INVERSE.T
@@ -473,57 +525,73 @@ def draw(run: Run, path: Path) -> None:
         np.column_stack([result.profile.iref.real, result.profile.iref.imag]) @ CLARKE_INVERSE.T
     )
     figure, axes = plt.subplots(
-        4, 1, figsize=(9.0, 8.6), sharex=True, height_ratios=(3.0, 2.2, 1.3, 1.5),
+        6, 1, figsize=(9.0, 11.0), sharex=True, height_ratios=(3.0, 2.4, 1.6, 1.3, 1.2, 1.5),
         layout="constrained",
     )  # fmt: skip
-    bounds = drive.control
+    current, level, voltage, turning, neutral, capacitors = axes
+    bounds, made = drive.control, levels(result.positions)
     for phase in range(3):
         middle, colour = reference[:, phase], COLOURS[phase]
-        axes[0].fill_between(
+        current.fill_between(
             t[:n], middle - bounds.bound_current, middle + bounds.bound_current,
             color=colour, alpha=0.16, linewidth=0,
         )  # fmt: skip
-        axes[0].plot(t, currents[:, phase], color=colour, linewidth=0.8, label=PHASES[phase])
+        current.plot(t, currents[:, phase], color=colour, linewidth=0.8, label=PHASES[phase])
         # one lane per phase
         lane = _LANE * (2 - phase)
-        axes[1].step(
-            t, np.append(result.positions[1:, phase], result.positions[-1, phase]) + lane,
-            where="post", color=colour, linewidth=0.8,
+        level.axhline(lane, color="0.88", linewidth=0.6)
+        level.step(
+            t, np.append(made[1:, phase], made[-1, phase]) + lane, where="post", color=colour,
+            linewidth=0.8,
         )  # fmt: skip
-        axes[3].plot(t, result.state[:, 5 + phase], color=colour, linewidth=0.9)
-    axes[0].set_ylabel("phase currents (pu)")
-    axes[0].legend(loc="upper right", ncols=3, frameon=False, title="shaded: reference ± bound")
-    axes[0].set_ylim(top=1.7)
-    axes[1].set_ylabel("switch positions a, b, c")
-    lanes = [_LANE * lane for lane in range(3)]
-    axes[1].set_yticks([lane + s for lane in lanes for s in (0, 7)], ["0", "7"] * 3)
-    for lane in lanes[1:]:
-        axes[1].axhline(lane - (_LANE - 7) / 2, color="0.85", linewidth=0.6)
-    dead = np.flatnonzero(result.decisions.deadlock)
-    axes[1].plot(
-        t[dead], np.full(len(dead), lanes[-1] + 9.0), "|", color="0.1", markersize=5,
-        label=f"{len(dead)} deadlocks",
+        capacitors.plot(t, result.state[:, 5 + phase], color=colour, linewidth=0.9)
+    current.set_ylabel("phase currents (pu)")
+    in_si(current, base.current, "(A)")
+    # above the axes: a run of any speed and load may fill them
+    current.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.2,
+        title="phases; shaded: reference ± bound", title_fontsize=9, alignment="right",
     )  # fmt: skip
-    axes[1].set_ylim(-2.0, lanes[-1] + 15.0)
-    axes[1].legend(loc="upper right", frameon=False)
-    neutral = axes[2]
+    level.set_ylabel("voltage levels a, b, c\n" + r"($v_{dc}$/4)")
+    lanes = [_LANE * lane for lane in range(3)]
+    level.set_yticks([lane + s for lane in lanes for s in (-2, 0, 2)], ["−2", "0", "2"] * 3)
+    dead = np.flatnonzero(result.decisions.deadlock)
+    top = lanes[-1] + 3.5
+    level.plot(t[dead], np.full(len(dead), top), "|", color="0.1", markersize=5)
+    marked = " (marks above the levels)" if len(dead) else ""
+    level.text(
+        1.0, 1.0, f"{counted(len(dead), 'deadlock')}{marked}", transform=level.transAxes,
+        ha="right", va="bottom",
+    )  # fmt: skip
+    level.set_ylim(-3.0, top + 1.0)
+    star = machine_voltages(run)[:, 0]
+    voltage.step(t, np.append(star, star[-1]), where="post", color=COLOURS[0], linewidth=0.8)
+    voltage.set_ylabel("voltage of\nphase a (pu)")
+    in_si(voltage, 1e-3 * base.voltage, "(kV)")
+    turning.plot(t, _torque(run), color="0.2", linewidth=0.9)
+    turning.set_ylabel("torque (pu)")
+    omega = 2.0 * math.pi * base.frequency
+    in_si(turning, 1.5e-3 * base.voltage * base.current / omega, "(kN m per\npole pair)")
+    turning.margins(y=0.15)
     neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
     neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)
-    neutral.set_ylabel(r"$v_n$ (pu)")
+    neutral.set_ylabel("neutral\npoint (pu)")
+    in_si(neutral, base.voltage, "(V)")
     quarter = result.profile.vdc[0] / 4
-    axes[3].axhspan(
+    capacitors.axhspan(
         quarter - bounds.bound_vph, quarter + bounds.bound_vph, color="0.93", linewidth=0
     )
-    axes[3].set_ylabel(r"$v_{ph}$ (pu)")
-    axes[3].set_xlabel("time (ms)")
-    axes[3].set_xlim(0, t[-1])
-    base, speed = drive.base, float(result.profile.omega_s[0])
+    capacitors.set_ylabel("phase capacitors\na, b, c (pu)")
+    in_si(capacitors, 1e-3 * base.voltage, "(kV)")
+    capacitors.set_xlabel("time (ms); grey areas: bounds of the voltages")
+    capacitors.set_xlim(0, t[-1])
+    speed = float(result.profile.omega_s[0])
     figure.suptitle(
-        f"{drive_title(base.voltage)} at {speed * base.frequency:.3g} Hz; "
-        f"mpdcc_core, {run.variant} variant, {run.explorers} explorer"
-        f"{'s' if run.explorers > 1 else ''}, in RTL simulation with the exact plant\n"
-        f"{bounds.switching_horizon}, deadlock rule {bounds.deadlock_rule}; bounds: currents "
-        f"{bounds.bound_current:g}, v_n {bounds.bound_vn:g}, v_ph {bounds.bound_vph:g} pu",
+        f"{drive_title(base.voltage)} at {speed * base.frequency:.3g} Hz; mpdcc_core, "
+        f"{run.variant} variant, {counted(run.explorers, 'explorer')}, in RTL simulation with the "
+        f"exact plant\n{bounds.switching_horizon}, deadlock rule {bounds.deadlock_rule}; bounds: "
+        f"currents {bounds.bound_current:g}, neutral point {bounds.bound_vn:g}, phase capacitors "
+        f"{bounds.bound_vph:g} pu",
         fontsize=10,
     )
     figure.align_ylabels(axes)

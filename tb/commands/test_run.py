@@ -20,7 +20,7 @@ import pytest
 from rich.console import Console
 
 from directmpc import shipped_drives, simulate
-from directmpc.api.drive_file import load_mptc_drive
+from directmpc.api.drive_file import load_drive, load_mptc_drive
 from directmpc.api.simulation import plant_with
 from directmpc.mpdcc import closed_loop, ideal
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
@@ -33,9 +33,11 @@ from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import plant_parameters
+from directmpc.mptc.trace import MptcTrace
 from scripts.commands import replay, run
 from scripts.hdl import mptc_simulation, states
 from scripts.hdl.clocks import clocks_of
+from scripts.shared.figures import counted
 from scripts.shared.tools import ROOT
 from scripts.studies import mptc_loop, rtl_loop
 from tb.helpers import fst
@@ -588,3 +590,34 @@ def test_the_usual_point_of_a_two_level_drive() -> None:
     # full scale itself is allowed, either way
     full = 500.0 / 2 / mptc_closed_loop.RPM
     assert mptc_loop.Point.of(drive, -full).rpm == -full
+
+
+def test_levels_are_voltages_and_not_codes() -> None:
+    assert rtl_loop.levels(np.arange(8)).tolist() == [-2, -1, -1, 0, 0, 1, 1, 2]
+
+
+def test_vectors_of_a_period_stand_in_their_order() -> None:
+    drive = load_drive(ROOT / "drives/induction_2kw2.toml")
+    n = 3
+    trace = MptcTrace(
+        i_s=np.zeros((n, 2)), psi_s=np.zeros((n, 2)), omega_r=np.zeros(n), torque_ref=np.zeros(n),
+        psi_ref=np.ones(n), u=np.zeros(n, dtype=np.int64),
+        vectors=np.array([[1, 2, 0], [2, 2, 7], [0, 0, 0]]),
+        times=np.array([[0.5, 0.25], [0.0, 0.5], [1.0, 0.0]]),
+    )  # fmt: skip
+    run = mptc_loop.Run(
+        drive=drive, point=mptc_loop.Point.of(drive), trace=trace, current=np.zeros((n, 2)),
+        decisions=None, torque=np.zeros(n), differing=0, unlike_ideal=0, seconds=0.0,
+    )  # fmt: skip
+    begins, numbers = mptc_loop.vectors(run)
+    assert numbers.tolist() == [1, 2, 0, 2, 7, 0]
+    assert begins.tolist() == [0, 0.5, 0.75, 1, 1.5, 2, 3]
+    # 100, 110, 000, 110, 111, 000: 1 + 2 + 2 + 1 + 3 changes of three legs, two of them a period
+    assert mptc_loop.switching_frequency(run) == pytest.approx(9 / 6 / (3 * drive.control.ts))
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(0, "0 deadlocks"), (1, "1 deadlock"), (2, "2 deadlocks")]
+)
+def test_one_is_no_plural(number: int, said: str) -> None:
+    assert counted(number, "deadlock") == said
