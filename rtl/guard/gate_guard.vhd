@@ -64,6 +64,7 @@ entity gate_guard is
     -- result
     gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     running        : out   std_logic;                                              -- '1': gates follow decisions
+    live           : out   std_logic;                                              -- '1': enabled, without a fault
     waits          : out   std_logic_vector(2 downto 0);                           -- a, b, c; '1': no other goal yet
     resting        : out   std_logic;                                              -- '1': no leg is moving or about to
     taken_a        : out   std_logic_vector(2 downto 0);                           -- position of the gates of phase a
@@ -155,6 +156,7 @@ begin
       dead_now       => dead_now,
       rest_now       => rest_now,
       running        => running,
+      live           => live,
       faults         => faults
     );
 

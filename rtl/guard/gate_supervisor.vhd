@@ -54,6 +54,7 @@ entity gate_supervisor is
     dead_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- dead time in force, clocks
     rest_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- the longer minimum time, clocks
     running        : out   std_logic;                                   -- '1': gates follow decisions
+    live           : out   std_logic;                                   -- '1': enabled, without a fault
     faults         : out   std_logic_vector(FAULT_COUNT - 1 downto 0)   -- latched, bits as in gate_tables
   );
 end entity gate_supervisor;
@@ -261,6 +262,7 @@ begin
   dead_now    <= std_logic_vector(dead);
   rest_now    <= std_logic_vector(rest);
   running     <= active;
+  live        <= wanted;
   faults      <= latched;
 
 end architecture rtl;

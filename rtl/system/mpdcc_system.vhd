@@ -341,6 +341,7 @@ begin
       taken_b            => taken_b,
       taken_c            => taken_c,
       running            => is_running,
+      current            => open,
       faults             => faults
     );
 

@@ -151,6 +151,8 @@ architecture rtl of mptc_system is
   signal is_running     : std_logic;
   signal forget_own     : std_logic;       -- what was decided last is forgotten
   signal waits          : std_logic_vector(2 downto 0);
+  signal current        : std_logic;       -- the decision made last may reach gates
+  signal play_rst       : std_logic;       -- no sequence is played
   signal give           : std_logic;       -- the guard takes the goal of the clock before
   signal goal           : std_logic_vector(2 downto 0); -- a clock before give
   signal goal_a         : std_logic_vector(2 downto 0);
@@ -191,6 +193,7 @@ begin
   i_shell : entity work.system_shell
     generic map (
       FIVE_LEVEL      => false,
+      MEASUREMENTS    => 8,
       LEAST_DEAD_TIME => LEAST_DEAD_TIME
     )
     port map (
@@ -247,6 +250,7 @@ begin
       gates              => gates,
       waits              => waits,
       running            => is_running,
+      current            => current,
       faults             => faults
     );
 
@@ -595,10 +599,13 @@ begin
 
     end process p_own_sequence;
 
+    -- what was decided before a stop is not played behind it
+    play_rst <= rst or not current;
+
     i_sequencer : entity work.vector_sequencer
       port map (
         clk       => clk,
-        rst       => rst,
+        rst       => play_rst,
         start     => apply,
         u1        => own_sequence.u1,
         u2        => own_sequence.u2,
@@ -617,7 +624,7 @@ begin
     i_holder : entity work.goal_holder
       port map (
         clk     => clk,
-        rst     => rst,
+        rst     => play_rst,
         fresh   => apply,
         playing => playing,
         wanted  => wanted,

@@ -8,6 +8,10 @@
 -- Faults: the guard latches them and the register shows them. What software clears in the register is cleared in the
 -- guard one clock later.
 --
+-- Nothing old reaches a gate: a decision counts for the guard only if it began while the guard was live, with
+-- measurements that were new (measurement_watch), and the guard has been live since. current says so of the decision
+-- made last. Where it is '0', apply is not given to the guard, and its watchdog runs on.
+--
 -- Formats: as gate_guard; registers as docs/registers.md.
 -- Latency: go one clock after start; gates as gate_guard; registers show a state one clock later.
 -- Overflow: none; a start while a decision is under way is dropped and flagged.
@@ -24,6 +28,7 @@ library work;
 entity system_shell is
   generic (
     FIVE_LEVEL      : boolean                  := true; -- true: legs of eight gates, false: of two
+    MEASUREMENTS    : positive range 1 to 16   := 13;   -- registers that a measurement has, positions not counted
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
   );
   port (
@@ -87,6 +92,7 @@ entity system_shell is
     taken_b            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase b, while running
     taken_c            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase c, while running
     running            : out   std_logic;                     -- '1': gates follow decisions
+    current            : out   std_logic;                     -- '1': the decision made last may reach gates
     faults             : out   std_logic_vector(FAULT_COUNT - 1 downto 0) -- latched, bits as in gate_tables
   );
 end entity system_shell;
@@ -104,6 +110,14 @@ architecture rtl of system_shell is
   signal busy         : std_logic;
   signal ignored      : std_logic;             -- a start, of either kind
   signal taking_over  : std_logic;
+  signal taken        : std_logic;             -- measurements, from the ports
+  signal beginning    : std_logic;             -- go in the next clock
+  signal live         : std_logic;             -- the guard is enabled, without a fault
+  signal fresh        : std_logic;             -- measurements of the decision under way are new
+  signal measured     : std_logic;             -- they are there, and new
+  signal counts       : std_logic;             -- it may reach gates
+  signal made         : std_logic;             -- the decision before may
+  signal applied      : std_logic;
   signal pending      : std_logic;
   signal unchanged    : std_logic; -- shadows stay as they are: a commit waits, or is not carried out yet
   signal commits      : std_logic_vector(15 downto 0);
@@ -182,8 +196,8 @@ begin
       reset_observer => written.command.reset_observer.value,
       commit         => written.command.commit.value,
       ending         => decided,
-      take           => take,
-      begins         => begins,
+      take           => taken,
+      begins         => beginning,
       go             => begun,
       deciding       => busy,
       ignored        => ignored,
@@ -207,6 +221,48 @@ begin
       worst     => worst_cycles,
       decisions => decisions
     );
+
+  i_watch : entity work.measurement_watch
+    generic map (
+      COUNT => MEASUREMENTS
+    )
+    port map (
+      clk     => clk,
+      rst     => rst,
+      live    => live,
+      address => m_awaddr,
+      passed  => passed,
+      limit   => in_force.watchdog.clocks.value,
+      take    => taken,
+      begins  => beginning,
+      fresh   => fresh
+    );
+
+  p_current : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (begun = '1') then
+        counts <= fresh;
+      end if;
+
+      if (decided = '1') then
+        made <= counts;
+      end if;
+
+      if (live = '0' or rst = '1') then
+        counts <= '0';
+        made   <= '0';
+      end if;
+    end if;
+
+  end process p_current;
+
+  measured <= begun and fresh;
+  applied  <= apply and made;
+  current  <= made;
+  take     <= taken;
+  begins   <= beginning;
 
   go       <= begun;
   deciding <= busy;
@@ -241,12 +297,12 @@ begin
       enable         => enabled,
       external_trip  => external_trip,
       clear          => clear,
-      measured       => begun,
+      measured       => measured,
       is_alpha       => is_alpha,
       is_beta        => is_beta,
       v_dc           => v_dc,
-      start          => begun,
-      decided        => apply,
+      start          => measured,
+      decided        => applied,
       position_a     => position_a,
       position_b     => position_b,
       position_c     => position_c,
@@ -262,6 +318,7 @@ begin
       gates          => all_gates,
       waits          => waits,
       running        => is_running,
+      live           => live,
       resting        => is_resting,
       taken_a        => taken_a,
       taken_b        => taken_b,
@@ -317,6 +374,7 @@ begin
   shown.flags.start_ignored.hwset      <= ignored;
   shown.flags.observer_saturated.hwset <= observer_saturated;
   shown.flags.clamped.hwset            <= decided and clamped;
+  shown.flags.old_measurement.hwset    <= begun and live and not fresh;
 
   shown.faults.external_trip.hwset <= set(FAULT_EXTERNAL);
   shown.faults.over_current.hwset  <= set(FAULT_OVER_CURRENT);

@@ -411,6 +411,8 @@ package {name} is
     -- upper bits of the addresses of the guard's registers, and of the parameters'
     constant GUARD_BLOCK     : std_logic_vector(9 downto 6) := "{guard:04b}";
     constant PARAMETER_BLOCK : std_logic_vector(9 downto 8) := "{parameters:02b}";
+    -- upper bits of the addresses of the measurements
+    constant MEASUREMENT_BLOCK : std_logic_vector(9 downto 6) := "{measurements:04b}";
 {types}end package;
 """
 
@@ -640,7 +642,7 @@ def _places(top: AddrmapNode) -> dict[str, int]:
     addresses = {
         node.get_path().partition(".")[2]: node.absolute_address for node in _registers(top)
     }
-    for block, low in (("guard", 6), ("parameters", 8)):
+    for block, low in (("guard", 6), ("parameters", 8), ("measurements", 6)):
         own = {a >> low for name, a in addresses.items() if name.startswith(f"{block}.")}
         others = {a >> low for name, a in addresses.items() if not name.startswith(f"{block}.")}
         if len(own) != 1 or own & others:

@@ -546,6 +546,17 @@ class GateGuard:
         return self.state == "active"
 
     @property
+    def live(self) -> bool:
+        """Whether decisions may reach gates, where `enable` is 1.
+
+        Returns
+        -------
+        bool
+            True of a guard that has been disabled since the last reset or fault, and has none.
+        """
+        return self.primed and not self.faults
+
+    @property
     def resting(self) -> bool:
         """Whether no leg moves or is about to.
 

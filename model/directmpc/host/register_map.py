@@ -76,6 +76,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "start_ignored": (2, 1, False),
                 "observer_saturated": (3, 1, False),
                 "clamped": (4, 1, False),
+                "old_measurement": (5, 1, False),
             },
         ),
         "system.faults": (
@@ -743,6 +744,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "start_ignored": (2, 1, False),
                 "observer_saturated": (3, 1, False),
                 "clamped": (4, 1, False),
+                "old_measurement": (5, 1, False),
             },
         ),
         "system.faults": (

@@ -10,6 +10,8 @@ package directmpc_system_registers_pkg is
     -- upper bits of the addresses of the guard's registers, and of the parameters'
     constant GUARD_BLOCK     : std_logic_vector(9 downto 6) := "0001";
     constant PARAMETER_BLOCK : std_logic_vector(9 downto 8) := "01";
+    -- upper bits of the addresses of the measurements
+    constant MEASUREMENT_BLOCK : std_logic_vector(9 downto 6) := "1000";
 
     type \system_registers.capabilities.controller_in_t\ is record
         next_q : std_logic_vector(3 downto 0);
@@ -132,12 +134,17 @@ package directmpc_system_registers_pkg is
         hwset : std_logic;
     end record;
 
+    type \system_registers.flags.old_measurement_in_t\ is record
+        hwset : std_logic;
+    end record;
+
     type \system_registers.flags_in_t\ is record
         saturated : \system_registers.flags.saturated_in_t\;
         deadlock : \system_registers.flags.deadlock_in_t\;
         start_ignored : \system_registers.flags.start_ignored_in_t\;
         observer_saturated : \system_registers.flags.observer_saturated_in_t\;
         clamped : \system_registers.flags.clamped_in_t\;
+        old_measurement : \system_registers.flags.old_measurement_in_t\;
     end record;
 
     type \system_registers.faults.external_trip_in_t\ is record
@@ -302,12 +309,17 @@ package directmpc_system_registers_pkg is
         value : std_logic;
     end record;
 
+    type \system_registers.flags.old_measurement_out_t\ is record
+        value : std_logic;
+    end record;
+
     type \system_registers.flags_out_t\ is record
         saturated : \system_registers.flags.saturated_out_t\;
         deadlock : \system_registers.flags.deadlock_out_t\;
         start_ignored : \system_registers.flags.start_ignored_out_t\;
         observer_saturated : \system_registers.flags.observer_saturated_out_t\;
         clamped : \system_registers.flags.clamped_out_t\;
+        old_measurement : \system_registers.flags.old_measurement_out_t\;
     end record;
 
     type \system_registers.faults.external_trip_out_t\ is record

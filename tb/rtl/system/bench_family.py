@@ -79,6 +79,8 @@ class Reference:
 
     def clock(self, start: bool, enabled: int) -> None:
         """One rising edge."""
+        if not (enabled and self.guard.live):  # what was decided before a stop is forgotten
+            self.played, self.decided, self.holder = [], None, GoalHolder()
         apply = self.go and self.decided is not None
         if apply:
             sequence, segmented = self.decided
@@ -323,7 +325,30 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
     if estimator:
         shown = await bus.read("system.flags", "observer_saturated")
         board.check("full", shown, estimator.saturated, rig.where)
+    if estimator is None:
+        await enabled_again(rig, drive, seen, applied)
     await forgotten(rig, drive, seen)
+
+
+async def enabled_again(rig: Rig, drive: MptcDrive, seen: IntArray, applied: IntArray) -> None:
+    """Behind a stop the gates come on with a decision made since, not with one of before."""
+    reference, bus = rig.reference, rig.bus
+    assert reference is not None
+    for _ in range(1000):
+        await FallingEdge(rig.dut.clk)
+    await bus.write("system.control", enable=1, own_positions=1)
+    for n in range(3):
+        rig.where = f"{drive.control.method}, start {n} behind a stop"
+        wanted = expected(drive, seen, applied, int(applied[0]))
+        await rig.decide(seen)
+        reference.decided = wanted[0], drive.control.method == "SVM"
+        applied = np.array(wanted[0])
+        for _ in range(400):
+            await FallingEdge(rig.dut.clk)
+        rig.board.check("running again", number(rig.dut.running), int(n > 0), rig.where)
+    await bus.write("system.control", enable=0, own_positions=1)
+    for _ in range(4):
+        await FallingEdge(rig.dut.clk)
 
 
 def bit_true_formats(drive: MptcDrive) -> tuple:

@@ -99,6 +99,9 @@ FAULTS = {
     "not forgotten": (
         "mptc_system", "forget and not deciding and not is_running", "'0'", "decision|sequence",
     ),
+    "played behind a stop": (
+        "mptc_system", "play_rst <= rst or not current;", "play_rst <= rst;", "gates|running again",
+    ),
     "no early": ("mptc_system", "begun(FLAGS - 1) and early", "'0'", "flag"),
 }  # fmt: skip
 

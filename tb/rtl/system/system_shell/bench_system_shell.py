@@ -21,6 +21,15 @@ DEAD_TIME = 240  # clocks, of commutations that are looked at
 TRIES = 4_000
 
 
+#: Least checks of `old`.
+OLD = {"before": 2, "missing": 1, "off": 1, "all but one": 1}
+
+
+async def bus_source(system: System) -> None:
+    """Measurements come from the ports again."""
+    await system.bus.write("system.control", enable=0, registers_as_source=0)
+
+
 async def commit(system: System) -> None:
     """What was written, in force."""
     await system.bus.write("system.command", commit=1)
@@ -166,6 +175,71 @@ async def late(system: System) -> None:
     await bus.write("system.control", enable=0)
 
 
+async def old(system: System) -> None:
+    """Nothing old reaches a gate: no measurement of before, none twice, none that lacks a part."""
+    bus, board, rng, dut = system.bus, system.board, system.rng, system.dut
+    five = system.controller == "mpdcc"
+    every = dict.fromkeys(bus.registers["system.faults"][1], 1)
+    loop = [] if five else mptc_rows.recorded("induction_2kw2", "MPTC", 800.0, 5.0, 60).measurements
+    # a decision for the next step takes effect with the next start
+    needed = 1 if five else 2
+
+    def measured() -> dict[str, int]:
+        if five:
+            return near(system, rng)
+        return dict(zip(system.inputs, map(int, rng.choice(list(loop))), strict=False)) | {"u": 0}
+
+    async def put(names: list[str]) -> None:
+        m = measured()
+        for name in names:
+            await bus.write(f"measurements.{name}", value=m[name])
+
+    async def start() -> tuple[int, int]:
+        """Decide on the registers; whether gates follow, and the flag."""
+        await bus.write("system.flags", old_measurement=1)
+        await bus.write("system.command", start=1)
+        while await bus.read("system.status", "busy"):
+            pass
+        for _ in range(20):
+            await FallingEdge(dut.clk)
+        return number(dut.running), await bus.read("system.flags", "old_measurement")
+
+    async def anew() -> None:
+        await bus.write("system.control", enable=0, registers_as_source=1, own_positions=1)
+        await bus.write("system.faults", **every)
+
+    names = [name for name in system.inputs if not name.startswith("s_prev") and name != "u"]
+    dut.enable.value = 1
+    await system.write_parameters(shipped(system))
+    await anew()
+    await settings(system, watchdog=4_000, decision_limit=3_000)
+    # measured before the guard was enabled, however whole
+    await put(names)
+    await bus.write("system.control", enable=1, registers_as_source=1, own_positions=1)
+    for n in range(2):
+        board.check("before", await start(), (0, 1), f"start {n}")
+    # all of them since, once for each start
+    for n in range(needed):
+        await put(names)
+        board.check("new", await start(), (int(n == needed - 1), 0), f"start {n}")
+    # starts alone go on: they keep no gate on
+    for _ in range(300):
+        if not (await start())[0]:
+            break
+        board.cover("commands alone")
+    found = [name for name in every if await bus.read("system.faults", name)]
+    board.check("missing", found, ["missing"], str(system.board.covered))
+    board.check("off", number(dut.gates), 0)
+    # all but one
+    await anew()
+    await bus.write("system.control", enable=1, registers_as_source=1, own_positions=1)
+    for n in range(2):
+        await put(names[1:])
+        if (await bus.read("system.status", "fault")) == 0:
+            board.check("all but one", await start(), (0, 1), f"start {n}")
+    await anew()
+
+
 @cocotb.test()
 async def system_shell(dut) -> None:
     """The shell of either system."""
@@ -174,13 +248,18 @@ async def system_shell(dut) -> None:
     await system.begin()
     if given["controller"] == "mptc":
         await flags(system)
+        await old(system)
+        await bus_source(system)
         await commutations(system)
         system.board.finish(
-            {"flags": 5, "cleared": 5, "commutating": 16, "rests": 24}, {"moves": 3}
+            {"flags": 5, "cleared": 5, "commutating": 16, "rests": 24} | OLD,
+            {"moves": 3, "commands alone": 2},
         )
         return
     await copied(system, 26)
     await not_in_force(system, 8)
+    await old(system)
+    await bus_source(system)
     await late(system)
     least = {"copied": 10, "not in force": 8, "in force": 8, "enable": 8, "faults": 36}
-    system.board.finish(least, {"while copied": 10})
+    system.board.finish(least | OLD, {"while copied": 10, "commands alone": 2})

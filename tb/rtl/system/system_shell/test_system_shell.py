@@ -2,10 +2,11 @@
 
 Stimulus: decisions with each combination of flags, cleared at once; commutations of 240 clocks; a
 shadow written in any clock of a copy; an enable while the commit of a setting waits for a decision;
-limits of a decision above and below its clocks.
+limits of a decision above and below its clocks; measurements in registers from before an enable,
+not all of them, and starts without any.
 Checks: flags tell of a decision and stay cleared; the status tells of a commutation while it lasts;
 a shadow is refused until all are copied; no enable with settings that are not in force; the fault
-of a late decision, and no other.
+of a late decision, and no other; old measurements turn no gate on, and starts alone keep none on.
 Timing: what the registers show is looked at 20 clocks behind a decision.
 Does not prove: what test_system has.
 """
@@ -46,10 +47,18 @@ FAULTS = {
     "flag": ("mptc", Fault("system_shell", "<= decided and clamped;", "<= clamped;", "cleared:")),
     "status": ("mptc", Fault("system_shell", "<= not is_resting;", "<= '0';", "commutating:")),
     "copy": ("mpdcc", Fault("system_shell", "pending or load_waits;", "pending;", "copied:")),
+    "kept alive": (
+        "mptc",
+        Fault("system_shell", "applied  <= apply and made;", "applied  <= apply;", "missing:"),
+    ),
+    "measured before": (
+        "mpdcc", Fault("system_shell", "measured <= begun and fresh;", "measured <= begun;", "(before|missing):"),
+    ),
+    "told": ("mptc", Fault("system_shell", "<= begun and live and not fresh;", "<= '0';", "bef")),
     "start": (
         "mpdcc",
-        Fault("system_shell", "start          => begun,\n      decided",
-              "start          => apply,\n      decided", "faults:"),
+        Fault("system_shell", "start          => measured,\n      decided",
+              "start          => apply,\n      decided", "(faults|missing):"),
     ),
 }  # fmt: skip
 
