@@ -16,6 +16,8 @@ import numpy as np
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.console import terminable
 from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.inverter import STATES
+from directmpc.mptc.sequence import WHOLE_FROM
 from directmpc.mptc.sequence_loop import SequenceRun
 from scripts.shared import progress, tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
@@ -602,6 +604,28 @@ def _transients(f: Figures) -> str:
     return tables.markdown(["", *columns], rows, "lr")
 
 
+def _parameters(f: Figures) -> str:
+    """Fig. 1: resistances that are off, with an imposed speed and behind the speed PI."""
+    rows = []
+    for rpm in study.PARAMETER_SPEEDS:
+        for text, quantity, form in (
+            ("flux, Wb (asked 0.9)", "flux_mean_wb", ".3f"),
+            ("largest error of its estimate, mWb", "estimate_error_mwb", ".0f"),
+            ("mean torque, N m", "torque_mean_nm", ".2f"),
+            ("torque ripple, N m", "torque_ripple_nm", ".2f"),
+            ("THD of the current, %", "thd_pct", ".1f"),
+        ):
+            cells = []
+            for name in (study.IMPOSED, study.BEHIND_PI):
+                for factor in study.FACTORS:
+                    value = f(name, f"R x {factor:g}", rpm, quantity)
+                    shown = format(value, form)
+                    cells.append(shown.lstrip("-") if float(shown) == 0.0 else shown)
+            rows.append([f"{rpm:g} r/min: {text}", *cells])
+    head = [f"{how}, R x {x:g}" for how in ("imposed", "speed PI") for x in study.FACTORS]
+    return tables.markdown(["R_s and R_r, times the controller's", *head], rows, "lr")
+
+
 def texts(f: Figures) -> dict[str, str]:
     """Every table of the page.
 
@@ -623,6 +647,7 @@ def texts(f: Figures) -> dict[str, str]:
         "ripple": _over_speed(f, "torque ripple, N m, at r/min", "torque_ripple_nm", ".2f"),
         "switching": _over_speed(f, "switching frequency, Hz, at r/min", "switching_hz", ".0f"),
         "transients": _transients(f),
+        "parameters": _parameters(f),
     }
 
 
@@ -815,6 +840,131 @@ def _draw_runs(
     _save(figure, path)
 
 
+def _draw_parameters(curves: study.Curves, f: Figures, path: Path) -> None:
+    """Fig. 1: current and flux with resistances that are off, at low and high speed."""
+    figure, axes = _axes(2 * len(study.FACTORS), len(study.PARAMETER_SPEEDS), (8.0, 9.5))
+    for column, rpm in enumerate(study.PARAMETER_SPEEDS):
+        shown = 2.0 / (rpm / 60.0 * 2.0)  # two periods of the current
+        for place, (factor, colour) in enumerate(zip(study.FACTORS, COLOURS, strict=True)):
+            run = curves.parameters[rpm, factor].run
+            steps = round(shown / run.ts)
+            t = 1e3 * run.ts * np.arange(steps)
+            name = f"R x {factor:g}"
+            error = f(study.BEHIND_PI, name, rpm, "estimate_error_mwb")
+            current, flux = axes[2 * place][column], axes[2 * place + 1][column]
+            current.plot(t, run.trace.i_s[-steps:, 0], color=colour, linewidth=0.7)
+            flux.plot(t, run.flux[-steps:], color=colour, linewidth=0.7)
+            flux.set_ylim(0.6, 1.0)
+            current.set_title(
+                f"{rpm:g} r/min, R x {factor:g}: flux estimate off by {error:.0f} mWb",
+                fontsize=9,
+            )
+            if column == 0:
+                current.set_ylabel("phase a (A)")
+                flux.set_ylabel("flux (Wb)")
+        axes[-1][column].set_xlabel("time (ms)")
+    figure.suptitle(
+        "2.2 kW drive, MPTC on the observer's flux, R_s and R_r off, no load, 0.9 Wb asked,\n"
+        "speed PI, bit-true model (Paper B, Fig. 1)",
+        fontsize=10,
+    )
+    _save(figure, path)
+
+
+def _draw_steady(
+    curves: study.Curves, which: str, names: Sequence[str], title: str, path: Path
+) -> None:
+    """Figs. 8 and 13: torque, flux and current at low speed, a column for each method."""
+    figure, axes = _axes(3, len(names), (9.0, 6.0), sharex=True, sharey="row")
+    for column, (name, colour) in enumerate(zip(names, COLOURS, strict=True)):
+        run = curves.steady[which, name]
+        samples = round(0.4 / run.sample_time)
+        t = run.sample_time * np.arange(samples)
+        for row, values in enumerate(
+            (run.torque_inside, curves.flux[which, name], run.current_inside.real)
+        ):
+            axes[row][column].plot(t, values[-samples:], color=colour, linewidth=0.4)
+        axes[0][column].set_title(_with_rate(name), fontsize=9)
+        axes[-1][column].set_xlabel("time (s)")
+    for row, label in enumerate(("torque (N m)", "stator flux (Wb)", "phase a (A)")):
+        axes[row][0].set_ylabel(label)
+    figure.suptitle(title, fontsize=10)
+    _save(figure, path)
+
+
+def _shown_vectors(run: SequenceRun) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the first and second vector of each period: both zero vectors are 0, -1: none."""
+    vectors, times = run.decided.vectors, run.decided.times
+    first, second = (np.where(vectors[:, place] == 7, 0, vectors[:, place]) for place in (0, 1))
+    return first, np.where(times[:, 0] < WHOLE_FROM, second, -1)
+
+
+def _draw_startup(curves: study.Curves, path: Path) -> None:
+    """Fig. 11: the vectors that GTV selects in a start."""
+    run = curves.two_vectors["start"]
+    t = run.ts * np.arange(len(run.torque))
+    figure, axes = _axes(3, 1, (8.0, 5.5), sharex=True)
+    axes[0][0].plot(t, _rpm(run), color=COLOURS[0], linewidth=1.0)
+    axes[0][0].set_ylabel("speed (r/min)")
+    for (ax,), values, colour, label in zip(
+        axes[1:], _shown_vectors(run), COLOURS[1:], ("first vector", "second vector"), strict=True
+    ):
+        seen = values >= 0
+        ax.plot(t[seen], values[seen], "|", color=colour, markersize=5, markeredgewidth=0.25)
+        ax.set_ylabel(label)
+        ax.set_yticks(range(7))
+        ax.set_ylim(-0.6, 6.6)
+    axes[0][0].set_xlim(0.08, 0.35)
+    axes[-1][0].set_xlabel("time (s); both zero vectors are 0")
+    figure.suptitle(
+        "2.2 kW drive, GTV at 10 kHz, start to 1500 r/min without load, 0.9 Wb, bit-true model "
+        "(Paper B, Fig. 11)",
+        fontsize=10,
+    )
+    _save(figure, path)
+
+
+def _draw_load_step(curves: study.Curves, path: Path) -> None:
+    """Fig. 12: vectors of GTV and the pulses of a switch, in a load step and after it."""
+    run = curves.two_vectors["load step"]
+    figure, axes = _axes(4, 2, (9.0, 7.0), sharex="col", sharey="row")
+    inside = run.sample_time * np.arange(len(run.torque_inside))
+    t = run.ts * np.arange(len(run.torque))
+    first, second = _shown_vectors(run)
+    applied = run.trace.sequences()
+    edges = np.column_stack([t, t + run.ts * applied.times[:, 0]]).ravel()
+    legs = STATES[applied.vectors[:, :2], 0].ravel()
+    for column, (title, begin) in enumerate((("load step", 0.099), ("steady state", 0.55))):
+        end = begin + 0.006
+        for values, x, row in ((run.torque_inside, inside, 0),):
+            seen = (x >= begin) & (x <= end)
+            axes[row][column].plot(1e3 * x[seen], values[seen], color=COLOURS[0], linewidth=0.7)
+        for values, row, colour in ((first, 1, COLOURS[1]), (second, 2, COLOURS[2])):
+            seen = (t >= begin) & (t <= end) & (values >= 0)
+            axes[row][column].plot(1e3 * t[seen], values[seen], ".", color=colour, markersize=4)
+            axes[row][column].set_yticks(range(7))
+            axes[row][column].set_ylim(-0.6, 6.6)
+        seen = (edges >= begin) & (edges <= end)
+        axes[3][column].step(
+            1e3 * edges[seen], legs[seen], where="post", color="0.3", linewidth=0.7
+        )
+        axes[3][column].set_ylim(-0.2, 1.2)
+        axes[3][column].set_yticks((0, 1))
+        axes[0][column].set_title(title, fontsize=9)
+        axes[3][column].set_xlabel("time (ms)")
+    axes[0][0].axvline(100.0, color="0.7", linewidth=0.6)
+    for row, label in enumerate(
+        ("torque (N m)", "first vector", "second vector", "upper switch,\nphase a")
+    ):
+        axes[row][0].set_ylabel(label)
+    figure.suptitle(
+        "2.2 kW drive, GTV at 10 kHz, 100 % load step at 100 ms, 1500 r/min, 0.9 Wb, bit-true "
+        "model (Paper B, Fig. 12)",
+        fontsize=10,
+    )
+    _save(figure, path)
+
+
 STEP_LABELS = {
     **{name: _with_rate(name) for name in study.STEP_METHODS},
     "FOC": f"{_with_rate('FOC')}, current loop 250 Hz",
@@ -892,7 +1042,20 @@ def regenerate(texts_only: bool = False) -> None:
                 "dynamics": lambda path: _draw_dynamics(curves, path),
                 "compared": lambda path: _draw_compared(curves, path),
                 "steps": lambda path: _draw_steps(curves, path),
-            }
+                "parameters": lambda path: _draw_parameters(curves, found, path),
+                "no_load": lambda path: _draw_steady(
+                    curves, "no load", study.SHOWN_UNLOADED,
+                    "2.2 kW drive, 150 r/min, no load, 0.986 Wb, speed PI, bit-true model "
+                    "(Paper B, Fig. 8)", path,
+                ),
+                "low_speed": lambda path: _draw_steady(
+                    curves, "rated load", study.SHOWN_LOADED,
+                    "2.2 kW drive, 150 r/min, 14 N m, 0.9 Wb, speed imposed, bit-true model "
+                    "(Paper B, Fig. 13)", path,
+                ),
+                "startup": lambda path: _draw_startup(curves, path),
+                "load_step": lambda path: _draw_load_step(curves, path),
+            }  # fmt: skip
             for name, draw in drawings.items():
                 draw(REPORTS / f"paper_b_{name}.png")
             tools.write(CSV, tables.csv_text(rows))

@@ -432,16 +432,20 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """
     plt = pyplot()
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 6.0), sharex=True)
-    styles = {"ideal": ("--", "none"), "paper": ("-", "s"), "fast": ("-", "o")}
-    for colour, (name, (line, marker)) in zip(COLOURS, styles.items(), strict=True):
+    # the curves lie on one another: marks of different sizes, the dashes on top
+    styles: dict[str, dict[str, Any]] = {
+        "ideal": {"linestyle": "--", "zorder": 4},
+        "paper": {"marker": "s", "markersize": 3},
+        "fast": {"marker": "o", "markersize": 8, "markerfacecolor": "none"},
+    }
+    for colour, (name, style) in zip(COLOURS, styles.items(), strict=True):
         own = _of(rows, name, "largest")
         x = [row["bound_pu"] for row in own]
         for axis, quantity, unit in ((axes[0], "fsw", "hz"), (axes[1], "thd", "pct")):
             axis.errorbar(
                 x, [row[f"{quantity}_{unit}"] for row in own],
                 yerr=[row[f"{quantity}_error_{unit}"] for row in own],
-                label=NAMES[name], linestyle=line, color=colour, linewidth=1.2,
-                marker=None if marker == "none" else marker, markersize=4, capsize=2,
+                label=NAMES[name], color=colour, linewidth=1.2, capsize=2, **style,
             )  # fmt: skip
     axes[0].set_ylabel("switching frequency (Hz)")
     axes[1].set_ylabel("THD of the stator current (%)")

@@ -9,17 +9,20 @@ The predictive methods are bit-true; FOC, which the paper compares with, is in f
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from directmpc.compiled import njit
 from directmpc.distortion import thd
-from directmpc.mptc import closed_loop, foc, sequence_loop
+from directmpc.mptc import closed_loop, foc, ideal_sequences, sequence_loop
 from directmpc.mptc.closed_loop import RPM, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.foc import FocTuning
-from directmpc.mptc.inverter import UNIT
+from directmpc.mptc.inverter import UNIT, ZERO_FROM
 from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.sensorless import SensorlessRun
 from directmpc.mptc.sequence import WHOLE_FROM, is_active, segments
@@ -50,6 +53,18 @@ CRAWL_SECONDS = 6.0  # length of the low speed without a sensor, s: several peri
 SECONDS = 3.0  # length of a run in the steady state, s
 STEP_TORQUE = 1.2 * RATED_TORQUE  # N*m
 
+ALL_PAIRS = "GTV, all pairs"
+"""GTV with any two of the seven voltages, in float64: the paper's 'two arbitrary vectors'. Of the
+42 ordered pairs two each end at the same point; the first vector is active, of two active ones the
+one with the lower number. GTV itself has 12 of these 21."""
+
+FACTORS = (1.0, 1.5, 2.0)
+"""Resistances of stator and rotor over the controller's (Fig. 1)."""
+
+PARAMETER_SPEEDS = (LOW_SPEED, FULL_SPEED)  # r/min, of Fig. 1
+PARAMETER_SECONDS = 3.0  # s; figures are of the second half
+IMPOSED, BEHIND_PI = "resistances, speed imposed", "resistances, speed PI"
+
 #: Control periods, s: Paper B's, where it states one.
 PERIODS = single.PERIODS | {"FOC": foc.PERIOD}
 
@@ -63,6 +78,8 @@ UNLOADED: dict[str, tuple[str, str, float]] = {
     "MPTC2": ("MPTC2", "deadbeat", 100.0),
     "MPTC2, mean": ("MPTC2", "mean", 100.0),
     "MPTC2, best": ("MPTC2", "best", 100.0),
+    "GTV": ("GTV", "deadbeat", 100.0),
+    ALL_PAIRS: ("GTV", "deadbeat", 100.0),
 }
 #: Controllers at rated load over speed.
 LOADED: dict[str, tuple[str, str, float]] = {
@@ -71,6 +88,7 @@ LOADED: dict[str, tuple[str, str, float]] = {
     "MPTC2": ("MPTC2", "deadbeat", 100.0),
     "MPTC2, mean": ("MPTC2", "mean", 100.0),
     "GTV": ("GTV", "deadbeat", 100.0),
+    ALL_PAIRS: ("GTV", "deadbeat", 100.0),
     "MPFC2": ("MPFC2", "deadbeat", 100.0),
     "MPFC3": ("MPFC3", "deadbeat", 100.0),
     "MPC2": ("MPC2", "deadbeat", 100.0),
@@ -81,6 +99,12 @@ FLUX_METHODS = ("MPFC2", "MPFC3", "MPC2")
 
 STEP_METHODS = ("MPTC", "MPC2", "GTV", "FOC")
 """Methods of the torque step; Fig. 30 has all but GTV."""
+
+SHOWN_UNLOADED = ("MPTC", "MPTC1", "MPTC2")
+"""Methods of Fig. 8, at `LOW_SPEED` without load."""
+
+SHOWN_LOADED = ("MPTC", "MPTC1", "GTV")
+"""Methods of Fig. 13, at `LOW_SPEED` with rated load."""
 
 COMPARED = ("MPC2", "FOC")
 """Methods of the start (Fig. 28); the reversal has FOC as well (Fig. 29)."""
@@ -120,6 +144,13 @@ class Curves:
         Magnitude of the stator flux of these runs (Wb) inside the period, by group and controller.
     steps : dict
         Time (ms, from the step on) and torque (N*m) of the torque step at `LOW_SPEED`.
+    steady : dict
+        Runs at `LOW_SPEED`, by study ("no load", "rated load") and controller; their flux is in
+        `flux`.
+    two_vectors : dict
+        Runs of GTV by study: "start", and "load step" at `FULL_SPEED`.
+    parameters : dict
+        Runs with wrong resistances behind the speed PI, by speed and factor.
     """
 
     spectra: dict[str, tuple[FloatArray, FloatArray]]
@@ -129,6 +160,9 @@ class Curves:
     started: dict[str, SequenceRun]
     flux: dict[tuple[str, str], FloatArray]
     steps: dict[str, tuple[FloatArray, FloatArray]]
+    steady: dict[tuple[str, str], SequenceRun] = field(default_factory=dict)
+    two_vectors: dict[str, SequenceRun] = field(default_factory=dict)
+    parameters: dict[tuple[float, float], single.Observed] = field(default_factory=dict)
 
 
 def with_controller(drive: MptcDrive, method: str, rule: str, k_psi: float) -> MptcDrive:
@@ -168,6 +202,45 @@ def tuning_of(method: str) -> FocTuning | None:
     return TUNING if method == "FOC" else None
 
 
+@njit
+def _all_pairs(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
+    """GTV with all pairs; the signature of `ideal_sequences.decide`."""
+    o = ideal_sequences.outlook(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref)
+    best_a, best_b, best_d, best_cost = 0, 0, 0.0, 0.0
+    for a in range(1, 7):
+        for second in range(7):
+            if 0 < second <= a:
+                continue
+            b = ZERO_FROM[a] if second == 0 else second
+            d = ideal_sequences.duty(p, o, vdc, torque_ref, psi_ref, a, b, ideal_sequences.DEADBEAT)
+            cost = ideal_sequences.pair_cost(p, o, vdc, torque_ref, psi_ref, a, b, d)
+            if best_a == 0 or cost < best_cost:
+                best_a, best_b, best_d, best_cost = a, b, d, cost
+    return VectorSequence(best_a, best_b, best_b, best_d, 1.0 - best_d), 0, 0
+
+
+def controller_of(drive: MptcDrive, name: str) -> tuple[Any, Any] | None:
+    """Controller of a name of `UNLOADED` or `LOADED` that is not the bit-true model.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        As of `with_controller`.
+    name : str
+        Of the controller.
+
+    Returns
+    -------
+    tuple or None
+        As `sequence_loop.simulate` takes it; None for the bit-true model.
+    """
+    if name == "FOC":
+        return foc.decide, foc.parameters(drive, TUNING)
+    if name == ALL_PAIRS:
+        return _all_pairs, ideal_sequences.sequence_parameters(drive)
+    return None
+
+
 def _simulated(
     drive: MptcDrive,
     scenario: Scenario,
@@ -183,12 +256,22 @@ def _behind_pi(
     drive: MptcDrive, scenario: Scenario, speed: FloatArray, tuning: FocTuning | None = None
 ) -> SequenceRun:
     """Run a scenario with a speed controller (reference in rad/s) and a shaft with inertia."""
-    scenario = replace(scenario, torque_ref=np.zeros(len(speed)), speed_ref=speed, gains=GAINS)
+    scenario = _with_pi(scenario, speed)
     return _simulated(drive, scenario, tuning, plant_parameters(drive, INERTIA))
 
 
+def _with_pi(scenario: Scenario, speed: FloatArray) -> Scenario:
+    """The scenario with a speed controller in place of its torque reference."""
+    return replace(scenario, torque_ref=np.zeros(len(speed)), speed_ref=speed, gains=GAINS)
+
+
 def steady(
-    drive: MptcDrive, rpm: float, load: float, psi_ref: float, seconds: float = SECONDS
+    drive: MptcDrive,
+    rpm: float,
+    load: float,
+    psi_ref: float,
+    seconds: float = SECONDS,
+    controller: tuple[Any, Any] | None = None,
 ) -> SequenceRun:
     """Hold a speed behind the speed PI, begun in the steady state.
 
@@ -200,6 +283,8 @@ def steady(
         r/min, N*m, Wb.
     seconds : float
         Length, s.
+    controller : tuple, optional
+        As of `controller_of`.
 
     Returns
     -------
@@ -207,8 +292,12 @@ def steady(
         Every control period.
     """
     steps = round(seconds / drive.control.ts)
-    scenario = closed_loop.constant(drive, rpm, load, psi_ref, steps)
-    return _behind_pi(drive, scenario, np.full(steps, rpm * RPM))
+    scenario = _with_pi(
+        closed_loop.constant(drive, rpm, load, psi_ref, steps), np.full(steps, rpm * RPM)
+    )
+    return sequence_loop.simulate(
+        drive, scenario, plant=plant_parameters(drive, INERTIA), controller=controller
+    )
 
 
 def loaded(
@@ -216,7 +305,7 @@ def loaded(
     rpm: float,
     psi_ref: float = HIGH_SPEED_FLUX,
     seconds: float = SECONDS,
-    tuning: FocTuning | None = None,
+    controller: tuple[Any, Any] | None = None,
 ) -> SequenceRun:
     """Rated torque at an imposed speed.
 
@@ -228,8 +317,8 @@ def loaded(
         r/min, Wb.
     seconds : float
         Length, s.
-    tuning : FocTuning, optional
-        FOC instead of the drive's method.
+    controller : tuple, optional
+        As of `controller_of`.
 
     Returns
     -------
@@ -238,7 +327,48 @@ def loaded(
     """
     steps = round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, RATED_TORQUE, psi_ref, steps)
-    return _simulated(drive, scenario, tuning)
+    return sequence_loop.simulate(drive, scenario, controller=controller)
+
+
+def wrong_resistances(
+    drive: MptcDrive, rpm: float, factor: float, *, imposed: bool
+) -> tuple[single.Observed, dict[str, float]]:
+    """MPTC on the observer's flux, resistances of the machine off, without load (Fig. 1).
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Controller and observer.
+    rpm, factor : float
+        r/min; resistances of stator and rotor over the controller's.
+    imposed : bool
+        Whether the speed is imposed and the torque reference zero; otherwise behind the speed PI.
+
+    Returns
+    -------
+    run : Observed
+        `PARAMETER_SECONDS`.
+    figures : dict of str to float
+        Of the second half: flux, largest error of its estimate, torque, current, speed.
+    """
+    steps = round(PARAMETER_SECONDS / drive.control.ts)
+    scenario = closed_loop.constant(drive, rpm, 0.0, HIGH_SPEED_FLUX, steps)
+    plant = plant_parameters(drive, rs=factor, rr=factor)
+    if not imposed:
+        scenario = _with_pi(scenario, np.full(steps, rpm * RPM))
+        plant = plant_parameters(drive, INERTIA, rs=factor, rr=factor)
+    found = single.observed(drive, scenario, plant)
+    half, run = steps // 2, found.run
+    error = np.hypot(*(found.estimate - run.trace.psi_s).T)[half:]
+    made = run.trace.omega_r[half:] / drive.machine.pole_pairs / RPM
+    return found, {
+        "flux_mean_wb": float(run.flux[half:].mean()),
+        "estimate_error_mwb": 1e3 * float(error.max()),
+        "torque_mean_nm": float(run.torque[half:].mean()),
+        "torque_ripple_nm": float(run.torque[half:].std()),
+        "thd_pct": 100.0 * float(thd(run.trace.i_s[half:, 0], fundamental(run, half), run.ts)),
+        "speed_error_rpm": float(np.abs(made - rpm).max()),
+    }
 
 
 def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
@@ -422,7 +552,7 @@ def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, di
     }
 
 
-def second_vectors(drive: MptcDrive) -> dict[str, float]:
+def second_vectors(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
     """Second vectors around a step of rated load at `FULL_SPEED` (Fig. 12).
 
     Parameters
@@ -432,14 +562,16 @@ def second_vectors(drive: MptcDrive) -> dict[str, float]:
 
     Returns
     -------
-    dict of str to float
+    run : SequenceRun
+        As of `disturbed`.
+    figures : dict of str to float
         Share of the periods whose second vector is active and another than the first: in the
         0.1 s from the step on, and in the last 0.2 s.
     """
     run, _ = disturbed(drive, FULL_SPEED)
     begin, last = (round(seconds / run.ts) for seconds in (0.1, 0.2))
     different = _second_active(run)
-    return {
+    return run, {
         "second_active_step_pct": 100.0 * float(different[begin : 2 * begin].mean()),
         "second_active_pct": 100.0 * float(different[-last:].mean()),
     }
@@ -708,16 +840,22 @@ def measure(
 
     for name, chosen in UNLOADED.items():
         one = with_controller(drive, *chosen)
-        run = steady(one, LOW_SPEED, 0.0, RATED_FLUX)
+        run = steady(one, LOW_SPEED, 0.0, RATED_FLUX, controller=controller_of(one, name))
         curves.spectra[name] = spectrum(run)
+        if name in SHOWN_UNLOADED:
+            curves.steady["no load", name] = run
+            curves.flux["no load", name] = np.abs(flux_inside(one, run))
         _keep("no load", name, LOW_SPEED, unloaded_figures(run) | flux_figures(one, run))
     for name, chosen in LOADED.items():
         one = with_controller(drive, *chosen)
         for rpm in SPEEDS:
-            run = loaded(one, rpm, tuning=tuning_of(chosen[0]))
+            run = loaded(one, rpm, controller=controller_of(one, name))
             found = loaded_figures(run)
             if rpm == LOW_SPEED:
                 found |= flux_figures(one, run)
+                if name in SHOWN_LOADED:
+                    curves.steady["rated load", name] = run
+                    curves.flux["rated load", name] = np.abs(flux_inside(one, run))
             _keep("rated load", name, rpm, found)
     for name in FLUX_METHODS:
         one = with_controller(drive, name, "deadbeat", 100.0)
@@ -752,7 +890,16 @@ def measure(
             found = {"rise_longest_ms": longest_rise(one, rpm, STEP_STARTS, seconds, tuning)}
             _keep("torque step", name, rpm, found)
     one = with_controller(drive, "GTV", "deadbeat", 100.0)
-    _keep("load step", "GTV", FULL_SPEED, second_vectors(one))
+    curves.two_vectors["load step"], found = second_vectors(one)
+    _keep("load step", "GTV", FULL_SPEED, found)
+    curves.two_vectors["start"], found = start(one)
+    _keep("start", "GTV", FULL_SPEED, found)
+    one = with_controller(drive, "MPTC", "deadbeat", 100.0)
+    for rpm, factor in itertools.product(PARAMETER_SPEEDS, FACTORS):
+        _, found = wrong_resistances(one, rpm, factor, imposed=True)
+        _keep(IMPOSED, f"R x {factor:g}", rpm, found)
+        curves.parameters[rpm, factor], found = wrong_resistances(one, rpm, factor, imposed=False)
+        _keep(BEHIND_PI, f"R x {factor:g}", rpm, found)
     one = observed.sensorless_drive(drive)
     for name, case in SENSORLESS.items():
         for what, first in (("start", 0.0), ("reversal", -FULL_SPEED)):
@@ -778,6 +925,7 @@ def count() -> int:
         + len(COMPARED)
         + 2
         + (len(STEP_METHODS) + 1) * len(STEP_SPEEDS)
-        + 1
+        + 2
+        + 2 * len(PARAMETER_SPEEDS) * len(FACTORS)
         + 4 * len(SENSORLESS)
     )

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.mptc import sequence_loop
+from directmpc.mptc import ideal_sequences, sequence_loop
 from directmpc.mptc.closed_loop import constant
+from directmpc.states import VectorSequence
 from scripts.commands import paper_b as command
 from scripts.publish import paper_b as report
 from scripts.shared import tables
@@ -223,7 +224,7 @@ def test_a_known_spectrum_is_found(short: sequence_loop.SequenceRun) -> None:
 def test_the_flux_inside_a_period_makes_the_torque_there(name: str) -> None:
     # two or three vectors in their order, and seven segments
     drive = study.with_controller(core.shipped("induction_2kw2"), name, "deadbeat", 100.0)
-    run = study.loaded(drive, 600.0, seconds=0.05, tuning=study.tuning_of(name))
+    run = study.loaded(drive, 600.0, seconds=0.05, controller=study.controller_of(drive, name))
     flux = study.flux_inside(drive, run)
     made = 1.5 * drive.machine.pole_pairs * (flux.conjugate() * run.current_inside).imag
     assert np.abs(made - run.torque_inside).max() < 1e-3
@@ -251,9 +252,53 @@ def test_a_known_rise_is_found() -> None:
 @pytest.mark.parametrize("name", ["MPTC", "GTV", "FOC"])
 def test_the_stored_figures_come_out_again(name: str) -> None:
     drive = study.with_controller(core.shipped("induction_2kw2"), *study.LOADED[name])
-    found = study.loaded_figures(study.loaded(drive, 1500.0, tuning=study.tuning_of(name)))
+    found = study.loaded_figures(
+        study.loaded(drive, 1500.0, controller=study.controller_of(drive, name))
+    )
     stored = report.stored()
     for quantity, value in found.items():
         # another processor may round the plant's last bit otherwise, and decisions then part
         wanted = stored("rated load", name, 1500.0, quantity)
         assert value == pytest.approx(wanted, rel=0.03, abs=1e-9), quantity
+
+
+def test_wrong_resistances_come_out_again() -> None:
+    drive = study.with_controller(core.shipped("induction_2kw2"), "MPTC", "deadbeat", 100.0)
+    stored = report.stored()
+    for name, imposed in ((study.IMPOSED, True), (study.BEHIND_PI, False)):
+        _, found = study.wrong_resistances(drive, study.LOW_SPEED, 2.0, imposed=imposed)
+        for quantity, value in found.items():
+            wanted = stored(name, "R x 2", study.LOW_SPEED, quantity)
+            assert value == pytest.approx(wanted, rel=0.03, abs=0.01), quantity
+    # an imposed speed lets the machine brake, and the estimate is further off
+    torque = [stored(n, "R x 2", 150.0, "torque_mean_nm") for n in (study.IMPOSED, study.BEHIND_PI)]
+    assert torque[0] < -1.5
+    assert abs(torque[1]) < 0.01
+    errors = [
+        stored(n, "R x 2", 150.0, "estimate_error_mwb") for n in (study.IMPOSED, study.BEHIND_PI)
+    ]
+    assert errors == [pytest.approx(405, abs=1), pytest.approx(302, abs=1)]
+
+
+def test_all_pairs_have_those_of_gtv() -> None:
+    drive = study.with_controller(core.shipped("induction_2kw2"), "GTV", "deadbeat", 100.0)
+    decide, parameters = study.controller_of(drive, study.ALL_PAIRS)
+    run = study.loaded(drive, 1500.0, seconds=0.05)
+    applied = run.trace.sequences()
+    m = drive.inverter.vdc
+    wider = 0
+    for k in range(len(run.torque)):
+        row = (
+            parameters, complex(*run.trace.i_s[k]), complex(*run.trace.psi_s[k]),
+            run.trace.omega_r[k],
+            VectorSequence(*map(int, applied.vectors[k]), *map(float, applied.times[k])), m,
+            run.trace.torque_ref[k], run.trace.psi_ref[k],
+        )  # fmt: skip
+        outlook = ideal_sequences.outlook(*row)
+        costs = [
+            ideal_sequences.pair_cost(parameters, outlook, *row[5:], s.u1, s.u2, s.t1)
+            for s in (decide(*row)[0], ideal_sequences.decide(*row)[0])
+        ]
+        assert costs[0] <= costs[1] + 1e-9
+        wider += costs[0] < costs[1] - 1e-9
+    assert wider > 0.2 * len(run.torque)
