@@ -1,4 +1,4 @@
-"""A drive file as register values: what a host writes into a system, as CSV, C or a table."""
+"""A drive file as register values: what a host writes into a system, as CSV, C, VHDL or a table."""
 
 from directmpc.host import registers
 from scripts.shared.command import Program

@@ -29,7 +29,7 @@ PUBLIC = (
     "mpdcc_core", "mpdcc_scheduler", "mpdcc_explorer", "mptc_core", "mptc_family_core",
     "mptc_drive", "binary_search", "mac_block", "state_observer", "mptc_speed_observer",
     "vector_sequencer", "gate_guard", "gate_release", "clock_monitor", "sync_bits",
-    "axi_lite_master", "host_link", "mpdcc_system", "mptc_system", "board_top",
+    "axi_lite_master", "boot_loader", "host_link", "mpdcc_system", "mptc_system", "board_top",
 )  # fmt: skip
 #: Cores of the files that several entities need and none of these owns: VHDL-93 and VHDL-2008.
 COMMON, SHELL = "common", "system_shell"

@@ -764,6 +764,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     layout = parser.add_mutually_exclusive_group()
     layout.add_argument("--csv", action="store_true", help="comma-separated; the default")
     layout.add_argument("--c", action="store_true", help="a C array, and the measurements' scales")
+    layout.add_argument("--vhdl", action="store_true", help="a VHDL package for boot_loader")
     layout.add_argument("--table", action="store_true", help="columns for people")
     parser.add_argument("--variant", choices=("fast", "paper"), default="fast", help="MPDCC only")
     parser.add_argument(
@@ -774,6 +775,10 @@ def _main(arguments: Sequence[str] | None) -> int:
         "--clock", type=_positive, default=CORE_CLOCK,
         help=f"clock of the core that times are counted in, Hz; {CORE_CLOCK:g} by default",
     )  # fmt: skip
+    parser.add_argument(
+        "--measured-flux", action="store_true",
+        help="with --vhdl: decisions take the flux at the ports, not the observer's",
+    )  # fmt: skip
     for name in keys_of(MptcGuard):
         parser.add_argument(
             f"--{name.replace('_', '-')}",
@@ -781,15 +786,27 @@ def _main(arguments: Sequence[str] | None) -> int:
             help="in the place of the drive file's key of [guard], in its unit",
         )
     given = parser.parse_args(arguments)
+    if given.measured_flux and not given.vhdl:
+        parser.error("--measured-flux: only with --vhdl")
     asked = {name: getattr(given, name) for name in keys_of(MptcGuard)}
     try:
         drive = load_drive(given.drive)
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
         found = values(drive, given.variant, clock=given.clock)
         refuse_slow(drive, found, given.variant, given.explorers)
+<<<<<<< HEAD
         refuse_short(drive)
         if given.c:
             text = format_c(drive, found, os.path.basename(given.drive))
+=======
+        name = os.path.basename(given.drive)
+        if given.vhdl:
+            from directmpc.host import boot  # needs this module
+
+            text = boot.format_vhdl(drive, found, name, use_observer=not given.measured_flux)
+        elif given.c:
+            text = format_c(drive, found, name)
+>>>>>>> 262db492 (Add boot_loader and its ROM from a drive file, for systems without a host)
         else:
             text = format_table(found) if given.table else format_csv(found)
     except ValueError as error:
