@@ -794,11 +794,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
         found = values(drive, given.variant, clock=given.clock)
         refuse_slow(drive, found, given.variant, given.explorers)
-<<<<<<< HEAD
         refuse_short(drive)
-        if given.c:
-            text = format_c(drive, found, os.path.basename(given.drive))
-=======
         name = os.path.basename(given.drive)
         if given.vhdl:
             from directmpc.host import boot  # needs this module
@@ -806,7 +802,6 @@ def _main(arguments: Sequence[str] | None) -> int:
             text = boot.format_vhdl(drive, found, name, use_observer=not given.measured_flux)
         elif given.c:
             text = format_c(drive, found, name)
->>>>>>> 262db492 (Add boot_loader and its ROM from a drive file, for systems without a host)
         else:
             text = format_table(found) if given.table else format_csv(found)
     except ValueError as error:
