@@ -40,7 +40,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: field-bench field-score help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
-  cluster sources generate virtual-board bitstream netlist layers robustness torture coverage fuzz site release clean
+  cluster sources generate virtual-board bitstream native netlist layers robustness torture coverage fuzz site release clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -164,6 +164,9 @@ virtual-board: $(READY) ## the board top in simulation, its UART or SPI on a pse
 bitstream: $(READY) ## bitstream for BOARD, timing met from five seeds
 	$(call need,BOARD,the board)
 	@'$(PY)' -m scripts bitstream --jobs '$(JOBS)' --seeds '$(SEEDS)' --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
+
+native: $(READY) ## native libraries of the cores, for the engine "rtl" of the Python library
+	@'$(PY)' -m scripts native $(ARGS)
 
 netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)

@@ -14,7 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from directmpc.api.controllers import IdealController, ModelController, decide
+    from directmpc.api.controllers import IdealController, ModelController, RtlController, decide
     from directmpc.api.drive_file import load_drive, shipped_drives
     from directmpc.api.simulation import SimulationResult, simulate
     from directmpc.drive_tables import DriveError, DriveFileError
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from directmpc.mptc.foc import FocController, FocTuning
     from directmpc.mptc.sensorless import SensorlessController
     from directmpc.mptc.speed_observer import SpeedGains
+    from directmpc.native import NativeError
     from directmpc.states import (
         Controller,
         MpdccDecision,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "api.controllers": ("IdealController", "ModelController", "decide"),
+    "api.controllers": ("IdealController", "ModelController", "RtlController", "decide"),
     "api.drive_file": ("load_drive", "shipped_drives"),
     "api.simulation": ("SimulationResult", "simulate"),
     "drive_tables": ("DriveError", "DriveFileError"),
@@ -50,6 +51,7 @@ _HOMES = {
     "mptc.foc": ("FocController", "FocTuning"),
     "mptc.sensorless": ("SensorlessController",),
     "mptc.speed_observer": ("SpeedGains",),
+    "native": ("NativeError",),
     "states": (
         *("Controller", "MpdccDecision", "MpdccState", "MptcDecision", "MptcState", "StateError"),
         "VectorSequence",
@@ -73,6 +75,8 @@ __all__ = [
     "MptcDrive",
     "MptcErrors",
     "MptcState",
+    "NativeError",
+    "RtlController",
     "SensorlessController",
     "SimulationResult",
     "SpeedGains",

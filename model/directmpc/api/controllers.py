@@ -9,16 +9,21 @@ from typing import Any
 import numpy as np
 
 from directmpc.mpdcc import ideal as mpdcc_ideal
+from directmpc.mpdcc.bit_true import common as mpdcc_words
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import bit_true_sequences, ideal_sequences
+from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.mptc.ideal_sequences import TOO_LARGE
-from directmpc.mptc.sequence import whole
+from directmpc.mptc.sequence import TIME_STEPS, whole
+from directmpc.native import Design
 from directmpc.states import (
     Decision,
     MpdccDecision,
@@ -30,7 +35,7 @@ from directmpc.states import (
     VectorSequence,
 )
 
-ENGINES = ("ideal", "model")
+ENGINES = ("ideal", "model", "rtl")
 
 
 def check_drive(drive: Any) -> None:
@@ -213,6 +218,139 @@ class ModelController:
         return saturated
 
 
+class RtlController:
+    """The RTL itself: the core as a native library, made from its converted VHDL.
+
+    The library is built at first use, which takes about a minute (`directmpc.native.library`).
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What it is set up for; of either kind.
+    variant : str
+        "fast" or "paper"; MPDCC alone has variants.
+
+    Attributes
+    ----------
+    design : Design
+        The instance that decides.
+    cycles : list of int
+        Clock cycles of each decision, from start to valid.
+    words : list of int
+        Words of the measurement ports at the last decision.
+
+    Raises
+    ------
+    NativeError
+        If the library cannot be built or loaded.
+    ValueError
+        If there is no such variant, it does not serve the drive's settings, or a value of the drive
+        cannot be represented; the message names the key.
+    """
+
+    def __init__(self, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+        check_drive(drive)
+        check_engine("rtl", variant)
+        self.drive = drive
+        self.cycles: list[int] = []
+        self.words: list[int] = []
+        self._formats: tuple[Any, ...] = ()
+        if isinstance(drive, Drive):
+            given = VARIANTS[variant].registers(drive)
+            name, parameters = "mpdcc_core" + "_paper" * (variant == "paper"), given.ports()
+            self._given, self._places = given.array(), list(parameters)
+        else:
+            chosen = mptc_coefficients.registers(drive).ports()
+            parameters = {n: v for n, v in chosen.items() if n.startswith("c_")}
+            parameters["method_mpfc"] = int(drive.control.method == "MPFC")
+            self._formats = mptc_bit_true.parameters(drive)[1:]
+            name = "mptc_core"
+            if drive.control.sequences:
+                name = "mptc_family_core"
+                _, method, rule, *_ = bit_true_sequences.parameters(drive)
+                parameters |= {"family_method": method + 1, "duty_rule": rule}
+        self.design = Design(name)
+        self.design.give(parameters)
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Decide on one step.
+
+        Parameters
+        ----------
+        state : MpdccState, MptcState or mapping
+            As of `decide` in this module: of the drive's kind.
+
+        Returns
+        -------
+        MpdccDecision or MptcDecision
+            What to apply next, and flags; `saturated` covers the inputs.
+
+        Raises
+        ------
+        TypeError
+            If the state is not of the drive's kind.
+        StateError
+            If a value of the state is impossible; a ValueError.
+        NativeError
+            If the core does not answer.
+        """
+        known = state_of(self.drive, state)
+        if isinstance(known, MpdccState):
+            row = mpdcc_row(self.drive, known)
+            words, clipped = mpdcc_words.encode_row(
+                row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0], row.omega_r[0]
+            )
+            names = MPDCC_MEASUREMENTS
+            positions = {f"s_prev_{x}": s for x, s in zip("abc", known.applied, strict=True)}
+        else:
+            assert isinstance(self.drive, MptcDrive)
+            applied = _applied(self.drive, known)
+            words, clipped = mptc_bit_true.encode_row(
+                *self._formats, known.current, known.flux, known.omega_r,
+                self.drive.inverter.vdc, known.torque_ref, known.psi_ref,
+            )  # fmt: skip
+            names = MPTC_MEASUREMENTS
+            positions = {"u": applied} if isinstance(applied, int) else _sequence_ports(applied)
+        self.words = [int(word) for word in words]
+        self.design.give(dict(zip(names, self.words, strict=True)) | positions)
+        out, cycles = self.design.decide()
+        self.cycles.append(cycles)
+        saturated = bool(out["saturated"] or clipped)
+        if isinstance(known, MpdccState):
+            apply = (out["s_a"], out["s_b"], out["s_c"])
+            return MpdccDecision(
+                apply, bool(out["held"]), bool(out["deadlock"]), out["length"], saturated
+            )
+        u: int | VectorSequence = out["u_next"]
+        if isinstance(self.drive, MptcDrive) and self.drive.control.sequences:
+            times = (out[f"next_t{n}"] / TIME_STEPS for n in (1, 2))
+            u = VectorSequence(out["next_u1"], out["next_u2"], out["next_u3"], *times)
+        return MptcDecision(u, saturated, bool(out["clamped"]))
+
+    def scale(self, estimate: LeakageEstimate) -> bool:
+        """Scale the slopes of the current for the decisions to come; MPDCC alone.
+
+        Parameters
+        ----------
+        estimate : LeakageEstimate
+            Whose theta it is by.
+
+        Returns
+        -------
+        bool
+            Whether a coefficient did not hold its value.
+        """
+        parameters, saturated = estimate.scaled(self._given)
+        self.design.give(dict(zip(self._places, parameters.tolist(), strict=True)))
+        return saturated
+
+
+def _sequence_ports(applied: VectorSequence) -> dict[str, int]:
+    """A running sequence as the ports of mptc_family_core; u is its last vector."""
+    u1, u2, u3, t1, t2 = (int(value) for value in bit_true_sequences.in_steps(applied))
+    return {"u": u1, "u1": u1, "u2": u2, "u3": u3, "t1": t1, "t2": t2}
+
+
 def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any, Any]:
     """Compiled function of an engine and its parameters."""
     if isinstance(drive, Drive):
@@ -308,7 +446,7 @@ def _one_step_on(drive: Drive, parameters: Any, state: State) -> MpdccState:
 
 def make_controller(
     drive: Drive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
-) -> IdealController | ModelController:
+) -> IdealController | ModelController | RtlController:
     """Make the controller of an engine.
 
     Parameters
@@ -316,13 +454,13 @@ def make_controller(
     drive : Drive or MptcDrive
         What it is set up for; of either kind.
     engine : str
-        "ideal" or "model".
+        "ideal", "model" or "rtl".
     variant : str
-        "fast" or "paper", for the model of MPDCC.
+        "fast" or "paper", for the model and the RTL of MPDCC.
 
     Returns
     -------
-    IdealController or ModelController
+    IdealController, ModelController or RtlController
         Its `decide` takes one state at a time.
 
     Raises
@@ -334,7 +472,9 @@ def make_controller(
     """
     check_drive(drive)
     check_engine(engine, variant)
-    return IdealController(drive) if engine == "ideal" else ModelController(drive, variant)
+    if engine == "ideal":
+        return IdealController(drive)
+    return ModelController(drive, variant) if engine == "model" else RtlController(drive, variant)
 
 
 def decide(
@@ -353,9 +493,10 @@ def decide(
         A state (per unit or SI), as the drive's kind is; or a row of its trace,
         the names of the trace file's columns to values.
     engine : str
-        "ideal": float64, nothing approximated. "model": the bit-true model of the core.
+        "ideal": float64, nothing approximated. "model": the bit-true model of the core. "rtl": the
+        core itself, a native library made from its VHDL.
     variant : str
-        "fast" or "paper", for the model of MPDCC.
+        "fast" or "paper", for the model and the RTL of MPDCC.
 
     Returns
     -------

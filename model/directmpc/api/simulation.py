@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.api.controllers import ENGINES, check_drive, check_engine, make_controller
+from directmpc.api.controllers import (
+    ENGINES,
+    RtlController,
+    check_drive,
+    check_engine,
+    make_controller,
+)
 from directmpc.distortion import thd
 from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import closed_loop as mpdcc_loop
@@ -22,6 +28,7 @@ from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import errors as mptc_errors
@@ -32,7 +39,7 @@ from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import plant_parameters, slip
 from directmpc.mptc.sensorless import SensorlessController
 from directmpc.mptc.sequence_loop import SequenceRun
-from directmpc.states import Controller, VectorSequence
+from directmpc.states import Controller, Decision, MpdccState, State, VectorSequence
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -56,7 +63,7 @@ class SimulationResult:
     drive
         What the controller was set up for.
     controller : str
-        "ideal", "model", or the name of the class of an own one.
+        "ideal", "model", "rtl", or the name of the class of an own one.
     speed : float
         Stator angular frequency, pu or rad/s.
     time : (n,)
@@ -289,8 +296,8 @@ def simulate(
 
     An MPDCC decision acts at once, or one step later where the drive sets `delay_compensation`; an
     MPTC decision acts one step later. The capacitor filters of a drive (`capacitor_filter`) stand
-    in front of any controller. The estimate of the leakage (`leakage_estimate`) is in "model"
-    alone.
+    in front of any controller. The estimate of the leakage (`leakage_estimate`) is in "model" and
+    "rtl" alone.
 
     Parameters
     ----------
@@ -298,7 +305,8 @@ def simulate(
         What the controller is set up for, of either kind. It gives the units: per unit for MPDCC,
         SI for MPTC.
     controller : str or Controller
-        "ideal", "model" (bit-true), or an object with the method `decide` of `Controller`.
+        "ideal", "model" (bit-true), "rtl" (the core itself, a native library made from its VHDL),
+        or an object with the method `decide` of `Controller`.
     steps : int
         Control steps to record.
     speed : float, optional
@@ -321,7 +329,7 @@ def simulate(
         not know them. MPDCC: `rs`, `rr`, `leakage`, `xm`, `xdc`, `xph`; MPTC: `rs`, `rr`,
         `leakage`, `lm`. References and speeds are still those of the controller's drive.
     variant : str
-        "fast" or "paper", for "model" of MPDCC.
+        "fast" or "paper", for "model" and "rtl" of MPDCC.
     errors : DriveErrors or MptcErrors, optional
         Errors of sensors and switches, `DriveErrors` for MPDCC and `MptcErrors` for MPTC; none
         unless given. The result's `current` and `flux` are the plant's, its `trace` is what the
@@ -387,12 +395,17 @@ def simulate(
     engine = controller if isinstance(controller, str) else type(controller).__name__
     estimate = isinstance(drive, Drive) and drive.control.leakage_estimate
     short = settle + steps < COMPILED_FROM and not estimate
-    if isinstance(controller, str) and (sensorless or short):
+    core: RtlController | None = None
+    if isinstance(controller, str) and (sensorless or short or controller == "rtl"):
         controller = make_controller(drive, controller, variant)
+    if isinstance(controller, RtlController):
+        core = controller
+        if estimate:
+            controller = _Estimating(core)
     run = functools.partial(_run_mptc, sensorless=sensorless, errors=given_errors)
     if isinstance(drive, Drive):
         run = functools.partial(_run_mpdcc, errors=given_errors, flux_observer=flux_observer)
-    return run(
+    result = run(
         drive,
         controller,
         engine,
@@ -405,6 +418,31 @@ def simulate(
         real,
         variant,
     )
+    if core is None:
+        return result
+    cycles = np.array(core.cycles[-steps:])
+    return replace(result, decisions=replace(result.decisions, cycles=cycles))
+
+
+class _Estimating:
+    """A core of MPDCC with the bit-true estimate of the leakage beside it, as a system has it."""
+
+    def __init__(self, core: RtlController) -> None:
+        assert isinstance(core.drive, Drive)
+        self._core, self._estimate = core, LeakageEstimate(core.drive)
+        self._delayed = core.drive.control.delay_compensation
+        self._before: tuple[int, ...] = (0, 0, 0)
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Scale the slopes, decide, estimate anew."""
+        assert isinstance(state, MpdccState)
+        self._core.scale(self._estimate)
+        decision = self._core.decide(state)
+        self._estimate.step(
+            self._core.words, self._before if self._delayed else tuple(state.applied)
+        )
+        self._before = tuple(state.applied)
+        return decision
 
 
 def _errors_of(drive: Drive | MptcDrive, errors: Any) -> DriveErrors | MptcErrors:

@@ -1,0 +1,58 @@
+"""Verilog of the designs that the library can run natively (`directmpc.native`).
+
+One file a design, whole with all of its options, in `model/directmpc/native/verilog`: a link to
+`build/native` in a clone, and part of the wheel of a release.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+from directmpc.native.library import VERILOG
+from scripts.hdl import conversion
+from scripts.shared import tools
+from scripts.shared.tools import Generics
+
+OPTIONS: Generics = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS": True}
+#: Design -> entity and generics.
+DESIGNS: dict[str, tuple[str, Generics]] = {
+    "mpdcc_core": ("mpdcc_core", OPTIONS),
+    "mpdcc_core_paper": ("mpdcc_core", {"FOLDED": True}),
+    "mptc_core": ("mptc_core", {}),
+    "mptc_family_core": ("mptc_family_core", {}),
+}
+
+
+def write(designs: Collection[str] = tuple(DESIGNS)) -> list[Path]:
+    """Convert designs whose sources have changed.
+
+    Parameters
+    ----------
+    designs : Collection[str]
+        Names of `DESIGNS`.
+
+    Returns
+    -------
+    list[Path]
+        The files.
+
+    Raises
+    ------
+    NetlistError
+        If a netlist cannot be trusted.
+    ToolError
+        If GHDL or Yosys is missing or fails.
+    """
+    folder = VERILOG.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for design in designs:
+        top, generics = DESIGNS[design]
+        source, out = conversion.cached(top, generics), folder / f"{design}.v"
+        if not out.is_file() or out.read_bytes() != source.read_bytes():
+            with tools.replacing(out) as temporary:
+                shutil.copy(source, temporary)
+        written.append(out)
+    return written

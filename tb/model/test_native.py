@@ -1,0 +1,221 @@
+"""The engine "rtl" of the library: the cores as native libraries, beside the bit-true model.
+
+Sweep: both shipped MPDCC drives with SE, SESE, delay compensation and the leakage's estimate, the
+paper's explorer, every method of two-level drives.
+Stimulus: closed loops; random states far outside their formats; resets and states taken back in
+the middle of a decision.
+Checks: every field of every decision is the model's; cycles are those that the cores promise; two
+instances do not disturb each other; what is missing is named in one line.
+Timing: a build takes 20 to 60 s for a core, once for a source.
+Does not prove: that the Verilog is the VHDL (tb/tools/test_netlist.py does).
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc import (
+    Drive,
+    MpdccState,
+    MptcDrive,
+    MptcState,
+    NativeError,
+    RtlController,
+    decide,
+    load_drive,
+    simulate,
+)
+from directmpc.mptc.drive import SEQUENCE_METHODS
+from directmpc.native import Design, library
+from scripts.hdl import native
+from scripts.hdl.clocks import worst_clocks
+
+STEPS = 300
+
+
+@pytest.fixture(scope="module")
+def design() -> Callable[[str], str]:
+    """Makes sure that the Verilog of a design is there."""
+
+    def write(name: str) -> str:
+        native.write([name])
+        return name
+
+    return write
+
+
+def same(drive: Drive | MptcDrive, **options) -> np.ndarray:
+    """Cycles of a loop whose decisions are the model's in every field."""
+    model = simulate(drive, "model", steps=STEPS, **options).table()
+    result = simulate(drive, "rtl", steps=STEPS, **options)
+    found = result.table()
+    assert model.keys() == found.keys()
+    assert len(model["time"]) == STEPS
+    for name, column in model.items():
+        assert np.array_equal(found[name], column), name
+    assert result.controller == "rtl"
+    return result.decisions.cycles
+
+
+MPDCC_SETTINGS = {
+    "SE": {"switching_horizon": "SE"},
+    "SESE": {"switching_horizon": "SESE", "budget": 200},
+    "compensation": {"delay_compensation": True},
+    "leakage": {"leakage_estimate": True, "delay_compensation": True},
+}
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "anpc5l_3kv3"])
+@pytest.mark.parametrize("settings", MPDCC_SETTINGS)
+def test_a_loop_of_mpdcc_is_the_models(name: str, settings: str, design) -> None:
+    design("mpdcc_core")
+    cycles = same(load_drive(name).with_control(**MPDCC_SETTINGS[settings]), speed=0.6)
+    assert len(cycles) == STEPS
+    assert 0 < cycles.min() < cycles.max()
+    if settings == "SE":
+        assert cycles.max() <= worst_clocks(2, "fast")
+
+
+def test_a_loop_of_the_papers_explorer_is_the_models(design) -> None:
+    design("mpdcc_core_paper")
+    drive = load_drive("anpc5l_6kv").with_control(deadlock_rule="largest", outside_rule="dead")
+    same(drive, variant="paper")
+
+
+@pytest.mark.parametrize("method", ["MPTC", "MPFC", *SEQUENCE_METHODS])
+def test_a_loop_of_two_levels_is_the_models(method: str, design) -> None:
+    design("mptc_family_core" if method in SEQUENCE_METHODS else "mptc_core")
+    cycles = same(load_drive("induction_2kw2").with_control(method=method))
+    assert len(set(cycles.tolist())) == 1
+    assert cycles[0] == {"MPTC": 39, "MPFC": 78}.get(method, cycles[0])
+
+
+def wild_mpdcc(rng: random.Random) -> MpdccState:
+    """A state that may lie far outside every format."""
+
+    def any_(scale: float) -> float:
+        return (30.0 if rng.random() < 0.04 else 1.0) * rng.uniform(-scale, scale)
+
+    current = complex(any_(1), any_(1))
+    return MpdccState(
+        current=current, flux=complex(any_(1), any_(1)), v_n=any_(0.1),
+        v_ph=(0.5 + any_(0.1), 0.5, 0.5), current_ref=current + complex(any_(0.2), any_(0.2)), omega_s=any_(1),
+        omega_r=any_(1), applied=tuple(rng.randrange(8) for _ in "abc"), vdc=2 + abs(any_(0.2)),
+    )  # fmt: skip
+
+
+def wild_mptc(rng: random.Random) -> MptcState:
+    """The same in SI units."""
+
+    def any_(scale: float) -> float:
+        return (30.0 if rng.random() < 0.04 else 1.0) * rng.uniform(-scale, scale)
+
+    return MptcState(
+        current=complex(any_(15), any_(15)), flux=complex(any_(1), any_(1)), omega_r=any_(300),
+        torque_ref=any_(20), psi_ref=abs(any_(1)), applied=rng.randrange(8),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "core", "wild"),
+    [("anpc5l_6kv", "mpdcc_core", wild_mpdcc), ("induction_2kw2", "mptc_core", wild_mptc)],
+)
+def test_wild_states_are_decided_as_by_the_model(name: str, core: str, wild, design) -> None:
+    design(core)
+    drive, rng = load_drive(name), random.Random(7)
+    rtl = RtlController(drive)
+    saturated = 0
+    for k in range(500):
+        state = wild(rng)
+        found, wanted = rtl.decide(state), decide(drive, state, "model")
+        assert found == wanted, (k, state)
+        saturated += found.saturated
+    assert 20 < saturated < 480
+
+
+def test_two_instances_share_nothing(design) -> None:
+    drives = [load_drive("induction_2kw2").with_control(method=m) for m in ("MPTC", "MPFC")]
+    design("mptc_core")
+    together = [RtlController(drive) for drive in drives]
+    rng = random.Random(3)
+    for _ in range(50):
+        state = wild_mptc(rng)
+        for drive, one in zip(drives, together, strict=True):
+            assert one.decide(state) == decide(drive, state, "model")
+
+
+def test_a_reset_and_a_state_taken_back_in_the_middle_of_a_decision(design) -> None:
+    one = Design(design("mptc_core"))
+    one.give({"is_alpha": 900, "psis_alpha": 12_000, "v_dc": 32_768, "psi_ref": 12_000})
+    wanted = one.decide()
+    one.put("start", 1)
+    one.clocks(1)
+    one.put("start", 0)
+    one.clocks(10)
+    assert one.get("busy") == 1
+    state, edges = one.save(), one.edges
+    one.reset()
+    assert one.get("busy") == 0
+    assert one.decide() == wanted
+    one.restore(state)
+    assert (one.get("busy"), one.edges) == (1, edges)
+    left = 0
+    while not one.get("valid"):
+        one.clocks(1)
+        left += 1
+    assert 11 + left == wanted[1]
+    assert {n: one.get(n) for n, p in one.ports.items() if not p.is_input} == wanted[0]
+    with pytest.raises(NativeError, match="no state of this design"):
+        one.restore(state[:-1])
+    with pytest.raises(NativeError, match="no state of this design"):
+        one.restore(b"x" * len(state))
+
+
+def test_what_is_missing_is_named(tmp_path: Path, monkeypatch, design) -> None:
+    with pytest.raises(NativeError, match="'make native' writes it"):
+        library.verilog_of("no_such_core")
+    with pytest.raises(NativeError, match="no answer on the register bus"):
+        Design(design("mptc_core")).write(0, 0)
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(NativeError, match="there is no C\\+\\+ compiler"):
+        library.compiler()
+    library.verilator.cache_clear()
+    monkeypatch.setenv("VERILATOR", str(tmp_path / "none"))
+    with pytest.raises(NativeError, match="there is no command"):
+        library.verilator()
+    library.verilator.cache_clear()
+
+
+def test_a_fault_in_the_verilog_is_seen(tmp_path: Path, monkeypatch, design) -> None:
+    """A choice that prefers the wrong vector: the loop no longer is the model's."""
+    design("mptc_core")
+    text = library.verilog_of("mptc_core").read_text(encoding="utf-8")
+    at = text.index("assign u_next =")
+    end = text.index(";", at)
+    wrong = f"{text[:end]} ^ 3'b001{text[end:]}"
+    (tmp_path / "mptc_core.v").write_text(wrong, encoding="utf-8")
+    monkeypatch.setattr(library, "VERILOG", tmp_path)
+    library.load.cache_clear()
+    try:
+        with pytest.raises(AssertionError, match="u"):
+            same(load_drive("induction_2kw2"))
+    finally:
+        library.load.cache_clear()
+
+
+def test_it_is_fast_enough(design) -> None:
+    """At least 3,000 decisions a second of one core are wanted; a loaded machine has a tenth."""
+    design("mpdcc_core")
+    drive = load_drive("anpc5l_6kv")
+    core = RtlController(drive)
+    simulate(drive, core, steps=20)
+    began = time.process_time()
+    simulate(drive, core, steps=1000)
+    rate = 1000 / (time.process_time() - began)
+    assert rate > 1000, f"{rate:.0f} decisions a second"
