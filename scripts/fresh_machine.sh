@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Runs a command of this project on a machine where nothing is installed.
 #
-#   scripts/fresh_machine.sh [--suite bookworm|trixie] [COMMAND]
+#   scripts/fresh_machine.sh [--suite bookworm|trixie|testing] [COMMAND]
 #
 # The machine is a bare Debian root: the essential packages, git and make. It is built anew on
 # every call with mmdebstrap. The script clones HEAD into it and runs COMMAND there as root, with
 # an empty environment. COMMAND is a shell command; it is `make run` unless one is given. The suite
-# is bookworm (Debian 12) unless one is given; trixie is Debian 13.
+# is bookworm (Debian 12) unless one is given; trixie is Debian 13. testing is what becomes the next
+# Debian; its name, forky, serves too.
 #
 # The output of COMMAND is shown as it comes and kept in build/fresh_machine/SUITE.log. The last
 # line says whether COMMAND worked and how long it took. The exit code is COMMAND's, or 2 when the
@@ -26,7 +27,7 @@ usage() { sed -n '2,/^set /s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; }
 suite=bookworm
 while [ $# -gt 0 ]; do
   case "$1" in
-    --suite) [ $# -gt 1 ] || die "--suite: bookworm or trixie is missing"; suite="$2"; shift 2 ;;
+    --suite) [ $# -gt 1 ] || die "--suite: bookworm, trixie or testing is missing"; suite="$2"; shift 2 ;;
     --suite=*) suite="${1#*=}"; shift ;;
     -h | --help) usage; exit 0 ;;
     --) shift; break ;;
@@ -37,7 +38,8 @@ done
 case "$suite" in
   bookworm) release="Debian 12 (bookworm)" ;;
   trixie) release="Debian 13 (trixie)" ;;
-  *) die "--suite $suite: has to be bookworm or trixie" ;;
+  testing | forky) release="Debian testing (forky)" ;;
+  *) die "--suite $suite: has to be bookworm, trixie or testing" ;;
 esac
 command="${*:-make run}"
 
@@ -80,12 +82,14 @@ watched() {
 }
 
 # One line for each archive of this Debian and its updates, for SUITE: the suite's name replaced.
+# Debian testing gets its updates in its archive, so the others are left out there.
 mirrors() {
   local codename
   codename="$(. /etc/os-release && [ "$ID" = debian ] && printf '%s' "${VERSION_CODENAME:-}")" || return 0
   [ -n "$codename" ] || return 0
   apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
-    sed -nE "s#^(\S+) $codename(-updates|-security)? main\$#deb \1 $suite\2 main#p" | sort -u
+    sed -nE "s#^(\S+) $codename(-updates|-security)? main\$#deb \1 $suite\2 main#p" | sort -u |
+    case "$suite" in testing | forky) grep -vE -- '-(updates|security) main$' || true ;; *) cat ;; esac
 }
 
 log="$here/build/fresh_machine/$suite.log"

@@ -220,7 +220,7 @@ def _other(name: str, arguments: Call) -> None:
             assert what == "." or what[2:-1] in extras
         case ["sudo", "scripts/fresh_machine.sh", *rest]:
             if rest[:1] == ["--suite"]:
-                assert rest[1] in ("bookworm", "trixie")
+                assert rest[1] in ("bookworm", "trixie", "testing")
                 rest = rest[2:]
             assert not rest or rest[0] == "make" or os.access(ROOT / rest[0], os.X_OK), rest
         case ["openFPGALoader", "-b", board, file]:
@@ -236,7 +236,7 @@ def _other(name: str, arguments: Call) -> None:
             pass
         case ["setup.sh"]:
             pass
-        case ["fresh_machine.sh", "make", "run"]:
+        case ["fresh_machine.sh", "--suite", _, "make", "run"]:
             pass
         case _:
             raise NotAcceptedError(shlex.join([name, *arguments]))

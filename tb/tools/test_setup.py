@@ -410,8 +410,8 @@ def builder(machine, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--suite", "sid"], "--suite sid: has to be bookworm or trixie"),
-        (["--suite"], "bookworm or trixie is missing"),
+        (["--suite", "sid"], "--suite sid: has to be bookworm, trixie or testing"),
+        (["--suite"], "bookworm, trixie or testing is missing"),
         (["--other"], "--other: no such option"),
     ],
 )
@@ -435,7 +435,7 @@ def test_without_mmdebstrap_it_says_so(builder) -> None:
     assert "mmdebstrap is not installed: apt-get install mmdebstrap" in done.stderr
 
 
-@pytest.mark.parametrize("suite", ["bookworm", "trixie"])
+@pytest.mark.parametrize("suite", ["bookworm", "trixie", "testing", "forky"])
 def test_a_machine_that_cannot_be_built_leaves_nothing(builder, tmp_path, suite) -> None:
     host = Path("/etc/os-release").read_text(encoding="utf-8")
     codename = next(
@@ -460,10 +460,9 @@ def test_a_machine_that_cannot_be_built_leaves_nothing(builder, tmp_path, suite)
     lines = builder.log.read_text().splitlines()
     assert f" {suite} " in lines[-1]
     if "ID=debian" in host.splitlines():
-        assert lines[:-1] == [
-            f"deb file:/a/debian/ {suite} main",
-            f"deb file:/c/updates/ {suite}-updates main",
-        ]
+        updates = [f"deb file:/c/updates/ {suite}-updates main"]
+        stable = suite in ("bookworm", "trixie")
+        assert lines[:-1] == [f"deb file:/a/debian/ {suite} main", *(updates if stable else [])]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -505,16 +504,19 @@ esac
 
 @pytest.fixture
 def integration(machine):
-    """Run .ci/run; `lint`, `tests` and `fresh` are exit codes."""
+    """Run .ci/run; `lint`, `tests` and `fresh` are exit codes, the last one that of `suite`."""
 
-    def run(lint: int = 0, tests: int = 0, fresh: int = 0) -> subprocess.CompletedProcess[str]:
+    def run(
+        lint: int = 0, tests: int = 0, fresh: int = 0, suite: str = "trixie"
+    ) -> subprocess.CompletedProcess[str]:
         shutil.copytree(ROOT / ".ci", machine.project / ".ci")
         summary = SUMMARY.format("failed" if tests else "passed")
         text = MAKE.format(log=machine.log, lint=lint, tests=tests, summary=summary)
         machine.script(machine.bin / "make", text)
         machine.script(
             machine.project / "scripts" / "fresh_machine.sh",
-            f'#!/bin/sh\necho "fresh_machine $*" >> "{machine.log}"\nsleep 0.2\nexit {fresh}\n',
+            f'#!/bin/sh\necho "fresh_machine $*" >> "{machine.log}"\nsleep 0.2\n'
+            f'case "$*" in *{suite}*) exit {fresh} ;; esac\n',
         )
         return machine.run("bash", ".ci/run", CI="true")
 
@@ -533,9 +535,12 @@ def test_ci_runs_lint_then_all_tests_and_a_bare_machine(machine, integration) ->
     first, *others = machine.log.read_text().splitlines()
     assert first == "make --no-print-directory lint"
     tests = "make --no-print-directory test-all with ghdl-llvm"
-    assert sorted(others) == ["fresh_machine make run", tests]
+    machines = [line for line in others if line != tests]
+    suites = ("bookworm", "trixie", "testing")
+    assert machines == [f"fresh_machine --suite {suite} make run" for suite in suites]
+    assert len(others) == 4
     *_, told, last = done.stdout.splitlines()
-    assert told == "ci: make run on a bare machine: exit code 0"
+    assert told == "ci: make run on a bare machine, testing, which may fail: exit code 0"
     assert last == SUMMARY.format("passed")
 
 
@@ -547,9 +552,17 @@ def test_ci_fails_where_a_part_fails(machine, integration, failing) -> None:
     if failing == "lint":
         assert machine.log.read_text().splitlines() == ["make --no-print-directory lint"]
     else:
-        *_, told, last = done.stdout.splitlines()
+        *_, told, _, last = done.stdout.splitlines()
         assert last == SUMMARY.format("failed" if failing == "tests" else "passed")
+        assert told.startswith("ci: make run on a bare machine, trixie:")
         assert told.endswith("exit code 3" if failing == "fresh" else "exit code 0")
+
+
+def test_ci_shows_where_debian_testing_fails_and_passes(machine, integration) -> None:
+    machine.script(machine.bin / "mmdebstrap", "#!/bin/sh\n")
+    done = integration(fresh=3, suite="testing")
+    assert done.returncode == 0
+    assert "ci: make run on a bare machine, testing, which may fail: exit code 3" in done.stdout
 
 
 def test_ci_that_is_ended_ends_the_bare_machine(machine, integration) -> None:
