@@ -7,6 +7,8 @@
 -- The gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
 -- clock (gate_release); the guard latches a fault with it. With PLL an unlocked PLL, or a clock that clock_monitor
 -- finds too slow, too fast or dead, does the same, and resets the whole when the clock is back.
+-- held_high is constant. Where another part of the board could reconfigure the FPGA, it keeps that part from doing so
+-- (docs/boards.md).
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
@@ -50,7 +52,8 @@ entity board_top is
     steps_over_spi : in    std_logic;                     -- switch: '1': steps come over SPI, '0': UART
     permit         : in    std_logic;                     -- asynchronous, '0': gates off, fault; pulled down
     gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1 to S8 of a, b, c; MPTC: bits 0 to 5
-    leds           : out   std_logic_vector(3 downto 0)   -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
+    leds           : out   std_logic_vector(3 downto 0);  -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
+    held_high      : out   std_logic_vector(2 downto 0)   -- always '1': pins that can have the FPGA reconfigured
   );
 end entity board_top;
 
@@ -265,6 +268,7 @@ begin
   end process p_start;
 
   external_trip <= not permitted;
+  held_high     <= (others => '1');
 
   i_host_link : entity work.host_link
     generic map (

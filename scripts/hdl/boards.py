@@ -19,7 +19,7 @@ SCK_MHZ = 25
 BUILDS = {"mpdcc": "MPDCC", "mptc": "MPTC", "family": "MPTC family"}
 
 #: Ports of board_top that are vectors, and their widths.
-VECTORS = {"gates": 24, "leds": 4}
+VECTORS = {"gates": 24, "leds": 4, "held_high": 3}
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,9 @@ class Board:
         Lines for the constraint file's head.
     pulls
         Port to "UP" or "DOWN".
+    reconfigured_by
+        Pins through which another part of the board can have the FPGA reconfigured, and what stands
+        there; `held_high` is on each of them.
     clock_standard
         I/O standard of the clock where it is another than the rest's.
     left_out
@@ -71,6 +74,7 @@ class Board:
     tail: tuple[str, ...] = ()
     pll_mhz: dict[str, int] = field(default_factory=dict)
     pulls: dict[str, str] = field(default_factory=dict)
+    reconfigured_by: dict[str, str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
     def core_mhz(self, controller: str) -> float:
@@ -169,9 +173,10 @@ _ULX3S_PINS = {
         "U18 U17 N17 P16 N16 M17 L16 L17 H18 H17 F17 G18 D18 E17 C18 D17 B15 C15 B17 C17 C16 D16 "
         "D14 E14",
     ),
+    **_bits("held_high", "L2 F1 M4"),
 }
-_PULLS = {"uart_rx": "UP", "spi_cs_n": "UP", "permit": "DOWN", "steps_over_spi": "DOWN"}
-_PULLS |= {"spi_sck": "DOWN", "spi_mosi": "DOWN"}
+_PULLS = {"uart_rx": "UP", "spi_cs_n": "UP", "permit": "DOWN", "held_high": "UP"}
+_PULLS |= {"spi_sck": "DOWN", "spi_mosi": "DOWN", "steps_over_spi": "DOWN"}
 
 
 def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
@@ -185,13 +190,19 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         baud=3_000_000,
         controllers=controllers,
         pins=_ULX3S_PINS,
-        source="github.com/emard/ulx3s, doc/constraints/ulx3s_v20.lpf",
+        source="github.com/emard/ulx3s, doc/constraints/ulx3s_v20.lpf and prototype/ulx3s_v316.lpf",
         family="ecp5",
         notes=(
             "SPI and permit on J1 (GP0, GN0, GP1, GN1, GP2), gates on J2 (GP14, GN14 to GP25,",
             "GN25), steps over SPI with DIP switch 1.",
+            "High: wifi_gpio0 of boards up to v3.0 (L2) and from v3.1 on (F1), user_programn (M4).",
         ),
         pulls=_PULLS,
+        reconfigured_by={
+            "L2": "wifi_gpio0 up to v3.0: low for seconds lets the ESP32 take over JTAG",
+            "F1": "wifi_gpio0 from v3.1 on; the ESP32's enable before",
+            "M4": "user_programn: low has the flash read anew",
+        },
     )
 
 
@@ -225,12 +236,14 @@ BOARDS = {
                     "L17 L18 M14 N14 M16 M17 M18 N18 P17 P18 R18 T18 P14 P15 N15 P16 "
                     "U15 V16 U17 U18 U16 P13 R13 V14",
                 ),
+                **_bits("held_high", "N13 L16 R14"),
             },
             source="github.com/Digilent/digilent-xdc, Arty-S7-50-Master.xdc",
             family="xc7",
             notes=(
                 "SPI on ck_io10 to 13, permit on ck_io0, gates of phases a, b, c on Pmods JA, JB,",
-                "JC, steps over SPI with SW0.",
+                "JC, steps over SPI with SW0. Nothing on the board reconfigures it: held_high",
+                "is on ck_io1 to 3, which are free.",
             ),
             clock_standard="SSTL135",
             tail=(
@@ -264,13 +277,15 @@ BOARDS = {
                     "U18 T17 P17 P16 N16 N17 M16 L15 L17 K15 K17 J16 H15 H18 F18 D18 "
                     "C18 E18 G18 H16 J18 K18 K16 L18",
                 ),
+                **_bits("held_high", "F14 H14 H13"),
             },
             source="github.com/litex-hub/litex-boards, platforms/saanlima_pipistrello.py, and "
             "github.com/Saanlima/Pipistrello",
             family="xc6s",
             notes=(
                 "Gates on wings A0 to A15 and B0 to B7, SPI on C0 to C3, permit on C4, steps over",
-                "SPI on C5.",
+                "SPI on C5. Nothing on the board reconfigures it: held_high is on C6 to C8, which",
+                "are free.",
             ),
             pulls=_PULLS,
         ),
@@ -298,12 +313,14 @@ BOARDS = {
                     "gates",
                     "E6 D5 C5 D6 C6 E7 C7 D7 C8 D8 C9 D10 A3 B4 A4 B5 A5 B6 B7 A7 B8 A8 A9 B10",
                 ),
+                **_bits("held_high", "P13 N12 P12"),
             },
             source="github.com/AakaFosfor/S3StarterKit, S3StarterKit.ucf (board: UG130)",
             family="xc3s",
             notes=(
                 "Gates on A2, pins 4 to 27, SPI on 28 to 31, permit on 32, steps over SPI: SW0.",
                 "Its UART is an RS-232 transceiver: 115200 baud.",
+                "Nothing on the board reconfigures it: held_high is on the LEDs LD4 to LD6.",
             ),
             pulls=_PULLS,
         ),

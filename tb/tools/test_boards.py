@@ -1,7 +1,7 @@
 """Constraint files against the top they are for, without any vendor's tool.
 
 Checks: every port (bit) of board_top has a pin and no other name has one; no pin twice; the
-clocks are constrained; the files are what their table makes; what the build "family" adds; the
+clocks are constrained; pins that can reconfigure a board are driven and pulled; the files are what their table makes; what the build "family" adds; the
 projects name files that exist.
 Does not prove: that the vendors' tools accept them, which were not run.
 """
@@ -55,6 +55,31 @@ def test_every_port_has_one_pin_of_its_own(board: Board) -> None:
     assert {port for port, _ in rows} == ports_of_top()
     assert len(rows) == len(ports_of_top())
     assert len({pin for _, pin in rows}) == len(rows)
+
+
+#: Pins through which another part of a board can have the FPGA reconfigured, of the boards' plans.
+ESP32_AND_PROGRAMN = {"L2", "F1", "M4"}
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)
+def test_no_pin_that_can_reconfigure_a_board_floats(board: Board) -> None:
+    wanted = ESP32_AND_PROGRAMN if board.name.startswith("ulx3s") else set()
+    assert set(board.reconfigured_by) == wanted
+    held = {pin: port for port, pin in pins_in(board) if port.startswith("held_high[")}
+    assert wanted <= set(held)
+    text = board.constraint_file.read_text(encoding="ascii")
+    for port in held.values():
+        net = port.replace("[", "<").replace("]", ">")
+        assert {
+            ".lpf": f'IOBUF PORT "{port}" IO_TYPE=LVCMOS33 PULLMODE=UP;\n',
+            ".xdc": f"set_property PULLUP true [get_ports {{ {port} }}]\n",
+            ".ucf": f'NET "{net}" LOC = "{board.pins[port]}" | IOSTANDARD = LVCMOS33 | PULLUP;\n',
+        }[board.constraint_file.suffix] in text
+    page = (ROOT / "docs" / "boards.md").read_text(encoding="utf-8")
+    before_power = page.split("## Before there is power")[1].split("\n## ")[0]
+    for pin, reason in board.reconfigured_by.items():
+        assert f"{reason.split()[0].rstrip(':')}`" in before_power
+        assert f"`{pin}`" in before_power
 
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=lambda b: b.name)

@@ -249,6 +249,7 @@ class Bench:
         for n in range(RESET_CLOCKS + 4):
             await Timer(1, "ns")
             board.check("reset", number(dut.rst), int(n <= RESET_CLOCKS), f"{where}, clock {n}")
+            board.check("held high", str(dut.held_high.value), "111", f"{where}, clock {n}")
             if n > 1:  # the guard's own reset takes a clock
                 board.check("off", number(dut.gates), 0, where)
             await self.pins.rise()

@@ -6,7 +6,7 @@ Stimulus: transactions on SPI with a bit a clock; decisions of which each depend
 measurements, all words in turn; the permit taken back while gates are on; the switch; a second
 oscillator at both limits and beyond them; a lost lock.
 Checks: clocks of the reset; what IDENTIFY and the capabilities say; decisions of the model, whole
-words; gates in the reply and on the pins; LEDs; pins off without a clock.
+words; gates in the reply and on the pins; LEDs; pins off without a clock; pins that are held high.
 Timing: the switch acts two clocks later; a reset holds for 15 clocks.
 Does not prove: the PLL itself, for which a stand-in is here, and frames that are not well formed;
 test_board has those in the second simulator.
@@ -82,10 +82,18 @@ FAULTS = [
     Fault("board_top", SPEED, SPEED.replace("79 downto 64", "95 downto 80"), "decision:"),
     Fault("board_top", 'x"00" & gates_now', 'x"01" & gates_now', "gates:"),
     Fault("board_top", "not permitted;", "'0';", "permit:"),
+    Fault(
+        "board_top",
+        "held_high     <= (others => '1');",
+        "held_high <= (others => rst);",
+        "held high:",
+    ),
 ]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=["reset", "measurement", "gates", "permit"])
+@pytest.mark.parametrize(
+    "fault", FAULTS, ids=["reset", "measurement", "gates", "permit", "held high"]
+)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench(MPTC, decisions=48, rtl=rtl))
 
