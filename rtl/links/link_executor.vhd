@@ -6,6 +6,9 @@
 -- change nothing and may be repeated. A reading host can so find out at any time where it stands, and a replayed
 -- frame never acts.
 --
+-- A frame whose type has bit 7 is a reply. It is counted (TYPE) and not answered: on a line that echoes, or between two
+-- boards, an answer would lead to another one without end.
+--
 -- Which of two frames that come in the same clock goes first does not matter: a link's next frame cannot wait before
 -- its last one is released, so the other link is served in between.
 --
@@ -139,6 +142,7 @@ architecture rtl of link_executor is
   signal request_at   : std_logic_vector(15 downto 0); -- address of READ and WRITE
   signal accesses     : std_logic;                     -- it is a READ or WRITE
   signal steps        : std_logic;                     -- it is a STEP
+  signal is_reply     : std_logic;                     -- it is a reply
   signal silent       : std_logic;                     -- it is a STEP without a decision
   signal verdict      : outcome_t;
   signal acted        : std_logic;
@@ -284,7 +288,10 @@ begin
           v.outcome := verdict;
           v.phase   := PHASE_ANSWER;
 
-          if (verdict = OUTCOME_ACCEPTED) then
+          if (is_reply = '1') then
+            v.served := '1';
+            v.phase  := PHASE_IDLE;
+          elsif (verdict = OUTCOME_ACCEPTED) then
             if (accesses = '1') then
               v.bus_start := '1';
               v.phase     := PHASE_BUS;
@@ -325,7 +332,8 @@ begin
 
   end process p_serve;
 
-  silent <= no_answer and r.resumed;
+  silent   <= no_answer and r.resumed;
+  is_reply <= to_std_logic((kind and TYPE_REPLY) = TYPE_REPLY);
 
   i_reply : entity work.reply_source
     generic map (

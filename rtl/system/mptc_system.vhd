@@ -107,6 +107,12 @@ architecture rtl of mptc_system is
   signal gated_bready   : std_logic;
   signal gated_bvalid   : std_logic;
   signal gated_bresp    : std_logic_vector(1 downto 0);
+  signal gated_arvalid  : std_logic;
+  signal gated_arready  : std_logic;
+  signal gated_rready   : std_logic;
+  signal gated_rvalid   : std_logic;
+  signal gated_rdata    : std_logic_vector(31 downto 0);
+  signal gated_rresp    : std_logic_vector(1 downto 0);
   signal take           : std_logic; -- measurements come from the ports
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
@@ -161,6 +167,24 @@ architecture rtl of mptc_system is
 
 begin
 
+  i_read_gate : entity work.read_gate
+    port map (
+      clk       => clk,
+      rst       => rst,
+      m_arvalid => s_axil_arvalid,
+      m_arready => s_axil_arready,
+      m_rready  => s_axil_rready,
+      m_rvalid  => s_axil_rvalid,
+      m_rdata   => s_axil_rdata,
+      m_rresp   => s_axil_rresp,
+      s_arvalid => gated_arvalid,
+      s_arready => gated_arready,
+      s_rready  => gated_rready,
+      s_rvalid  => gated_rvalid,
+      s_rdata   => gated_rdata,
+      s_rresp   => gated_rresp
+    );
+
   i_registers : entity work.directmpc_mptc_registers
     port map (
       clk            => clk,
@@ -176,14 +200,14 @@ begin
       s_axil_bready  => gated_bready,
       s_axil_bvalid  => gated_bvalid,
       s_axil_bresp   => gated_bresp,
-      s_axil_arready => s_axil_arready,
-      s_axil_arvalid => s_axil_arvalid,
+      s_axil_arready => gated_arready,
+      s_axil_arvalid => gated_arvalid,
       s_axil_araddr  => s_axil_araddr,
       s_axil_arprot  => s_axil_arprot,
-      s_axil_rready  => s_axil_rready,
-      s_axil_rvalid  => s_axil_rvalid,
-      s_axil_rdata   => s_axil_rdata,
-      s_axil_rresp   => s_axil_rresp,
+      s_axil_rready  => gated_rready,
+      s_axil_rvalid  => gated_rvalid,
+      s_axil_rdata   => gated_rdata,
+      s_axil_rresp   => gated_rresp,
       hwif_in        => from_hardware,
       hwif_out       => to_hardware
     );

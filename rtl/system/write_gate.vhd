@@ -1,12 +1,14 @@
--- Lets AXI4-Lite writes through one at a time, and answers those that are refused itself.
+-- Lets AXI4-Lite writes through one at a time, keeps their responses, and answers those that are refused itself.
 --
 -- A write is refused where refuse is up in the clock in which both its address and its data are there: it is
 -- taken, nothing reaches the registers, and its response is SLVERR. No write is kept waiting but by hold, which
--- its owner raises for a few clocks at most. Reads are not touched.
+-- its owner raises for a few clocks at most.
 --
--- Formats: AXI4-Lite; address and data are taken in the same clock.
--- Latency: none for a write that passes; a refused one has its response in the next clock. A write every second
--- clock after its response at best.
+-- The registers get rid of a response at once. So a master that does not take it, bready low, keeps no read waiting.
+--
+-- Formats: AXI4-Lite; address and data are taken in the same clock, so a master offers both.
+-- Latency: none for a write that passes, and a clock for its response; a refused one has its response in the next clock.
+-- A write every second clock after its response at best.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -44,16 +46,26 @@ architecture rtl of write_gate is
 
   constant SLVERR : std_logic_vector(1 downto 0) := "10";
 
-  signal under_way : std_logic; -- a write has been taken and not been answered
-  signal refused   : std_logic; -- it was refused: the answer comes from here
-  signal free      : std_logic; -- the write that is there may be taken
-  signal pass      : std_logic; -- it goes to the registers
-  signal stop      : std_logic; -- it is refused
-  signal answered  : std_logic;
+  type state_t is record
+    under_way : std_logic;                    -- a write has been taken, and its response not
+    answered  : std_logic;                    -- its response is here
+    resp      : std_logic_vector(1 downto 0); -- what it is
+  end record state_t;
+
+  constant STATE_INIT : state_t := (
+    under_way => '0',
+    answered  => '0',
+    resp      => "00"
+  );
+
+  signal r    : state_t;
+  signal free : std_logic; -- the write that is there may be taken
+  signal pass : std_logic; -- it goes to the registers
+  signal stop : std_logic; -- it is refused
 
 begin
 
-  free <= m_awvalid and m_wvalid and not (hold or under_way);
+  free <= m_awvalid and m_wvalid and not (hold or r.under_way);
   pass <= free and s_awready and s_wready and not refuse;
   stop <= free and refuse;
 
@@ -63,27 +75,27 @@ begin
   s_wvalid  <= pass;
   passed    <= pass;
 
-  answered <= refused or s_bvalid;
-  m_bvalid <= answered;
-  m_bresp  <= SLVERR when refused = '1' else
-              s_bresp;
-  s_bready <= m_bready and not refused;
+  s_bready <= not r.answered;
+  m_bvalid <= r.answered;
+  m_bresp  <= r.resp;
 
   p_gate : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (pass = '1' or stop = '1') then
-        under_way <= '1';
-        refused   <= stop;
-      elsif (answered = '1' and m_bready = '1') then
-        under_way <= '0';
-        refused   <= '0';
+      if (r.under_way = '0') then
+        r.under_way <= pass or stop;
+        r.answered  <= stop;
+        r.resp      <= SLVERR;
+      elsif (r.answered = '0') then
+        r.answered <= s_bvalid;
+        r.resp     <= s_bresp;
+      elsif (m_bready = '1') then
+        r <= STATE_INIT;
       end if;
 
       if (rst = '1') then
-        under_way <= '0';
-        refused   <= '0';
+        r <= STATE_INIT;
       end if;
     end if;
 

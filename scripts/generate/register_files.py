@@ -96,7 +96,16 @@ The same goes on behind a reset.
 
 **Time of an access.** Every read and every write is answered within 12 clocks, whatever decision or
 commit is under way: 480 ns at 25 MHz, 120 ns at 100 MHz. So `control` = 0, the clearing of a fault
-and `status` never wait.
+and `status` never wait. The time counts from the clock in which the whole access is offered, and the
+answer of the one before in its direction has been taken. One read and one write can be under way.
+
+**Reads and writes are independent.** While a master does not take the data of a read (RREADY low), a
+write is carried out and answered in the same time. While it does not take the response of a write
+(BREADY low), so is a read. A read and a write that are offered together may be carried out in either
+order.
+
+**A write is taken whole.** AWREADY and WREADY rise together, in a clock in which AWVALID and WVALID
+are both up. A master that waits for AWREADY before it offers its data waits for ever; AXI forbids it.
 
 **Clearing.** `flags` and `faults` are latched. Write 1 to a bit to clear it.
 
@@ -532,12 +541,18 @@ def _without_shared(text: str) -> tuple[str, str]:
     return rest.replace("\n\npackage ", f"\nuse work.{_SHARED_PACKAGE}.all;\n\npackage ", 1), shared
 
 
+class _Bus(AXI4Lite_Cpuif_flattened):
+    """Its queue of responses holds those of the read and the write that read_gate and write_gate let in."""
+
+    max_outstanding = 2
+
+
 def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
     name = f"directmpc_{controller}_registers"
     RegblockExporter().export(
         top,
         str(folder),
-        cpuif_cls=AXI4Lite_Cpuif_flattened,
+        cpuif_cls=_Bus,
         module_name=name,
         package_name=f"{name}_pkg",
         err_if_bad_addr=True,

@@ -194,6 +194,46 @@ def test_a_reply_that_comes_twice_or_late_answers_nothing_else() -> None:
     assert found.strays > 0
 
 
+def test_a_reply_is_counted_and_not_answered() -> None:
+    board = model()
+    for kind in (*p.REPLY_SIZE, 0, 6):
+        assert board.receive(Frame(kind | p.REPLY, 1).wire()[1:-1]) is None
+    assert board.counters == {Outcome.TYPE: len(p.REPLY_SIZE) + 2}
+
+
+def test_an_echo_of_a_request_is_no_reply() -> None:
+    board = model()
+    line = Line(board)
+    send = line.write
+
+    def echoed(data: bytes) -> None:
+        line.waiting += data
+        before = line.waiting
+        send(data)
+        # what the board has sent comes back to it
+        send(line.waiting[len(before) :])
+
+    line.write = echoed
+    clock = iter(range(10**9))
+    link = Link(line, timeout=5, clock=lambda: next(clock))
+    for value in range(20):
+        assert link.request(Type.WRITE, struct.pack("<HI", 4, value))[2] == 0
+    assert link.strays == 20
+    assert board.counters == {Outcome.ACCEPTED: 20, Outcome.TYPE: 20}
+
+
+def test_two_boards_that_are_connected_fall_silent() -> None:
+    boards = model(), model()
+    line = [boards[0].receive(Frame(Type.IDENTIFY, 1).wire()[1:-1])]
+    for turn in range(9):
+        answer = boards[(turn + 1) % 2].receive(line[-1].wire()[1:-1])
+        if answer is None:
+            break
+        line.append(answer)
+    assert len(line) == 1
+    assert boards[1].counters == {Outcome.TYPE: 1}
+
+
 def test_refusals_say_why() -> None:
     with pytest.raises(RefusedError, match="gives control to its other link") as refused:
         link_of(model(controls=False)).request(Type.STEP, bytes(18))

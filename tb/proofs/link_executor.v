@@ -105,6 +105,7 @@ module proof (
   wire fact_not_twice = !(phase >= BUS && !resumed && step_live) || step_link != link;
   wire fact_pending = (phase == IDLE || (pending & now) != 0) && (acted & ~pending) == 0
                       && (!serves || (pending & now) != 0);
+  wire fact_kind = !(phase >= BUS && phase <= REPLY && !resumed) || !kind[7];
   wire fact_noted = !noted || (phase != FETCH && phase != CHECK);
   wire fact_number = !(phase == CHECK && size[5:0] != 0)
                      || (number == number_last && lasts == lasts_last && link == link_last);
@@ -120,5 +121,6 @@ module proof (
   wire prove_new_number = !(changes && sure) || (ahead >= 1 && ahead <= 31'h40000000 && number[31] == link);
   wire prove_link_in_control = !changes || link == control
                                || (kind == WRITE && bus_address == CONTROL && bus_wdata == 0);
+  wire prove_replies_are_not_answered = reply_begins == 0 || resumed || !kind[7];
 
 endmodule

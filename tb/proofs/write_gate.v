@@ -17,12 +17,15 @@ module proof (
     .s_bready(s_bready), .s_bvalid(s_bvalid), .s_bresp(s_bresp)
   );
 
-  (* inside = "i_dut.under_way" *) wire under_way;
-  (* inside = "i_dut.refused" *) wire refused;
+  (* inside = "i_dut.r" *) wire [3:0] r;
+  wire under_way = r[0], kept = r[1];
+  wire [1:0] resp = r[3:2];
 
   reg owed;    // the registers have taken a write and not answered it
   reg open;    // a write has been taken from the master and not been answered
   reg turned;  // it was refused
+  reg given;   // the registers have answered it
+  reg [1:0] said;  // with this
   reg waits_b; // the answer was there and not taken
   reg [1:0] was_resp;
   reg was_s_b, was_s_bready;
@@ -39,6 +42,8 @@ module proof (
     owed <= !rst && ((s_awvalid && s_awready) || (owed && !(s_bvalid && s_bready)));
     open <= !rst && (taken || (open && !answered));
     if (taken) turned <= refuse;
+    given <= !rst && ((s_bvalid && s_bready) || (given && !answered));
+    if (s_bvalid && s_bready) said <= s_bresp;
     waits_b <= !rst && m_bvalid && !m_bready;
     was_resp <= m_bresp;
     was_s_b <= !rst && s_bvalid && !s_bready;
@@ -46,8 +51,10 @@ module proof (
   end
 
   wire fact_open = open == under_way;
-  wire fact_refused = refused == (open && turned);
-  wire fact_owed = owed == (open && !turned);
+  wire fact_kept = kept == (open && (turned || given));
+  wire fact_owed = owed == (open && !turned && !given);
+  wire fact_given = !given || (open && !turned);
+  wire fact_resp = !kept || resp == (turned ? 2'd2 : said);
 
   wire prove_address_and_word_together = m_awready == m_wready && s_awvalid == s_wvalid
                                          && (!m_awready || (m_awvalid && m_wvalid));
@@ -56,7 +63,8 @@ module proof (
   wire prove_what_is_taken_passes_or_is_refused = !taken || passed != refuse;
   wire prove_answered_once = !m_bvalid || open;
   wire prove_refused_means_slverr = !(m_bvalid && turned) || m_bresp == 2;
-  wire prove_the_answer_is_the_registers = !(m_bvalid && !turned) || (s_bvalid && m_bresp == s_bresp);
+  wire prove_the_answer_is_the_registers = !(m_bvalid && !turned) || (given && m_bresp == said);
+  wire prove_the_registers_never_wait = !s_bvalid || s_bready;
   wire prove_an_answer_stays = !waits_b || (m_bvalid && m_bresp == was_resp);
 
 endmodule

@@ -80,7 +80,7 @@ class Outcome(IntEnum):
     CRC = 6  # wrong CRC-32
     LATE = 7  # more time than the limit between its first byte and its end
     BUSY = 8  # the request before is still being served
-    TYPE = 9  # unknown type, or a payload of another size than the type's
+    TYPE = 9  # unknown type, a payload of another size than the type's, or a reply
     STALE = 10  # sequence number not above this link's last: replayed, overtaken, of the other link
     LINK = 11  # STEP or WRITE on the link that is not in control, but for a disable
     POSITION = 12  # s(k-1) or u is not what the gates are at

@@ -104,7 +104,7 @@ class LinkModel:
                 return Outcome.POSITION
         return Outcome.ACCEPTED
 
-    def reply(self, frame: Frame) -> Frame:
+    def reply(self, frame: Frame) -> Frame | None:
         """Serve a frame that its receiver has passed.
 
         Parameters
@@ -114,13 +114,15 @@ class LinkModel:
 
         Returns
         -------
-        Frame
-            The reply, or REFUSED with the reason.
+        Frame or None
+            The reply, or REFUSED with the reason; None where the frame is a reply itself.
         """
         outcome = self.verdict(frame)
         if outcome is not Outcome.ACCEPTED:
-            payload = struct.pack("<BBI", outcome, frame.kind, self.last)
             self.counters[outcome] += 1
+            if frame.kind & p.REPLY:
+                return None
+            payload = struct.pack("<BBI", outcome, frame.kind, self.last)
             return Frame(Type.REFUSED | p.REPLY, frame.sequence, payload)
         kind = Type(frame.kind)
         if kind in p.ACTING:
@@ -162,7 +164,7 @@ class LinkModel:
         Returns
         -------
         Frame or None
-            None where there is no answer, because the frame is broken.
+            None where there is no answer: the frame is broken, or a reply itself.
         """
         outcome, frame = p.judge(stuffed)
         if frame is None:

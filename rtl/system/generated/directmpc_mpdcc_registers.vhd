@@ -83,9 +83,9 @@ architecture rtl of directmpc_mpdcc_registers is
         rdata : std_logic_vector(31 downto 0);
     end record axil_resp_buffer_t;
     type axil_resp_buffer_array_t is array (integer range <>) of axil_resp_buffer_t;
-    signal axil_resp_buffer : axil_resp_buffer_array_t(3 downto 0);
-    signal axil_resp_wptr : unsigned(2 downto 0);
-    signal axil_resp_rptr : unsigned(2 downto 0);
+    signal axil_resp_buffer : axil_resp_buffer_array_t(1 downto 0);
+    signal axil_resp_wptr : unsigned(1 downto 0);
+    signal axil_resp_rptr : unsigned(1 downto 0);
     signal external_pending : std_logic;
     signal external_wr_ack : std_logic;
     signal external_rd_ack : std_logic;
@@ -1137,7 +1137,7 @@ begin
     ----------------------------------------------------------------------------
     
 
-    -- Max Outstanding Transactions: 3
+    -- Max Outstanding Transactions: 2
     -- Transaction request acceptance
     process(clk) begin
         if false then -- async reset
@@ -1220,7 +1220,7 @@ begin
         axil_ar_accept <= '0';
         axil_aw_accept <= '0';
 
-        if axil_n_in_flight < to_unsigned(3, 2) then
+        if axil_n_in_flight < to_unsigned(2, 2) then
             -- Can safely issue more transactions without overwhelming response buffer
             if axil_arvalid and not axil_prev_was_rd then
                 cpuif_req <= '1';
@@ -1244,11 +1244,6 @@ begin
         end if;
     end process;
     -- AXI4-Lite Response Logic
-    -- axil_resp_buffer is intentionally padded to the next power of two despite
-    -- only requiring 3 entries.
-    -- This is to avoid quirks in some tools that cannot handle indexing into a non-power-of-2 array.
-    -- Unused entries are expected to be optimized away
-
     process(clk) begin
         if false then -- async reset
             for i in axil_resp_buffer'RANGE loop
@@ -1271,30 +1266,20 @@ begin
                 -- Store responses in buffer until AXI response channel accepts them
                 if cpuif_rd_ack or cpuif_wr_ack then
                     if cpuif_rd_ack then
-                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).is_wr <= '0';
-                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).err <= cpuif_rd_err;
-                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).rdata <= cpuif_rd_data;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).is_wr <= '0';
+                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).err <= cpuif_rd_err;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).rdata <= cpuif_rd_data;
 
                     elsif cpuif_wr_ack then
-                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).is_wr <= '1';
-                        axil_resp_buffer(to_integer(axil_resp_wptr(1 downto 0))).err <= cpuif_wr_err;
+                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).is_wr <= '1';
+                        axil_resp_buffer(to_integer(axil_resp_wptr(0 downto 0))).err <= cpuif_wr_err;
                     end if;
-                    if axil_resp_wptr(1 downto 0) = 2 then
-                        axil_resp_wptr(1 downto 0) <= (others => '0');
-                        axil_resp_wptr(2) <= not axil_resp_wptr(2);
-                    else
-                        axil_resp_wptr(1 downto 0) <= axil_resp_wptr(1 downto 0) + 1;
-                    end if;
+                    axil_resp_wptr <= axil_resp_wptr + 1;
                 end if;
 
                 -- Advance read pointer when acknowledged
                 if axil_resp_acked then
-                    if axil_resp_rptr(1 downto 0) = 2 then
-                        axil_resp_rptr(1 downto 0) <= (others => '0');
-                        axil_resp_rptr(2) <= not axil_resp_rptr(2);
-                    else
-                        axil_resp_rptr(1 downto 0) <= axil_resp_rptr(1 downto 0) + 1;
-                    end if;
+                    axil_resp_rptr <= axil_resp_rptr + 1;
                 end if;
             end if;
         end if;
@@ -1305,7 +1290,7 @@ begin
         s_axil_bvalid <= '0';
         s_axil_rvalid <= '0';
         if axil_resp_rptr /= axil_resp_wptr then
-            if axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).is_wr then
+            if axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).is_wr then
                 s_axil_bvalid <= '1';
                 if s_axil_bready then
                     axil_resp_acked <= '1';
@@ -1318,8 +1303,8 @@ begin
             end if;
         end if;
 
-        s_axil_rdata <= axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).rdata;
-        if axil_resp_buffer(to_integer(axil_resp_rptr(1 downto 0))).err then
+        s_axil_rdata <= axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).rdata;
+        if axil_resp_buffer(to_integer(axil_resp_rptr(0 downto 0))).err then
             s_axil_bresp <= "10";
             s_axil_rresp <= "10";
         else

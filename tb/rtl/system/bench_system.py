@@ -8,7 +8,7 @@ from typing import Any
 
 import cocotb
 import numpy as np
-from cocotb.triggers import FallingEdge, RisingEdge
+from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, anpc_gates, two_level_gates
@@ -140,6 +140,23 @@ class System:
             assert clocks < 400, "no decision"
             await FallingEdge(self.dut.clk)
         return clocks
+
+
+    async def timed(self, access: Coroutine[Any, Any, Any]) -> Any:
+        """An access and the clocks that it takes; it has to end."""
+        clocks = 0
+
+        async def count() -> None:
+            nonlocal clocks
+            while True:
+                await RisingEdge(self.dut.clk)
+                clocks += 1
+
+        counter = cocotb.start_soon(count())
+        found = await with_timeout(cocotb.start_soon(access), 2, "us")
+        counter.cancel()
+        self.board.longest("access", clocks)
+        return found
 
 
 async def every_register(system: System) -> None:
@@ -840,23 +857,7 @@ async def locks(system: System) -> None:
     """A commit that waits keeps shadows alone; settings are locked while enabled."""
     bus, board, dut = system.bus, system.board, system.dut
     guard = dut.i_shell.i_guard
-    enable_word = 1
-
-    async def timed(access: Coroutine[Any, Any, Any]) -> Any:
-        """An access and the clocks that it takes."""
-        clocks = 0
-
-        async def count() -> None:
-            nonlocal clocks
-            while True:
-                await RisingEdge(dut.clk)
-                clocks += 1
-
-        counter = cocotb.start_soon(count())
-        found = await access
-        counter.cancel()
-        board.longest("access", clocks)
-        return found
+    timed, enable_word = system.timed, 1
 
     # a decision, a commit that has to wait for it, then everything that must not wait
     control, _ = bus.registers["system.control"]
@@ -910,6 +911,36 @@ async def locks(system: System) -> None:
     await bus.write_word(control, 0)
 
 
+async def untaken(system: System) -> None:
+    """Data that the master does not take keeps no write waiting, and a response no read."""
+    bus, board, dut = system.bus, system.board, system.dut
+    bus.throttle(0)
+    name = next(iter(system.inputs))
+    address, _ = bus.registers[f"measurements.{name}"]
+    control, _ = bus.registers["system.control"]
+    status, _ = bus.registers["system.status"]
+    responses, data = bus.master.write_if.b_channel, bus.master.read_if.r_channel
+    for count in range(1, 6):
+        # with a bit of control that shows in no decision, so that the write is seen
+        await bus.write_word(control, 2)
+        data.pause = True
+        reads = [cocotb.start_soon(bus.read_word(status)) for _ in range(count)]
+        await ClockCycles(dut.clk, 40)
+        board.check("untaken data", await system.timed(bus.write_word(control, 0)), OKAY)
+        data.pause = False
+        board.check("carried out", await bus.read_word(control), (0, OKAY))
+        for read in reads:
+            board.check("late data", (await read)[1], OKAY)
+        responses.pause = True
+        write = cocotb.start_soon(bus.write_word(address, 100 + count))
+        refused = cocotb.start_soon(bus.write_word(status, 1))
+        await ClockCycles(dut.clk, 40)
+        board.check("untaken response", await system.timed(bus.read_word(address)),
+                    (100 + count, OKAY))  # fmt: skip
+        responses.pause = False
+        board.check("late response", (await write, await refused), (OKAY, SLVERR))
+
+
 @cocotb.test()
 async def system(dut) -> None:
     """Everything a host does."""
@@ -932,6 +963,7 @@ async def system(dut) -> None:
     await unmeasured(under_test)
     dut.enable.value = 1
     await locks(under_test)
+    await untaken(under_test)
     under_test.board.finish(
         {
             "word": 60 * given["registers"],
@@ -942,6 +974,8 @@ async def system(dut) -> None:
             "trip": 1,
             "unmeasured": 600,
             "pending": 4,
+            "untaken data": 5,
+            "untaken response": 5,
             "locked": 24,
             "not in force": 3,
         },

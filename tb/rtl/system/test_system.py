@@ -5,7 +5,8 @@ Stimulus: every register with random words, strobes and pauses on all channels; 
 written and committed at any time while decisions run; decisions from ports and from registers, with
 measured and observed flux, measured and filtered voltages; trips, clears, enables.
 Checks: what registers hold and refuse; that a commit which waits refuses shadows alone, and that
-no access takes longer than LONGEST_ACCESS; that settings are locked; every decision is the model's
+no access takes longer than LONGEST_ACCESS, even where data or a response waits for the master; that
+settings are locked; every decision is the model's
 for one whole committed set;
 cycle counters, sticky flags, write-one-to-clear; every setting reaches its port of the gate guard
 with a commit and not before; gates off on trips and until enabled anew, and while no measurement

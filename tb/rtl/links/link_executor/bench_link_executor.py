@@ -181,7 +181,7 @@ class Bench:
         if rng.random() < 0.04:
             payload = rng.randbytes(rng.choice([size + 1, max(0, size - 1), p.MAX_PAYLOAD, 0]))
         if rng.random() < 0.04:
-            kind = rng.choice([0, 6, 7, 0x7F, 0x80 | kind, rng.getrandbits(8)])
+            kind = rng.choice([0, 6, 0x7F, rng.getrandbits(8), *[p.REPLY | kind] * 3])
         return Frame(kind, sequence, payload)
 
     def receive(self) -> None:
@@ -348,6 +348,10 @@ class Bench:
         request.outcome = self.verdict(request, i)
         kind, link = request.frame.kind, request.link
         self.board.cover(f"{request.outcome.name} on link {link}")
+        if kind & p.REPLY:
+            self.board.cover("a reply is not answered")
+            self.request, self.released = None, request
+            return
         self.turn_to("answer")
         if request.outcome is not Outcome.ACCEPTED:
             return
@@ -485,9 +489,9 @@ async def every_clock(dut) -> None:
     await bench.tick(rst=1)
     for _ in range(given["clocks"]):
         phase = bench.phase
-        likely = 0.0008 if phase in ("idle", "read", "reply") else 0.004
-        await bench.tick(rst=int(rng.random() < (0.05 if phase == "judge" else likely)))
-    few = given["clocks"] // 8000
+        likely = {"idle": 0.0008, "read": 0.0008, "reply": 0.0008, "judge": 0.05, "step": 0.008}
+        await bench.tick(rst=int(rng.random() < likely.get(phase, 0.004)))
+    few = given["clocks"] // 12_000
     always = ("link", "served", "reply_begins", "reply_valid", "reply_last", "look", "bus_start")
     links = [f"on link {link}" for link in (0, 1)]
     board.finish(
@@ -499,6 +503,7 @@ async def every_clock(dut) -> None:
         | {f"{kind} {link}": few for kind in (*p.REQUEST_SIZE, Type.STEP) for link in links}
         | {f"{kind}, response {code}": 1 for kind in ("read", "write") for code in (0, 2, 3)}
         | {"served while a step waits": few, "header read again": few, "both wait": few}
+        | {"a reply is not answered": 1}
         | {"answered at once": 1, "no answer": 1, "at the last moment": 1, "too late": 1}
         | {"busy by a step": 1, "busy by itself": 1, "reply waits": few * bench.throttle}
         | {f"reset: {phase}": 1 for phase in ("read", "judge", "reply", "step")},

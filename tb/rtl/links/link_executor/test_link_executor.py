@@ -2,9 +2,9 @@
 
 Sweep: MPDCC with the usual generics, MPTC with generics whose bytes all differ; frames one after
 another with all around at once, and pauses with registers, counters and a transmitter that wait.
-Stimulus: requests of every type on both links, some with another size, a foreign type, an old
-number or that of the other link; steps from the position of the gates and from others; writes that
-disable, and such that do not; a switch that moves between requests; registers at the first and last
+Stimulus: requests of every type on both links, some with another size, a foreign type, the type of
+a reply, an old number or that of the other link; steps from the position of the gates and from
+others; writes that disable, and such that do not; a switch that moves between requests; registers at the first and last
 word, one beyond, between two words, locked; a core that decides at once, at the last moment, too
 late, or never, and is busy by itself; frames that wait while a step does; anything at inputs that
 do not count; resets in every phase.
@@ -55,14 +55,14 @@ def bench(
     rtl: Path = RTL,
     generics: Mapping[str, object] = MPDCC,
     throttle: int = 0,
-    clocks: int = 16_000,
+    clocks: int = 24_000,
 ) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.links.{NAME}.bench_{NAME}",
         units=[NAME],
         generics=generics,
-        arguments={"seed": 2, "throttle": throttle, "clocks": clocks},
+        arguments={"seed": 4, "throttle": throttle, "clocks": clocks},
         rtl=rtl,
     )
 
@@ -92,7 +92,9 @@ FAULTS = [
     Fault(NAME, "if (r.intact = '1') then", "if (true) then", "(reply_begins|address):"),
     Fault(NAME, "v.fetched := r.resumed;", "v.fetched := '0';", "(link|reply_begins|address):"),
     Fault(NAME, "if (r.served = '0') then", "if (true) then", "(link|address):"),
-    Fault(NAME, "silent <= no_answer and r.resumed;", "silent <= '0';", "reply_data:"),
+    Fault(NAME, "if (is_reply = '1') then", "if (false) then",
+          "(link|served|reply_begins|address):"),
+    Fault(NAME, "silent   <= no_answer and r.resumed;", "silent   <= '0';", "reply_data:"),
     Fault(NAME, "v.outcome := verdict;", "null;", "(reply_data|outcome):"),
     Fault(NAME, "v := STATE_INIT;", "v := STATE_INIT; v.phase := r.phase;", "[a-z_]+:"),
     Fault(NAME, "r.phase = PHASE_CHECK and verdict = OUTCOME_ACCEPTED", "r.phase = PHASE_CHECK",

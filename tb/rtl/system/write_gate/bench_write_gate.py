@@ -12,10 +12,14 @@ from tb.helpers.stepping import compare
 
 
 class WriteGate:
-    """One write at a time, address and data together, none while hold is up; some are refused."""
+    """One write at a time, address and data together, none while hold is up; some are refused.
+
+    The response is kept until the master takes it.
+    """
 
     def __init__(self) -> None:
-        self.under_way = self.refused = 0
+        self.under_way = 0
+        self.kept: int | None = None
 
     def outputs(self, given: Mapping[str, int]) -> dict[str, int]:
         """Outputs before the edge, by name."""
@@ -25,20 +29,23 @@ class WriteGate:
         passes = int(bool(free and ready and not given["refuse"]))
         found = dict.fromkeys(("m_awready", "m_wready"), passes | stops)
         found |= dict.fromkeys(("s_awvalid", "s_wvalid", "passed"), passes)
-        found["m_bvalid"] = self.refused | given["s_bvalid"]
-        found["m_bresp"] = 2 if self.refused else given["s_bresp"]
-        found["s_bready"] = int(given["m_bready"] and not self.refused)
+        found["m_bvalid"] = int(self.kept is not None)
+        found["s_bready"] = 1 - found["m_bvalid"]
+        if self.kept is not None:
+            found["m_bresp"] = self.kept
         return found
 
     def edge(self, given: Mapping[str, int]) -> None:
         """One clock."""
         found = self.outputs(given)
         if found["m_awready"]:
-            self.under_way, self.refused = 1, 1 - found["passed"]
-        elif found["m_bvalid"] and given["m_bready"]:
-            self.under_way = self.refused = 0
+            self.under_way, self.kept = 1, None if found["passed"] else 2
+        elif self.under_way and self.kept is None:
+            self.kept = given["s_bresp"] if given["s_bvalid"] else None
+        elif self.kept is not None and given["m_bready"]:
+            self.under_way, self.kept = 0, None
         if given["rst"]:
-            self.under_way = self.refused = 0
+            self.under_way, self.kept = 0, None
 
 
 @cocotb.test()
@@ -51,4 +58,7 @@ async def random_writes(dut) -> None:
     }  # fmt: skip
     board = await compare(dut, WriteGate(), inputs, rng=random.Random(3), clocks=clocks)
     names = ("m_awready", "m_wready", "s_awvalid", "s_wvalid", "passed", "m_bvalid", "s_bready")
-    board.finish(dict.fromkeys(names, clocks - 2), dict.fromkeys(names, clocks // 30))
+    board.finish(
+        dict.fromkeys(names, clocks - 2) | {"m_bresp": clocks // 5},
+        dict.fromkeys((*names, "m_bresp"), clocks // 30),
+    )

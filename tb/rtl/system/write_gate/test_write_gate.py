@@ -1,9 +1,9 @@
-"""Writes pass one at a time, and those that are refused are answered.
+"""Writes pass one at a time, their responses wait for the master, and refused ones are answered.
 
 Stimulus: valid, ready, response, refusal and hold in any order; resets.
 Checks: all handshakes and the response in every clock, against a model in Python.
 Faults: a write that passes hold or a refusal, a second one under way, half a write, a refused one
-without an answer, or with the registers'.
+without an answer, or with the registers', registers that wait for the master.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def test_writes_pass_one_at_a_time() -> None:
 
 
 FAULTS = [
-    Fault("write_gate", "not (hold or under_way)", "not under_way", "[ms]_"),
-    Fault("write_gate", "not (hold or under_way)", "not hold", "[ms]_"),
-    Fault("write_gate", "answered = '1' and m_bready = '1'", "answered = '1'", "([ms]_|passed)"),
+    Fault("write_gate", "not (hold or r.under_way)", "not r.under_way", "[ms]_"),
+    Fault("write_gate", "not (hold or r.under_way)", "not hold", "[ms]_"),
+    Fault("write_gate", "elsif (m_bready = '1') then", "else", "([ms]_|passed)"),
     Fault("write_gate", "m_awvalid and m_wvalid and", "m_awvalid and", "[ms]_"),
     Fault("write_gate", "s_wready and not refuse", "s_wready", "([ms]_|passed)"),
-    Fault("write_gate", "<= refused or s_bvalid", "<= s_bvalid", "m_bvalid"),
-    Fault("write_gate", "m_bready and not refused", "m_bready", "s_bready"),
-    Fault("write_gate", "SLVERR when refused = '1'", "SLVERR when rst = '1'", "m_bresp"),
+    Fault("write_gate", "r.answered  <= stop;", "r.answered  <= '0';", "m_bvalid"),
+    Fault("write_gate", "s_bready <= not r.answered", "s_bready <= m_bready", "s_bready"),
+    Fault("write_gate", "r.resp      <= SLVERR;", "null;", "m_bresp"),
 ]
 
 
