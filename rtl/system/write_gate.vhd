@@ -7,8 +7,8 @@
 -- The registers get rid of a response at once. So a master that does not take it, bready low, keeps no read waiting.
 --
 -- Formats: AXI4-Lite; address and data are taken in the same clock, so a master offers both.
--- Latency: none for a write that passes, and a clock for its response; a refused one has its response in the next clock.
--- A write every second clock after its response at best.
+-- Latency: none for a write that passes, and a clock for its response; a refused one has its response in the next
+-- clock. A write every second clock after its response at best.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

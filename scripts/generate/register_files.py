@@ -96,16 +96,17 @@ The same goes on behind a reset.
 
 **Time of an access.** Every read and every write is answered within 12 clocks, whatever decision or
 commit is under way: 480 ns at 25 MHz, 120 ns at 100 MHz. So `control` = 0, the clearing of a fault
-and `status` never wait. The time counts from the clock in which the whole access is offered, and the
+and `status` never wait. The time counts from the clock in which the whole access is offered and the
 answer of the one before in its direction has been taken. One read and one write can be under way.
 
-**Reads and writes are independent.** While a master does not take the data of a read (RREADY low), a
-write is carried out and answered in the same time. While it does not take the response of a write
-(BREADY low), so is a read. A read and a write that are offered together may be carried out in either
-order.
+**Reads and writes are independent.** While a master does not take the data of a read (RREADY low),
+a write is carried out and answered in the same time. While it does not take the response of a write
+(BREADY low), so is a read. A read and a write that are offered together may be carried out in
+either order.
 
 **A write is taken whole.** AWREADY and WREADY rise together, in a clock in which AWVALID and WVALID
-are both up. A master that waits for AWREADY before it offers its data waits for ever; AXI forbids it.
+are both up. A master that waits for AWREADY before it offers its data waits for ever; AXI forbids
+that.
 
 **Clearing.** `flags` and `faults` are latched. Write 1 to a bit to clear it.
 
@@ -542,7 +543,7 @@ def _without_shared(text: str) -> tuple[str, str]:
 
 
 class _Bus(AXI4Lite_Cpuif_flattened):
-    """Its queue of responses holds those of the read and the write that read_gate and write_gate let in."""
+    """Its queue holds the responses of one read and one write: its gates let no more in."""
 
     max_outstanding = 2
 
@@ -682,6 +683,10 @@ def _table(tops: dict[str, AddrmapNode]) -> str:
             lines.append("            {")
             for field in node.fields():
                 signed = bool(field.get_property("twos_complement"))
+                if signed != bool(re.search(r"\bsigned\b", _meaning(field), re.I)):
+                    raise ValueError(
+                        f"{name}.{field.inst_name}: twos_complement and its description differ"
+                    )
                 entry = f"({field.low}, {field.width}, {signed})"
                 lines.append(f'                "{field.inst_name}": {entry},')
             lines += ["            },", "        ),"]

@@ -3,8 +3,9 @@
 //   board pty CLOCKS_PER_BIT DIVIDE SETTLE LINK GATES SPI FREE   a pseudo-terminal, LINK a symbolic link to it
 //   board script CLOCKS_PER_BIT DIVIDE SETTLE                    orders on standard input, what came of each on standard output
 //
-// SPI 0: the pseudo-terminal is its UART. 1: it carries SPI transactions, and the switch gives control to SPI. Two bytes
-// of length, the lower first, and as many bytes; as many come back.
+// SPI 0: the pseudo-terminal is its UART. 1: it carries SPI transactions, and the switch gives control to SPI. MARK, two
+// bytes of length, the lower first, and as many bytes; as many come back. What does not begin so is skipped: a host that
+// takes the port for a UART leaves nothing behind.
 // FREE 1: time runs on without traffic too, as fast as the simulation goes.
 // Clocks are the core's: DIVIDE of the oscillator's. Before anything else the board gets SETTLE of them.
 //
@@ -148,13 +149,24 @@ static void spi_transaction(const std::vector<uint8_t> &bytes, std::vector<uint8
     for (int i = 0; i < 8; i++) cycle();
 }
 
+static const uint8_t MARK[] = {'S', 'P', 'I'};
+static const size_t HEAD = sizeof MARK + 2, LONGEST = 4096;  // bytes
+
+// Whether a transaction may begin with what has come.
+static bool begins(const std::deque<uint8_t> &came) {
+    for (size_t i = 0; i < sizeof MARK && i < came.size(); i++)
+        if (came[i] != MARK[i]) return false;
+    return came.size() < HEAD || (came[HEAD - 2] | (size_t)came[HEAD - 1] << 8) <= LONGEST;
+}
+
 // The transaction that has come whole, if there is one.
 static bool taken(std::deque<uint8_t> &came, std::vector<uint8_t> &bytes) {
-    if (came.size() < 2) return false;
-    size_t size = came[0] | (size_t)came[1] << 8;
-    if (came.size() < 2 + size) return false;
-    bytes.assign(came.begin() + 2, came.begin() + 2 + (long)size);
-    came.erase(came.begin(), came.begin() + 2 + (long)size);
+    while (!begins(came)) came.pop_front();
+    if (came.size() < HEAD) return false;
+    size_t size = came[HEAD - 2] | (size_t)came[HEAD - 1] << 8;
+    if (came.size() < HEAD + size) return false;
+    bytes.assign(came.begin() + (long)HEAD, came.begin() + (long)(HEAD + size));
+    came.erase(came.begin(), came.begin() + (long)(HEAD + size));
     return true;
 }
 

@@ -2,17 +2,23 @@
 
 Stimulus: random frames and bytes; a line that loses, repeats, breaks and delays replies.
 Checks: stuffing both ways, what a receiver makes of every single changed bit and lost byte, what
-the host makes of a bad line; what it refuses before anything is sent; the page's examples; that
+the host makes of a bad line and of a port that it cannot open; what it refuses before anything is
+sent; the sign of every field; the page's examples; that
 generated files are what their generators write.
 Does not prove: anything about the RTL, see test_host_link and test_board.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import random
+import re
 import struct
 import subprocess
 import sys
+import termios
+import tty
 from pathlib import Path
 
 import pytest
@@ -22,7 +28,7 @@ from directmpc.host import __main__ as commands
 from directmpc.host import board as board_module
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, RegisterError
-from directmpc.host.link import Link, LinkError, RefusedError
+from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.protocol import (
     Controller,
     Decision,
@@ -38,9 +44,12 @@ from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.trace import read_decisions
 from scripts.generate import link_package as vhdl_package
 from scripts.generate import protocol_examples as examples
+from scripts.generate import register_files
 from scripts.hdl import states
 from scripts.shared.tools import ROOT
 from tb.helpers.drives import plain_file, plain_text
+
+SIGNED = "parameters.c_torque"
 
 
 def model(
@@ -421,6 +430,145 @@ def test_identify_counts_explorers(host, count: int, shown: str) -> None:
     status, text, _ = host(model(controller=Controller.MPDCC, explorers=count), "identify")
     assert status == 0
     assert shown in text
+
+
+@pytest.mark.parametrize("controller", list(Controller), ids=lambda one: one.name)
+def test_every_field_is_read_with_its_sign(controller: Controller) -> None:
+    words: dict[int, int] = {}
+    board = Board(link_of(model(controller=controller, words=words)))
+    rng = random.Random(5)
+    top = register_files._elaborate(controller.name.lower())
+    signed = 0
+    for node in register_files._registers(top):
+        name = node.get_path().partition(".")[2]
+        for word in (0, 2**32 - 1, 0x8000_8000, 0x7FFF_7FFF, *(rng.getrandbits(32),) * 4):
+            words[node.absolute_address] = word
+            found = board.read(name)
+            for field in node.fields():
+                value = word >> field.low & (1 << field.width) - 1
+                # what a reader of docs/registers.md expects
+                if "signed" in re.findall(r"\w+", field.get_property("desc").lower()):
+                    signed += 1
+                    value -= (value >> field.width - 1) << field.width
+                assert found[field.inst_name] == value, (name, field.inst_name)
+    assert signed >= 20
+    (flux,) = {"rotor_flux", "stator_flux"} & {n[7:] for n in board._map if n.startswith("result.")}
+    words[board._map[f"result.{flux}"][0]] = 58560 | 49487 << 16
+    assert board.read(f"result.{flux}") == {"alpha": -6976, "beta": -16049}
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ((SIGNED, "value=x"), f"{SIGNED}: value = 'x' is no integer; it must be one from"),
+        ((SIGNED, "value="), "from -131072 to 131071"),
+        ((SIGNED, "value=1.5"), "from -131072 to 131071"),
+        ((SIGNED, "value=" + 5000 * "1"), "is no integer"),
+        (("guard.dead_time", "clocks=1e3"), "from 0 to 4095"),
+        ((SIGNED, "value=1", "value=2"), "value is given twice"),
+        ((SIGNED, "nothing=x"), "no field 'nothing'; it has value"),
+        (("guard.nothing", "value=x"), "no register 'guard.nothing'"),
+    ],
+)
+def test_a_value_that_is_none_is_named_with_what_is_allowed(host, given, reason: str) -> None:
+    words: dict[int, int] = {}
+    status, text, complaints = host(model(words=words), "write", *given)
+    assert (status, text, words) == (2, "", {})
+    assert len(complaints.splitlines()) == 1
+    assert reason in complaints
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (("--timeout", "nan", "identify"), "--timeout: got nan; it has to be above 0 s"),
+        (("--timeout", "inf", "identify"), "--timeout: got inf"),
+        (("--timeout", "0", "identify"), "--timeout: got 0.0"),
+        (("--timeout=-1", "identify"), "--timeout: got -1.0"),
+        (("--timeout", "x", "identify"), "--timeout: invalid float value: 'x'"),
+        (("monitor", "--period", "1e300"), "a period of 0 to 86400 s"),
+        (("--baud", "1e6", "identify"), "--baud: invalid int value"),
+    ],
+)
+def test_a_time_or_rate_that_is_none_is_one_line(
+    given: tuple[str, ...], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        commands.main(["--port", "a line", *given])
+    complaints = capsys.readouterr().err
+    assert left.value.code == 2
+    assert len(complaints.splitlines()) == 1
+    assert reason in complaints
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, -1.0])
+def test_a_link_refuses_a_time_that_is_none(value: float) -> None:
+    with pytest.raises(ValueError, match=r"timeout: got .*; it has to be above 0 s, and finite"):
+        Link(Line(model()), timeout=value)
+
+
+@pytest.mark.parametrize(
+    ("port", "given", "reason"),
+    [
+        (None, ("--baud", "99999999999"), "a rate of 99999999999; it has to be 1 to 2147483647"),
+        (None, ("--baud", "0"), "a rate of 0; it has to be"),
+        (None, ("--baud", "-5"), "a rate of -5; it has to be"),
+        ("/nothing/there", (), "cannot be opened: No such file or directory"),
+        ("/", (), "cannot be opened: Is a directory"),
+        ("/dev/null", (), "cannot be opened: "),
+        ("foo://bar", (), "cannot be opened: "),
+        ("socket://localhost:1", (), "cannot be opened: "),
+        ("spi:/dev/null", (), "cannot be opened: Inappropriate ioctl for device"),
+    ],
+)
+def test_a_port_that_cannot_be_opened_is_one_line(
+    port: str | None, given: tuple[str, ...], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main, line = os.openpty()
+    name = port or os.ttyname(line)
+    assert commands.main(["--port", name, *given, "identify"]) == 2
+    os.close(main)
+    os.close(line)
+    complaints = capsys.readouterr().err
+    assert complaints.startswith(f"host: {name.removeprefix('spi:')}: {reason}")
+    assert len(complaints.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("function", "number", "reason"),
+    [
+        ("tcsetattr", errno.EINVAL, "Invalid argument"),
+        ("tcflush", errno.EIO, "Input/output error"),
+        ("tcgetattr", errno.ENXIO, "No such device or address"),
+    ],
+)
+@pytest.mark.parametrize("prefix", ["", "spi:"])
+def test_a_driver_that_refuses_a_setting_is_one_line(
+    prefix: str, function: str, number: int, reason: str,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    def refuse(*_: object) -> None:
+        raise termios.error(number, reason)
+
+    main, line = os.openpty()
+    name = os.ttyname(line)
+    monkeypatch.setattr(termios, function, refuse)
+    monkeypatch.setattr(tty, "tcsetattr", termios.tcsetattr)
+    monkeypatch.setattr(tty, "tcgetattr", termios.tcgetattr)
+    assert commands.main(["--port", prefix + name, "identify"]) == 2
+    os.close(main)
+    os.close(line)
+    assert capsys.readouterr().err == f"host: {name}: cannot be opened: {reason}\n"
+
+
+@pytest.mark.parametrize("prefix", ["", "spi:"])
+def test_a_port_in_use_says_so(prefix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    _, line = os.openpty()
+    name = os.ttyname(line)
+    holder = SerialStream(name, 115_200)
+    assert commands.main(["--port", prefix + name, "identify"]) == 2
+    holder.close()
+    assert capsys.readouterr().err == f"host: {name}: cannot be opened: another program uses it\n"
 
 
 def test_generated_texts_are_current() -> None:

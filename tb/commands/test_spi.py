@@ -1,8 +1,8 @@
 """A board behind SPI: the stream, its two devices, and a host in real time on a virtual board.
 
 Stimulus: transactions that bring nothing, a reply, a part of one; a stand-in for spidev; ports that
-are missing, taken, or answer nothing; a virtual board with SPI, and a host that keeps the time of
-the watchdog, then one that does not.
+are missing, taken, or answer nothing; bytes that are no transaction; a virtual board with SPI, and
+a host that keeps the time of the watchdog, then one that does not.
 Checks: requests are one transaction; fetching takes as many clocks as the reply needs; parts of
 frames never reach the link; decisions over SPI are the model's, with the guard's times of the
 control period; what is wrong is one line.
@@ -127,10 +127,10 @@ def test_a_device_of_linux(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(stream._device, spi.Device)
     with pytest.raises(LinkError, match=r"^/dev/spidev9\.9: cannot be opened: .*No such file"):
         Board("spi:/dev/spidev9.9")
-    with pytest.raises(
-        LinkError, match=r"^/dev/spidev0\.0: a clock of 0 Hz; it has to be above 0$"
-    ):
-        Board("spi:/dev/spidev0.0", baud=0)
+    for rate in (0, -1, 99_999_999_999):
+        wanted = rf"^/dev/spidev0\.0: a rate of {rate}; it has to be 1 to 2147483647 bits a second$"
+        with pytest.raises(LinkError, match=wanted):
+            Board("spi:/dev/spidev0.0", baud=rate)
 
 
 def test_without_spidev_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,10 +152,26 @@ def test_a_port_that_is_none_is_one_line(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(LinkError, match="no answer; was the virtual board started with --spi"):
         Board(f"spi:{name}")
     held = spi.VirtualDevice(name)
-    with pytest.raises(LinkError, match="cannot be opened: another host has it"):
+    with pytest.raises(LinkError, match="cannot be opened: another program uses it"):
         spi.VirtualDevice(name)
     held.close()
     spi.VirtualDevice(name).close()
+
+
+def test_what_is_no_transaction_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spi, "PATIENCE", 20.0)
+    with VirtualBoard(generics("mptc"), tmp_path / "board", spi=True) as running:
+        # a host that takes the port for a UART
+        with pytest.raises(LinkError, match="no reply to IDENTIFY, sent 3 times"):
+            Board(running.port, timeout=0.2)
+        for garbage in (READ.wire(), b"SP", b"SPI\xff\xff", b"S" * 5, bytes(300)):
+            line = os.open(running.port, os.O_RDWR | os.O_NOCTTY)
+            os.write(line, garbage)
+            os.close(line)
+            with Board(f"spi:{running.port}", timeout=20) as board:
+                assert board.controller == "mptc"
 
 
 def test_a_host_in_real_time_over_spi(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

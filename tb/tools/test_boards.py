@@ -1,8 +1,8 @@
 """Constraint files against the top they are for, without any vendor's tool.
 
-Checks: every port (bit) of board_top has a pin and no other name has one; no pin twice; the
-clocks are constrained; pins that can reconfigure a board are driven and pulled; the files are what their table makes; what the build "family" adds; the
-projects name files that exist.
+Checks: every port (bit) of board_top has a pin and no other name has one; no pin twice; the clocks
+are constrained; pins that can reconfigure a board are driven and pulled; the files are what their
+table makes; what the build "family" adds; the projects name files that exist.
 Does not prove: that the vendors' tools accept them, which were not run.
 """
 

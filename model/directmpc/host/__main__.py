@@ -327,19 +327,30 @@ def write(board: Board, console: Console, given: argparse.Namespace) -> int:
     Raises
     ------
     RegisterError
-        If there is no such register or field, or a field has no value, or one that does not fit.
-    ValueError
-        If a value is no integer.
+        If there is no such register or field, or a field has no value, two, or one that does not
+        fit.
     """
     fields = {}
     for pair in given.fields:
         name, sign, value = pair.partition("=")
         if not sign:
             raise RegisterError(f"'{pair}' is not FIELD=VALUE")
-        fields[name] = int(value, 0)
+        if name in fields:
+            raise RegisterError(f"{given.register}: {name} is given twice")
+        least, most = board.limits(given.register, name)
+        try:
+            fields[name] = int(value, 0)
+        except ValueError:
+            raise RegisterError(
+                f"{given.register}: {name} = '{value}' is no integer; it must be one from {least} "
+                f"to {most}"
+            ) from None
     board.write(given.register, **fields)
     return 0
 
+
+DAY = 86_400
+"""Longest time between two looks of `monitor`, s."""
 
 COMMANDS = {
     "identify": identify,
@@ -398,8 +409,10 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     given = parser.parse_args(arguments)
     if given.command == "run" and (given.steps < 1 or not math.isfinite(given.speed)):
         parser.error("run needs at least one step and a finite speed")
-    if given.command == "monitor" and (given.count < 0 or not 0.0 <= given.period < math.inf):
-        parser.error("monitor needs a count and a period of 0 or more")
+    if given.command == "monitor" and (given.count < 0 or not 0.0 <= given.period <= DAY):
+        parser.error(f"monitor needs a count of 0 or more and a period of 0 to {DAY} s")
+    if not 0.0 < given.timeout < math.inf:
+        parser.error(f"argument --timeout: got {given.timeout}; it has to be above 0 s, and finite")
     return given
 
 

@@ -36,6 +36,7 @@ from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
 from directmpc.host.registers import (
     RegisterValues,
+    limits,
     packed,
     refuse_short,
     refuse_slow,
@@ -235,8 +236,9 @@ class Board:
             self.link = port
         else:
             self._stream = _stream_of(os.fspath(port), baud)
-            self.link = Link(self._stream, timeout)
         try:
+            if self._stream is not None:
+                self.link = Link(self._stream, timeout)
             self._identify()
         except BaseException:
             self._close()
@@ -395,8 +397,7 @@ class Board:
         """
         address, fields = self._register(name)
         for field in values:
-            if field not in fields:
-                raise RegisterError(f"{name}: no field '{field}'; it has {', '.join(fields)}")
+            self.limits(name, field)
         try:
             word = packed(name, fields, values)
         except ValueError as error:
@@ -405,6 +406,31 @@ class Board:
             self.write_word(address, word)
         except RegisterError as error:
             raise RegisterError(f"{name}: {error}") from None
+
+    def limits(self, name: str, field: str) -> tuple[int, int]:
+        """Least and largest value that a field takes.
+
+        Parameters
+        ----------
+        name : str
+            Name of a register as in docs/registers.md.
+        field : str
+            Name of the field.
+
+        Returns
+        -------
+        least, most : int
+            Signed where the field is.
+
+        Raises
+        ------
+        RegisterError
+            If there is no such register or field.
+        """
+        _, fields = self._register(name)
+        if field not in fields:
+            raise RegisterError(f"{name}: no field '{field}'; it has {', '.join(fields)}")
+        return limits(name, field, fields[field])
 
     def _register(self, name: str) -> tuple[int, dict[str, tuple[int, int, bool]]]:
         """Address and fields of a register."""

@@ -6,6 +6,10 @@ anything with `write` and `read` of bytes serves, an SPI master's transactions f
 
 from __future__ import annotations
 
+import errno
+import importlib
+import math
+import os
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
@@ -79,6 +83,73 @@ class Stream(Protocol):
         """
 
 
+MOST_RATE = 2**31 - 1
+"""Fastest bit rate that can be asked for, 1/s: drivers take it as 32 bits, signed."""
+
+_TAKEN = (errno.EAGAIN, errno.EBUSY)
+"""What a port says that another program has locked."""
+
+
+def line_failures() -> tuple[type[Exception], ...]:
+    """What can go wrong with a line.
+
+    Returns
+    -------
+    tuple of type
+        `OSError`, what a driver says to settings that it does not know, and `termios.error` where
+        there is termios; that one is no `OSError`.
+    """
+    found: tuple[type[Exception], ...] = (OSError, ValueError, OverflowError)
+    try:
+        return (*found, importlib.import_module("termios").error)
+    except ImportError:
+        return found
+
+
+def why(error: Exception) -> str:
+    """A failure of a line in words.
+
+    Parameters
+    ----------
+    error : Exception
+        One of `line_failures`.
+
+    Returns
+    -------
+    str
+        Without the number, and without the port's name where the system gives a reason.
+    """
+    # pyserial wraps some, and termios.error has no attribute of its number
+    for one in (error, error.__context__):
+        number = getattr(one, "errno", None)
+        if number is None and one is not None and one.args and isinstance(one.args[0], int):
+            number = one.args[0]
+        if number in _TAKEN:
+            return "another program uses it"
+        if number is not None:
+            return os.strerror(number)
+    return str(error)
+
+
+def check_rate(port: str, rate: int) -> None:
+    """Refuse a rate that no driver can be asked for.
+
+    Parameters
+    ----------
+    port : str
+        For the message.
+    rate : int
+        Bits a second.
+
+    Raises
+    ------
+    LinkError
+        If it is none.
+    """
+    if not 1 <= rate <= MOST_RATE:
+        raise LinkError(f"{port}: a rate of {rate}; it has to be 1 to {MOST_RATE} bits a second")
+
+
 class SerialStream:
     """A UART.
 
@@ -100,15 +171,18 @@ class SerialStream:
             import serial  # an optional requirement of the package
         except ImportError:
             raise LinkError("pyserial is not installed; pip install pyserial does it") from None
-        self._failures = (serial.SerialException, OSError)
-        try:
-            self._serial: serial.SerialBase = serial.serial_for_url(
-                port, baudrate=baud, timeout=0.05, exclusive=True
-            )
-        except (serial.SerialException, ValueError, OSError) as error:
-            raise LinkError(f"{port}: cannot be opened: {error}") from None
+        check_rate(port, baud)
+        self._failures = line_failures()
         self.port = port
-        self._serial.reset_input_buffer()
+        opened: serial.SerialBase | None = None
+        try:
+            opened = serial.serial_for_url(port, baudrate=baud, timeout=0.05, exclusive=True)
+            opened.reset_input_buffer()
+        except self._failures as error:
+            if opened is not None:
+                opened.close()
+            raise LinkError(f"{port}: cannot be opened: {why(error)}") from None
+        self._serial = opened
 
     def write(self, data: bytes, /) -> object:
         """Send all of it.
@@ -131,7 +205,7 @@ class SerialStream:
         try:
             return self._serial.write(data)
         except self._failures as error:
-            raise LinkError(f"{self.port}: {error}") from None
+            raise LinkError(f"{self.port}: {why(error)}") from None
 
     def read(self) -> bytes:
         """What has come, at once; waits up to 50 ms if nothing has.
@@ -149,7 +223,7 @@ class SerialStream:
         try:
             return self._serial.read(max(1, self._serial.in_waiting))
         except self._failures as error:
-            raise LinkError(f"{self.port}: {error}") from None
+            raise LinkError(f"{self.port}: {why(error)}") from None
 
     def close(self) -> None:
         """Close the line."""
@@ -164,7 +238,7 @@ class Link:
     stream : Stream
         The line.
     timeout : float
-        Seconds to wait for a reply.
+        Seconds to wait for a reply, above 0.
     attempts : int
         How often a request that does no harm twice is sent.
     clock : callable
@@ -175,7 +249,13 @@ class Link:
     sequence
         Sequence number of the last request.
     strays
-        Frames that were no answer to the request under way; broken ones count as well.
+        Frames that were no answer to the request under way; broken ones count as well, and requests
+        that come back on a line that echoes.
+
+    Raises
+    ------
+    ValueError
+        If the time to wait is none.
     """
 
     def __init__(
@@ -185,6 +265,8 @@ class Link:
         attempts: int = 3,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        if not 0.0 < timeout < math.inf:
+            raise ValueError(f"timeout: got {timeout}; it has to be above 0 s, and finite")
         self._stream, self._timeout, self._attempts, self._clock = stream, timeout, attempts, clock
         self._splitter = Splitter()
         self.sequence = 0

@@ -182,8 +182,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
         "result.rotor_flux": (
             0x084,
             {
-                "alpha": (0, 16, False),
-                "beta": (16, 16, False),
+                "alpha": (0, 16, True),
+                "beta": (16, 16, True),
             },
         ),
         "result.leakage": (
@@ -846,8 +846,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
         "result.stator_flux": (
             0x084,
             {
-                "alpha": (0, 16, False),
-                "beta": (16, 16, False),
+                "alpha": (0, 16, True),
+                "beta": (16, 16, True),
             },
         ),
         "result.vectors": (
@@ -876,7 +876,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
         "result.speed": (
             0x094,
             {
-                "omega_r": (0, 16, False),
+                "omega_r": (0, 16, True),
             },
         ),
         "parameters.c_current": (

@@ -127,6 +127,26 @@ class RegisterValues:
         return [*rows, ("system.command", address, packed("system.command", fields, {"commit": 1}))]
 
 
+def limits(register: str, name: str, field: tuple[int, int, bool]) -> tuple[int, int]:
+    """Least and largest value of a field.
+
+    Parameters
+    ----------
+    register, name : str
+        Of the register, and of the field.
+    field : tuple
+        (lowest bit, bits, signed), as in the map.
+
+    Returns
+    -------
+    least, most : int
+        A trip level that no measurement exceeds is not among them.
+    """
+    _, width, signed = field
+    least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
+    return least, HIGHEST.get((register, name), most)
+
+
 def packed(
     register: str, fields: Mapping[str, tuple[int, int, bool]], given: Mapping[str, int]
 ) -> int:
@@ -156,9 +176,8 @@ def packed(
     """
     word = 0
     for field_name, value in given.items():
-        low, width, signed = fields[field_name]
-        least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
-        most = HIGHEST.get((register, field_name), most)
+        low, width, _ = fields[field_name]
+        least, most = limits(register, field_name, fields[field_name])
         if not least <= value <= most:
             raise ValueError(
                 f"{register}: {field_name} = {value} does not fit; it must be an integer from "

@@ -8,7 +8,8 @@ Two ways to a board:
 
 * `Device`: an SPI controller of Linux, such as ``/dev/spidev0.0``, by the package spidev;
 * `VirtualDevice`: a virtual board that was started with ``--spi``. Its pseudo-terminal carries
-  transactions: two bytes of length, the lower first, and as many bytes; as many come back.
+  transactions: `MARK`, two bytes of length, the lower first, and as many bytes; as many come back.
+  The board skips what does not begin with the mark.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ import time
 from typing import Protocol
 
 from directmpc.host import protocol as p
-from directmpc.host.link import LinkError
+from directmpc.host.link import LinkError, check_rate, line_failures, why
 
 RATE = 10_000_000
 """SCK by default, Hz: a board with a core of 25 MHz takes three times as much."""
 
 LEAD = 16
 """Bytes of a transaction that fetches a reply, before it has to begin."""
+
+MARK = b"SPI"
+"""Begin of a transaction on a virtual board's port."""
 
 PATIENCE = 9.0
 """Seconds within which a virtual board has to answer a transaction."""
@@ -134,7 +138,7 @@ class Device:
     Raises
     ------
     LinkError
-        If it cannot be opened, the rate is not above 0, or spidev is not installed.
+        If it cannot be opened, the rate is none, or spidev is not installed.
     """
 
     def __init__(self, path: str, rate: int = RATE) -> None:
@@ -142,16 +146,16 @@ class Device:
             import spidev  # an optional requirement of the package
         except ImportError:
             raise LinkError("spidev is not installed; pip install spidev does it") from None
-        if rate <= 0:
-            raise LinkError(f"{path}: a clock of {rate} Hz; it has to be above 0")
+        check_rate(path, rate)
         self.path = path
         self._device = spidev.SpiDev()
         try:
             self._device.open_path(path)
             self._device.mode = 0
             self._device.max_speed_hz = rate
-        except (OSError, OverflowError, TypeError, ValueError) as error:
-            raise LinkError(f"{path}: cannot be opened: {error}") from None
+        except (*line_failures(), TypeError) as error:
+            self._device.close()
+            raise LinkError(f"{path}: cannot be opened: {why(error)}") from None
 
     def transfer(self, data: bytes, /) -> bytes:
         """Do a transaction.
@@ -173,8 +177,8 @@ class Device:
         """
         try:
             return bytes(self._device.xfer2(list(data)))
-        except OSError as error:
-            raise LinkError(f"{self.path}: {error}") from None
+        except line_failures() as error:
+            raise LinkError(f"{self.path}: {why(error)}") from None
 
     def close(self) -> None:
         """Give the controller back."""
@@ -192,7 +196,7 @@ class VirtualDevice:
     Raises
     ------
     LinkError
-        If it cannot be opened, or another host has it.
+        If it cannot be opened, or another program uses it.
     """
 
     def __init__(self, path: str) -> None:
@@ -207,16 +211,15 @@ class VirtualDevice:
             ) from None
         try:
             self._line = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        except OSError as error:
-            raise LinkError(f"{path}: cannot be opened: {error.strerror}") from None
+        except line_failures() as error:
+            raise LinkError(f"{path}: cannot be opened: {why(error)}") from None
         try:
             fcntl.flock(self._line, fcntl.LOCK_EX | fcntl.LOCK_NB)
             tty.setraw(self._line)
             termios.tcflush(self._line, termios.TCIFLUSH)
-        except (OSError, termios.error) as error:
+        except line_failures() as error:
             os.close(self._line)
-            reason = "another host has it" if isinstance(error, BlockingIOError) else error.args[-1]
-            raise LinkError(f"{path}: cannot be opened: {reason}") from None
+            raise LinkError(f"{path}: cannot be opened: {why(error)}") from None
 
     def transfer(self, data: bytes, /) -> bytes:
         """Do a transaction.
@@ -237,7 +240,7 @@ class VirtualDevice:
             If the board has ended, or does not answer.
         """
         try:
-            os.write(self._line, len(data).to_bytes(2, "little") + data)
+            os.write(self._line, MARK + len(data).to_bytes(2, "little") + data)
             came = b""
             until = time.monotonic() + PATIENCE
             while len(came) < len(data):
@@ -247,8 +250,8 @@ class VirtualDevice:
                         f"{self.path}: no answer; was the virtual board started with --spi?"
                     )
                 came += os.read(self._line, len(data) - len(came))
-        except OSError as error:
-            raise LinkError(f"{self.path}: {error.strerror}") from None
+        except line_failures() as error:
+            raise LinkError(f"{self.path}: {why(error)}") from None
         return came
 
     def close(self) -> None:

@@ -141,7 +141,6 @@ class System:
             await FallingEdge(self.dut.clk)
         return clocks
 
-
     async def timed(self, access: Coroutine[Any, Any, Any]) -> Any:
         """An access and the clocks that it takes; it has to end."""
         clocks = 0

@@ -4,10 +4,10 @@ Sweep: MPDCC with the usual generics, MPTC with generics whose bytes all differ;
 another with all around at once, and pauses with registers, counters and a transmitter that wait.
 Stimulus: requests of every type on both links, some with another size, a foreign type, the type of
 a reply, an old number or that of the other link; steps from the position of the gates and from
-others; writes that disable, and such that do not; a switch that moves between requests; registers at the first and last
-word, one beyond, between two words, locked; a core that decides at once, at the last moment, too
-late, or never, and is busy by itself; frames that wait while a step does; anything at inputs that
-do not count; resets in every phase.
+others; writes that disable, and such that do not; a switch that moves between requests; registers
+at the first and last word, one beyond, between two words, locked; a core that decides at once, at
+the last moment, too late, or never, and is busy by itself; frames that wait while a step does;
+anything at inputs that do not count; resets in every phase.
 Checks: every output in every clock in which it means something, each reply byte for byte.
 Timing: clocks from a frame that waits to the last byte of its reply as of the header, and each
 output in its clock.
