@@ -76,6 +76,10 @@ architecture rtl of mptc_datapath is
   signal sums    : sums_t;
   signal seeds   : seeds_t;
   signal flagged : std_logic;
+  signal guard    : signed(MOMENT_GUARD - 1 downto 0);   -- MPFC: bits of the torque reference below its word
+  signal small    : std_logic;                           -- '1': |w|**2 in the accumulator is below a quarter
+  signal doubled  : std_logic;                           -- '1': so it was, MPFC's reference counts twice
+  signal to_round : std_logic;                           -- '1': the torque reference is shifted, its word is rounded
 
   -- half of a word, or one plus half of it for negative words
   function halved (value : word_t; leading : std_logic) return word_t is
@@ -192,6 +196,19 @@ begin
   seeds(SEED_STATOR_ALPHA) <= seed_word(results(RESULT_STATOR_ALPHA));
   seeds(SEED_STATOR_BETA)  <= seed_word(results(RESULT_STATOR_BETA));
   seeds(SEED_NONE)         <= (others => '0');
+
+  -- half of an LSB of the modulus, and of MPFC's root times w
+  p_half : process (doubled) is
+  begin
+
+    seeds(SEED_MODULUS_HALF)               <= (others => '0');
+    seeds(SEED_MODULUS_HALF)(FRACTION)     <= doubled;
+    seeds(SEED_MODULUS_HALF)(FRACTION - 1) <= not doubled;
+
+  end process p_half;
+
+  seeds(SEED_CENTRE_ALPHA) <= resize(shift_right(results(RESULT_ROTOR_ALPHA), 1), SUM_WIDTH);
+  seeds(SEED_CENTRE_BETA)  <= resize(shift_right(results(RESULT_ROTOR_BETA), 1), SUM_WIDTH);
 
   -- MPTC: |term| as one's complement; MPFC: term
   p_cost_seed : process (term, mpfc) is
@@ -345,15 +362,20 @@ begin
   -- Results
   ---------------------------------------------------------------------------------------------
 
+  small <= to_std_logic(sums(0)(SUM_WIDTH - 1 downto 2 * FRACTION - 2) = 0);
+
   p_words : process (clk) is
 
-    variable value : signed(SUM_WIDTH - FRACTION - 1 downto 0);
+    subtype value_t is signed(SUM_WIDTH - FRACTION - 1 downto 0);
+
+    variable value : value_t;
 
   begin
 
     if rising_edge(clk) then
       if (idle = '1') then
         flagged <= '0';
+        doubled <= '0';
       end if;
 
       -- without voltage no vector differs from another
@@ -363,14 +385,45 @@ begin
 
       for i in 0 to WORD_EVENTS - 1 loop
         if (events.word_writes(i) = '1') then
-          value                      := sums(WORD_WRITES(i, 1))(SUM_WIDTH - 1 downto FRACTION);
+          value := sums(WORD_WRITES(i, 1))(SUM_WIDTH - 1 downto FRACTION);
+
+          -- MPFC: |w|**2 below a quarter counts four times, the modulus twice then
+          if (FLUX_CONTROL and WORD_WRITES(i, 2) = RESULT_MODULUS) then
+            if (WORD_WRITES(i, 1) = 0 and small = '1') then
+              value := sums(0)(SUM_WIDTH - 3 downto FRACTION - 2);
+            elsif (WORD_WRITES(i, 1) /= 0 and doubled = '1') then
+              value := shift_right(value, 1);
+            end if;
+          end if;
+
           results(WORD_WRITES(i, 2)) <= clip(value, WORD_WIDTH);
 
           if (overflows(value, WORD_WIDTH) = '1' and (i < WORD_WRITES_MPTC or mpfc = '1')) then
             flagged <= '1';
           end if;
+
+          if (FLUX_CONTROL and WORD_WRITES(i, 2) = RESULT_MOMENT) then
+            guard <= sums(WORD_WRITES(i, 1))(FRACTION - 1 downto FRACTION - MOMENT_GUARD);
+          end if;
+
+          if (FLUX_CONTROL and WORD_WRITES(i, 2) = RESULT_MODULUS and WORD_WRITES(i, 1) = 0) then
+            doubled  <= small;
+            to_round <= '1';
+
+            -- a torque that does not fit here is out of reach
+            if (small = '1') then
+              results(RESULT_MOMENT) <= clip(results(RESULT_MOMENT) & guard(MOMENT_GUARD - 1), WORD_WIDTH);
+              guard                  <= shift_left(guard, 1);
+            end if;
+          end if;
         end if;
       end loop;
+
+      if (FLUX_CONTROL and to_round = '1') then
+        to_round               <= '0';
+        results(RESULT_MOMENT) <= clip(resize(results(RESULT_MOMENT), WORD_WIDTH + 1)
+                                       + signed'('0' & guard(MOMENT_GUARD - 1)), WORD_WIDTH);
+      end if;
 
       -- MPFC: bring w and the torque reference to full size; no shift makes |w|**2 more than one half
       if (FLUX_CONTROL and events.normalise = '1') then
@@ -378,7 +431,9 @@ begin
             and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 3) = '0') then
           results(RESULT_ROTOR_ALPHA) <= shift_left(results(RESULT_ROTOR_ALPHA), 2);
           results(RESULT_ROTOR_BETA)  <= shift_left(results(RESULT_ROTOR_BETA), 2);
-          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & "00", WORD_WIDTH);
+          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & guard(MOMENT_GUARD - 1 downto MOMENT_GUARD - 2),
+                                              WORD_WIDTH);
+          guard                       <= shift_left(guard, 2);
 
           if (overflows(results(RESULT_MOMENT), WORD_WIDTH - 2) = '1') then
             flagged <= '1';
@@ -394,7 +449,8 @@ begin
                and overflows(results(RESULT_ROTOR_BETA), WORD_WIDTH - 2) = '0') then
           results(RESULT_ROTOR_ALPHA) <= shift_left(results(RESULT_ROTOR_ALPHA), 1);
           results(RESULT_ROTOR_BETA)  <= shift_left(results(RESULT_ROTOR_BETA), 1);
-          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & '0', WORD_WIDTH);
+          results(RESULT_MOMENT)      <= clip(results(RESULT_MOMENT) & guard(MOMENT_GUARD - 1), WORD_WIDTH);
+          guard                       <= shift_left(guard, 1);
 
           if (overflows(results(RESULT_MOMENT), WORD_WIDTH - 1) = '1') then
             flagged <= '1';

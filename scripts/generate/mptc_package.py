@@ -70,6 +70,7 @@ def _formats() -> list[str]:
             ("POSITION_WIDTH", vector_sequencer.POSITION_WIDTH, "bits of it that are compared"),
             ("DUTY_SHIFT", f.DUTY_SHIFT, "its bits below a torque term's LSB"),
             ("ERROR_WIDTH", f.TORQUE_WIDTH + f.DUTY_SHIFT, "bits of a torque error of a pair"),
+            ("MOMENT_GUARD", f.MOMENT_GUARD, "bits of MPFC's torque reference below a word"),
             ("GAIN", f.GAIN, "word: half of the magnitude's gain"),
             ("ROOT3_2", f.SQRT3_2, "word: sqrt(3)/2"),
         ]

@@ -14,6 +14,7 @@ from directmpc.mptc import bit_true_sequences as twin
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import IntArray
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS
+from scripts.studies import mptc, mptc_machines
 from tb.helpers import mptc_rows as core
 
 METHODS = tuple(FAMILY_METHODS)
@@ -182,6 +183,23 @@ def longer_by_an_lsb() -> PairRows:
     applied = np.array([[1, 0, 5, 2947, 141], [5, 7, 6, 2471, 807]])
     rows = core.Rows(np.array([register] * 2), np.array(seen), applied[:, 0])
     return PairRows(rows, np.full(2, FAMILY_METHODS["MPFC3"]), applied, np.zeros(2, dtype=int))
+
+
+def machines(seed: int, n: int) -> PairRows:
+    """Random periods of machines from 2.2 to 75 kW, n of each method of several vectors."""
+    rng = np.random.default_rng(seed)
+    registers, seen, applied, codes = [], [], [], []
+    for number, machine in enumerate(mptc_machines.machines().values()):
+        for code, method in enumerate(METHODS, start=1):
+            drive = machine.with_control(method=method, ts=mptc.PERIODS[method])
+            trace = mptc_machines.periods(drive, seed + 10 * number + code, n)
+            registers += [twin.parameters(drive)[0]] * n
+            seen.append(bit_true.encode(drive, trace)[0])
+            applied.append(twin.applied_words(trace))
+            codes += [code] * n
+    sequences = np.concatenate(applied)
+    rows = core.Rows(np.array(registers), np.concatenate(seen), sequences[:, 0])
+    return PairRows(rows, np.array(codes), sequences, rng.integers(0, len(RULES), len(codes)))
 
 
 def together(*parts: PairRows) -> PairRows:

@@ -36,6 +36,7 @@ _TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _GUARD = f.MAGNITUDE_FRACTION - f.FRACTION
 _ITERATIONS = f.ITERATIONS
 _GAIN = f.GAIN
+_MOMENT_GUARD = f.MOMENT_GUARD
 _REFERENCE_SHIFT = 1 + f.MAGNITUDE_FRACTION - f.FRACTION
 _DIFFERENCE_SHIFT = f.MAGNITUDE_FRACTION - f.DIFFERENCE_FRACTION
 _COST_SHIFT = f.COST_SHIFT
@@ -44,6 +45,7 @@ _SQRT3_2 = f.SQRT3_2
 _NORMALISE_STEPS = f.NORMALISE_STEPS
 _ROOT_WIDTH = f.ROOT_WIDTH
 _NORMAL = 2 ** (f.FRACTION - 3)
+_QUARTER = 2 ** (2 * f.FRACTION - 2)
 _START = -(2 ** (f.FRACTION - 1))
 #: Components of u_1 to u_6 and u_0: alpha in halves of voltage_alpha's step, beta in whole ones.
 VECTOR_ALPHA = np.array([0, 2, 1, -1, -2, -1, 1, 0], dtype=np.int64)
@@ -195,6 +197,35 @@ def square_root(radicand):
     return root
 
 
+@njit
+def moment(demand, torque):
+    """Torque reference as flux across the rotor flux, times half of the magnitude's gain.
+
+    Parameters
+    ----------
+    demand, torque : int
+        Torque reference and its coefficient, words.
+
+    Returns
+    -------
+    moment : int
+        MOMENT_GUARD bits finer than a word.
+    saturated : int
+        1 where its word did not hold it.
+    """
+    scaled, s0 = to_word(demand * _GAIN)
+    moved, s1 = _shifted((scaled * torque) >> (_FRACTION - _MOMENT_GUARD), 0)
+    return moved, s0 | s1
+
+
+@njit
+def _shifted(moment, bits):
+    """Shift to the left what is finer than a word; it, and 1 where its word saturated."""
+    total = moment << bits
+    word, over = saturate(total >> _MOMENT_GUARD, f.WORD_WIDTH)
+    return (word << _MOMENT_GUARD) + (total & ((1 << _MOMENT_GUARD) - 1)), over
+
+
 class ScaledReference(NamedTuple):
     """MPFC's reference vector in parts: N*psi_s,ref = -v*along - j*v*across, with N = modulus.
 
@@ -205,7 +236,7 @@ class ScaledReference(NamedTuple):
     along, across : int
         Parts of the reference along -v and across it, words.
     modulus : int
-        N: |v|^2 times the gain of the magnitude, a word.
+        N: |v|^2 times the gain of the magnitude, a word; twice that below a quarter.
     saturated, clamped : int
         1 where a word did not hold its value; where the arcsine's argument was clamped.
     """
@@ -224,7 +255,8 @@ def scaled_reference(w_a, w_b, q, reference, t):
     """Reference vector of the stator flux times N (Paper B, eqs. 18 to 21).
 
     w is brought to full size first: shifts by two bits until a component is an eighth or more, then
-    one by one bit if none is a quarter. No shift makes |w|^2 more than one half.
+    one by one bit if none is a quarter. No shift makes |w|^2 more than one half. Where it is below
+    a quarter, it counts four times, and both parts of the reference and N count twice.
 
     Parameters
     ----------
@@ -233,9 +265,9 @@ def scaled_reference(w_a, w_b, q, reference, t):
     q : int
         T_s*omega_r, a word.
     reference : int
-        psi_ref, a word, times half of the magnitude's gain, as are the following products.
+        psi_ref, a word, times half of the magnitude's gain.
     t : int
-        Torque reference over 1.5*N_p, a word.
+        Torque reference as ``moment`` returns it.
 
     Returns
     -------
@@ -246,23 +278,29 @@ def scaled_reference(w_a, w_b, q, reference, t):
     square, s1 = to_word(reference * reference)
     v_a, s2 = to_word((w_a << _FRACTION) + w_a * q2 + ~w_b * q)
     v_b, s3 = to_word((w_b << _FRACTION) + w_b * q2 + w_a * q)
-    t, s6 = to_word(t * _GAIN)
-    saturated = s0 | s1 | s2 | s3 | s6
+    saturated = s0 | s1 | s2 | s3
     for _ in range(_NORMALISE_STEPS):
         if -_NORMAL <= v_a < _NORMAL and -_NORMAL <= v_b < _NORMAL:
             v_a <<= 2
             v_b <<= 2
-            t <<= 2
-            t, over = saturate(t, f.WORD_WIDTH)
+            t, over = _shifted(t, 2)
             saturated |= over
     if v_a == 0 and v_b == 0:
         v_a = _START
     elif -2 * _NORMAL <= v_a < 2 * _NORMAL and -2 * _NORMAL <= v_b < 2 * _NORMAL:
         v_a <<= 1
         v_b <<= 1
-        t, over = saturate(t << 1, f.WORD_WIDTH)
+        t, over = _shifted(t, 1)
         saturated |= over
-    n, s4 = to_word(v_a * v_a + v_b * v_b)
+    total = v_a * v_a + v_b * v_b + _TORQUE_HALF
+    doubled = 0
+    if total < _QUARTER:
+        # a torque that does not fit here is out of the reference's reach
+        t, _ = _shifted(t, 1)
+        total <<= 2
+        doubled = 1
+    n, s4 = saturate(total >> _FRACTION, f.WORD_WIDTH)
+    t, _ = saturate((t + (1 << (_MOMENT_GUARD - 1))) >> _MOMENT_GUARD, f.WORD_WIDTH)
     total = square * n
     radicand = total + ~t * t
     clamped = 0
@@ -270,7 +308,7 @@ def scaled_reference(w_a, w_b, q, reference, t):
         radicand = total
         clamped = 1
     root = square_root(radicand)
-    n, s7 = to_word(n * _GAIN)
+    n, s7 = rounded(n * _GAIN, _FRACTION + doubled, f.WORD_WIDTH)
     along, across = root, t
     if clamped:
         along = 0
@@ -323,8 +361,8 @@ class Outlook(NamedTuple):
         T_s*omega_r.
     step_a, step_b : int
         Twice the whole steps of u_1 along alpha and of u_2 along beta.
-    torque : int
-        Torque reference, a sum of products.
+    demand : int
+        Torque reference.
     reference : int
         psi_ref times half of the magnitude's gain.
     saturated : int
@@ -340,7 +378,7 @@ class Outlook(NamedTuple):
     q: int
     step_a: int
     step_b: int
-    torque: int
+    demand: int
     reference: int
     saturated: int
 
@@ -372,7 +410,7 @@ def outlook(c, m, share_a, share_b):
     base_a, s4 = to_word((p_a << _FRACTION) + w_a * c.drop + p_a * c.drop_flux)
     base_b, s5 = to_word((p_b << _FRACTION) + w_b * c.drop + p_b * c.drop_flux)
     return Outlook(
-        w_a, w_b, p_a, p_b, base_a, base_b, q, d, s, (m[6] << _SHIFT) * c.torque, m[7] << _SHIFT,
+        w_a, w_b, p_a, p_b, base_a, base_b, q, d, s, m[6] << _SHIFT, m[7] << _SHIFT,
         s0 | s1 | s2 | s3 | s4 | s5 | (1 if m[5] == 0 else 0),
     )  # fmt: skip
 
@@ -401,7 +439,7 @@ def torque_terms(c, o):
         (o.w_a << _FRACTION) + o.w_a * c.rotor + o.p_a * c.rotor_flux + ~o.w_b * o.q
     )
     tau_b, s1 = to_word((o.w_b << _FRACTION) + o.w_b * c.rotor + o.p_b * c.rotor_flux + o.w_a * o.q)
-    level = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+    level = (o.demand * c.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
     level -= (tau_b * o.base_a + tau_a * ~o.base_b + _TORQUE_HALF) >> _TORQUE_SHIFT
     along = (o.step_a * tau_b + _TORQUE_HALF) >> _TORQUE_SHIFT
     across = (o.step_b * tau_a + _TORQUE_HALF) >> _TORQUE_SHIFT
@@ -529,7 +567,7 @@ def decide_words(register, m, u):
     saturated = o.saturated
     clamped = 0
     if c.flux_control:
-        t, s0 = to_word(o.torque)
+        t, s0 = moment(o.demand, c.torque)
         r = scaled_reference(o.w_a, o.w_b, o.q, o.reference, t)
         level, along, across, s1 = flux_terms(r, o.base_a, o.base_b, o.step_a)
         saturated |= s0 | s1 | r.saturated

@@ -17,7 +17,6 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.mptc import bit_true
 from directmpc.mptc import formats as f
-from directmpc.mptc.bit_true import to_word
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.inverter import COMMUTATIONS, ZERO_FROM
 from directmpc.mptc.sequence import TIME_STEPS, is_active, zero_between
@@ -60,7 +59,6 @@ def _turns() -> np.ndarray:
 TURNS = _turns()
 
 _REST_SHIFT = f.PRODUCT_FRACTION - f.REST_FRACTION
-_TORQUE_HALF = 2 ** (f.TORQUE_SHIFT - 1)
 _QUOTIENT_WIDTH = f.QUOTIENT_WIDTH
 _QUOTIENT_FRACTION = f.QUOTIENT_FRACTION
 _RANGE = f.QUOTIENT_WIDTH - 1 - f.QUOTIENT_FRACTION
@@ -117,9 +115,10 @@ def coordinates(r, o):
     far : int
         1 where e is so long that it was halved.
     """
-    # twice N*e, and twice N times the steps of u_1 along alpha and of u_2 along beta
-    x = r.v_a * r.along + ~r.v_b * r.across + r.modulus * o.base_a + _TORQUE_HALF
-    y = r.v_b * r.along + r.v_a * r.across + r.modulus * o.base_b + _TORQUE_HALF
+    # twice N*e, and twice N times the steps of u_1 along alpha and of u_2 along beta; the root was
+    # cut off, half of its LSB is added
+    x = (r.v_a >> 1) + r.v_a * r.along + ~r.v_b * r.across + r.modulus * o.base_a
+    y = (r.v_b >> 1) + r.v_b * r.along + r.v_a * r.across + r.modulus * o.base_b
     x, y = ~(x >> (_REST_SHIFT - 1)), ~(y >> (_REST_SHIFT - 1))
     way_x = (r.modulus * o.step_a) >> _REST_SHIFT
     way_y = (r.modulus * o.step_b) >> _REST_SHIFT
@@ -449,7 +448,7 @@ def decide_words(c, o, method, applied):
     saturated, clamped : int
         1 where a word did not hold its value; where the arcsine's argument was clamped.
     """
-    t, s0 = to_word(o.torque)
+    t, s0 = bit_true.moment(o.demand, c.torque)
     r = bit_true.scaled_reference(o.w_a, o.w_b, o.q, o.reference, t)
     g, h, far = coordinates(r, o)
     if method == MPFC2:

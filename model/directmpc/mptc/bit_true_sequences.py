@@ -357,7 +357,7 @@ def _cost(c, o, terms, second, direction, duty):
 def _torque_methods(c, o, method, rule):
     """First vector, second, duty and flag of MPTC1, MPTC2 and GTV."""
     level, along, across, tau_a, s0 = bit_true.torque_terms(c, o)
-    opening = (o.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
+    opening = (o.demand * c.torque + _TORQUE_HALF) >> _TORQUE_SHIFT
     opening -= (o.w_b * o.p_a + o.w_a * ~o.p_b + _TORQUE_HALF) >> _TORQUE_SHIFT
     # the one's complement in opening is off by w, which i_s0 comes near enough
     complement = tau_a >> _COMPLEMENT_SHIFT

@@ -63,6 +63,8 @@ MAGNITUDE_GAIN = math.prod(math.sqrt(1.0 + 4.0**-i) for i in range(ITERATIONS)) 
 #: Half of it as a word. psi_ref comes in with this factor: it is half of what lengths are compared
 #: with, and MPFC scales its own terms alike.
 GAIN = round(MAGNITUDE_GAIN / 2.0 * 2**FRACTION)
+#: Bits of MPFC's torque reference below a word: it is shifted to the left as the rotor flux is.
+MOMENT_GUARD = 8
 DIFFERENCE_FRACTION = 16  # fractional bits of the flux error as a multiplier operand
 
 #: k_psi's coefficient counts this many bits more than its fraction says, so that it reaches 8

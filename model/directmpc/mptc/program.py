@@ -10,7 +10,8 @@ the clocks before ``FORK``; after it MPFC's clocks have ``FORK_OFFSET`` added in
 
 Operands are words; ``not_x`` is the one's complement of x; as second factor ``half_x`` is x/2 and
 ``lead_x`` is 1 + x/2.  A seed is the first summand: ``half`` and ``torque_half`` round a word or a
-torque term, a word's name is the word with its rounding.  ``share_x`` is what u takes of
+torque term, a word's name is the word with its rounding.  ``modulus_half`` rounds the modulus,
+``centre_x`` is what half an LSB of MPFC's root takes of w.  ``share_x`` is what u takes of
 ``step_x``.
 """
 
@@ -52,9 +53,9 @@ RESULTS: tuple[str, ...] = (
     "step_alpha",  # 2*T_s*2/3*v_dc
     "step_beta",  # 2*T_s*v_dc/sqrt(3)
     "turn",  # -angle**2/2
-    "moment",  # torque_ref/(1.5*N_p), then times the gain
+    "moment",  # torque_ref times the gain, then over 1.5*N_p
     "square",  # psi_ref**2
-    "modulus",  # |w|**2, then times the gain
+    "modulus",  # |w|**2, four times that below a quarter; then twice times the gain there, or once
 )
 FLUX_RESULTS = ("turn", "moment", "square", "modulus")
 
@@ -103,6 +104,9 @@ SEEDS: tuple[str, ...] = (
     "cost",
     "none",
     "level",
+    "modulus_half",
+    "centre_alpha",
+    "centre_beta",
 )
 
 
@@ -215,19 +219,19 @@ MPFC_FIRST_TERM = ALONG + 2 + LATENCY + LATENCY
 
 MPFC: tuple[Step, ...] = (
     Step(4, FLUX, "angle", "not_half_angle", "half", "turn"),
-    Step(9, FLUX, "torque_ref", "c_torque", "half", "moment"),
-    Step(13, BETA, "moment", "gain", "half", "moment"),
+    Step(9, FLUX, "torque_ref", "gain", "half", "moment"),
+    Step(13, BETA, "moment", "c_torque", "none", "moment"),
     Step(14, FLUX, "psi_ref", "psi_ref", "half", "square"),
     *_LAST_FLUX,
     Step(16, ALPHA, "rotor_alpha", "turn", "rotor_alpha"),
     Step(17, ALPHA, "not_rotor_beta", "angle", "", "rotor_alpha"),
     Step(16, BETA, "rotor_beta", "turn", "rotor_beta"),
     Step(17, BETA, "rotor_alpha", "angle", "", "rotor_beta"),
-    Step(MODULUS, ALPHA, "rotor_alpha", "rotor_alpha", "half"),
+    Step(MODULUS, ALPHA, "rotor_alpha", "rotor_alpha", "torque_half"),
     Step(MODULUS + 1, ALPHA, "rotor_beta", "rotor_beta", "", "modulus"),
     Step(RADICAND, FLUX, "square", "modulus", "none"),
     Step(RADICAND + 1, FLUX, "not_moment", "moment", taken=True),
-    Step(RADICAND + 2, FLUX, "modulus", "gain", "half", "modulus"),
+    Step(RADICAND + 2, BETA, "modulus", "gain", "modulus_half", "modulus"),
     Step(RADICAND + 2 + LATENCY, FLUX, "modulus", "step_alpha", "torque_half", "level"),
     Step(ALONG, ALPHA, "rotor_alpha", "root_along", "half"),
     Step(ALONG + 1, ALPHA, "not_rotor_beta", "root_across"),
@@ -399,10 +403,10 @@ def choice_clock(n: int) -> int:
 HEXAGON: tuple[Step, ...] = (
     Step(WAY, FLUX, "step_alpha", "modulus", "none", taken=True),
     Step(WAY + 1, FLUX, "step_beta", "modulus", "none", taken=True),
-    Step(ALONG, ALPHA, "rotor_alpha", "root_along", "torque_half"),
+    Step(ALONG, ALPHA, "rotor_alpha", "root_along", "centre_alpha"),
     Step(ALONG + 1, ALPHA, "not_rotor_beta", "root_across"),
     Step(ALONG + 2, ALPHA, "modulus", "stator_alpha", taken=True),
-    Step(ALONG, BETA, "rotor_beta", "root_along", "torque_half"),
+    Step(ALONG, BETA, "rotor_beta", "root_along", "centre_beta"),
     Step(ALONG + 1, BETA, "rotor_alpha", "root_across"),
     Step(ALONG + 2, BETA, "modulus", "stator_beta", taken=True),
     *(

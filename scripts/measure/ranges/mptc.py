@@ -52,6 +52,8 @@ def sums() -> None:
     cost = 1 << (g.COST_WIDTH - 1)
     begins = {"": 0, "none": 0, "half": word >> g.WORD_WIDTH, "cost": cost, "level": 3 * product}
     begins["torque_half"] = 1 << (g.TORQUE_SHIFT - 1)
+    begins["modulus_half"] = 1 << g.FRACTION
+    begins["centre_alpha"] = begins["centre_beta"] = 1 << (g.WORD_WIDTH - 2)
     for name, steps in PROGRAMS.items():
         for block in range(programs.BLOCKS):
             largest = 0

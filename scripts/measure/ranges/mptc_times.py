@@ -197,6 +197,8 @@ def flux_reference() -> None:
         shifted = scaled(word_range(g.WORD_WIDTH - bits - 1), 1 << bits)
         demand(f"shift by {bits}", shifted, g.WORD_WIDTH)
     demand("gain", (0, g.GAIN), g.WORD_WIDTH)
+    quarter = (1 << (g.PRODUCT_FRACTION - 2)) - 1
+    demand("four times |v|^2 below a quarter", _below((0, 4 * quarter), g.FRACTION), g.WORD_WIDTH)
     modulus = _below(plus(scaled((0, word[1]), g.GAIN), (0, 1 << (g.FRACTION - 1))), g.FRACTION)
     demand("modulus", modulus, g.WORD_WIDTH)
     demand("radicand", _radicand(), g.ACCUMULATOR_WIDTH)

@@ -1,7 +1,7 @@
 """``mptc_family_core`` against its bit-true twins: every decision, time, flag and clock.
 
 Sweep: MPTC, MPFC and the seven methods of several vectors, and the duty rule, chosen anew for every
-decision; both drives that ship.
+decision; both drives that ship, and machines of 4 and 75 kW at any flux, speed and load.
 Stimulus: states out of closed loops; states whose references a period reaches; measurements and
 registers of any content, with corners, zero flux and zero torque; running sequences of any content,
 with times of zero, of a whole period and of more; hardly any dc-link voltage, and none; flux at its
@@ -60,12 +60,13 @@ def test_rtl_decides_as_the_twins() -> None:
         mptc_pairs.hardly_any_voltage(seed=3, n=6),
         mptc_pairs.nothing_missing(seed=4, n=3),
         mptc_pairs.longer_by_an_lsb(),
+        mptc_pairs.machines(seed=8, n=8),
     )
     # a wrong decision ends the simulation
     expected = rows.expected()
     got = ghdl(rows, wanted=expected)
     np.testing.assert_array_equal(got, expected[: len(got)])
-    assert len(got) == 1045
+    assert len(got) == 1045 + 224
     assert got[:, 2].sum() >= 20
     assert got[:, 3].sum() >= 20
     long = rows.applied[:, 3:].sum(axis=1) > 4096
@@ -352,6 +353,18 @@ FAULTS = {
     "way": ("mptc_sequencer", "(FIRST_WAY + 1) * ENTRY", "FIRST_WAY * ENTRY"),
     "fork": ("mptc_sequencer", "address = HEXAGON_FORK - 1", "address = HEXAGON_FORK"),
     "left of the period": ("mptc_hexagon", "WHOLE_PERIOD) - size_h;", "WHOLE_PERIOD);"),
+    "reference counts twice": ("mptc_datapath", "doubled  <= small;", "doubled  <= '0';"),
+    "half of the root": (
+        "mptc_datapath",
+        "shift_right(results(RESULT_ROTOR_BETA), 1), SUM_WIDTH);",
+        "shift_right(results(RESULT_ROTOR_BETA), 16), SUM_WIDTH);",
+    ),
+    "torque reference below its word": (
+        "mptc_datapath",
+        "guard <= sums(WORD_WRITES(i, 1))(FRACTION - 1 downto FRACTION - MOMENT_GUARD);",
+        "guard <= (others => '0');",
+    ),
+    "torque reference rounded": ("mptc_datapath", "to_round <= '1';", "to_round <= '0';"),
     "powerless": ("mptc_datapath", "unsigned(sample.v_dc) = 0", "unsigned(sample.v_dc) = 7"),
 }
 

@@ -1,0 +1,35 @@
+"""Decisions of every two-level method on machines from 2.2 to 75 kW beside ideal ones."""
+
+from __future__ import annotations
+
+import argparse
+
+from scripts.shared import progress, tables
+from scripts.shared.command import Command, UsageError
+from scripts.studies import mptc_machines
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--periods",
+        type=int,
+        default=mptc_machines.PERIOD_COUNT,
+        help="of each machine and method (default: %(default)s)",
+    )
+    parser.add_argument("--page", action="store_true", help="write the table into docs/mptc.md")
+
+
+def _run(given: argparse.Namespace) -> int | None:
+    if given.periods < 1:
+        raise UsageError(f"argument --periods: got {given.periods}; at least 1 is needed")
+    with progress.busy("decisions of every method on four machines"):
+        found = mptc_machines.sweep(given.periods)
+    if given.page:
+        marks = (mptc_machines.BEGIN, mptc_machines.END)
+        tables.rewrite(mptc_machines.PAGE, {marks: mptc_machines.table(found)})
+    else:
+        print(mptc_machines.table(found))
+    return 0
+
+
+COMMAND = Command("mptc-machines", __doc__.splitlines()[0], _arguments, _run)
