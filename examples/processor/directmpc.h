@@ -31,7 +31,8 @@ typedef enum {
     DIRECTMPC_RANGE,     /* an address is no register of a drive, or a measurement does not fit its register */
     DIRECTMPC_TIMEOUT,   /* a commit did not come into force */
     DIRECTMPC_BUSY,      /* the decision before is not ready */
-    DIRECTMPC_TRIPPED    /* the gate guard holds a fault: all gates are off */
+    DIRECTMPC_TRIPPED,   /* the gate guard holds a fault: all gates are off */
+    DIRECTMPC_NOT_FINITE /* a measurement is no finite number: all gates are off (drive_control.c) */
 } directmpc_status;
 
 /* Accesses of 32 bits. The address is a byte address in the register map. They return 0 if the bus answered OKAY.
@@ -52,7 +53,7 @@ typedef struct {
 #endif
 
 /* Measurements and references in the registers' formats, see docs/registers.md at 0x200. Per unit times the counts of
- * DIRECTMPC_COUNTS_..., which `make registers ARGS=--c` prints, rounded to the nearest. */
+ * DIRECTMPC_COUNTS_..., which `make registers ARGS=--c` prints, rounded half to even; drive_control.c does so. */
 typedef struct {
     int32_t is_alpha, is_beta;        /* stator current */
     int32_t psir_alpha, psir_beta;    /* rotor flux; ignored with the observer */

@@ -24,7 +24,8 @@ void applied(const directmpc_decision *decision);
 
 /* Once, after the power is there. */
 directmpc_status drive_begin(directmpc_bus bus);
-/* At the beginning of each control period, from a timer. */
+/* At the beginning of each control period, from a timer. A value beyond its word becomes the nearest. One that is not
+ * finite ends the drive: DIRECTMPC_NOT_FINITE, all gates are off, drive_begin starts anew. */
 directmpc_status drive_period(void);
 /* The interrupt of processor_system. DIRECTMPC_TRIPPED: the gate guard has turned the gates off. */
 directmpc_status drive_interrupt(void);

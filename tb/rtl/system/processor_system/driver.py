@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
-OK, BUS, UNKNOWN, OTHER_MAP, RANGE, TIMEOUT, BUSY, TRIPPED = range(8)
+OK, BUS, UNKNOWN, OTHER_MAP, RANGE, TIMEOUT, BUSY, TRIPPED, NOT_FINITE = range(9)
 
 _WRITE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint32)
 _READ = ctypes.CFUNCTYPE(

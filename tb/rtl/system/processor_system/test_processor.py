@@ -2,9 +2,11 @@
 
 Sweep: none.
 Stimulus: the driver on a bus of Python's that refuses, answers wrongly or does not commit; then a
-closed loop of the 6 kV drive over AXI4-Lite, with and without pauses; a trip; permit taken away.
+closed loop of the 6 kV drive over AXI4-Lite, with and without pauses; a trip; permit taken away;
+random states, ties, rails, huge values and such that are not finite, on ARM and AArch64 too.
 Checks: what the driver returns, and that it wrote nothing where it refuses; every decision is the
-model's with the observer's flux; the interrupt comes and goes; the gates go off and on again.
+model's with the observer's flux; words are the Python host's; the interrupt comes and goes; the
+gates go off and on again.
 Faults: an interrupt that a decision does not raise; two measurements in each other's place.
 Timing: a decision interrupts within LONGEST_DECISION.
 Does not prove: the system itself, see test_system.
@@ -13,6 +15,10 @@ Does not prove: the system itself, see test_system.
 from __future__ import annotations
 
 import ctypes
+import math
+import random
+import shutil
+import struct
 import subprocess
 from pathlib import Path
 
@@ -20,12 +26,16 @@ import pytest
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
+from directmpc.host.measurements import Encoder
+from directmpc.mpdcc import formats
+from directmpc.states import MpdccState, StateError
 from scripts.hdl.ghdl import CheckError
 from tb.helpers.drives import plain_file
 from tb.helpers.simulation import Outcome, run
 from tb.rtl.system.processor_system.driver import (
     BUS,
     BUSY,
+    NOT_FINITE,
     OK,
     OTHER_MAP,
     RANGE,
@@ -182,6 +192,97 @@ def test_faults_keep_a_drive_from_starting(opened: tuple[Registers, Driver, Syst
     assert bus.writes[-1] == (0x00C, 0b1010 | ENABLE)
     assert driver.directmpc_stop(ctypes.byref(system)) == OK
     assert bus.writes[-1] == (0x00C, 0b1010)
+
+
+#: Compiler, its machine's options, and what runs its programs; none for this machine.
+MACHINES = {
+    "this": (("cc",), ()),
+    "ARM": (("arm-linux-gnueabihf-gcc", "-static"), ("qemu-arm",)),
+    "AArch64": (("aarch64-linux-gnu-gcc", "-static"), ("qemu-aarch64",)),
+}
+ORDER = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c", "iref_alpha", "iref_beta",
+         "omega_s", "omega_r", "v_dc")  # fmt: skip
+
+
+def states() -> list[list[float]]:
+    """Values in the order of ORDER: random ones, ties and their neighbours, rails, huge, none."""
+    rng = random.Random(8)
+    scales = [formats.MEASUREMENTS[name].scale for name in ORDER]
+    found = [[rng.uniform(-5, 5) for _ in ORDER] for _ in range(500)]
+    for number in (*range(-6, 7), -32769, -32768, -32767, 32766, 32767, 32768, 65534, 65535, 65536):
+        for part in (0.0, 0.5, -0.5):
+            exact = [(number + part) / scale for scale in scales]
+            found += [exact, [math.nextafter(v, 9e9) for v in exact]]
+            found += [[math.nextafter(v, -9e9) for v in exact]]
+    # ties of a scale that is a power of two times an integer are exact; those of 64012.5 are not
+    found += [[rng.choice((-1, 1)) * (rng.randrange(70000) + 0.5) / s for s in scales]
+              for _ in range(2000)]  # fmt: skip
+    for value in (0.0, -0.0, 5e-324, 1e5, 1.4e5, 1e6, -1e6, 1e300, -1e300, 1.7e308):
+        found.append([value] * len(ORDER))
+    for value in (math.nan, -math.nan, math.inf, -math.inf):
+        for place in range(len(ORDER)):
+            found.append([0.5] * place + [value] + [0.5] * (len(ORDER) - place - 1))
+    return found
+
+
+def in_python(encoder: Encoder, row: list[float]) -> list[int] | None:
+    """Words of a state as the Python host sends them; None where it refuses the state."""
+    x = dict(zip(ORDER, row, strict=True))
+    try:
+        state = MpdccState(
+            current=complex(x["is_alpha"], x["is_beta"]),
+            flux=0j,
+            v_n=x["v_n"],
+            v_ph=(x["v_ph_a"], x["v_ph_b"], x["v_ph_c"]),
+            current_ref=complex(x["iref_alpha"], x["iref_beta"]),
+            omega_s=x["omega_s"],
+            omega_r=x["omega_r"],
+            applied=(0, 0, 0),
+            vdc=x["v_dc"],
+        )
+        words, _, _ = encoder.words(state)
+    except StateError:
+        return None
+    return [word & 0xFFFF for word in words]
+
+
+@pytest.mark.parametrize(
+    "options", [("-O0",), ("-O2",), ("-O3", "-std=gnu11", "-ffp-contract=fast")]
+)
+@pytest.mark.parametrize("machine", MACHINES)
+def test_numbers_become_the_words_of_the_python_host(
+    machine: str, options: tuple[str, ...], library: Path, tmp_path: Path
+) -> None:
+    compiler, emulator = MACHINES[machine]
+    for needed in (compiler[0], *emulator[:1]):
+        if shutil.which(needed) is None:
+            pytest.skip(f"{needed} is missing (Debian: qemu-user, gcc-arm-linux-gnueabihf, "
+                        "gcc-aarch64-linux-gnu)")  # fmt: skip
+    program = tmp_path / "numbers"
+    here = Path(__file__).parent
+    sources = [library.parent / "driver.c", EXAMPLE / "drive_control.c", here / "rig.c",
+               here / "numbers.c"]  # fmt: skip
+    includes = [f"-I{path}" for path in (EXAMPLE, ROOT / "registers", library.parent)]
+    warnings = ["-std=c11", "-Wall", "-Wextra", "-Werror"]
+    command = [*compiler, *warnings, *options, *includes, *map(str, sources), "-o", str(program)]
+    subprocess.run(command, check=True)
+    rows = states()
+    given = b"".join(struct.pack("<11d", *row) for row in rows)
+    done = subprocess.run([*emulator, str(program)], input=given, capture_output=True, check=True)
+    encoder = Encoder(load_drive(DRIVE))
+    lines = done.stdout.decode().splitlines()
+    ended = 0
+    for row, line in zip(rows, lines, strict=True):
+        status, *words, enabled = map(int, line.split())
+        wanted = in_python(encoder, row)
+        if wanted is None:
+            ended += 1
+            assert (status, enabled) == (NOT_FINITE, 0), row
+            assert set(words) == {0xFFFFFFFF}, row
+        else:
+            assert (status, enabled) == (OK, 1), row
+            assert words == wanted, row
+    assert ended == 4 * len(ORDER)
 
 
 def bench(
