@@ -197,15 +197,13 @@ def _plain(axis: Any, ticks: Sequence[float]) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
-    """Cycles and decision time against slices, mismatch against word length.
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    """Cycles against slices, decision time against LUTs, mismatch against word length.
 
     Parameters
     ----------
     rows : list[dict[str, Any]]
         Of the CSV, numbers as numbers.
-    commit : str
-        As of `measured_at`.
     path : Path
         PNG file.
     """
@@ -231,41 +229,40 @@ def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
                 textcoords="offset points", xytext=(4, 4), color=colour,
             )  # fmt: skip
         placed = [r for r in chosen if r["decision_us"]]
-        times.plot([r["slices_unpacked"] for r in placed], [r["decision_us"] for r in placed],
+        times.plot([r["explorers"] for r in placed], [r["decision_us"] for r in placed],
                    "o-", color=colour, markersize=4, linewidth=1)  # fmt: skip
         for row in placed:
             times.annotate(
-                f"{row['explorers']}: {row['fmax_worst_mhz']:.0f} MHz",
-                (row["slices_unpacked"], row["decision_us"]),
+                f"{row['fmax_worst_mhz']:.0f} MHz", (row["explorers"], row["decision_us"]),
                 textcoords="offset points", xytext=(4, 4), color=colour,
             )  # fmt: skip
     cycles.set(xscale="log", yscale="log", xlabel="Spartan-3 slices", ylabel="cycles, worst case")
-    cycles.legend(frameon=False, fontsize=7.5)
+    cycles.set_ylim(14, 3200)  # the legend stands below all bars
+    cycles.legend(loc="lower left", frameon=False, fontsize=7.5)
     _plain(cycles.xaxis, (3000, 5000, 10_000, 20_000))
-    _plain(cycles.yaxis, (50, 100, 200, 500, 1000, 2000))
+    _plain(cycles.yaxis, (20, 50, 100, 200, 500, 1000, 2000))
     cycles.set_title(
         "clock cycles over area; numbers: explorers\n"
         "ours: (LUT + FF)/2, bar: max(LUT, FF)/2 (Yosys)",
         fontsize=9,
     )
     times.set(
-        yscale="log", xlabel="Spartan-3 slices (Yosys, unpacked)",
-        ylabel="worst case on ECP5 -6 (us)",
+        yscale="log", xlabel="explorers", ylabel="longest decision on ECP5 -6 (us)",
+        xticks=range(1, 7),
     )  # fmt: skip
     for row in rows:
         if row["decision_us"] and row["dimension"] != "explorers":
-            x, y = row["slices_unpacked"], row["decision_us"]
+            x, y = row["explorers"], row["decision_us"]
             times.plot(x, y, "o", color=colours[row["variant"]], fillstyle="none", markersize=4)
             times.annotate(
                 f"{row['dimension']} {row['setting']}: {row['fmax_worst_mhz']:.0f} MHz",
-                (x, y), textcoords="offset points", xytext=(-14, 20), fontsize=7,
+                (x, y), textcoords="offset points", xytext=(-18, -34), fontsize=7,
             )  # fmt: skip
-    times.margins(x=0.3)
-    times.set_xlim(right=1.4 * max(r["slices_unpacked"] for r in rows if r["decision_us"]))
+    times.set_xlim(0.5, 6.0)
     times.set_ylim(0.5, times.get_ylim()[1] * 1.6)
     _plain(times.yaxis, (0.5, 1, 2, 5, 10, 20))
     times.set_title(
-        "longest decision over area, placed on ECP5\nlabels: explorers, clock of the worst seed",
+        "longest decision over explorers, placed on ECP5\nlabels: clock of the worst seed",
         fontsize=9,
     )
     default = next(
@@ -295,9 +292,7 @@ def draw(rows: list[dict[str, Any]], commit: str, path: Path) -> None:
     )
     words.legend(frameon=False, fontsize=7.5)
     _plain(words.yaxis, (0.1, 0.2, 0.5, 1, 2, 5))
-    figure.suptitle(
-        f"mpdcc_core with the settings of the 6 kV drive, commit {_short(commit)}", fontsize=10
-    )
+    figure.suptitle("mpdcc_core with the settings of the 6 kV drive", fontsize=10)
     save_png(figure, path, true_colour=True)
     plt.close(figure)
 
@@ -317,9 +312,8 @@ def publish(rows: list[dict[str, Any]]) -> None:
     OSError
         If the CSV cannot be read.
     """
-    commit = measured_at()
-    draw(rows, commit, PLOT)
-    tables.rewrite(PAGE, {(BEGIN, END): table(rows, commit)})
+    draw(rows, PLOT)
+    tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
 
 
 def measure_or_error(point: Point) -> dict[str, Any]:

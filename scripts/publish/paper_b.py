@@ -49,7 +49,12 @@ SIMILAR = 0.25
 """Two ripples that differ by at most this share count as similar."""
 
 _FIVE = (*COLOURS, "#8a5a9e", "#444444")
-#: Of the same five: a later curve lets one below it be seen.
+#: Of every method where several pictures, or panels of one, show different ones.
+_COLOUR_OF = {
+    "MPTC": COLOURS[0], "MPTC1": COLOURS[1], "MPTC2": COLOURS[2], "GTV": "#8a5a9e",
+    "MPFC2": "#d98212", "MPFC3": "#17a2b8", "MPC2": "#7a4b2a", "FOC": "#444444",
+}  # fmt: skip
+#: Of five curves: a later curve lets one below it be seen.
 _MARKS: tuple[dict[str, Any], ...] = (
     {"marker": "o", "markersize": 3},
     {"marker": "^", "markersize": 4},
@@ -748,11 +753,11 @@ def _draw_speeds(f: Figures, path: Path) -> None:
         )
     ):
         for column, names in enumerate(groups):
-            for name, colour, mark in zip(names, _FIVE, _MARKS, strict=False):
+            for name, mark in zip(names, _MARKS, strict=False):
                 values = f.over_speed(name, quantity)
                 axes[row][column].plot(
-                    study.SPEEDS, values, color=colour, linewidth=1.0, label=_with_rate(name),
-                    **mark,
+                    study.SPEEDS, values, color=_COLOUR_OF[name], linewidth=1.0,
+                    label=_with_rate(name), **mark,
                 )  # fmt: skip
         axes[row][0].set_ylim(bottom=0.0)  # both columns have the same
         axes[row][0].set_ylabel(label)

@@ -34,7 +34,7 @@ from directmpc.mpdcc.machine import discretise
 from scripts.hdl import states
 from scripts.measure import budgets as budgets_file
 from scripts.shared import paper_a, tables, tools
-from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png
+from scripts.shared.figures import COLOURS, counted, drive_title, from_zero, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.shared.workers import Pool
 from scripts.studies.fidelity import decisions
@@ -340,13 +340,14 @@ def _table(rows: Sequence[dict[str, Any]], speeds: Sequence[float]) -> str:
 
 
 def _draw(rows: Sequence[dict[str, Any]], name: str, path: Path) -> None:
-    """Switching frequency against distortion, one panel for each speed."""
+    """Distortion over the switching frequency, one panel for each speed; axes as of pwm.png."""
     plt = pyplot()
 
     speeds = sorted({r["speed"] for r in rows}, reverse=True)
     figure, axes = plt.subplots(
-        1, len(speeds), figsize=(2.7 * len(speeds), 3.2), sharey=True, layout="constrained"
-    )
+        1, len(speeds), figsize=(2.7 * len(speeds), 3.2), sharex=True, sharey=True,
+        layout="constrained",
+    )  # fmt: skip
     for axis, speed in zip(np.atleast_1d(axes), speeds, strict=True):
         for horizon, colour in zip(("SE", "SESE"), COLOURS, strict=False):
             points = []
@@ -364,12 +365,12 @@ def _draw(rows: Sequence[dict[str, Any]], name: str, path: Path) -> None:
                 )
             array = np.nan_to_num(np.array(points))
             axis.errorbar(
-                array[:, 0], array[:, 2], xerr=array[:, 1], yerr=array[:, 3], color=colour,
+                array[:, 2], array[:, 0], xerr=array[:, 3], yerr=array[:, 1], color=colour,
                 label=horizon, marker="o", markersize=3, linewidth=1,
             )  # fmt: skip
         axis.set_title(f"speed {speed:g} pu", fontsize=9)
-        axis.set_xlabel("current THD (%)")
-    np.atleast_1d(axes)[0].set_ylabel("switchings per device (Hz)")
+        axis.set_xlabel("switchings per device (Hz)")
+    np.atleast_1d(axes)[0].set_ylabel("current THD (%)")
     np.atleast_1d(axes)[0].legend(frameon=False)
     bounds = sorted({r["bound"] for r in rows})
     figure.suptitle(
@@ -392,7 +393,7 @@ def _draw_budget(found: Sequence[tuple[int, float, float, float]], name: str, pa
         above.errorbar(
             clocks, [f for _, _, f, _ in found], yerr=[h for *_, h in found], color=colour,
             marker="o", markersize=3, linewidth=1,
-            label=f"{explorers} explorer{'s' * (explorers > 1)}",
+            label=counted(explorers, "explorer"),
         )  # fmt: skip
         below.plot(
             clocks, [t for _, t, _, _ in found], color=colour, marker="o", markersize=3, linewidth=1

@@ -55,7 +55,7 @@ def _lengths(out: Path) -> None:
 
 
 def _sweep(out: Path) -> None:
-    sweep.draw(sweep.stored_rows(), sweep.measured_at(), out / "design_space.png")
+    sweep.draw(sweep.stored_rows(), out / "design_space.png")
 
 
 def _deadlocks(out: Path) -> None:

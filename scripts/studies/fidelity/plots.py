@@ -16,8 +16,8 @@ from scripts.studies.fidelity.pooling import NORMAL_95
 
 BLUE, RED, GREEN, GREY = "#1b6ca8", "#d1495b", "#3a7d44", "0.55"
 LIMIT = 0.25  # percent of decisions
-LINEAR = 2.0
-"""Percent up to which the axis of differences is linear; beyond it is logarithmic."""
+SLOW = 0.2
+"""Stator frequency, pu: below it intervals are many times wider, and have a scale of their own."""
 
 DRIVE_NAMES = {"anpc5l_6kv": "6 kV", "anpc5l_3kv3": "3.3 kV"}
 """Machines as the pictures name them."""
@@ -133,45 +133,56 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
         PNG file.
     """
     plt = pyplot()
-    groups = list(dict.fromkeys((r["drive"], r["bound_current_pu"]) for r in rows))
+    drives = list(dict.fromkeys(r["drive"] for r in rows))
+    bounds = sorted({r["bound_current_pu"] for r in rows})
+    columns = [(drive, low) for drive in drives for low in (True, False)]
     figure, axes = plt.subplots(
-        2, len(groups), figsize=(11.0, 5.4), sharex=True, sharey="row", layout="constrained"
-    )
-    for column, (drive, bound) in enumerate(groups):
-        for variant, colour, shift in (("paper", RED, 0.025), ("fast", BLUE, -0.025)):
+        2, len(columns), figsize=(11.0, 5.8), layout="constrained",
+        width_ratios=[1.0 if low else 3.2 for _, low in columns],
+    )  # fmt: skip
+    for column, (drive, low) in enumerate(columns):
+        speeds = sorted({r["omega_s_pu"] for r in rows if (abs(r["omega_s_pu"]) < SLOW) is low})
+        order = [(v, b) for b in bounds for v in ("fast", "paper")]
+        for place, (variant, bound) in enumerate(order):
+            of = {"controller": variant, "drive": drive, "bound_current_pu": bound}
             chosen = [
-                r
-                for r in rows
-                if (r["controller"], r["drive"], r["bound_current_pu"]) == (variant, drive, bound)
+                next(r for r in rows if r["omega_s_pu"] == speed and of.items() <= r.items())
+                for speed in speeds
             ]
+            x = np.arange(len(speeds)) + 0.13 * (place - (len(order) - 1) / 2)
             for ax, quantity in zip(axes[:, column], ("fsw", "thd"), strict=True):
                 ax.errorbar(
-                    [r["omega_s_pu"] + shift for r in chosen],
+                    x,
                     [r[f"{quantity}_diff_pct"] for r in chosen],
                     [NORMAL_95 * r[f"{quantity}_diff_error_pct"] for r in chosen],
-                    fmt="o", markersize=2.5, linewidth=0.9, color=colour,
-                    label=f"{variant} variant",
+                    fmt="osD"[bounds.index(bound)], markersize=3, linewidth=0.8,
+                    color=BLUE if variant == "fast" else RED,
+                    label=f"{variant} variant, bound {bound:g} pu",
                 )  # fmt: skip
-        axes[0][column].set_title(f"{DRIVE_NAMES[drive]}, bound {bound:g} pu", fontsize=9)
-        axes[1][column].set_xticks((-1.0, 0.0, 1.0))
-        axes[1][column].set_xticks((-0.55, 0.55), minor=True)
-    for line, label in zip(axes, ("switching frequency", "current THD"), strict=True):
-        line[0].set_ylabel(f"{label},\ndifference from ideal (%)")
-        for ax in line:
+        axes[0][column].set_title(
+            f"{DRIVE_NAMES[drive]} drive, {'slow' if low else 'other speeds'}", fontsize=9
+        )
+        for ax in axes[:, column]:
+            ax.set_xticks(range(len(speeds)), [f"{speed:g}" for speed in speeds])
+            ax.set_xlim(-0.6, len(speeds) - 0.4)
             ax.axhline(0.0, color="0.3", linewidth=0.7)
             ax.grid(axis="y", color="0.92", linewidth=0.6)
-        # nothing is clipped: at 0.1 pu intervals are many times those at higher speeds
-        line[0].set_yscale("symlog", linthresh=LINEAR, linscale=1.5)
-        ticks = [s * v for v in (1, 2, 5, 10, 20, 50) for s in (-1, 1)]
-        low, high = line[0].get_ylim()
-        shown = [0, *(t for t in ticks if low <= t <= high)]
-        line[0].set_yticks(shown, [f"{t:g}" for t in shown])
-        line[0].minorticks_off()
+            for edge in np.arange(len(speeds) - 1) + 0.5:
+                ax.axvline(edge, color="0.88", linewidth=0.6)
+    for line, label in zip(axes, ("switching frequency", "current THD"), strict=True):
+        for low in (True, False):  # slow ones have a scale of their own, both drives the same
+            alike = [ax for ax, (_, slow) in zip(line, columns, strict=True) if slow is low]
+            most = 1.05 * max(abs(end) for ax in alike for end in ax.dataLim.intervaly)
+            for ax in alike:
+                ax.set_ylim(-most, most)
+        line[0].set_ylabel(f"{label},\ndifference from ideal (%)")
     handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower right", ncols=2, frameon=False, fontsize=8)
-    figure.supxlabel("stator frequency (pu)", fontsize=9)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    for ax in axes[1]:
+        ax.set_xlabel("stator frequency (pu)")
     figure.suptitle(
-        "Loops with SE at rated current, 95 % intervals; linear within 2 %, logarithmic beyond",
+        "Both variants in closed loop with SE at rated current, against the ideal controller; "
+        "95 % intervals",
         fontsize=10,
     )
     save_png(figure, path)
