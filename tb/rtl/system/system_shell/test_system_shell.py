@@ -52,7 +52,8 @@ FAULTS = {
         Fault("system_shell", "applied  <= apply and made;", "applied  <= apply;", "missing:"),
     ),
     "measured before": (
-        "mpdcc", Fault("system_shell", "measured <= begun and fresh;", "measured <= begun;", "(before|missing):"),
+        "mpdcc",
+        Fault("system_shell", "and fresh;\n  applied", ";\n  applied", "(before|missing):"),
     ),
     "told": ("mptc", Fault("system_shell", "<= begun and live and not fresh;", "<= '0';", "bef")),
     "start": (
