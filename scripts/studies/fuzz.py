@@ -25,6 +25,7 @@ from directmpc.api.drive_file import load_drive, shipped_drives
 from directmpc.csv_table import TraceError
 from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
+from directmpc.host.reference import LinkModel
 from directmpc.host.registers import values
 from directmpc.mpdcc import trace as mpdcc_trace
 from directmpc.mpdcc.drive import Drive
@@ -123,8 +124,15 @@ def _frames(data: bytes, folder: Path) -> None:
     splitter, parts = p.Splitter(), []
     for begin in range(0, len(data), 7):
         parts += splitter.feed(data[begin : begin + 7])
+    nothing = p.Decision(0, 0, 0, 0, 0, 0)
+    identity = p.Identity(p.VERSION, p.Controller.MPTC, 0, 2, 0, 25_000_000, 125_000)
+    board = LinkModel(identity, lambda _: (0, 0), lambda *_: 0, lambda _: nothing)
     for part in parts:
         outcome, frame = p.judge(part)
+        answer = board.receive(part)
+        assert (answer is None) == (frame is None or bool(frame.kind & p.REPLY))
+        # on a line that echoes it falls silent
+        assert answer is None or board.receive(answer.wire()[1:-1]) is None
         assert (frame is None) == (outcome is not p.Outcome.ACCEPTED)
         if frame is None:
             continue
@@ -162,7 +170,8 @@ def _decision_text() -> list[bytes]:
 
 
 def _frame_examples() -> list[bytes]:
-    frames = [p.Frame(kind, 5, bytes(range(n))) for kind in p.Type for n in (0, 2, 16, 32)]
+    kinds = [kind | bit for bit in (0, p.REPLY) for kind in p.Type]
+    frames = [p.Frame(kind, 5, bytes(range(n))) for kind in kinds for n in (0, 2, 16, 32)]
     return [frame.wire() for frame in frames] + [b"".join(f.wire() for f in frames[:4])]
 
 
