@@ -393,7 +393,7 @@ def test_the_command_writes_nothing_that_does_not_fit(host, given, reason) -> No
             Controller.MPDCC,
             "anpc5l_6kv",
             "none/out.csv",
-            "{folder}/none/out.csv: cannot be written",
+            "{folder}/none/out.csv: there is no folder",
         ),
         (Controller.MPDCC, "anpc5l_6kv", ".", "{folder}: cannot be written"),
         (Controller.MPDCC, "anpc5l_6kv", "drive.toml", "{folder}/drive.toml: is an input"),
