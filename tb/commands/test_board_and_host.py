@@ -1,6 +1,7 @@
 """A host of one's own on a board: started, stepped, and turned off however the host ends.
 
-Stimulus: a model of a board behind a line; a virtual board whose host is ended by each signal that
+Stimulus: a model of a board behind a line; a virtual board on a line that echoes, two that are
+connected to each other; a virtual board whose host is ended by each signal that
 ends programs, by SIGKILL too; a second board on the port of the first.
 Checks: what is written when, the gates after the end, the fault that a dead host leaves, which
 board has a port, that an older file of gates survives a board that does not start.
@@ -27,7 +28,7 @@ from directmpc.host import protocol as p
 from directmpc.host import registers as registers_module
 from directmpc.host.board import LONGEST_TIME, Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.console import ENDING as ENDING_SIGNALS
-from directmpc.host.link import Link, LinkError
+from directmpc.host.link import Link, LinkError, SerialStream
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
 from directmpc.host.reference import LinkModel
 from directmpc.host.registers import registers_of, values
@@ -646,3 +647,66 @@ def test_two_virtual_boards_do_not_share_a_port(
     with pytest.raises(ToolError, match="is no link to a terminal"):
         VirtualBoard(generics("mptc"), port)
     assert port.read_text(encoding="utf-8") == "a file"
+
+
+class Echoing(SerialStream):
+    """A line whose receivers are always on: what either end sends comes back to it too."""
+
+    def __init__(self, port: str) -> None:
+        super().__init__(port, 115_200)
+        self.echo = b""
+
+    def write(self, data: bytes, /) -> object:
+        """Send it, and hear it."""
+        self.echo += data
+        return super().write(data)
+
+    def read(self) -> bytes:
+        """What the board sends goes back to the board."""
+        came = super().read()
+        if came:
+            super().write(came)
+        found, self.echo = self.echo + came, b""
+        return found
+
+
+def test_an_echoing_line_falls_silent_and_works(tmp_path: Path) -> None:
+    with VirtualBoard(generics("mptc"), tmp_path / "board") as running:
+        line = Echoing(str(running.port))
+        board = Board(Link(line, timeout=20))
+        asked = 20
+        for _ in range(asked):
+            board.read_word(ADDRESSES["system.status"])
+        assert board.link.strays == asked + 1
+        # nothing more comes: with answers to replies the line is full for ever
+        assert [line.read() for _ in range(10)] == [b""] * 10
+        counts = board.counters()
+        # each reply came back, that to the first COUNTERS as well
+        assert counts[Outcome.TYPE] == asked + 2
+        assert sum(counts.values()) == counts[Outcome.ACCEPTED] + counts[Outcome.TYPE]
+        line.close()
+
+
+def test_two_boards_that_are_connected_fall_silent(tmp_path: Path) -> None:
+    with (
+        VirtualBoard(generics("mptc"), tmp_path / "one") as one,
+        VirtualBoard(generics("mptc"), tmp_path / "other", seed=2) as other,
+    ):
+        lines = [SerialStream(str(board.port), 115_200) for board in (one, other)]
+        lines[0].write(p.Frame(p.Type.IDENTIFY, 1).wire())
+        passed = [0, 0]
+        quiet = 0
+        while quiet < 20:
+            moved = False
+            for near, far in ((0, 1), (1, 0)):
+                came = lines[near].read()
+                if came:
+                    passed[near] += len(came)
+                    lines[far].write(came)
+                    moved = True
+            quiet = 0 if moved else quiet + 1
+            assert sum(passed) < 1000
+        identity = 16 + p.OVERHEAD + 3
+        assert passed == [identity, 0]
+        for line in lines:
+            line.close()
