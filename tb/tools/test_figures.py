@@ -30,7 +30,7 @@ from directmpc.mpdcc import cycles
 from scripts.generate import protocol_examples
 from scripts.hdl import states
 from scripts.hdl.clocks import clocks_of, worst_clocks
-from scripts.measure import budgets, sweep
+from scripts.measure import budgets, spartan3_clock, sweep
 from scripts.measure.synth import configurations
 from scripts.publish import kept, mptc_report, paper_b, report, sensorless
 from scripts.shared import paper_a, rows, tables
@@ -117,6 +117,7 @@ def of_robustness(page: Path) -> None:
 def of_sweep(page: Path) -> None:
     text = sweep.table(sweep.stored_rows(), sweep.measured_at())
     tables.rewrite(page, {(sweep.BEGIN, sweep.END): text})
+    spartan3_clock.publish(page=page)
 
 
 def figures(page: Path) -> None:
