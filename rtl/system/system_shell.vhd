@@ -105,6 +105,8 @@ architecture rtl of system_shell is
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
+  signal answered     : std_logic;             -- the answer to a write is there
+  signal answer       : std_logic_vector(1 downto 0);
   signal whole        : std_logic;             -- all bytes of its word
   signal begun        : std_logic;
   signal busy         : std_logic;
@@ -173,8 +175,8 @@ begin
       m_wvalid  => m_wvalid,
       m_wready  => m_wready,
       m_bready  => m_bready,
-      m_bvalid  => m_bvalid,
-      m_bresp   => m_bresp,
+      m_bvalid  => answered,
+      m_bresp   => answer,
       s_awvalid => s_awvalid,
       s_awready => s_awready,
       s_wvalid  => s_wvalid,
@@ -183,6 +185,9 @@ begin
       s_bvalid  => s_bvalid,
       s_bresp   => s_bresp
     );
+
+  m_bvalid <= answered;
+  m_bresp  <= answer;
 
   i_sequencer : entity work.decision_sequencer
     port map (
@@ -372,6 +377,7 @@ begin
   shown.flags.saturated.hwset          <= decided and saturated;
   shown.flags.deadlock.hwset           <= decided and deadlock;
   shown.flags.start_ignored.hwset      <= ignored;
+  shown.flags.write_refused.hwset      <= answered and answer(1);
   shown.flags.observer_saturated.hwset <= observer_saturated;
   shown.flags.clamped.hwset            <= decided and clamped;
   shown.flags.old_measurement.hwset    <= begun and live and not fresh;

@@ -77,6 +77,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "observer_saturated": (3, 1, False),
                 "clamped": (4, 1, False),
                 "old_measurement": (5, 1, False),
+                "write_refused": (6, 1, False),
             },
         ),
         "system.faults": (
@@ -745,6 +746,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "observer_saturated": (3, 1, False),
                 "clamped": (4, 1, False),
                 "old_measurement": (5, 1, False),
+                "write_refused": (6, 1, False),
             },
         ),
         "system.faults": (

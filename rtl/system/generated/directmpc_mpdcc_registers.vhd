@@ -250,6 +250,11 @@ architecture rtl of directmpc_mpdcc_registers is
         load_next : std_logic;
     end record;
 
+    type \directmpc_mpdcc.system.flags.write_refused_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
     type \directmpc_mpdcc.system.flags_combo_t\ is record
         saturated : \directmpc_mpdcc.system.flags.saturated_combo_t\;
         deadlock : \directmpc_mpdcc.system.flags.deadlock_combo_t\;
@@ -257,6 +262,7 @@ architecture rtl of directmpc_mpdcc_registers is
         observer_saturated : \directmpc_mpdcc.system.flags.observer_saturated_combo_t\;
         clamped : \directmpc_mpdcc.system.flags.clamped_combo_t\;
         old_measurement : \directmpc_mpdcc.system.flags.old_measurement_combo_t\;
+        write_refused : \directmpc_mpdcc.system.flags.write_refused_combo_t\;
     end record;
 
     type \directmpc_mpdcc.system.faults.external_trip_combo_t\ is record
@@ -729,6 +735,10 @@ architecture rtl of directmpc_mpdcc_registers is
         value : std_logic;
     end record;
 
+    type \directmpc_mpdcc.system.flags.write_refused_storage_t\ is record
+        value : std_logic;
+    end record;
+
     type \directmpc_mpdcc.system.flags_storage_t\ is record
         saturated : \directmpc_mpdcc.system.flags.saturated_storage_t\;
         deadlock : \directmpc_mpdcc.system.flags.deadlock_storage_t\;
@@ -736,6 +746,7 @@ architecture rtl of directmpc_mpdcc_registers is
         observer_saturated : \directmpc_mpdcc.system.flags.observer_saturated_storage_t\;
         clamped : \directmpc_mpdcc.system.flags.clamped_storage_t\;
         old_measurement : \directmpc_mpdcc.system.flags.old_measurement_storage_t\;
+        write_refused : \directmpc_mpdcc.system.flags.write_refused_storage_t\;
     end record;
 
     type \directmpc_mpdcc.system.faults.external_trip_storage_t\ is record
@@ -1946,6 +1957,38 @@ begin
         end if;
     end process;
     hwif_out.system.flags.old_measurement.value <= field_storage.system.flags.old_measurement.value;
+
+    -- Field: directmpc_mpdcc.system.flags.write_refused
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.flags.write_refused.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000110") then -- SW write 1 clear
+            next_c := field_storage.system.flags.write_refused.value and not (decoded_wr_data(6) and decoded_wr_biten(6));
+            load_next_c := '1';
+        elsif hwif_in.system.flags.write_refused.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.flags.write_refused.next_q <= next_c;
+        field_combo.system.flags.write_refused.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.flags.write_refused.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.flags.write_refused.value <= '0';
+            else
+                if field_combo.system.flags.write_refused.load_next then
+                    field_storage.system.flags.write_refused.value <= field_combo.system.flags.write_refused.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.flags.write_refused.value <= field_storage.system.flags.write_refused.value;
 
     -- Field: directmpc_mpdcc.system.faults.external_trip
     process(all)
@@ -3395,6 +3438,7 @@ begin
             readback_data_var(ad_hi(16#18#))(3) := field_storage.system.flags.observer_saturated.value;
             readback_data_var(ad_hi(16#18#))(4) := field_storage.system.flags.clamped.value;
             readback_data_var(ad_hi(16#18#))(5) := field_storage.system.flags.old_measurement.value;
+            readback_data_var(ad_hi(16#18#))(6) := field_storage.system.flags.write_refused.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#1C#) then
             readback_data_var(ad_hi(16#1C#))(0) := field_storage.system.faults.external_trip.value;

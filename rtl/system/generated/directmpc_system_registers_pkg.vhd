@@ -138,6 +138,10 @@ package directmpc_system_registers_pkg is
         hwset : std_logic;
     end record;
 
+    type \system_registers.flags.write_refused_in_t\ is record
+        hwset : std_logic;
+    end record;
+
     type \system_registers.flags_in_t\ is record
         saturated : \system_registers.flags.saturated_in_t\;
         deadlock : \system_registers.flags.deadlock_in_t\;
@@ -145,6 +149,7 @@ package directmpc_system_registers_pkg is
         observer_saturated : \system_registers.flags.observer_saturated_in_t\;
         clamped : \system_registers.flags.clamped_in_t\;
         old_measurement : \system_registers.flags.old_measurement_in_t\;
+        write_refused : \system_registers.flags.write_refused_in_t\;
     end record;
 
     type \system_registers.faults.external_trip_in_t\ is record
@@ -313,6 +318,10 @@ package directmpc_system_registers_pkg is
         value : std_logic;
     end record;
 
+    type \system_registers.flags.write_refused_out_t\ is record
+        value : std_logic;
+    end record;
+
     type \system_registers.flags_out_t\ is record
         saturated : \system_registers.flags.saturated_out_t\;
         deadlock : \system_registers.flags.deadlock_out_t\;
@@ -320,6 +329,7 @@ package directmpc_system_registers_pkg is
         observer_saturated : \system_registers.flags.observer_saturated_out_t\;
         clamped : \system_registers.flags.clamped_out_t\;
         old_measurement : \system_registers.flags.old_measurement_out_t\;
+        write_refused : \system_registers.flags.write_refused_out_t\;
     end record;
 
     type \system_registers.faults.external_trip_out_t\ is record

@@ -337,6 +337,15 @@ async def decisions_and_flags(system: System, count: int) -> None:
         await FallingEdge(system.dut.clk)
     board.check("ignored", system.decided(), system.model(parameters, m))
     board.check("flag", await bus.read("system.flags", "start_ignored"), 1)
+    # a write that is refused tells, one that is taken does not
+    await bus.write("system.flags", write_refused=1)
+    await bus.write("system.control", own_positions=0)
+    board.check("refused", await bus.read("system.flags", "write_refused"), 0)
+    address, _ = bus.registers["system.status"]
+    board.check("refused", await bus.write_word(address, 1), SLVERR, "read-only")
+    board.check("refused", await bus.read("system.flags", "write_refused"), 1)
+    await bus.write("system.flags", write_refused=1)
+    board.check("refused", await bus.read("system.flags", "write_refused"), 0, "cleared")
     # the observer's flux in the measurement's place
     await observed(system, drive, parameters)
     # and once more: the estimate begins anew

@@ -83,6 +83,7 @@ FAULTS = {
         "begun <= '1';",
     ),
     "old estimate": ("mptc_system", "(forget and not (deciding or observer_busy))", "'0'"),
+    "refused in silence": ("system_shell", "answered and answer(1)", "'0'"),
 }
 
 

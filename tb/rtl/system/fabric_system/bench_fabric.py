@@ -80,7 +80,7 @@ class Rig:
             getattr(dut, name).value = 0
         for clocks in range(longest):
             if number(dut.valid):
-                return clocks
+                return clocks + 1
             await FallingEdge(dut.clk)
         return None
 
