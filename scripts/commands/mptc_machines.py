@@ -32,4 +32,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("mptc-machines", __doc__.splitlines()[0], _arguments, _run)
+COMMAND = Command("mptc-machines", __doc__, _arguments, _run)

@@ -29,4 +29,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("native", __doc__.splitlines()[0], _arguments, _run, failed=1)
+COMMAND = Command("native", __doc__, _arguments, _run, failed=1)
