@@ -172,6 +172,9 @@ netlist: $(READY) ## netlist of BOARD for its vendor's tools (Verilog, EDIF)
 	$(call need,BOARD,the board)
 	@'$(PY)' -m scripts netlist --board "$$BOARD" --controller "$$CONTROLLER" $(ARGS)
 
+verilog: $(READY) ## checked Verilog of the public entities, for tools that do not read the VHDL; ARGS=mptc_core for one
+	@'$(PY)' -m scripts verilog $(ARGS)
+
 layers: $(READY) ## draw the layers of the project, from its imports, into docs/layers.svg
 	@'$(PY)' -m scripts layers $(ARGS)
 

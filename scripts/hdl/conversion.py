@@ -4,7 +4,7 @@
 combinational loop, no undriven wire and no second driver. How much has to be done before depends on
 the version of GHDL.
 
-**GHDL 5 and newer** convert once. Tried is 5.0.1, the one of Debian 13. Its Verilog has all arms of
+**GHDL 5 and newer** convert once. Tried are 5.0.1, the one of Debian 13, and 6.0.0. Its Verilog has all arms of
 every `case`, arithmetic shifts, wide constants and names as they should be. Only signed `mod` and
 `rem` are written as Verilog's unsigned `%`; `repair` mends them. It also writes attributes of
 signals, which GHDL 2.0 drops. `repair` drops them, so that Yosys reads the same design from both.
@@ -55,6 +55,10 @@ from scripts.shared.tools import Generics, ToolError
 
 class NetlistError(ToolError):
     """The conversion cannot be trusted; the message says where."""
+
+
+class DesignError(ToolError):
+    """The VHDL cannot be converted as it is, or not with these generics; the message says where."""
 
 
 @dataclass
@@ -249,7 +253,12 @@ def _rename_keywords(name: str, body: str, log: Repairs) -> tuple[str, dict[str,
         while other in taken:
             other += "_"
         renamed[keyword] = other
-        rest = re.sub(rf"(?<![\w.$]){keyword}\b", other, rest)
+        # within an escaped name, `\entry[inside] `, it is part of another name
+        rest = re.sub(
+            rf"\\\S+|(?<![\w.$]){keyword}\b",
+            lambda found, other=other: found[0] if found[0][0] == "\\" else other,
+            rest,
+        )
         log.leftovers += 1
     return header + separator + rest, renamed
 
@@ -451,6 +460,9 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 # ---------------------------------------------------------------------------------------------
 
 
+_DIAGNOSIS = re.compile(r".+?:\d+:\d+: ?\S")
+
+
 def _synthesise(top: str, generics: Generics, files: Sequence[Path], form: str, std: str) -> str:
     """What GHDL makes of `top`: "verilog" or "vhdl".
 
@@ -460,9 +472,13 @@ def _synthesise(top: str, generics: Generics, files: Sequence[Path], form: str, 
     with tempfile.TemporaryDirectory(prefix="netlist-") as library:
         options = [f"--std={std}", f"--work={sources.LIBRARY}", f"--workdir={library}", *chosen]
         design = [f"--out={form}", *map(str, files), "-e", top]
-        return _without_vendors(
-            tools.run([*tools.tool("ghdl"), "--synth", *options, *design]).stdout
-        )
+        done = tools.run([*tools.tool("ghdl"), "--synth", *options, *design], accept=range(256))
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        # the first error of a file; what follows is often its consequence
+        errors = [line for line in said if _DIAGNOSIS.match(line) and ":warning:" not in line]
+        raise DesignError((errors or said or [f"ghdl ended with {done.returncode}"])[0])
+    return _without_vendors(done.stdout)
 
 
 def _vendors() -> str:
@@ -522,31 +538,91 @@ begin
 
 end architecture padding;
 """
-_INTERFACE = re.compile(r"[(;]\s*(?:signal\s+)?(\w+(?:\s*,\s*\w+)*)\s*:(?!=)", re.I)
+_INTERFACE = re.compile(
+    r"[(;]\s*(?:signal\s+|constant\s+)?(\w+(?:\s*,\s*\w+)*)\s*:(?!=)\s*(?:(?:in|out|inout|buffer)\s+)?(\w+)",
+    re.I,
+)
 
 
-def _padded(top: str, files: Sequence[Path], padding: int) -> str:
-    """VHDL of an entity with the interface of `top` that holds padding and, after it, `top`."""
+@dataclass(frozen=True)
+class Interface:
+    """What the declaration of an entity says.
+
+    Attributes
+    ----------
+    context : str
+        Libraries and packages that it uses.
+    declarations : str
+        Text of generics and ports.
+    generics : list of (list of str, str)
+        Names that are declared together, and their type.
+    ports : list of (list of str, str)
+        Likewise.
+    """
+
+    context: str
+    declarations: str
+    generics: list[tuple[list[str], str]]
+    ports: list[tuple[list[str], str]]
+
+
+_VHDL_COMMENT = re.compile(r"--[^\n]*|/\*.*?\*/", re.S)
+
+
+def interface(top: str, files: Sequence[Path]) -> Interface:
+    """Generics and ports of an entity.
+
+    Parameters
+    ----------
+    top : str
+        The entity.
+    files : Sequence[Path]
+        VHDL, one of which declares it.
+
+    Returns
+    -------
+    Interface
+        As it is declared.
+
+    Raises
+    ------
+    DesignError
+        If no file declares it.
+    """
     entity = re.compile(
-        rf"((?:\b(?:library|use)\b[^;]*;\s*)*)"
-        rf"\bentity\s+{top}\s+is\b(.*?)\bend\s+(?:entity\b|{top}\b|;)",
+        rf"((?:\b(?:library|use|context)\b[^;]*;\s*)*)"
+        rf"\bentity\s+{top}\s+is\b(.*?)\bend\s*(?:entity\b|{top}\b|;)",
         re.I | re.S,
     )
-    texts = (re.sub(r"--[^\n]*", "", file.read_text(encoding="utf-8")) for file in files)
+    texts = (_VHDL_COMMENT.sub("", file.read_text(encoding="utf-8")) for file in files)
     found = next(filter(None, map(entity.search, texts)), None)
     if found is None:
-        raise NetlistError(f"{top}: no file holds this entity")
+        raise DesignError(f"{top}: no file holds this entity")
     context, declarations = found.groups()
     generics, keyword, ports = declarations.partition(
         next(iter(re.findall(r"\bport\b(?=\s*\()", declarations, re.I)), "port")
     )
+    listed = [
+        [(re.findall(r"\w+", names), kind) for names, kind in _INTERFACE.findall(text)]
+        for text in (generics, keyword + ports)
+    ]
+    return Interface(context, declarations, *listed)
+
+
+def _padded(top: str, files: Sequence[Path], padding: int) -> str:
+    """VHDL of an entity with the interface of `top` that holds padding and, after it, `top`."""
+    declared = interface(top, files)
     maps = [
-        f"{kind} map ({', '.join(f'{name} => {name}' for name in names)})"
-        for kind, text in (("generic", generics), ("port", keyword + ports))
-        if (names := re.findall(r"\w+", ",".join(_INTERFACE.findall(text))))
+        f"{kind} map ({', '.join(f'{name} => {name}' for names, _ in listed for name in names)})"
+        for kind, listed in (("generic", declared.generics), ("port", declared.ports))
+        if listed
     ]
     return _PADDING.format(
-        last=padding, context=context, declarations=declarations, top=top, maps=" ".join(maps)
+        last=padding,
+        context=declared.context,
+        declarations=declared.declarations,
+        top=top,
+        maps=" ".join(maps),
     )
 
 
@@ -586,7 +662,9 @@ def _unpadded(verilog: str, top: str) -> str:
     if name is None:
         raise NetlistError(f"{top}: not found behind its padding")
     for around in ("netlist_padding", _PADDED):
-        verilog = re.sub(rf"^module {around}\b.*?^endmodule\n", "", verilog, flags=re.M | re.S)
+        # GHDL 6 adds the architecture and the library to a module's name
+        module = rf"^module {around}(?:_B\w+)?\n.*?^endmodule\n"
+        verilog = re.sub(module, "", verilog, flags=re.M | re.S)
     return re.sub(rf"\b{name.group(1)}\b", top.lower(), verilog)
 
 
@@ -709,8 +787,10 @@ def convert(
     ------
     NetlistError
         If two conversions disagree, or the netlist cannot be trusted.
+    DesignError
+        If GHDL refuses the VHDL, or the entity has no such generic.
     ToolError
-        If GHDL or Yosys is missing or fails.
+        If GHDL or Yosys is missing, or Yosys fails.
     SourcesError
         If there is no such entity.
     """
@@ -718,6 +798,11 @@ def convert(
     if files is None:
         files = sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)
+    declared = [name for names, _ in interface(top, files).generics for name in names]
+    for name in generics:
+        if name.lower() not in map(str.lower, declared):
+            there = ", ".join(declared) or "none"
+            raise DesignError(f"{top} has no generic {name}; there is: {there}")
     target = out or tools.BUILD / "netlist" / f"{tools.configuration_name(top, generics)}.v"
     lossy = loses(tools.version("ghdl"))
     padding, vhdl = 0, None
@@ -734,7 +819,7 @@ def convert(
     if check and lossy:
         check_zeros(text)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.
-    text = re.sub(r"/\* (?:.*/)?(\S+)  \*/", r"/* \1 */", text)
+    text = re.sub(r"/\*#? (?:.*/)?(\S+) +\*/", r"/* \1 */", text)
     shown = " ".join(f"{k}={tools.generic_text(v)}" for k, v in generics.items())
     text = f"// {top} {shown}\n// {tools.version('ghdl')}; {log}\n{text}"
     with tools.replacing(target) as temporary:

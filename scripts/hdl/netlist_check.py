@@ -19,7 +19,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,7 +89,7 @@ class Result:
         return self.clocks / self.seconds if self.seconds else 0.0
 
 
-def ports_of(verilog: Path, top: str) -> Ports:
+def ports_of(verilog: Path, top: str, besides: Collection[str] = CONTROL) -> Ports:
     """Data ports of a module as GHDL prints its header.
 
     Parameters
@@ -98,11 +98,13 @@ def ports_of(verilog: Path, top: str) -> Ports:
         Converted netlist.
     top : str
         The module.
+    besides : Collection[str]
+        Ports that are left out: clock, reset, start and valid unless others are given.
 
     Returns
     -------
     Ports
-        Widths in bits; clock, reset, start and valid are left out.
+        Widths in bits.
 
     Raises
     ------
@@ -115,7 +117,7 @@ def ports_of(verilog: Path, top: str) -> Ports:
         raise ToolError(f"no module {top.lower()} in {verilog.name}")
     found: dict[str, dict[str, int]] = {"input": {}, "output": {}}
     for direction, high, name in _PORT.findall(header.group(1) + ")"):
-        if name not in CONTROL:
+        if name not in besides:
             found[direction][name] = int(high) + 1 if high else 1
     return Ports(found["input"], found["output"])
 

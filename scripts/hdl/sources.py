@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,7 +36,7 @@ _ENTITY = re.compile(rf"{_word('entity')}\s+{_NAME}\s+is\b")
 _PACKAGE = re.compile(rf"{_word('package')}\s+{_NAME}\s+is\b")
 _BODY = re.compile(rf"{_word('package')}\s+body\s+{_NAME}\s+is\b")
 _ARCHITECTURE = re.compile(rf"{_word('architecture')}\s+\w+\s+of\s+{_NAME}\s+is\b")
-_WORK = re.compile(rf"{_word('work')}\s*\.\s*{_NAME}")
+_WORK = re.compile(rf"(?:{_word('work')}|{_word(LIBRARY)})\s*\.\s*{_NAME}")
 _INSTANCE = re.compile(rf":\s*(?:component\s+)?{_NAME}\s+(?:generic|port)\s+map\b")
 
 
@@ -231,6 +231,49 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
 
     for unit in sorted(needed, key=lambda u: (wanted in u.primaries, u.path)):
         _visit(unit, [])
+    return order
+
+
+def with_own(top: str, own: Sequence[Path]) -> list[Path]:
+    """A user's files with what they need of the design, in compile order.
+
+    Parameters
+    ----------
+    top : str
+        The user's entity, or one of the design.
+    own : Sequence[Path]
+        The user's files, in any order. All of them are in the list.
+
+    Returns
+    -------
+    list[Path]
+        Each file after all it depends on.
+
+    Raises
+    ------
+    SourcesError
+        If a file cannot be read, no file declares the top, two declare one unit, or files need
+        each other.
+    """
+    for path in own:
+        if not path.is_file():
+            raise SourcesError(f"{path}: no such file")
+        try:
+            path.read_text(encoding="utf-8")
+        except (OSError, UnicodeError) as error:
+            raise SourcesError(f"{path}: cannot be read as UTF-8: {error}") from None
+    units = scan(own)
+    every = [*rtl_files(), *own]
+    declared = {name for unit in scan(every) for name in unit.entities}
+    if top.lower() not in declared:
+        mine = sorted({name for unit in units for name in unit.entities})
+        raise SourcesError(
+            f"no entity '{top}' in {', '.join(map(str, own))}; there is: "
+            f"{', '.join(mine) or 'none'}"
+        )
+    order: list[Path] = []
+    for name in [*sorted({n for unit in units for n in unit.primaries}), top]:
+        order += [path for path in compile_order(name, every) if path not in order]
     return order
 
 

@@ -24,11 +24,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import directmpc
-from scripts.generate.fusesoc_cores import PUBLIC
-from scripts.hdl import conversion
 from scripts.hdl.boards import BOARDS, Board
 from scripts.measure import bitstream
-from scripts.publish import kept, report, site
+from scripts.publish import kept, report, site, verilog
 from scripts.shared import progress, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
 from scripts.studies import field_bench
@@ -213,7 +211,7 @@ def cores(out: Path, time: int) -> None:
 
 
 def netlists(out: Path, time: int) -> None:
-    """Verilog of every public entity but the top of the boards.
+    """Checked Verilog of every public entity but the top of the boards.
 
     Parameters
     ----------
@@ -225,16 +223,13 @@ def netlists(out: Path, time: int) -> None:
     Raises
     ------
     ToolError
-        If a conversion fails.
+        If a netlist is refused.
     """
     name = f"directmpc-netlists-{VERSION}"
-    entities = [entity for entity in PUBLIC if entity != "board_top"]
-    files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes())]
-    with progress.counter("netlists", len(entities)) as advance:
-        for entity in entities:
-            files.append((f"{name}/{entity}.v", conversion.cached(entity).read_bytes()))
-            advance()
-    _archive(out / f"{name}.tar.gz", files, time)
+    with tempfile.TemporaryDirectory(prefix="release-") as work:
+        verilog.write(Path(work))
+        licence = (f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes())
+        _archive(out / f"{name}.tar.gz", [licence, *_tree(Path(work), name)], time)
 
 
 def pages(out: Path, time: int) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import tarfile
 import zipfile
@@ -23,7 +24,7 @@ import yaml
 
 import directmpc
 from scripts import __main__ as program
-from scripts.generate.fusesoc_cores import COMMON, SHELL
+from scripts.generate.fusesoc_cores import COMMON, PUBLIC, SHELL
 from scripts.hdl.boards import BOARDS, Board
 from scripts.publish import release
 from scripts.shared.tools import ROOT, ToolError
@@ -164,7 +165,7 @@ def test_all_parts_make_one_release(
     monkeypatch.setattr(release.bitstream, "vendor_netlist", _netlist)
     monkeypatch.setattr(release.site, "build", _site)
     monkeypatch.setattr(release.field_bench, "build", _bench)
-    monkeypatch.setattr(release.conversion, "cached", lambda entity: verilog)
+    monkeypatch.setattr(release.verilog, "write", lambda folder: shutil.copy(verilog, folder))
     out = release.build(tmp_path / "out", 1, list(release.PARTS), check=green)
     names = {path.name for path in out.iterdir()}
     archives = ("cores", "netlists", "site", "field-bench", "boards")
@@ -227,7 +228,7 @@ def test_the_archive_of_cores_is_whole(tmp_path: Path) -> None:
     top = f"directmpc-cores-{VERSION}"
     described = [name for name in names if name.endswith(".core")]
     shared = {COMMON, SHELL}
-    assert {Path(name).stem for name in described} == {*release.PUBLIC, *shared}
+    assert {Path(name).stem for name in described} == {*PUBLIC, *shared}
     for name in described:
         core = yaml.safe_load((ROOT / "rtl" / Path(name).name).read_text(encoding="utf-8"))
         for given in core["filesets"].values():
@@ -248,14 +249,32 @@ def test_the_wheel_is_the_same_twice(tmp_path: Path) -> None:
         assert any(name.startswith("directmpc/drives/") for name in archive.namelist())
 
 
-def test_the_netlists_are_those_of_the_public_entities(tmp_path: Path) -> None:
+def test_the_netlists_are_those_of_the_public_entities(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared = []
+
+    def _checked(entity: str, out: Path) -> tuple[Path, None, str]:
+        out.write_text(f"module {entity}", encoding="utf-8")
+        compared.append(entity)
+        return out, None, "does as the VHDL"
+
+    monkeypatch.setattr(release.verilog.agreement, "checked", _checked)
     release.netlists(tmp_path, TIME)
     with tarfile.open(tmp_path / f"directmpc-netlists-{VERSION}.tar.gz") as archive:
-        for name in archive.getnames():
-            if name.endswith(".v"):
-                text = archive.extractfile(name).read().decode()
-                assert f"module {Path(name).stem}" in text
-        assert len(archive.getnames()) == len(release.PUBLIC)  # without board_top, with the licence
+        names = {Path(name).stem for name in archive.getnames() if name.endswith(".v")}
+        assert len(archive.getnames()) == len(PUBLIC)  # without board_top, with the licence
+    assert names == set(compared) == set(PUBLIC) - {"board_top"}
+
+
+def test_verilog_of_an_entity_is_compared_with_its_vhdl(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert program.main(["verilog", "vector_sequencer", "--out", str(tmp_path)]) == 0
+    assert "vector_sequencer.v: does as the VHDL in" in capsys.readouterr().out
+    assert "module vector_sequencer" in (tmp_path / "vector_sequencer.v").read_text()
+    assert program.main(["verilog", "vector", "--out", str(tmp_path)]) == 2
+    assert "verilog: 'vector' is no public entity; there are: mpdcc_core" in capsys.readouterr().err
 
 
 def test_every_bitstream_that_is_published_is_in_it(
