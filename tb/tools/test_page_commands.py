@@ -40,12 +40,20 @@ WORKFLOWS = ROOT / ".github" / "workflows"
 QUICK = "coefficients new-drive registers sources"
 
 #: Files that a reader has; here they are empty.
-OWN = ("trace.csv", "own.toml", "own_drive.toml", "own_trace.csv", "mine.csv")
+OWN = (
+    "own_top.vhd",
+    "other.vhd",
+    "trace.csv",
+    "own.toml",
+    "own_drive.toml",
+    "own_trace.csv",
+    "mine.csv",
+)
 
 #: Files that commands of the pages write.
 WRITTEN = {
     "board.csv", "check.json", "check.xml", "decisions.csv", "drive.h", "gates.csv", "mine.json",
-    "my_drive.toml", "my_two_level_drive.toml",
+    "my_drive.toml", "my_two_level_drive.toml", "own_top.v",
 }  # fmt: skip
 
 #: Programs beside those of the project.
