@@ -77,7 +77,7 @@ architecture rtl of mptc_datapath is
   signal seeds   : seeds_t;
   signal flagged : std_logic;
   signal guard    : signed(MOMENT_GUARD - 1 downto 0);   -- MPFC: bits of the torque reference below its word
-  signal small    : std_logic;                           -- '1': |w|**2 in the accumulator is below a quarter
+  signal brief    : std_logic;                           -- '1': |w|**2 in the accumulator is below a quarter
   signal doubled  : std_logic;                           -- '1': so it was, MPFC's reference counts twice
   signal to_round : std_logic;                           -- '1': the torque reference is shifted, its word is rounded
 
@@ -362,7 +362,7 @@ begin
   -- Results
   ---------------------------------------------------------------------------------------------
 
-  small <= to_std_logic(sums(0)(SUM_WIDTH - 1 downto 2 * FRACTION - 2) = 0);
+  brief <= to_std_logic(sums(0)(SUM_WIDTH - 1 downto 2 * FRACTION - 2) = 0);
 
   p_words : process (clk) is
 
@@ -389,7 +389,7 @@ begin
 
           -- MPFC: |w|**2 below a quarter counts four times, the modulus twice then
           if (FLUX_CONTROL and WORD_WRITES(i, 2) = RESULT_MODULUS) then
-            if (WORD_WRITES(i, 1) = 0 and small = '1') then
+            if (WORD_WRITES(i, 1) = 0 and brief = '1') then
               value := sums(0)(SUM_WIDTH - 3 downto FRACTION - 2);
             elsif (WORD_WRITES(i, 1) /= 0 and doubled = '1') then
               value := shift_right(value, 1);
@@ -407,11 +407,11 @@ begin
           end if;
 
           if (FLUX_CONTROL and WORD_WRITES(i, 2) = RESULT_MODULUS and WORD_WRITES(i, 1) = 0) then
-            doubled  <= small;
+            doubled  <= brief;
             to_round <= '1';
 
             -- a torque that does not fit here is out of reach
-            if (small = '1') then
+            if (brief = '1') then
               results(RESULT_MOMENT) <= clip(results(RESULT_MOMENT) & guard(MOMENT_GUARD - 1), WORD_WIDTH);
               guard                  <= shift_left(guard, 1);
             end if;
