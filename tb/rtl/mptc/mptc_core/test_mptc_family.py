@@ -353,7 +353,7 @@ FAULTS = {
     "way": ("mptc_sequencer", "(FIRST_WAY + 1) * ENTRY", "FIRST_WAY * ENTRY"),
     "fork": ("mptc_sequencer", "address = HEXAGON_FORK - 1", "address = HEXAGON_FORK"),
     "left of the period": ("mptc_hexagon", "WHOLE_PERIOD) - size_h;", "WHOLE_PERIOD);"),
-    "reference counts twice": ("mptc_datapath", "doubled  <= small;", "doubled  <= '0';"),
+    "reference counts twice": ("mptc_datapath", "doubled  <= brief;", "doubled  <= '0';"),
     "half of the root": (
         "mptc_datapath",
         "shift_right(results(RESULT_ROTOR_BETA), 1), SUM_WIDTH);",
