@@ -6,9 +6,9 @@ An entry is an operation, a byte address and a word. `boot_loader` carries them 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from directmpc.host.registers import RegisterValues, packed, registers_of
+from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import formats as mptc_formats
@@ -18,6 +18,18 @@ from directmpc.mptc.drive import MptcDrive
 CHECKED, WRITE, WAIT = range(3)
 ADDRESS_BITS, WORD_BITS, ENTRY_BITS = 14, 32, 48
 OKAY = 0
+
+
+class RegisterValues(Protocol):
+    """What is used of `registers.RegisterValues`."""
+
+    controller: str
+    clock: float
+    saturated: list[str]
+    missing: list[str]
+
+    def writes(self) -> list[tuple[str, int, int]]:
+        """Name, address and word of every write; the commit is the last."""
 
 
 class Entry(NamedTuple):
@@ -74,11 +86,11 @@ def rom(found: RegisterValues, *, use_observer: bool = True) -> list[Entry]:
     ValueError
         If a value does not fit its register.
     """
-    known = registers_of(found.controller)
+    known = MAPS[found.controller]
 
     def word(register: str, **given: int) -> tuple[int, int]:
         address, fields = known[register]
-        return address, packed(register, fields, given)
+        return address, sum(value << fields[name][0] for name, value in given.items())
 
     idle = Entry(WAIT, *word("system.status", commit_pending=1), "no commit is pending")
     *writes, (_, command, commit) = found.writes()

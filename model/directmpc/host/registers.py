@@ -816,7 +816,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         refuse_short(drive)
         name = os.path.basename(given.drive)
         if given.vhdl:
-            from directmpc.host import boot  # needs this module
+            from directmpc.host import boot  # it needs the generated register_map
 
             text = boot.format_vhdl(drive, found, name, use_observer=not given.measured_flux)
         elif given.c:
