@@ -1,8 +1,9 @@
--- mpdcc_system without a host: words of converters come in, gates go out, a boot ROM sets the system up.
+-- mpdcc_system without a host: words of converters come in, gates go out, a boot ROM sets it up.
 --
--- With tick the words are sampled, scaled and transformed; then the system decides. boot_loader writes the registers of
--- drive_registers, which `make registers ARGS=--vhdl` makes of a drive file.  Before it is done no decision begins and
--- no gate is on.  If it fails, this stays so until the next reset.  Faults of the gate guard are cleared by a reset too.
+-- With tick the words are sampled, scaled and transformed; then the system decides. boot_loader writes
+-- the registers of drive_registers, which `make registers ARGS=--vhdl` makes of a drive file. Before it
+-- is done no decision begins and no gate is on. If it fails, this stays so until the next reset. A reset
+-- also clears faults of the gate guard.
 -- flux_alpha and flux_beta are for the loop that makes iref, omega_s and omega_r.
 --
 -- Formats: as mpdcc_system; converters of 12 bits, ranges as the constants below say.

@@ -28,11 +28,11 @@ entity boot_loader is
   );
   port (
     clk            : in    std_logic;                                    -- rising edge
-    rst            : in    std_logic;                                    -- synchronous, active high; begins when it falls
+    rst            : in    std_logic;                                    -- synchronous, active high; begins after it
     -- ROM
     place          : out   std_logic_vector(9 downto 0);                 -- number of an entry, unsigned
-    entry          : in    std_logic_vector(47 downto 0);                -- that entry, at most one clock behind place
-    last           : in    std_logic_vector(9 downto 0);                 -- number of the last entry, unsigned, constant
+    entry          : in    std_logic_vector(47 downto 0);                -- that entry, at most a clock behind place
+    last           : in    std_logic_vector(9 downto 0);                 -- number of the last entry, unsigned, stays
     -- outcome
     done           : out   std_logic;                                    -- '1': all entries are carried out
     failed         : out   std_logic;                                    -- '1': the entry at place is not

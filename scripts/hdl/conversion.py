@@ -7,8 +7,8 @@ the version of GHDL.
 **GHDL 5 and newer** convert once. Tried are 5.0.1, the one of Debian 13, and 6.0.0. Their Verilog
 has all arms of every `case`, arithmetic shifts, wide constants and names as they should be. Only
 signed `mod` and `rem` are written as Verilog's unsigned `%`; `repair` mends them. They also write
-attributes of signals, which GHDL 2.0 drops. `repair` drops them, so that Yosys reads the same design
-from both.
+attributes of signals, which GHDL 2.0 drops. `repair` drops them, so that Yosys reads the same
+design from both.
 
 **GHDL 2.0.0**, the one of Debian 12, elaborates VHDL correctly, but its Verilog writer drops or
 changes parts of the netlist. Its VHDL writer prints the same netlist and keeps them:

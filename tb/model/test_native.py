@@ -105,8 +105,9 @@ def wild_mpdcc(rng: random.Random) -> MpdccState:
     current = complex(any_(1), any_(1))
     return MpdccState(
         current=current, flux=complex(any_(1), any_(1)), v_n=any_(0.1),
-        v_ph=(0.5 + any_(0.1), 0.5, 0.5), current_ref=current + complex(any_(0.2), any_(0.2)), omega_s=any_(1),
-        omega_r=any_(1), applied=tuple(rng.randrange(8) for _ in "abc"), vdc=2 + abs(any_(0.2)),
+        v_ph=(0.5 + any_(0.1), 0.5, 0.5), current_ref=current + complex(any_(0.2), any_(0.2)),
+        omega_s=any_(1), omega_r=any_(1), applied=tuple(rng.randrange(8) for _ in "abc"),
+        vdc=2 + abs(any_(0.2)),
     )  # fmt: skip
 
 

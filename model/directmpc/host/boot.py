@@ -88,13 +88,13 @@ def rom(found: RegisterValues, *, use_observer: bool = True) -> list[Entry]:
     """
     known = MAPS[found.controller]
 
-    def word(register: str, **given: int) -> tuple[int, int]:
+    def _word(register: str, **given: int) -> tuple[int, int]:
         address, fields = known[register]
         return address, sum(value << fields[name][0] for name, value in given.items())
 
-    idle = Entry(WAIT, *word("system.status", commit_pending=1), "no commit is pending")
+    idle = Entry(WAIT, *_word("system.status", commit_pending=1), "no commit is pending")
     *writes, (_, command, commit) = found.writes()
-    control = word("system.control", enable=1, own_positions=1, use_observer=int(use_observer))
+    control = _word("system.control", enable=1, own_positions=1, use_observer=int(use_observer))
     return [
         idle,
         *(Entry(CHECKED, address, value, name) for name, address, value in writes),
