@@ -65,4 +65,30 @@ package anpc5l_leg is
     (1, 1, 0, 0)
   );
 
+  subtype leg_gates_t is std_logic_vector(7 downto 0); -- S8 leftmost
+
+  type stop_rules_t is array (0 to 5, 0 to 2) of leg_gates_t;
+  type start_groups_t is array (0 to 2) of leg_gates_t;
+
+  -- gates at the rails: a stop turns them off at once
+  constant RAIL_GATES : leg_gates_t := "00001001";
+
+  -- steps of a stop: gates that are on, gates that are off, the gate that changes. The first row that fits
+  -- is taken; where none does, all gates go off.
+  constant STOP_RULES : stop_rules_t := (
+    ("00000001", "00000000", "00000001"),
+    ("00001000", "00000000", "00001000"),
+    ("00000010", "10000000", "10000000"),
+    ("00000100", "00010000", "00010000"),
+    ("00000010", "00000000", "00000010"),
+    ("00000100", "00000000", "00000100")
+  );
+
+  -- steps of a start: which of a position's gates come on
+  constant START_GROUPS : start_groups_t := (
+    "11110000",
+    "00000110",
+    "00001001"
+  );
+
 end package anpc5l_leg;

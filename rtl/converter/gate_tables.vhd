@@ -9,6 +9,9 @@
 -- S1 on; back the same in reverse.  With S8 on before S2 goes off the current has a way to go for
 -- either sign, the output makes one step, at S2 for i < 0 and at S3 for i > 0, and S1, S4, S5 and S8
 -- switch without current.  tb/rtl/guard/gate_guard/test_gate_commutation.py finds this from the circuit.
+-- A stop and a start of an ANPC leg take several steps, a dead time apart (tables of anpc5l_leg): the gates at the
+-- rails, S1 and S4, go off first and come on last.  All gates off in one clock would put up to 2.6 times its rating
+-- on S5 or S8.  A two-level leg takes one step.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -52,6 +55,19 @@ package gate_tables is
   -- the gate that an action changes, one bit set
   function action_of (five_level : boolean; origin, goal : std_logic_vector(2 downto 0);
     action : unsigned(2 downto 0)) return std_logic_vector;
+
+  -- gates that a stop leaves on, a dead time after these
+  function stop_of (five_level : boolean; gates : std_logic_vector) return std_logic_vector;
+
+  -- '1': a gate at a rail is on; a stop then begins at once, whatever has changed before
+  function at_rail (five_level : boolean; gates : std_logic_vector) return std_logic;
+
+  -- number of the last step of a start
+  function last_start (five_level : boolean) return natural;
+
+  -- gates of a position that a step of its start turns on
+  function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
+    return std_logic_vector;
 
   -- '1': these gates together short a capacitor or the dc-link, or put too much voltage on a device
   function is_forbidden (five_level : boolean; gates : std_logic_vector) return std_logic;
@@ -173,6 +189,86 @@ package body gate_tables is
     return result;
 
   end function action_of;
+
+  function stop_of (five_level : boolean; gates : std_logic_vector) return std_logic_vector is
+
+    variable s      : std_logic_vector(gates'length - 1 downto 0);
+    variable result : std_logic_vector(gates'length - 1 downto 0);
+
+  begin
+
+    s      := gates;
+    result := (others => '0');
+
+    if (five_level) then
+
+      -- the first row that fits is the last to be looked at
+      for i in STOP_RULES'high(1) downto 0 loop
+        if ((s and STOP_RULES(i, 0)) = STOP_RULES(i, 0) and unsigned(s and STOP_RULES(i, 1)) = 0) then
+          result := s xor STOP_RULES(i, 2);
+        end if;
+      end loop;
+
+    end if;
+
+    return result;
+
+  end function stop_of;
+
+  function at_rail (five_level : boolean; gates : std_logic_vector) return std_logic is
+
+    variable s      : std_logic_vector(gates'length - 1 downto 0);
+    variable result : std_logic;
+
+  begin
+
+    s      := gates;
+    result := '0';
+
+    for i in s'range loop
+      if (not five_level or RAIL_GATES(i) = '1') then
+        result := result or s(i);
+      end if;
+    end loop;
+
+    return result;
+
+  end function at_rail;
+
+  function last_start (five_level : boolean) return natural is
+  begin
+
+    if (five_level) then
+      return START_GROUPS'high;
+    else
+      return 0;
+    end if;
+
+  end function last_start;
+
+  function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
+    return std_logic_vector is
+
+    variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
+
+  begin
+
+    result := pattern_of(five_level, position);
+
+    if (five_level) then
+      result := (others => '0');
+
+      for i in START_GROUPS'range loop
+        if (action = i) then
+          result := pattern_of(five_level, position) and START_GROUPS(i);
+        end if;
+      end loop;
+
+    end if;
+
+    return result;
+
+  end function start_of;
 
   function is_forbidden (five_level : boolean; gates : std_logic_vector) return std_logic is
 

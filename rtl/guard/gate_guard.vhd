@@ -85,6 +85,9 @@ architecture rtl of gate_guard is
   signal at_rest  : std_logic_vector(2 downto 0);
   signal taken    : std_logic_vector(8 downto 0);
   signal refused  : std_logic_vector(2 downto 0);
+  signal off      : std_logic_vector(2 downto 0);
+  signal dark     : std_logic;
+  signal kill     : std_logic;
   signal all_legal   : std_logic;
   signal any_blocked : std_logic;
   signal any_refused : std_logic;
@@ -123,6 +126,7 @@ begin
   all_legal   <= legal(0) and legal(1) and legal(2);
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
   any_refused <= refused(0) or refused(1) or refused(2);
+  dark        <= off(0) and off(1) and off(2);
   resting     <= at_rest(0) and at_rest(1) and at_rest(2);
 
   taken_a <= taken(2 downto 0);
@@ -142,6 +146,7 @@ begin
       legal          => all_legal,
       blocked        => any_blocked,
       refused        => any_refused,
+      dark           => dark,
       trips          => trips,
       checked        => checked,
       renew          => renew,
@@ -152,6 +157,7 @@ begin
       decision_limit => decision_limit,
       watchdog       => watchdog,
       stop           => stop,
+      kill           => kill,
       forget         => forget,
       dead_now       => dead_now,
       rest_now       => rest_now,
@@ -169,6 +175,7 @@ begin
       port map (
         clk       => clk,
         stop      => stop,
+        kill      => kill,
         decided   => decided,
         goal      => std_logic_vector(goals(x)),
         dead_time => dead_now,
@@ -179,6 +186,7 @@ begin
         resting   => at_rest(x),
         position  => taken(3 * x + 2 downto 3 * x),
         refused   => refused(x),
+        off       => off(x),
         gates     => gates((x + 1) * GATES_OF_LEG - 1 downto x * GATES_OF_LEG)
       );
 

@@ -6,16 +6,20 @@
 -- After the last action the leg rests for rest_time clocks, so that every gate stays on or off for
 -- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
--- stop overrides everything: all gates are off after the same edge, minimum on time or not; a goal of that clock
--- is forgotten.
+-- stop overrides everything, minimum on time or not; a goal of that clock is forgotten.  Gates go off in the steps of
+-- gate_tables, dead_time clocks apart: S1 and S4 of an ANPC leg, and all gates of a two-level leg, after the same edge.
+-- With no gate at a rail on, the first step waits until the last action is dead_time clocks old.  All gates are off
+-- after 3 dead_time + 1 clocks at most.  kill turns all gates off after the same edge, which only a leg whose state
+-- cannot be relied on should need: it may overload a device.
 -- Interlock: a forbidden pattern never reaches the gates.  Where it would be the next one, the gates stay as they
--- are, and refused is up in the clock after; gate_supervisor then raises stop.
--- The first position after a stop turns its gates on in one clock.  That is safe: a part of a legal pattern is
--- legal, and gate_supervisor keeps stop up for dead and minimum times.
+-- are, and refused is up in the clock after; gate_supervisor then raises stop and kill.
+-- The first position after a stop turns its gates on in the steps of gate_tables, dead_time clocks apart: the gates at
+-- the rails last.  A goal before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum
+-- times.
 --
 -- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the
 -- leg is not stopped.
--- Latency: gates move two clocks after decided when the leg has rested; stop, one clock.
+-- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if a gate at a rail is on.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -34,7 +38,8 @@ entity gate_leg is
   );
   port (
     clk       : in    std_logic;                                               -- rising edge
-    stop      : in    std_logic;                                               -- '1': all gates off, and forget
+    stop      : in    std_logic; -- '1': all gates off, step by step, and forget
+    kill      : in    std_logic; -- '1': all gates off after this edge; with stop only
     decided   : in    std_logic;                                               -- '1' for one clock: goal is new
     goal      : in    std_logic_vector(2 downto 0); -- position of the next clock's decided, 0 to 7 or bit 0
     dead_time : in    std_logic_vector(TIME_WIDTH - 1 downto 0); -- between two actions, clocks, 1 at least
@@ -45,6 +50,7 @@ entity gate_leg is
     resting   : out   std_logic;                                               -- '1': off or at rest, nothing to do
     position  : out   std_logic_vector(2 downto 0); -- that the gates have or move to; from clock 2 after the first on
     refused   : out   std_logic;                                               -- '1': a forbidden pattern was to come
+    off       : out   std_logic;                                               -- '1': all gates are off
     gates     : out   std_logic_vector(gates_of(FIVE_LEVEL) - 1 downto 0)      -- '1': on
   );
 end entity gate_leg;
@@ -72,6 +78,7 @@ architecture rtl of gate_leg is
   signal first    : gates_t;   -- gate that begins the move from target to accepted
   signal further  : gates_t;   -- gate of action, which is the next one
   signal ends     : std_logic; -- action is the last of its move
+  signal starts   : std_logic; -- it comes from off, and has no origin
   -- off from configuration on, before any reset
   -- vsg_off signal_007
   signal driven   : gates_t := (others => '0');
@@ -82,6 +89,12 @@ architecture rtl of gate_leg is
   signal waiting  : std_logic; -- the first gates, or a move, are still to begin
   signal forbidden : std_logic;
   signal over     : std_logic; -- the next action may be
+  signal dark     : std_logic; -- all gates are off
+  signal going    : std_logic; -- a stop is under way, or begins
+  signal lowered  : gates_t;   -- gates that its next step leaves on
+  signal drop     : std_logic; -- that step may be, in a stop
+  signal wrong    : std_logic; -- it is forbidden
+  signal change   : std_logic; -- gates change after this edge
   signal pause    : std_logic_vector(TIME_WIDTH - 1 downto 0);
 
 begin
@@ -93,22 +106,34 @@ begin
   legal   <= follows or not live;
   waits   <= waiting;
   blocked <= waiting and moves;
-  resting <= '1' when live = '0' or (phase = RESTED and over = '1' and waiting = '0') else
+  resting <= '1' when (live = '0' and dark = '1')
+                      or (live = '1' and phase = RESTED and over = '1' and waiting = '0') else
              '0';
 
   -- the gates after this edge, were there no stop
   act     <= '1' when live = '1' and (phase = STARTING
                                       or (over = '1' and (phase = ACTING or (phase = RESTED and waiting = '1')))) else
              '0';
-  changed <= pattern_of(FIVE_LEVEL, accepted) when phase = STARTING else
+  changed <= start_of(FIVE_LEVEL, accepted, "000") when phase = STARTING else
              driven xor first when phase = RESTED else
              driven xor further;
   begins  <= act and to_std_logic(phase /= ACTING);
 
   forbidden <= is_forbidden(FIVE_LEVEL, changed);
 
+  -- a stop: told from the gates alone, and chosen late
+  dark    <= to_std_logic(unsigned(driven) = 0);
+  lowered <= stop_of(FIVE_LEVEL, driven);
+  wrong   <= is_forbidden(FIVE_LEVEL, lowered);
+  drop    <= at_rail(FIVE_LEVEL, driven) or (over and not dark);
+  going   <= stop or not live;
+  change  <= drop when going = '1' else
+             act;
+
   -- a clock less: over is seen in the clock after the count
-  pause <= std_logic_vector(unsigned(rest_time) - 1) when phase = STARTING or (phase = ACTING and ends = '1') else
+  pause <= std_logic_vector(unsigned(rest_time) - 1) when going = '0' and
+                                                          ((phase = STARTING and last_start(FIVE_LEVEL) = 0) or
+                                                           (phase = ACTING and ends = '1')) else
            std_logic_vector(unsigned(dead_time) - 1);
 
   i_countdown : entity work.countdown
@@ -117,7 +142,7 @@ begin
     )
     port map (
       clk    => clk,
-      load   => act,
+      load   => change,
       clocks => pause,
       over   => over
     );
@@ -135,7 +160,7 @@ begin
       if (decided = '1') then
         first <= action_of(FIVE_LEVEL, target, asked, "000");
 
-        if (live = '0') then
+        if (live = '0' and dark = '1') then
           live  <= '1';
           phase <= STARTING;
         end if;
@@ -144,21 +169,34 @@ begin
       if (begins = '1') then
         waiting <= decided and moves;
       elsif (decided = '1') then
-        waiting <= to_std_logic(live = '0' or asked /= target);
+        waiting <= to_std_logic((live = '0' and dark = '1') or (live = '1' and asked /= target));
       end if;
 
-      refused <= act and forbidden;
+      refused <= change and ((going and wrong) or (not going and forbidden));
+
+      if (going = '1') then
+        if (drop = '1' and wrong = '0') then
+          driven <= lowered;
+        end if;
+      elsif (act = '1' and forbidden = '0') then
+        driven <= changed;
+      end if;
 
       if (act = '1') then
-        if (forbidden = '0') then
-          driven <= changed;
-        end if;
-
         if (phase = STARTING) then
-          phase  <= RESTED;
-          target <= accepted;
+          phase   <= RESTED;
+          target  <= accepted;
+          starts  <= '1';
+          action  <= "001";
+          further <= start_of(FIVE_LEVEL, accepted, "001");
+          ends    <= to_std_logic(last_start(FIVE_LEVEL) = 1);
+
+          if (last_start(FIVE_LEVEL) > 0) then
+            phase <= ACTING;
+          end if;
         elsif (phase = RESTED) then
           phase   <= ACTING;
+          starts  <= '0';
           origin  <= target;
           target  <= accepted;
           action  <= "001";
@@ -170,18 +208,27 @@ begin
           action  <= action + 1;
           further <= action_of(FIVE_LEVEL, origin, target, action + 1);
           ends    <= to_std_logic(last_action(FIVE_LEVEL, origin, target) = action + 1);
+
+          if (starts = '1') then
+            further <= start_of(FIVE_LEVEL, target, action + 1);
+            ends    <= to_std_logic(action + 1 = last_start(FIVE_LEVEL));
+          end if;
         end if;
       end if;
 
       if (stop = '1') then
         live    <= '0';
         waiting <= '0';
-        driven  <= (others => '0');
+      end if;
+
+      if (kill = '1') then
+        driven <= (others => '0');
       end if;
     end if;
 
   end process p_leg;
 
+  off      <= dark;
   position <= target;
   gates    <= driven;
 

@@ -1,12 +1,17 @@
 -- Lets gates reach the pins while that is permitted; works without a clock.
 --
 -- permit = '0' turns all pins off through gates alone: no clock, no reset and no register has a part in it.  It also
--- clears six flip-flops, which keep the pins off until permit has been '1' for six rising edges.  The guard behind
--- sees every loss of permit, however short, and has turned its gates off by the fourth edge.  So a permit that comes
--- back, with the clock or while it stands, lets nothing through that was decided before.
+-- clears six flip-flops, which keep the pins off until permit has been '1' for six rising edges and all gates are off.
+-- The guard behind sees every loss of permit, however short, and has begun to turn its gates off by the fourth edge.  So
+-- a permit that comes back, with the clock or while it stands, lets nothing through that was decided before, and no
+-- rest of a stop.
+--
+-- Off at once is no stop of an ANPC leg: it takes no steps.  What the gate drivers have to do about it is in
+-- docs/safety.md.
 --
 -- Formats: none.
--- Latency: pins follow gates and the fall of permit at once, and its rise after six rising edges.  permitted falls two
+-- Latency: pins follow gates and the fall of permit at once, and its rise after six rising edges or with the first edge
+-- behind them that finds all gates off.  permitted falls two
 -- or three edges after permit, stays '0' for two clocks at least, and rises four edges after permit.
 -- Overflow: none.
 -- Power-up: off.
@@ -34,7 +39,7 @@ architecture rtl of gate_release is
 
   -- off from configuration on, before there is a clock
   -- vsg_off signal_007
-  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit has been there for edges 1 to 6
+  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit has been there for edges 1 to 6, and no gate on
   -- vsg_on signal_007
   signal allowed : std_logic;
 
@@ -47,6 +52,11 @@ begin
       held <= (others => '0');
     elsif rising_edge(clk) then
       held <= held(4 downto 0) & '1';
+
+      -- pins come back with all gates off
+      if (held(5) = '0' and gates /= (gates'range => '0')) then
+        held(5) <= '0';
+      end if;
     end if;
 
   end process p_held;

@@ -4,8 +4,9 @@
 -- takes enable to rise after a reset or a fault, no fault latched, and that the gates have been off for the
 -- dead and both minimum times.  From armed to running it takes a decision and, before it, a measurement that was
 -- taken and compared since enable rose and since the settings changed last.  Any fault leads to off: stop is up in
--- the very clock of the cause, the gates are off after its edge, the codes of that clock are latched and no later
--- ones.  enable = '0' leads to off too, and is no fault.
+-- the very clock of the cause, legs begin to go off with its edge, the codes of that clock are latched and, but for a
+-- refused pattern, no later ones.  enable = '0' leads to off too, and is no fault.  kill is up with rst and with a
+-- refused pattern: legs that are in no known state go off at once.
 --
 -- late: no decision within decision_limit clocks after the one that follows start.  missing: none within
 -- watchdog clocks after arming or the decision before.  Both and the trips count whenever enable is up and
@@ -13,8 +14,8 @@
 -- shows its fault.
 --
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
--- minimum_off are read while off only, decision_limit at start, watchdog at each decision.
--- Latency: stop and forget are combinational; faults one clock.
+-- minimum_off are read while off and with all gates off only, decision_limit at start, watchdog at each decision.
+-- Latency: stop, kill and forget are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
@@ -40,6 +41,7 @@ entity gate_supervisor is
     legal          : in    std_logic;                                   -- '1': all its moves are edges
     blocked        : in    std_logic;                                   -- '1': it moves a leg that waits to move
     refused        : in    std_logic;                                   -- '1': a leg has refused a pattern
+    dark           : in    std_logic;                                   -- '1': all gates are off
     trips          : in    std_logic_vector(3 downto 0);                -- causes of faults 3 to 0, gate_tables
     checked        : in    std_logic;                                   -- '1': a measurement has been compared
     renew          : in    std_logic;                                   -- '1': settings change after this clock
@@ -49,7 +51,8 @@ entity gate_supervisor is
     minimum_off    : in    std_logic_vector(TIME_WIDTH - 1 downto 0);   -- unsigned, clocks
     decision_limit : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
     watchdog       : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
-    stop           : out   std_logic;                                   -- '1': all gates off after this edge
+    stop           : out   std_logic;                                   -- '1': legs go off, step by step
+    kill           : out   std_logic;                                   -- '1': legs are off after this edge
     forget         : out   std_logic;                                   -- '1': comparisons under way do not count
     dead_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- dead time in force, clocks
     rest_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- the longer minimum time, clocks
@@ -67,6 +70,7 @@ architecture rtl of gate_supervisor is
   signal armed     : std_logic;
   signal active    : std_logic;
   signal is_off    : std_logic; -- neither
+  signal quiet     : std_logic; -- and all gates are off
   signal primed    : std_logic; -- enable has been down since the reset or the last fault
   signal wanted    : std_logic;
   signal compared  : std_logic; -- measurements are inside the limits in force, as far as is known
@@ -122,6 +126,7 @@ begin
   forget <= renew or not wanted;
 
   is_off <= not (armed or active);
+  quiet  <= is_off and dark;
   lapsed <= (expected and late) or (starved and not is_off);
 
   p_events : process (active, is_off, trips, decided, legal, blocked, refused, expected, late, starved) is
@@ -144,10 +149,23 @@ begin
   -- whether there is any of them, told anew from what comes late
   any_event <= or_of(trips) or refused or (lapsed and not decided)
                or (active and decided and (blocked or not legal));
-  causes <= events when wanted = '1' else
-            (others => '0');
-  fault  <= any_event and wanted;
-  rested <= wanted and is_off and to_std_logic(off_for >= dead and off_for >= rest);
+
+  p_causes : process (events, wanted, refused) is
+  begin
+
+    causes <= (others => '0');
+
+    if (wanted = '1') then
+      causes <= events;
+    end if;
+
+    -- in a stop too
+    causes(FAULT_INTERLOCK) <= refused;
+
+  end process p_causes;
+
+  fault  <= (any_event and wanted) or refused;
+  rested <= wanted and quiet and to_std_logic(off_for >= dead and off_for >= rest);
 
   begins <= start and wanted and (decided or not expected);
 
@@ -188,10 +206,10 @@ begin
       latched <= (latched and not clear) or causes;
       faulty  <= or_of(latched and not clear) or fault;
 
-      if (enable = '0' and faulty = '0') then
-        primed <= '1';
-      elsif (fault = '1') then
+      if (fault = '1') then
         primed <= '0';
+      elsif (enable = '0' and faulty = '0') then
+        primed <= '1';
       end if;
 
       if (wanted = '0' or renew = '1') then
@@ -207,7 +225,7 @@ begin
       end if;
 
       -- times, as long as nothing depends on them
-      if (is_off = '1') then
+      if (quiet = '1') then
         limited := unsigned(dead_time);
 
         if (limited < LEAST_DEAD_TIME) then
@@ -259,6 +277,7 @@ begin
   -- legs stay stopped until the first decision that counts
   begun       <= decided and compared and not renew;
   stop        <= halt or not (active or (armed and begun));
+  kill        <= rst or refused;
   dead_now    <= std_logic_vector(dead);
   rest_now    <= std_logic_vector(rest);
   running     <= active;

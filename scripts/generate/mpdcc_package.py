@@ -7,7 +7,7 @@ from what this module writes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -193,7 +193,42 @@ def _leg() -> list[str]:
         weights,
         "weight of each next position; rows 8 to 15 for a negative phase current",
     )
-    return lines
+    return lines + _stops()
+
+
+def _gates(on: Iterable[int]) -> str:
+    """Bit mask over the eight gates, S8 leftmost."""
+    return '"' + "".join("1" if gate in set(on) else "0" for gate in range(8, 0, -1)) + '"'
+
+
+def _stops() -> list[str]:
+    """How a leg goes off and comes on, as patterns of gates."""
+    rules = ",\n    ".join(
+        "(" + ", ".join(map(_gates, (on, off, {abs(action)}))) + ")"
+        for on, off, action in anpc.STOP_RULES
+    )
+    groups = ",\n    ".join(map(_gates, anpc.START_GROUPS))
+    return [
+        "  subtype leg_gates_t is std_logic_vector(7 downto 0); -- S8 leftmost",
+        "",
+        f"  type stop_rules_t is array (0 to {len(anpc.STOP_RULES) - 1}, 0 to 2) of leg_gates_t;",
+        f"  type start_groups_t is array (0 to {len(anpc.START_GROUPS) - 1}) of leg_gates_t;",
+        "",
+        "  -- gates at the rails: a stop turns them off at once",
+        f"  constant RAIL_GATES : leg_gates_t := {_gates(anpc.RAIL_GATES)};",
+        "",
+        "  -- steps of a stop: gates that are on, gates that are off, the gate that changes. The first row that fits",
+        "  -- is taken; where none does, all gates go off.",
+        "  constant STOP_RULES : stop_rules_t := (",
+        f"    {rules}",
+        "  );",
+        "",
+        "  -- steps of a start: which of a position's gates come on",
+        "  constant START_GROUPS : start_groups_t := (",
+        f"    {groups}",
+        "  );",
+        "",
+    ]
 
 
 def _variants(name: str, kind: str, tables: list[list[list[int]]], comment: str) -> list[str]:

@@ -23,7 +23,7 @@ module proof (
   localparam [1:0] OFF = 0, ARMED = 1, ACTIVE = 2;
   localparam [1:0] STOPPED = 0, STARTING = 1, RESTED = 2, ACTING = 3;
 
-  wire [9:0] violations;
+  wire [12:0] violations;
 
   gate_guard_checked i_checked (
     .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .clear(clear), .measured(measured),
@@ -37,10 +37,12 @@ module proof (
   // the properties' own memory
   (* inside = "i_checked.known" *) wire known;
   (* inside = "i_checked.g" *) wire [COUNT-1:0] gates;
-  (* inside = "i_checked.before_net" *) wire [COUNT-1:0] before;
+  (* inside = "i_checked.earlier" *) wire [COUNT-1:0] before;
   (* inside = "i_checked.was_on" *) wire was_on;
   (* inside = "i_checked.ages" *) wire [13*COUNT-1:0] ages;
   (* inside = "i_checked.floor_dead" *) wire [11:0] floor_dead;
+  (* inside = "i_checked.most_dead", when = "FIVE_LEVEL" *) wire [11:0] most_dead;
+  (* inside = "i_checked.since", when = "FIVE_LEVEL" *) wire [14:0] since;
   (* inside = "i_checked.floor_on" *) wire [11:0] floor_on;
   (* inside = "i_checked.floor_off" *) wire [11:0] floor_off;
   (* inside = "i_checked.fresh" *) wire fresh;
@@ -113,6 +115,9 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.ends" *) wire ends_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.ends" *) wire ends_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.ends" *) wire ends_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_c;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.left" *) wire [11:0] left_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.left" *) wire [11:0] left_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.left" *) wire [11:0] left_c;
@@ -177,6 +182,23 @@ module proof (
     end
   endfunction
 
+  // gates of a position that the first steps of a start have turned on
+  function [SIZE-1:0] begun(input [2:0] s, input [2:0] n);
+    begun = full(s) & (!`FIVE_LEVEL ? 2'b11 : n == 1 ? 8'hf0 : n == 2 ? 8'hf6 : 8'hff);
+  endfunction
+
+  // gates at the rails
+  function rail(input [SIZE-1:0] v);
+    rail = `FIVE_LEVEL ? v[0] || v[3] : v != 0;
+  endfunction
+
+  // steps of a stop that are left, with no gate at a rail on
+  function [1:0] steps(input [SIZE-1:0] v);
+    if (!`FIVE_LEVEL || v == 0) steps = 0;
+    else if ((v[1] && !v[7]) || (v[2] && !v[4])) steps = 3;
+    else steps = v[1] || v[2] ? 2 : 1;
+  endfunction
+
   // a current that trips, from the comparator's sums: 64 alpha, 111 beta
   function trips_at(input [15:0] alpha, input [24:0] sum_b, input [24:0] sum_c, input [15:0] limit);
     reg signed [27:0] a, b, c, l;
@@ -192,6 +214,7 @@ module proof (
   wire [1:0] state = active ? ACTIVE : armed ? ARMED : OFF;
   wire [24:0] alpha_64 = {{3{alpha_1[15]}}, alpha_1, 6'b0};
   wire [11:0] floor = floor_dead < LEAST ? LEAST : floor_dead;
+  wire [11:0] most = most_dead < LEAST ? LEAST : most_dead;
 
   reg renewed;  // renew in the clock before
   reg steady;   // since the reset limits have changed after renew only
@@ -212,6 +235,9 @@ module proof (
   wire prove_runs_only_when_primed = !violations[7];
   wire prove_off_without_decisions = !violations[8];
   wire prove_runs_only_when_measured = !steady || !violations[9];
+  wire prove_a_stop_ends_in_time = !violations[10];
+  wire prove_order_of_a_stop = !violations[11];
+  wire prove_order_of_a_start = !violations[12];
 
 
   wire fact_known = known;
@@ -222,7 +248,12 @@ module proof (
   wire fact_dead = dead >= LEAST && rest >= 1;
   wire fact_off = !(state == OFF && was_on) || off_for == 0;
   wire fact_armed = !(state == ARMED && was_on);
-  wire fact_floor = (state == OFF && was_on) || (floor <= dead && floor_on <= rest && floor_off <= rest);
+  wire fact_dark = state != ARMED || gates == 0;
+  wire fact_bright = gates == 0 || off_for == 0;
+  wire fact_changed = before == 0 || off_for == 0;
+  wire fact_most = !`FIVE_LEVEL || (state == OFF && gates == 0 && off_for == 0) || dead <= most;
+  wire fact_since = state != ACTIVE || !was_on || since == 0;
+  wire fact_floor = (floor <= dead && floor_on <= rest && floor_off <= rest);
   wire fact_starved = state != ACTIVE || (hungry == starved_left + 17'd2 && starved_done == (starved_left == 0));
   // 111 i_beta is the same in the comparator, by shifts, and in the properties, by a multiplication
   wire signed [24:0] beta = $signed(is_beta);
@@ -264,6 +295,7 @@ module proof (
       wire [2:0] action = x == 0 ? action_a : x == 1 ? action_b : action_c;
       wire [SIZE-1:0] first = x == 0 ? first_a : x == 1 ? first_b : first_c;
       wire [SIZE-1:0] further = x == 0 ? further_a : x == 1 ? further_b : further_c;
+      wire starts = `FIVE_LEVEL && (x == 0 ? starts_a : x == 1 ? starts_b : starts_c);
       wire ends = x == 0 ? ends_a : x == 1 ? ends_b : ends_c;
       wire [11:0] left = x == 0 ? left_a : x == 1 ? left_b : left_c;
       wire done = x == 0 ? done_a : x == 1 ? done_b : done_c;
@@ -271,29 +303,39 @@ module proof (
       wire [2:0] known_goal = accepted_last[3*(2-x) +: 3];
       wire [2:0] seen = whole[3*(2-x) +: 3];
       wire moves = phase == RESTED || phase == ACTING;
-      wire [SIZE-1:0] move = changed(origin, target, action);          // gates of this move so far
-      wire [SIZE-1:0] latest = gate_of(origin, target, action - 3'd1);  // the one of them that changed last
+      wire going = !live && driven != 0;  // in a stop
+      // gates of this move so far, and the one of them that changed last
+      wire [SIZE-1:0] move = starts ? begun(target, action) : changed(origin, target, action);
+      wire [SIZE-1:0] latest = starts ? 0 : gate_of(origin, target, action - 3'd1);
 
       wire fact_encoded = !live || encoded != 3;
       wire fact_phase = (state == ACTIVE) == (phase != STOPPED);
       wire fact_asked = asked == (offered[3*(2-x) +: 3] & COUNTS);
       wire fact_verdict = follows_now == follows(accepted, asked) && moves_now == (accepted != asked);
       wire fact_waiting = waiting == (phase == STARTING || (moves && accepted != target));
-      wire fact_idle = moves || driven == 0;
+      wire fact_idle = phase != STARTING || driven == 0;
+      wire fact_no_rail = live || !rail(driven);
+      wire fact_whole_stop = live || !`FIVE_LEVEL || !(driven[1] && driven[2]);
+      wire fact_left = !(phase == ACTING || going) || left < dead;
+      wire [14:0] rest_of_stop = steps(driven) == 3 ? {dead, 1'b0} : steps(driven) == 2 ? dead : 0;
+      wire fact_in_time = !going || since + left + 15'd1 + rest_of_stop <= {dead, 1'b0} + dead;
       wire fact_goal = phase == STOPPED || accepted == (known_goal & COUNTS);
       wire fact_rested = phase != RESTED || driven == full(target);
       wire fact_first = !moves || (follows(target, accepted)
                        && (target == accepted || first == gate_of(target, accepted, 0)));
-      wire fact_acting = phase != ACTING || (follows(origin, target) && origin != target && action >= 1
+      wire fact_starts = phase != ACTING || !starts || (`FIVE_LEVEL && action >= 1 && action <= 2
+                        && further == (begun(target, action + 3'd1) & ~begun(target, action))
+                        && ends == (action == 2) && driven == begun(target, action));
+      wire fact_acting = phase != ACTING || starts || (follows(origin, target) && origin != target && action >= 1
                         && action <= last(origin, target) && further == gate_of(origin, target, action)
                         && ends == (action == last(origin, target)) && driven == (full(origin) ^ move));
-      wire fact_done = !moves || done == (left == 0);
+      wire fact_done = !(moves || going) || done == (left == 0);
       wire fact_entered = !entered[x] || phase == RESTED || phase == ACTING || was_on;
-      wire fact_unentered = phase != STARTING || !entered[x];
+      wire fact_unentered = !(phase == STARTING || (phase == ACTING && starts)) || !entered[x];
       wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
-      wire fact_between = phase != ACTING || !`FIVE_LEVEL || (entered[x] && seen == origin);
+      wire fact_between = phase != ACTING || starts || !`FIVE_LEVEL || (entered[x] && seen == origin);
       wire fact_bit = `FIVE_LEVEL || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
-                                       && (phase != ACTING || origin[2:1] == 0) && asked[2:1] == 0);
+                                       && (phase != ACTING || starts || origin[2:1] == 0) && asked[2:1] == 0);
 
       wire [SIZE-1:0] recent;  // on, or off for less than a dead time
 
@@ -304,15 +346,17 @@ module proof (
         wire [12:0] age = gates[N] != before[N] ? 0 : stored;
 
         assign recent[i] = gates[N] || before[N] || stored < {1'b0, floor};
-        wire fact_recent = !(moves && recent[i] && !driven[i]) || (phase == ACTING && action[0] && latest[i]);
+        wire fact_recent = !(moves && recent[i] && !driven[i])
+                           || (phase == ACTING && !starts && action[0] && latest[i]);
         wire fact_on_long = !(before[N] && !gates[N] && state == ACTIVE) || stored >= floor_on;
-        wire fact_off_long = !(!before[N] && gates[N]) || stored >= floor_off;
-        wire fact_off = state != OFF || age >= off_for;
+        wire fact_off_long = !(!before[N] && gates[N] && state == ACTIVE) || stored >= floor_off;
+        wire fact_off = state != OFF || off_for == 0 || age >= off_for;
         wire fact_ready = !(state == ARMED || phase == STARTING) || (age >= dead && age >= rest);
         wire fact_rest = phase != RESTED || age + left + 1 >= rest;
         wire fact_dead = phase != RESTED || driven[i] || age >= dead;
         wire fact_kept = !(phase == ACTING && !move[i]) || age >= rest;
         wire fact_apart = !(phase == ACTING && !driven[i]) || age >= dead || (latest[i] && age + left + 1 >= dead);
+        wire fact_steady = !(phase == ACTING || going) || age + left + 1 >= dead;
       end
 
       wire fact_extended = driven == 0 || !shorts(recent);

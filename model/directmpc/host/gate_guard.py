@@ -86,6 +86,63 @@ def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
     return [-gate for gate in off] + on
 
 
+def stopped(five_level: bool, on: Iterable[int]) -> frozenset[int]:
+    """Gates that the next step of a stop leaves on.
+
+    Parameters
+    ----------
+    five_level : bool
+        A leg of the ANPC inverter; a two-level one otherwise.
+    on : iterable of int
+        Gates that are on.
+
+    Returns
+    -------
+    frozenset of int
+        None of them behind the last step.
+    """
+    return anpc.stop_step(frozenset(on)) if five_level else frozenset()
+
+
+def started(five_level: bool, position: int) -> tuple[frozenset[int], ...]:
+    """Gates that are on after each step of a start.
+
+    Parameters
+    ----------
+    five_level : bool
+        A leg of the ANPC inverter; a two-level one otherwise.
+    position : int
+        0..7 (two-level: 0, 1).
+
+    Returns
+    -------
+    tuple of frozenset of int
+        The last ones are the position's.
+    """
+    if not five_level:
+        return (two_level_gates(position),)
+    steps = [anpc_gates(position) & group for group in anpc.START_GROUPS]
+    return tuple(frozenset().union(*steps[: n + 1]) for n in range(len(steps)))
+
+
+def stop_clocks(five_level: bool, dead_time: int) -> int:
+    """Longest time from a cause at the ports to all gates off, in clocks.
+
+    Parameters
+    ----------
+    five_level : bool
+        ANPC legs; two-level ones otherwise.
+    dead_time : int
+        Dead time in force, clocks.
+
+    Returns
+    -------
+    int
+        Of a cause that takes one clock. A measurement takes three more.
+    """
+    return 1 + (anpc.STOP_STEPS - 1) * dead_time if five_level else 1
+
+
 #: Directed connections of the five-level leg: a gate's IGBT; its diode goes back.
 _IGBT = {
     1: ("P", "A"),
@@ -167,6 +224,8 @@ class Leg:
         Clock and action of what is still to do, see `commutation`.
     ready_at : int
         Clock from which on the next move may begin.
+    changed_at : int
+        Clock in which gates changed last.
     """
 
     five_level: bool
@@ -177,9 +236,25 @@ class Leg:
     starts_at: int | None = None
     plan: list[tuple[int, int]] = field(default_factory=list)
     ready_at: int = 0
+    changed_at: int = 0
 
-    def stop(self) -> None:
-        """All gates off."""
+    def stop(self, now: int, dead: int) -> None:
+        """One rising edge of a leg that goes off or is off: its gates go off step by step.
+
+        Parameters
+        ----------
+        now : int
+            Number of the edge.
+        dead : int
+            Dead time, clocks, at least 1.
+        """
+        self.alive, self.starts_at, self.plan = False, None, []
+        at_once = self.on & anpc.RAIL_GATES if self.five_level else self.on
+        if self.on and (at_once or now >= self.changed_at + dead):
+            self.on, self.changed_at = set(stopped(self.five_level, self.on)), now
+
+    def kill(self) -> None:
+        """All gates off at once."""
         self.on, self.alive, self.starts_at, self.plan = set(), False, None, []
 
     def legal(self, wanted: int) -> bool:
@@ -249,12 +324,14 @@ class Leg:
         rest : int
             Clocks from the end of a move to the next.
         """
-        gates = anpc_gates if self.five_level else two_level_gates
         if self.starts_at == now:
-            self.on = set(gates(self.goal))
             self.settled, self.starts_at = self.goal, None
-            self.ready_at = now + rest
-            return
+            before: frozenset[int] = frozenset()
+            for step, after in enumerate(started(self.five_level, self.goal)):
+                off, on = sorted(before - after), sorted(after - before)
+                self.ready_at, before = now + step * dead, after
+                self.plan += [(self.ready_at, action) for action in [*(-n for n in off), *on]]
+            self.ready_at += rest
         if self.alive and not self.plan and self.goal != self.settled and now >= self.ready_at:
             steps = commutation(self.five_level, self.settled, self.goal)
             self.plan = [(now + i * dead, action) for i, action in enumerate(steps)]
@@ -262,6 +339,7 @@ class Leg:
             self.ready_at = self.plan[-1][0] + rest
         while self.plan and self.plan[0][0] == now:
             action = self.plan.pop(0)[1]
+            self.changed_at = now
             if action > 0:
                 self.on.add(action)
             else:
@@ -281,7 +359,7 @@ class Leg:
             True of a leg that is off.
         """
         if not self.alive:
-            return True
+            return not self.on
         unsettled = self.goal != self.settled or self.starts_at is not None
         return not unsettled and not self.plan and now + 1 >= self.ready_at
 
@@ -451,8 +529,6 @@ class GateGuard:
             causes = set(done.found) if done else set()
             if i.external_trip:
                 causes.add("external_trip")
-            if refused:
-                causes.add("interlock")
             late = self.begun is not None and now > self.begun[0] + self.begun[1]
             if late and not i.decided:
                 causes.add("late")
@@ -465,16 +541,23 @@ class GateGuard:
                 if any(leg.blocked(goal) for leg, goal in pairs):
                     causes.add("overrun")
 
+        if refused:
+            causes.add("interlock")
+
+        quiet = self.state == "off" and not self.gates
         was, halted = self.state, not wanted or bool(causes) or self.state == "off"
         off_for = min(now - self.off_since - 1, TIME_HIGH)
-        rested = wanted and was == "off" and off_for >= max(self.dead, self.rest)
+        rested = wanted and quiet and off_for >= max(self.dead, self.rest)
         arming = rested and not causes
         # gates come on with a decision that finds a measurement compared
         taken = i.decided and (was == "active" or (self.compared and not i.renew))
 
         for leg, goal in zip(self.legs, goals, strict=True):
+            if i.rst or refused:
+                leg.kill()
+                continue
             if halted:
-                leg.stop()
+                leg.stop(now, self.dead)
                 continue
             leg.clock(now, self.dead, self.rest)
             if taken:
@@ -483,17 +566,17 @@ class GateGuard:
                     leg.alive, leg.starts_at = True, now + 1
                     leg.settled = goal
 
-        if i.enable == 0 and not self.faults:
-            self.primed = True
-        elif causes:
+        if causes:
             self.primed = False
+        elif i.enable == 0 and not self.faults:
+            self.primed = True
         if i.decided or not wanted:
             self.begun = None
         if wanted and i.start and self.begun is None:
             self.begun = (now, i.decision_limit)
         if i.decided or was == "off":
             self.fed = (now, i.watchdog)
-        if was == "off":
+        if quiet:
             if not rested:
                 self.dead = max(i.dead_time, self.least)
                 self.rest = max(i.minimum_on, i.minimum_off, 1)

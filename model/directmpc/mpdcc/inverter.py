@@ -131,6 +131,55 @@ Option A there: the sum of both turn-on counts. Paper A's f_s also takes the cur
 without stating how, hence the first index; both halves are the same by default.
 """
 
+RAIL_GATES: frozenset[int] = frozenset({1, 4})
+"""Gates of the devices at the rails P and N. A stop turns them off at once."""
+
+STOP_RULES: tuple[tuple[frozenset[int], frozenset[int], int], ...] = (
+    (frozenset({1}), frozenset(), -1),
+    (frozenset({4}), frozenset(), -4),
+    (frozenset({2}), frozenset({8}), 8),
+    (frozenset({3}), frozenset({5}), 5),
+    (frozenset({2}), frozenset(), -2),
+    (frozenset({3}), frozenset(), -3),
+)
+"""Steps of a stop: gates that are on, gates that are off, and what the step does: n is Sn on, -n Sn off.
+
+A step takes the first row that fits the gates that are on. Where none fits, all gates go off. Steps
+are a dead time apart. From every pattern of a position, a commutation or a start this keeps every
+device inside its rating for either sign of the current, and no shorter order does:
+``tb/rtl/guard/gate_guard/test_gate_stress.py`` derives both from the circuit.
+"""
+
+STOP_STEPS = 4
+"""Most steps of a stop."""
+
+START_GROUPS: tuple[frozenset[int], ...] = (
+    frozenset({5, 6, 7, 8}),
+    frozenset({2, 3}),
+    frozenset({1, 4}),
+)
+"""Steps of a start, a dead time apart: in each the gates of the position that are in the group come on."""
+
+
+def stop_step(on: frozenset[int]) -> frozenset[int]:
+    """Find what the next step of a stop leaves on.
+
+    Parameters
+    ----------
+    on : frozenset of int
+        Gates 1..8 that are on.
+
+    Returns
+    -------
+    frozenset of int
+        Gates that are on behind the step.
+    """
+    for needed, absent, action in STOP_RULES:
+        if needed <= on and not absent & on:
+            return on | {action} if action > 0 else on - {-action}
+    return frozenset()
+
+
 LOGICAL_DEVICES = 24
 """Logical devices of three legs: 12 ANPC, 12 flying-capacitor."""
 

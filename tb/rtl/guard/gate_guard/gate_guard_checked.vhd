@@ -5,18 +5,25 @@
 --
 --   0  no pattern of gates that shorts a source, and S1 with S4
 --   1  dead time: nor with the gates that were on in the last dead-time clocks
---   2  minimum on time, but where everything goes off
---   3  minimum off time
+--   2  minimum on time, but in a stop
+--   3  minimum off time, but in a stop
 --   4  whole positions follow one another along edges only
---   5  all gates off after the edge of a reset, an external trip, enable = '0' or an illegal decision, and three
---      clocks later after that of a measurement beyond a limit that stays where it is meanwhile
---   6  gates are on only while running and without a fault
+--   5  all gates off after the edge of a reset and with a refused pattern; the gates at the rails, S1 and S4 of ANPC
+--      legs and all gates of two-level ones, off after the edge of an external trip, enable = '0' or an illegal decision,
+--      and three clocks later after that of a measurement beyond a limit that stays where it is meanwhile
+--   6  gates at the rails are on only while running and without a fault
 --   7  running begins only after enable has been down since the last reset or fault
 --   8  no decision for watchdog + 1 clocks: off
 --   9  running begins only after a measurement inside the limits, taken since enable was down, a fault was latched
 --      and the settings changed
--- Times in force are not seen from outside: the shortest that was asked for since running fell is taken, and
--- LEAST_DEAD_TIME.
+--  10  all gates are off three dead times after running has ended, of two-level legs at once
+--  11  order of a stop (ANPC): S2 goes off only when S8 has been on and S4 off for a dead time, S3 only when S5 has been
+--      on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a refused
+--      pattern keep no order
+--  12  order of a start (ANPC): S4 comes on only when S2 has been on for a dead time, S1 only when S3 has; S2 and S3
+--      only when one of S5 to S8 has been
+-- Times in force are not seen from outside: the shortest that was asked for since all gates went off is taken, and
+-- LEAST_DEAD_TIME; for property 10 the longest.
 -- Licence: Apache-2.0
 
 library ieee;
@@ -25,6 +32,7 @@ library ieee;
 
 library directmpc;
   use directmpc.anpc5l_leg.positions_t;
+  use directmpc.directmpc_math.to_std_logic;
   use directmpc.gate_tables.all;
 
 entity gate_guard_checked is
@@ -60,7 +68,7 @@ entity gate_guard_checked is
     running        : out   std_logic;                     -- '1': gates follow decisions
     faults         : out   std_logic_vector(8 downto 0);  -- latched
     goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
-    violations     : out   std_logic_vector(9 downto 0)   -- '1': a property does not hold
+    violations     : out   std_logic_vector(12 downto 0)  -- '1': a property does not hold
   );
 end entity gate_guard_checked;
 
@@ -81,9 +89,12 @@ architecture rtl of gate_guard_checked is
   signal was_on  : std_logic;
   signal ages    : ages_t;           -- clocks since the gate changed
   signal floor_dead : unsigned(11 downto 0);
+  signal most_dead  : unsigned(11 downto 0);
   signal floor_on   : unsigned(11 downto 0);
   signal floor_off  : unsigned(11 downto 0);
   signal must_stop : std_logic;
+  signal cut       : std_logic;             -- the last edge was a reset's
+  signal since     : unsigned(14 downto 0); -- clocks since running has ended
   signal beyond    : std_logic_vector(2 downto 0);  -- measured beyond a limit one, two and three clocks ago
   signal limits    : std_logic_vector(47 downto 0); -- a clock ago
   signal vetted    : std_logic;        -- a measurement since enable, fault and renew was inside the limits
@@ -93,7 +104,7 @@ architecture rtl of gate_guard_checked is
   signal offered   : positions_t;      -- positions of the clock before
   signal wanted    : positions_t;      -- positions accepted last
   signal hungry    : unsigned(16 downto 0);
-  signal found     : std_logic_vector(9 downto 0);
+  signal found     : std_logic_vector(12 downto 0);
 
   -- the pattern that may never be, told as in the document
   function shorts (s : std_logic_vector) return boolean is
@@ -203,6 +214,23 @@ architecture rtl of gate_guard_checked is
 
   end function trip_of;
 
+  -- whether a gate at a rail is on
+  function rail (s : std_logic_vector) return boolean is
+
+    variable v : std_logic_vector(SIZE - 1 downto 0);
+
+  begin
+
+    v := s;
+
+    if (FIVE_LEVEL) then
+      return v(0) = '1' or v(3) = '1';
+    end if;
+
+    return v /= (v'range => '0');
+
+  end function rail;
+
   function smaller (a, b : unsigned) return unsigned is
   begin
 
@@ -272,14 +300,17 @@ begin
         end if;
       end loop;
 
-      -- what may be in force
-      if (now_on = '1' and was_on = '0') then
-        null;
-      elsif (now_on = '0' and (was_on = '1' or rst = '1')) then
+      -- what may be in force, from the first clock with all gates off on
+      if (rst = '1' or (now_on = '0' and g = (g'range => '0') and earlier /= (earlier'range => '0'))) then
         floor_dead <= unsigned(dead_time);
+        most_dead  <= unsigned(dead_time);
         floor_on   <= unsigned(minimum_on);
         floor_off  <= unsigned(minimum_off);
-      elsif (now_on = '0') then
+      elsif (now_on = '0' and g = (g'range => '0')) then
+        if (most_dead < unsigned(dead_time)) then
+          most_dead <= unsigned(dead_time);
+        end if;
+
         floor_dead <= smaller(floor_dead, unsigned(dead_time));
         floor_on   <= smaller(floor_on, unsigned(minimum_on));
         floor_off  <= smaller(floor_off, unsigned(minimum_off));
@@ -288,6 +319,14 @@ begin
       offered(0) <= unsigned(position_a);
       offered(1) <= unsigned(position_b);
       offered(2) <= unsigned(position_c);
+
+      cut <= rst;
+
+      if (now_on = '1') then
+        since <= (others => '0');
+      elsif (since /= (since'range => '1')) then
+        since <= since + 1;
+      end if;
 
       must_stop <= rst or external_trip or not enable or beyond(2);
       limits    <= current_limit & link_high & link_low;
@@ -350,12 +389,14 @@ begin
 
   end process p_history;
 
-  p_properties : process (g, earlier, ages, now_on, was_on, latched, known, floor_dead, floor_on, floor_off,
-                          must_stop, fresh, whole, entered, hungry, vetted) is
+  p_properties : process (g, earlier, ages, now_on, was_on, latched, known, floor_dead, most_dead, floor_on, floor_off,
+                          must_stop, cut, since, fresh, whole, entered, hungry, vetted) is
 
     variable leg      : std_logic_vector(SIZE - 1 downto 0);
     variable extended : std_logic_vector(SIZE - 1 downto 0);
     variable dead     : unsigned(11 downto 0);
+    variable most     : unsigned(14 downto 0);
+    variable held     : std_logic_vector(SIZE - 1 downto 0);
     variable n        : natural;
 
   begin
@@ -365,6 +406,22 @@ begin
 
     if (dead < LEAST_DEAD_TIME) then
       dead := to_unsigned(LEAST_DEAD_TIME, 12);
+    end if;
+
+    most := resize(most_dead, 15);
+
+    if (most < LEAST_DEAD_TIME) then
+      most := to_unsigned(LEAST_DEAD_TIME, 15);
+    end if;
+
+    if (FIVE_LEVEL) then
+      most := most + shift_left(most, 1);
+    else
+      most := (others => '0');
+    end if;
+
+    if (now_on = '0' and since >= most and g /= (g'range => '0')) then
+      found(10) <= '1';
     end if;
 
     for x in 0 to 2 loop
@@ -383,10 +440,44 @@ begin
           found(2) <= '1';
         end if;
 
-        if (g(n) = '1' and earlier(n) = '0' and ages(n) < floor_off) then
+        if (g(n) = '1' and earlier(n) = '0' and now_on = '1' and ages(n) < floor_off) then
           found(3) <= '1';
         end if;
+
+        -- unchanged for a dead time
+        held(i) := to_std_logic(g(n) = earlier(n) and ages(n) >= dead);
       end loop;
+
+      if (FIVE_LEVEL) then
+        n := x * SIZE;
+
+        if (cut = '0' and latched(FAULT_INTERLOCK) = '0') then
+          if (g(n + 1) = '0' and earlier(n + 1) = '1'
+              and (held(7) = '0' or leg(7) = '0' or held(3) = '0' or leg(3) = '1')) then
+            found(11) <= '1';
+          end if;
+
+          if (g(n + 2) = '0' and earlier(n + 2) = '1'
+              and (held(4) = '0' or leg(4) = '0' or held(0) = '0' or leg(0) = '1')) then
+            found(11) <= '1';
+          end if;
+
+          if (leg = (leg'range => '0') and earlier(n + 7 downto n + 4) /= "0000"
+              and (held(3 downto 0) /= "1111" or leg(3 downto 0) /= "0000")) then
+            found(11) <= '1';
+          end if;
+        end if;
+
+        if ((g(n + 3) = '1' and earlier(n + 3) = '0' and (held(1) = '0' or leg(1) = '0'))
+            or (g(n) = '1' and earlier(n) = '0' and (held(2) = '0' or leg(2) = '0'))) then
+          found(12) <= '1';
+        end if;
+
+        if (((g(n + 1) and not earlier(n + 1)) = '1' or (g(n + 2) and not earlier(n + 2)) = '1')
+            and (held(7 downto 4) and leg(7 downto 4)) = "0000") then
+          found(12) <= '1';
+        end if;
+      end if;
 
       if (shorts(leg)) then
         found(0) <= '1';
@@ -404,13 +495,21 @@ begin
       end loop;
     end loop;
 
-    if (must_stop = '1' and g /= (g'range => '0')) then
+    if ((cut = '1' or latched(FAULT_INTERLOCK) = '1') and g /= (g'range => '0')) then
       found(5) <= '1';
     end if;
 
-    if (g /= (g'range => '0') and (now_on = '0' or latched /= (latched'range => '0'))) then
-      found(6) <= '1';
-    end if;
+    for x in 0 to 2 loop
+      leg := g((x + 1) * SIZE - 1 downto x * SIZE);
+
+      if (must_stop = '1' and rail(leg)) then
+        found(5) <= '1';
+      end if;
+
+      if (rail(leg) and (now_on = '0' or latched /= (latched'range => '0'))) then
+        found(6) <= '1';
+      end if;
+    end loop;
 
     if (now_on = '1' and was_on = '0' and fresh = '0') then
       found(7) <= '1';

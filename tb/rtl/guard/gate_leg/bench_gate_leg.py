@@ -53,6 +53,7 @@ class Unguarded(Leg):
         self.refused = False
         if self.starts_at == now:
             super().clock(now, dead, rest)
+            self.plan = [(when, abs(action)) for when, action in self.plan]
             self.origin = self.goal
             return
         if self.alive and not self.plan and self.goal != self.settled and now >= self.ready_at:
@@ -65,6 +66,17 @@ class Unguarded(Leg):
             pairs = REFUSED if self.five_level else REFUSED[:1]
             self.refused = any(pair <= self.tried for pair in pairs)
             self.on = self.on if self.refused else self.tried
+            self.changed_at = now
+
+    def stop(self, now: int, dead: int) -> None:
+        """One rising edge, as `Leg.stop`."""
+        self.refused = False
+        super().stop(now, dead)
+
+    def kill(self) -> None:
+        """All gates off, as `Leg.kill`."""
+        self.refused = False
+        super().kill()
 
 
 class Bench:
@@ -87,11 +99,13 @@ class Bench:
         self.goal = 0
 
     def times(self, dead: int, rest: int) -> None:
-        """Dead and rest time, clocks; while the leg is stopped only."""
+        """Dead and rest time, clocks; while all gates are off only."""
         self.dead, self.rest = dead, rest
         self.dut.dead_time.value, self.dut.rest_time.value = dead, rest
 
-    async def step(self, coming: int, *, decided: bool = False, stop: bool = False) -> None:
+    async def step(
+        self, coming: int, *, decided: bool = False, stop: bool = False, kill: bool = False
+    ) -> None:
         """One clock: all outputs before its edge, which the reference then passes too.
 
         ``coming`` is the goal that a decision of the next clock takes.
@@ -100,12 +114,14 @@ class Bench:
         goal, self.goal = self.goal, coming
         # of a two-level leg two bits of three do not count
         port = coming if self.five_level else coming | (self.now & 3) << 1
-        dut.goal.value, dut.decided.value, dut.stop.value = port, int(decided), int(stop)
+        dut.goal.value, dut.decided.value = port, int(decided)
+        dut.stop.value, dut.kill.value = int(stop), int(kill)
         await self.clock.settle()
         if self.now > 1:
             context = f"clock {self.now}, goal {goal}, {leg}"
             on = sum(1 << (gate - 1) for gate in leg.on)
             board.check("gates", number(dut.gates), on, context)
+            board.check("off", number(dut.off), int(not on), context)
             board.check("legal", number(dut.legal), int(leg.legal(goal)), context)
             board.check("blocked", number(dut.blocked), int(leg.blocked(goal)), context)
             board.check("waits", number(dut.waits), int(leg.waits), context)
@@ -117,15 +133,22 @@ class Bench:
             board.cover(f"{leg.goal} to {goal}", int(leg.alive))
         self.now += 1
         board.cover("stopped in a move", int(stop and bool(leg.plan)))
-        before = leg.settled
+        board.cover("killed", int(kill and bool(leg.on)))
+        board.cover("decided too early", int(decided and bool(leg.on) and not leg.alive))
+        before, was_on = leg.settled, frozenset(leg.on)
         first = leg.actions(goal)[0] if decided and isinstance(leg, Unguarded) else 0
-        leg.clock(self.now, self.dead, self.rest)
+        if kill:
+            leg.kill()
+        elif stop or (leg.on and not leg.alive):
+            leg.stop(self.now, self.dead)
+            board.cover(f"stop from {sorted(was_on)}")
+        else:
+            leg.clock(self.now, self.dead, self.rest)
         if decided and isinstance(leg, Unguarded):
             leg.first = first
-        if stop:
-            leg.stop()
-        elif decided:
+        if decided and not stop:
             leg.goal = goal
+        if decided and not stop and (leg.alive or not was_on):
             if not leg.alive:
                 leg.alive, leg.starts_at, leg.settled = True, self.now + 1, goal
         elif leg.settled != before:
@@ -139,28 +162,30 @@ class Bench:
         for n in range(clocks):
             refused = leg.alive and (not leg.legal(self.goal) or leg.blocked(self.goal))
             decided = rng.random() < (0.03 if refused else 0.2)
-            stop = n < 2 or rng.random() < 0.01 or (decided and refused)
+            stop = n < 2 or rng.random() < 0.02 or (decided and refused)
+            kill = n < 2 or (stop and rng.random() < 0.1)
             coming, kept = rng.randrange(positions), self.goal if decided else leg.goal
             if rng.random() < 0.6:
                 near = following(self.five_level, kept)
                 coming = kept if decided or leg.waits else rng.choice(near)
-            if stop:
+            if not leg.alive and not leg.on and not decided:
                 dead, rest = rng.randrange(1, 5), rng.randrange(1, 7)
                 self.times(*rng.choice([(dead, rest), (dead, rest), (dead, 40), (40, rest)]))
-            await self.step(coming, decided=decided, stop=stop)
+            await self.step(coming, decided=decided, stop=stop, kill=kill)
 
     async def stray(self, rng: random.Random, clocks: int) -> None:
         """Goals that are no edges: gates and position part, and the interlock is what is left."""
         for stop, decided in ((1, 0), (0, 1), (0, 0), (0, 0), (1, 0)):
-            await self.step(0, decided=bool(decided), stop=bool(stop))
+            await self.step(0, decided=bool(decided), stop=bool(stop), kill=bool(stop))
         self.leg = Unguarded(self.five_level)
         for _ in range(clocks):
             stop = rng.random() < 0.005
+            kill = stop and rng.random() < 0.2
             decided = rng.random() < (0.1 if self.leg.waits else 0.3)
-            if stop:
+            if not self.leg.alive and not self.leg.on and not decided:
                 self.times(rng.randrange(1, 4), rng.randrange(1, 4))
             coming = rng.randrange(8 if self.five_level else 2)
-            await self.step(coming, decided=decided, stop=stop)
+            await self.step(coming, decided=decided, stop=stop, kill=kill)
             self.board.cover("refused", int(self.leg.refused))
             for pair in REFUSED:
                 alone = [one for one in REFUSED if one <= self.leg.tried] == [pair]

@@ -16,9 +16,11 @@ EDGES = 6
 async def without_registers(dut, board: Scoreboard, clock: Clock) -> None:
     """Registers that all say yes turn no pin on while permit is '0'."""
     gates = (1 << len(dut.gates)) - 1
-    dut.gates.value, dut.permit.value = gates, 1
+    dut.gates.value, dut.permit.value = 0, 1
     for _ in range(EDGES):
         await clock.tick()
+    dut.gates.value = gates
+    await Timer(1, "ns")
     board.check("registers", number(dut.pins), gates, "permitted")
     dut.permit.value = 0
     await Timer(1, "ns")
@@ -41,7 +43,7 @@ async def permits_with_and_without_a_clock(dut) -> None:
     lost = False  # permit since the last edge
     for n in range(given["clocks"]):
         for _ in range(rng.choice([1, 1, 1, 4])):
-            gates = rng.getrandbits(width)
+            gates = rng.getrandbits(width) if rng.random() < (0.9 if held == EDGES else 0.5) else 0
             if rng.random() < (0.03 if permit else 0.5):
                 permit ^= 1
             dut.gates.value, dut.permit.value = gates, permit
@@ -57,12 +59,16 @@ async def permits_with_and_without_a_clock(dut) -> None:
         await clock.edge()
         line = [int(held >= 2), line[0]]
         lost = False
-        held = min(held + 1, EDGES) if permit else 0
+        # the last one finds all gates off
+        waits = held == EDGES - 1 and gates
+        board.cover("waits for the gates", int(bool(permit and waits)))
+        held = min(held + (not waits), EDGES) if permit else 0
         if n >= 2:
             board.check("permitted", number(dut.permitted), line[1], f"clock {n}")
             board.cover("permitted", line[1])
     await without_registers(dut, board, clock)
     board.finish(
         {"pins": given["clocks"], "permitted": given["clocks"] - 2, "registers": 4},
-        {"on": given["clocks"] // 4, "permitted": given["clocks"] // 4, "back without a clock": 5},
+        {"on": given["clocks"] // 4, "permitted": given["clocks"] // 4, "back without a clock": 5}
+        | {"waits for the gates": 20},
     )

@@ -4,7 +4,7 @@ Sweep: 24 gates and one.
 Stimulus: random gates and permits, several times between two edges of the clock; registers that are
 set while there is no permit, as an upset would.
 Checks: pins off at once without permit, with no edge of the clock, whatever the registers hold; off
-until six edges after it;
+until six edges after it, and until a clock with all gates off;
 the synchronous permit in every clock, which falls with every loss.
 Timing: the latencies of the header are what is checked.
 Faults: pins that wait for a clock; an edge less; a synchroniser with one stage less; a
@@ -44,6 +44,7 @@ FAULTS = [
     Fault("gate_release", "permit and held(5);", "permit;", "pins"),
     Fault("gate_release", "permit and held(5);", "held(5);", "registers"),
     Fault("gate_release", "permit and held(5);", "permit and held(4);", "pins"),
+    Fault("gate_release", "if (held(5) = '0' and gates", "if (false and gates", "pins"),
     Fault("gate_release", "gates(i) and allowed", "gates(i)", "pins"),
     Fault("gate_release", "(0) => held(1),", "(0) => held(0),", "permitted"),
     Fault("gate_release", "(0) => held(1),", "(0) => permit,", "permitted"),

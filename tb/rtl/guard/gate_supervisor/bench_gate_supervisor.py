@@ -42,15 +42,14 @@ class Supervisor:
 
     def causes(self, i: Mapping[str, int]) -> int:
         """Faults of this clock."""
+        refused = BIT["interlock"] * i["refused"]
         if not self.wanted(i):
-            return 0
-        edge, found = self.now + 1, i["trips"]
+            return refused
+        edge, found = self.now + 1, i["trips"] | refused
         if self.begun is not None and edge > sum(self.begun) and not i["decided"]:
             found |= BIT["late"]
         if self.state != "off" and edge > sum(self.fed) and not i["decided"]:
             found |= BIT["missing"]
-        if i["refused"]:
-            found |= BIT["interlock"]
         if self.state == "active" and i["decided"]:
             found |= BIT["illegal_edge"] * (not i["legal"]) | BIT["overrun"] * i["blocked"]
         return found
@@ -61,6 +60,7 @@ class Supervisor:
         begins = i["decided"] and self.compared and not i["renew"]
         return {
             "stop": int(bool(halted or (self.state == "armed" and not begins))),
+            "kill": int(i["rst"] or i["refused"]),
             "forget": int(bool(i["renew"] or not self.wanted(i))),
             "dead_now": self.dead,
             "rest_now": self.rest,
@@ -74,17 +74,18 @@ class Supervisor:
         stop = self.outputs(i)["stop"]
         self.now += 1
         off_for = min(self.now - self.off_since - 1, TIME_HIGH)
-        rested = wanted and was == "off" and off_for >= max(self.dead, self.rest)
+        quiet = was == "off" and i["dark"]
+        rested = wanted and quiet and off_for >= max(self.dead, self.rest)
         if was == "off":
             self.state = "armed" if rested and not causes else "off"
         elif not stop:
             self.state = "active"
         elif i["rst"] or not wanted or causes:
             self.state = "off"
-        if not i["enable"] and not self.faults:
-            self.primed = True
-        elif causes:
+        if causes:
             self.primed = False
+        elif not i["enable"] and not self.faults:
+            self.primed = True
         self.compared = bool(wanted and not i["renew"] and (self.compared or i["checked"]))
         if i["decided"] or not wanted:
             self.begun = None
@@ -92,7 +93,7 @@ class Supervisor:
             self.begun = (self.now, i["decision_limit"])
         if i["decided"] or was == "off":
             self.fed = (self.now, i["watchdog"])
-        if was != "off":
+        if not quiet:
             self.off_since = self.now
         elif not rested:
             self.dead = max(i["dead_time"], self.least)
@@ -119,12 +120,14 @@ def _settings(rng: random.Random) -> dict[str, int]:
 
 def life(rng: random.Random, guard: Supervisor, clocks: int) -> Iterator[dict[str, int]]:
     """Inputs clock by clock: a drive that runs, and everything that may stop it."""
-    settings, enable, quiet = _settings(rng), 0, False
+    settings, enable, quiet, dark = _settings(rng), 0, False, False
     for n in range(clocks):
         quiet = (n // 200) % 3 == 0
         rare = 0.001 if quiet else 0.006
         # before gates are on little time passes
         trip = {"off": 0.01, "armed": 0.01}.get(guard.state, rare / 2)
+        # legs take some clocks to go off
+        dark = guard.state == "off" and (dark or rng.random() < 0.3)
         if rng.random() < 0.03:
             settings |= _settings(rng)
         if guard.faults:
@@ -142,6 +145,7 @@ def life(rng: random.Random, guard: Supervisor, clocks: int) -> Iterator[dict[st
             "legal": int(rng.random() > 5 * rare),
             "blocked": int(rng.random() < 5 * rare),
             "refused": int(rng.random() < trip),
+            "dark": int(dark),
             "trips": sum((rng.random() < trip) << k for k in range(4)),
             "checked": int(rng.random() < 0.2),
             "renew": int(rng.random() < 0.03),
@@ -155,7 +159,7 @@ def long_off(guard: Supervisor) -> Iterator[dict[str, int]]:
     idle = dict.fromkeys(
         ("rst", "enable", "start", "decided", "blocked", "refused", "trips", "checked", "renew",
          "clear", "dead_time", "minimum_on", "decision_limit"), 0,
-    ) | {"legal": 1, "watchdog": 100, "minimum_off": TIME_HIGH}  # fmt: skip
+    ) | {"legal": 1, "dark": 1, "watchdog": 100, "minimum_off": TIME_HIGH}  # fmt: skip
     yield idle | {"rst": 1}
     for _ in range(TIME_HIGH + 50):
         yield idle

@@ -1,0 +1,165 @@
+"""What the devices of a leg have to block while its gates change.
+
+Switches and diodes are ideal, every device has an output capacitance, and the load is a current
+source. Voltages are in units of the dc-link voltage, charge in units of a capacitance times it. The
+node voltages follow from the charge, by implicit Euler; a device that conducts is a large
+conductance. Many paths, with both signs of the current, are followed at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Gates that are on, and for how long: 1 is a whole dead time.
+Step = tuple[frozenset[int], float]
+Floats = NDArray[np.float64]
+
+#: Of a device that conducts, against capacitances of about 1.
+CONDUCTANCE = 1e5
+#: Charge that the load current moves in a dead time: it may be just enough for the swings, or more.
+CHARGES = (3.0, 7.0)
+#: Parts that a step is computed in.
+PARTS = 12
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Devices of a leg between its nodes, the load at node O.
+
+    Attributes
+    ----------
+    devices
+        Gate and the nodes that its transistor conducts between; its diode conducts backwards.
+    fixed
+        Potentials of the dc link.
+    tied
+        Nodes that a charged capacitor ties to another one: the other one, and how much higher.
+    ratings
+        What each device may block.
+    capacitances
+        Sets of output capacitances, a value for each device.
+    """
+
+    devices: dict[int, tuple[str, str]]
+    fixed: dict[str, float]
+    tied: dict[str, tuple[str, float]]
+    ratings: tuple[float, ...]
+    capacitances: tuple[tuple[float, ...], ...]
+
+
+#: S1 to S4 are two devices in series, or as large as the others, or larger.
+ANPC = Leg(
+    {
+        1: ("P", "A"), 2: ("A", "M"), 3: ("M", "B"), 4: ("B", "N"),
+        5: ("A", "p"), 6: ("p", "O"), 7: ("O", "q"), 8: ("q", "B"),
+    },
+    {"P": 0.5, "M": 0.0, "N": -0.5},
+    {"q": ("p", -0.25)},
+    (0.5, 0.5, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25),
+    ((0.5,) * 4 + (1.0,) * 4, (1.0,) * 8, (2.0,) * 4 + (1.0,) * 4),
+)  # fmt: skip
+TWO_LEVEL = Leg(
+    {1: ("P", "O"), 2: ("O", "N")}, {"P": 0.5, "N": -0.5}, {}, (1.0, 1.0), ((1.0, 1.0), (1.0, 3.0))
+)
+
+
+@dataclass
+class Circuit:
+    """Legs of one kind, a row each.
+
+    Attributes
+    ----------
+    leg : Leg
+        Devices and nodes.
+    charge : ndarray
+        That leaves each leg in a dead time; negative: comes into it.
+    capacitance : ndarray
+        Of each device, a row for each leg.
+    """
+
+    leg: Leg
+    charge: Floats
+    capacitance: Floats
+    volts: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        leg = self.leg
+        ends = {node for pair in leg.devices.values() for node in pair}
+        names = sorted(ends - set(leg.fixed) - set(leg.tied))
+        self._incidence = np.zeros((len(leg.devices), len(names)))
+        self._fixed = np.zeros(len(leg.devices))
+        for row, (high, low) in enumerate(leg.devices.values()):
+            for node, sign in ((high, 1.0), (low, -1.0)):
+                if node in leg.fixed:
+                    self._fixed[row] += sign * leg.fixed[node]
+                    continue
+                name, shift = leg.tied.get(node, (node, 0.0))
+                self._incidence[row, names.index(name)] += sign
+                self._fixed[row] += sign * shift
+        self._pairs = np.einsum("da,db->dab", self._incidence, self._incidence)
+        self._load = -1.0 * (np.array(names) == "O")
+        self.volts = np.zeros((len(self.charge), len(names)))
+
+    def blocked(self) -> Floats:
+        """Voltage of each device."""
+        return self.volts @ self._incidence.T + self._fixed
+
+    def advance(self, on: NDArray[np.bool_], dwell: Floats) -> Floats:
+        """Follow all legs for a time; highest voltage of any device, by its rating.
+
+        ``on`` has a row for each leg, ``dwell`` a time, in dead times.
+        """
+        own = np.tensordot(self.capacitance, self._pairs, 1)
+        own += 1e-9 * np.eye(self.volts.shape[1])
+        given = (self.charge * dwell / PARTS)[:, None] * self._load
+        ratings = np.array(self.leg.ratings)
+        worst = np.zeros(len(self.charge))
+        for _ in range(PARTS):
+            start = np.einsum("rab,rb->ra", own, self.volts) + given
+            conducts = on | (self.blocked() < 1e-9)
+            for _ in range(40):
+                large = np.where(conducts, CONDUCTANCE, 0.0)
+                matrix = own + np.tensordot(large, self._pairs, 1)
+                right = start - (large * self._fixed) @ self._incidence
+                self.volts = np.linalg.solve(matrix, right[..., None])[..., 0]
+                found = on | (self.blocked() < -1e-12)
+                if (found == conducts).all():
+                    break
+                conducts = found
+            worst = np.maximum(worst, (self.blocked() / ratings).max(axis=1))
+        return worst
+
+
+def stress(leg: Leg, paths: Sequence[Sequence[Step]]) -> list[float]:
+    """Highest blocking voltage of any device on each path, by its rating.
+
+    A path begins in a pattern of gates that settles first. Every path is followed with both signs
+    of the current, each set of capacitances, and more and less charge.
+    """
+    cases = [
+        (sign * charge, capacitances)
+        for sign in (1.0, -1.0)
+        for charge in CHARGES
+        for capacitances in leg.capacitances
+    ]
+    count = len(cases)
+    charge = np.array([case[0] for case in cases] * len(paths))
+    circuit = Circuit(leg, charge, np.array([case[1] for case in cases] * len(paths)))
+    longest = max(map(len, paths))
+    worst = np.zeros(len(charge))
+    for n in range(longest):
+        on = np.array([[gate in p[min(n, len(p) - 1)][0] for gate in leg.devices] for p in paths])
+        dwell = np.array([p[n][1] if n < len(p) else 0.0 for p in paths])
+        live = np.repeat(dwell > 0, count)
+        part = Circuit(leg, circuit.charge[live], circuit.capacitance[live])
+        part.volts = circuit.volts[live]
+        if n == 0:
+            part.advance(np.repeat(on, count, axis=0)[live], np.full(live.sum(), 4.0))
+        found = part.advance(np.repeat(on, count, axis=0)[live], np.repeat(dwell, count)[live])
+        circuit.volts[live] = part.volts
+        worst[live] = np.maximum(worst[live], found)
+    return [float(w) for w in worst.reshape(len(paths), count).max(axis=1)]
