@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 POSITIONS = range(8)
@@ -453,3 +453,23 @@ def mptc_decision(answer: Any, step: int) -> MptcDecision:
         vector_or_sequence(name, answer.apply)
         return answer
     return MptcDecision(vector_or_sequence(name, answer))
+
+
+def ramped(state: State, share: float) -> State:
+    """A state with a part of its reference: the current of MPDCC, the torque of MPTC.
+
+    Parameters
+    ----------
+    state : MpdccState or MptcState
+        With the whole reference.
+    share : float
+        1 leaves it as it is, 0 asks for none.
+
+    Returns
+    -------
+    MpdccState or MptcState
+        The flux reference of MPTC stays.
+    """
+    if isinstance(state, MpdccState):
+        return replace(state, current_ref=share * state.current_ref)
+    return replace(state, torque_ref=share * state.torque_ref)

@@ -73,8 +73,8 @@ package anpc5l_leg is
   -- gates at the rails: a stop turns them off at once
   constant RAIL_GATES : leg_gates_t := "00001001";
 
-  -- steps of a stop: gates that are on, gates that are off, the gate that changes. The first row that fits
-  -- is taken; where none does, all gates go off.
+  -- steps of a stop: gates that are on, gates that are off, the gate that changes.
+  -- The first row that fits is taken; where none does, all gates go off.
   constant STOP_RULES : stop_rules_t := (
     ("00000001", "00000000", "00000001"),
     ("00001000", "00000000", "00001000"),

@@ -2,8 +2,9 @@
 --
 -- Decisions come in as switch positions; gates come out with interlock, dead time and minimum times
 -- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents
--- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  After a reset and
--- after any fault all gates are off.  That is not a zero vector: the diodes carry the current.
+-- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  A fault and a disable turn all
+-- gates off, step by step where the converter needs it; a reset and a refused pattern turn them off at once.  All off is
+-- not a zero vector: the diodes carry the current.
 --
 -- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', a measurement, decisions.  Gates come
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
@@ -14,9 +15,10 @@
 -- Protocol: positions are at the ports one clock before decided; in the clock of decided they may change again.
 -- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
 -- running, from two clocks after the first decision on.
--- Latency: gates begin to move two clocks after decided.  All gates are off one clock (10 ns at 100 MHz) after
--- external_trip, decided for an illegal decision, a lapse of time, enable = '0' or rst is at the ports, and four clocks
--- (40 ns at 100 MHz) after measured brings a value beyond its limit.
+-- Latency: gates begin to move two clocks after decided.  Gates at the rails are off one clock (10 ns at 100 MHz) after
+-- external_trip, decided for an illegal decision, a lapse of time or enable = '0' is at the ports, and four clocks
+-- (40 ns at 100 MHz) after measured brings a value beyond its limit.  All gates of ANPC legs are off 3 dead times later
+-- at most, those of two-level legs with the first ones.  All gates are off one clock after rst.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

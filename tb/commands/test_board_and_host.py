@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc import MptcState, load_drive
+from directmpc import MptcState, StateError, load_drive
 from directmpc.host import __main__ as commands
 from directmpc.host import board as board_module
 from directmpc.host import protocol as p
@@ -105,6 +105,34 @@ def test_ten_lines_load_start_step_and_stop() -> None:
         assert model.enabled == [0, 0, 1]
     assert model.enabled == [0, 0, 1, 0]
     assert count == len(values(load_drive(MPTC)).writes())
+
+
+def test_a_ramp_down_asks_for_less_and_less_and_turns_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, asked, replies = Rehearsal(), [], []
+    with board_of(model) as board:
+        board.load(MPTC)
+        board.start()
+        step = board.step
+        monkeypatch.setattr(board, "step", lambda state: asked.append(state) or step(state))
+        board.ramp_down(lambda reply: replies.append(reply) or STATE, 4)
+        assert [state.torque_ref for state in asked] == pytest.approx([3.75, 2.5, 1.25, 0.0])
+        assert {state.psi_ref for state in asked} == {STATE.psi_ref}
+        assert [reply and reply.apply for reply in replies] == [None, 3, 3, 3]
+        assert model.enabled == [0, 0, 1, 0]
+
+
+def test_a_ramp_down_that_fails_turns_off_all_the_same() -> None:
+    model = Rehearsal()
+    with board_of(model) as board:
+        with pytest.raises(ValueError, match="1 or more are needed"):
+            board.ramp_down(lambda _: STATE, 0)
+        with pytest.raises(RuntimeError, match="no drive has been loaded"):
+            board.ramp_down(lambda _: STATE, 4)
+        board.load(MPTC)
+        board.start()
+        with pytest.raises(StateError):
+            board.ramp_down(lambda _: {"current": "none"}, 4)
+        assert model.enabled == [0, 0, 1, 0]
 
 
 def test_in_real_time_the_guards_times_follow_the_control_period() -> None:
@@ -533,6 +561,30 @@ def gates_over_time(log: Path) -> list[int]:
 def gates_in(log: Path) -> int:
     """Gates after the last change."""
     return (gates_over_time(log) or [0])[-1]
+
+
+@pytest.mark.parametrize(("controller", "drive"), [("mptc", MPTC), ("mpdcc", "anpc5l_6kv")])
+def test_a_run_that_ramps_down_ends_without_a_reference_and_with_the_gates_off(
+    tmp_path: Path, controller: str, drive: str
+) -> None:
+    log = tmp_path / "gates.csv"
+    file = ROOT / "drives" / f"{drive}.toml"
+    with VirtualBoard(generics(controller), tmp_path / "board", log) as running:
+        given = ["--port", str(running.port), "run", str(file), "--steps", "60", "--gates"]
+        assert commands.main([*given, "--ramp-down", "40"]) == 0
+        with Board(running.port) as board:
+            assert board.faults() == ()
+            assert not board.read("system.status")["enabled"]
+            kept = board.read("reference.torque" if controller == "mptc" else "reference.current")
+    assert gates_in(log) == 0
+    assert set(kept.values()) == {0}
+    if controller == "mpdcc":  # step by step: the gates at the rails first, then S2 and S3
+        rails, middle = 0x090909, 0x060606
+        on = gates_over_time(log)
+        end = next(n for n in range(len(on) - 1, 0, -1) if on[n] & rails) + 1
+        assert end < len(on) - 1
+        assert not any(gates & rails for gates in on[end:])
+        assert on[-2] & ~middle
 
 
 @pytest.mark.parametrize("number", ENDING)

@@ -43,6 +43,7 @@ module proof (
   (* inside = "i_checked.floor_dead" *) wire [11:0] floor_dead;
   (* inside = "i_checked.most_dead", when = "FIVE_LEVEL" *) wire [11:0] most_dead;
   (* inside = "i_checked.since", when = "FIVE_LEVEL" *) wire [14:0] since;
+  (* inside = "i_checked.cut" *) wire cut;
   (* inside = "i_checked.floor_on" *) wire [11:0] floor_on;
   (* inside = "i_checked.floor_off" *) wire [11:0] floor_off;
   (* inside = "i_checked.fresh" *) wire fresh;
@@ -338,6 +339,9 @@ module proof (
                                        && (phase != ACTING || starts || origin[2:1] == 0) && asked[2:1] == 0);
 
       wire [SIZE-1:0] recent;  // on, or off for less than a dead time
+      wire [SIZE-1:0] held;    // unchanged for a dead time
+      wire [SIZE-1:0] was = before[SIZE*x +: SIZE];
+      wire free = !`FIVE_LEVEL || cut || latched[8];  // of the order of a stop
 
       for (i = 0; i < SIZE; i = i + 1) begin : gate
         localparam N = SIZE * x + i;
@@ -345,6 +349,7 @@ module proof (
         // clocks since it changed; 0 in the first
         wire [12:0] age = gates[N] != before[N] ? 0 : stored;
 
+        assign held[i] = gates[N] == before[N] && stored >= {1'b0, floor};
         assign recent[i] = gates[N] || before[N] || stored < {1'b0, floor};
         wire fact_recent = !(moves && recent[i] && !driven[i])
                            || (phase == ACTING && !starts && action[0] && latest[i]);
@@ -359,6 +364,9 @@ module proof (
         wire fact_steady = !(phase == ACTING || going) || age + left + 1 >= dead;
       end
 
+      wire fact_order_2 = free || !(was[1] && !driven[1]) || (held[7] && driven[7] && held[3] && !driven[3]);
+      wire fact_order_3 = free || !(was[2] && !driven[2]) || (held[4] && driven[4] && held[0] && !driven[0]);
+      wire fact_order_last = free || !(driven == 0 && was[7:4] != 0) || (held[3:0] == 15 && driven[3:0] == 0);
       wire fact_extended = driven == 0 || !shorts(recent);
     end
   endgenerate

@@ -168,6 +168,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
         Where the results go.
     given : Namespace
         `drive`; `speed`, of rated speed (MPTC: of 50 Hz); `steps`; `gates`, whether they switch;
+        `ramp_down`, the last steps, in which the reference falls to zero;
         `out`, path of the decisions or None; `sensorless`, whether the board estimates the speed.
 
     Returns
@@ -209,7 +210,8 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
         with progress_bar("steps over the link", given.steps) as progress:
             if isinstance(drive, Drive):
                 done, _, decisions = lockstep.run_mpdcc(
-                    board, drive, given.speed, given.steps, board.variant, progress
+                    *(board, drive, given.speed, given.steps, board.variant, progress),
+                    ramp_down=given.ramp_down,
                 )
                 if given.out:
                     write_decisions(given.out, decisions)
@@ -218,7 +220,9 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
             flux = 0.5 * drive.control.psi_max
             rpm = given.speed * 60 * 50 / drive.machine.pole_pairs
             return lockstep.run_mptc(
-                board, drive, rpm, torque, flux, given.steps, progress, sensorless=given.sensorless
+                *(board, drive, rpm, torque, flux, given.steps, progress),
+                sensorless=given.sensorless,
+                ramp_down=given.ramp_down,
             )
 
     if given.gates:
@@ -396,6 +400,13 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
             command.add_argument("--steps", type=int, default=400)
             command.add_argument("--speed", type=float, default=1.0, help="of rated speed")
             command.add_argument("--gates", action="store_true", help="let the gates switch")
+            command.add_argument(
+                "--ramp-down",
+                type=int,
+                default=0,
+                metavar="STEPS",
+                help="bring the reference to zero in the last STEPS, then turn off (SS1)",
+            )
             command.add_argument("--out", type=Path, help="decisions of MPDCC to write (CSV)")
     command = commands.add_parser("monitor")
     command.add_argument("--period", type=float, default=0.5, help="s")
@@ -409,6 +420,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     given = parser.parse_args(arguments)
     if given.command == "run" and (given.steps < 1 or not math.isfinite(given.speed)):
         parser.error("run needs at least one step and a finite speed")
+    if given.command == "run" and not 0 <= given.ramp_down <= given.steps:
+        parser.error("--ramp-down needs 0 or more steps, and no more than --steps")
     if given.command == "monitor" and (given.count < 0 or not 0.0 <= given.period <= DAY):
         parser.error(f"monitor needs a count of 0 or more and a period of 0 to {DAY} s")
     if not 0.0 < given.timeout < math.inf:

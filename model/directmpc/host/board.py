@@ -19,7 +19,7 @@ import os
 import struct
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
@@ -46,7 +46,14 @@ from directmpc.host.registers import (
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
-from directmpc.states import MpdccDecision, MptcDecision, State, StateError, VectorSequence
+from directmpc.states import (
+    MpdccDecision,
+    MptcDecision,
+    State,
+    StateError,
+    VectorSequence,
+    ramped,
+)
 
 BAUD = 3_000_000
 """Bit rate of the boards' UART, 1/s."""
@@ -672,6 +679,43 @@ class Board:
                 except RefusedError as refused:
                     if refused.outcome is not Outcome.LINK:
                         raise
+
+    def ramp_down(
+        self, measure: Callable[[Reply | None], State | Mapping[str, Any]], steps: int
+    ) -> None:
+        """Bring the reference to zero in so many steps, then turn all gates off.
+
+        This is the safe stop 1 (SS1) of IEC 61800-5-2. The reference falls in equal parts: the
+        current of MPDCC, the torque of MPTC. Whatever happens on the way, the gates go off.
+
+        Parameters
+        ----------
+        measure : callable
+            Gives the state of the next step, with the reference that the drive runs at. Its
+            argument is the reply to the step before, None in the first one.
+        steps : int
+            Control steps, 1 at least; the last one asks for zero.
+
+        Raises
+        ------
+        ValueError
+            If there is no step.
+        TrippedError, LinkError, RefusedError
+            As `step`; the gates are off.
+        RuntimeError
+            If no drive has been loaded.
+        """
+        if steps < 1:
+            raise ValueError(f"ramp_down: got {steps} steps; 1 or more are needed")
+        if self.drive is None:
+            raise RuntimeError("ramp_down: no drive has been loaded; load(drive) comes first")
+        reply = None
+        try:
+            for left in reversed(range(steps)):
+                state = state_of(self.drive, measure(reply))
+                reply = self.step(ramped(state, left / steps))
+        finally:
+            self.stop()
 
     def faults(self) -> tuple[str, ...]:
         """Names of the faults that the gate guard holds.

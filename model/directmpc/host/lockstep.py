@@ -31,7 +31,7 @@ from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import sequence_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sensorless import SensorlessController
-from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State
+from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State, ramped
 
 IntArray = NDArray[np.int64]
 _VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")]
@@ -148,6 +148,8 @@ class BoardController:
         "fast" or "paper": which model of MPDCC it is.
     sensorless : bool
         Whether the board has been loaded to estimate the speed; the model beside it does too.
+    ramp_down : tuple of int
+        Step at which the reference begins to fall, and in how many it is at zero; never by default.
     progress : callable, optional
         Called with the number of decisions made.
 
@@ -173,8 +175,10 @@ class BoardController:
         variant: str = DEFAULT_VARIANT,
         *,
         sensorless: bool = False,
+        ramp_down: tuple[int, int] = (0, 0),
         progress: Callable[[int], None] | None = None,
     ) -> None:
+        self._ramp_down = ramp_down
         self.board, self.drive = board, drive
         self.answers: list[Answer] = []
         self.differing = 0
@@ -220,7 +224,11 @@ class BoardController:
         TypeError, StateError
             If the state is none.
         """
-        known = state_of(self.drive, state)
+        state = known = state_of(self.drive, state)
+        begin, over = self._ramp_down
+        if over and len(self.answers) >= begin:
+            left = max(begin + over - 1 - len(self.answers), 0)
+            state = known = ramped(known, left / over)
         self.board.refuse_unmeasured(known)
         words, clipped, position = self._encoder.words(known)
         answer = self.board.answer(words, position, f"step {len(self.answers)}")
@@ -302,6 +310,8 @@ def run_mpdcc(
     steps: int,
     variant: str,
     progress: Callable[[int], None] | None = None,
+    *,
+    ramp_down: int = 0,
 ) -> tuple[LockStep, MpdccTrace, Decisions]:
     """MPDCC at rated current from the steady state.
 
@@ -319,6 +329,8 @@ def run_mpdcc(
         "fast" or "paper": which model decides on the same states.
     progress : callable, optional
         Called with the number of steps made.
+    ramp_down : int
+        How many of the steps are the last ones, in which the reference falls to zero.
 
     Returns
     -------
@@ -341,7 +353,8 @@ def run_mpdcc(
         If there is no steady state at this speed.
     """
     profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(speed), steps)
-    controller = BoardController(board, drive, variant)
+    ramp = (steps - ramp_down, ramp_down)
+    controller = BoardController(board, drive, variant, ramp_down=ramp)
     began = time.perf_counter()
     # a transition that the inverter does not have is a decision that differs: counted, no error
     run = mpdcc_loop.drive_controller(
@@ -349,7 +362,9 @@ def run_mpdcc(
     )
     done = controller.summary(time.perf_counter() - began)
     exhausted = controller.column(lambda answer: answer.has(Flag.EXHAUSTED))
-    return done, run.seen, replace(run.decisions, cycles=done.cycles, exhausted=exhausted)
+    shares = np.clip((steps - 1 - np.arange(steps)) / max(ramp_down, 1), 0.0, 1.0)
+    seen = replace(run.seen, iref=run.seen.iref * shares[:, None]) if ramp_down else run.seen
+    return done, seen, replace(run.decisions, cycles=done.cycles, exhausted=exhausted)
 
 
 def run_mptc(
@@ -362,6 +377,7 @@ def run_mptc(
     progress: Callable[[int], None] | None = None,
     *,
     sensorless: bool = False,
+    ramp_down: int = 0,
 ) -> LockStep:
     """A two-level drive at a constant operating point; the decision acts one step later.
 
@@ -381,6 +397,8 @@ def run_mptc(
         Control steps.
     progress : callable, optional
         Called with the number of steps made.
+    ramp_down : int
+        How many of the steps are the last ones, in which the reference falls to zero.
     sensorless : bool
         Whether the board has been loaded to estimate speed and flux.
 
@@ -401,7 +419,10 @@ def run_mptc(
         If the torque is beyond breakdown at this flux.
     """
     scenario = mptc_loop.constant(drive, rpm, load, psi_ref, steps)
-    controller = BoardController(board, drive, sensorless=sensorless, progress=progress)
+    ramp = (steps - ramp_down, ramp_down)
+    controller = BoardController(
+        board, drive, sensorless=sensorless, ramp_down=ramp, progress=progress
+    )
     began = time.perf_counter()
     if drive.control.sequences:
         sequence_loop.drive_controller(drive, controller, scenario)

@@ -142,7 +142,7 @@ STOP_RULES: tuple[tuple[frozenset[int], frozenset[int], int], ...] = (
     (frozenset({2}), frozenset(), -2),
     (frozenset({3}), frozenset(), -3),
 )
-"""Steps of a stop: gates that are on, gates that are off, and what the step does: n is Sn on, -n Sn off.
+"""Steps of a stop: gates that are on, gates that are off, and the action: n is Sn on, -n Sn off.
 
 A step takes the first row that fits the gates that are on. Where none fits, all gates go off. Steps
 are a dead time apart. From every pattern of a position, a commutation or a start this keeps every
@@ -158,7 +158,7 @@ START_GROUPS: tuple[frozenset[int], ...] = (
     frozenset({2, 3}),
     frozenset({1, 4}),
 )
-"""Steps of a start, a dead time apart: in each the gates of the position that are in the group come on."""
+"""Steps of a start, a dead time apart: which of the position's gates come on in each."""
 
 
 def stop_step(on: frozenset[int]) -> frozenset[int]:

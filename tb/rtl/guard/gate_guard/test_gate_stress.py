@@ -14,7 +14,7 @@ small to move a node in a dead time leaves the voltages to the capacitances.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import pytest
 
@@ -28,6 +28,7 @@ from directmpc.host.gate_guard import (
     two_level_gates,
 )
 from directmpc.mpdcc import inverter as anpc
+from scripts.shared.tools import ROOT
 from tb.rtl.guard.gate_guard.circuit import ANPC, TWO_LEVEL, Leg, Step, stress
 
 LIMIT = 1.05
@@ -84,9 +85,7 @@ def commutations(five_level: bool) -> Iterator[tuple[Path, list[frozenset[int]]]
             yield path, patterns
 
 
-def starts(
-    five_level: bool, *, every_order: bool = True
-) -> Iterator[tuple[Path, frozenset[int]]]:
+def starts(five_level: bool, *, every_order: bool = True) -> Iterator[tuple[Path, frozenset[int]]]:
     """Paths to each step of every start, behind a stop of every position; gates on at their end."""
     gates = anpc_gates if five_level else two_level_gates
     for origin in range(8 if five_level else 2):
@@ -149,7 +148,9 @@ def test_starts_with_a_rail_first_are_not() -> None:
     paths = []
     for s in range(8):
         behind = next(stops(True, [(anpc_gates(s), 1.0)], anpc_gates(s)))
-        paths += [[*behind, (frozenset({g}), 0.3), (anpc_gates(s), 1.0)] for g in anpc_gates(s) & {1, 4}]
+        paths += [
+            [*behind, (frozenset({g}), 0.3), (anpc_gates(s), 1.0)] for g in anpc_gates(s) & {1, 4}
+        ]
     assert max(stress(ANPC, paths)) > 2.9
 
 
@@ -171,9 +172,35 @@ def test_no_shorter_order_is(position: int) -> None:
     while on:
         own.append(on := stopped(True, on))
     assert len(own) <= anpc.STOP_STEPS
-    short = [order for steps in range(1, len(own)) for order in _shorter(anpc_gates(position), steps)]
+    short = [
+        order for steps in range(1, len(own)) for order in _shorter(anpc_gates(position), steps)
+    ]
     paths = [[(anpc_gates(position), 1.0), *((on, LONG) for on in order)] for order in short]
     assert min(stress(ANPC, paths)) > LIMIT
+
+
+def _named(actions: Iterable[int]) -> str:
+    return ", ".join(f"S{abs(action)} {'on' if action > 0 else 'off'}" for action in actions)
+
+
+def _row(position: int) -> list[str]:
+    """How the page has the stop and the start of a position."""
+    on, actions = anpc_gates(position), []
+    while after := stopped(True, on):
+        actions += [-gate for gate in on - after] + list(after - on)
+        on = after
+    first, *further = started(True, position)
+    steps = [" ".join(f"S{gate}" for gate in sorted(first)) + " on"]
+    steps += [_named(b - a) for a, b in itertools.pairwise([first, *further])]
+    return [f"position {position}", f"{_named(actions)}, then all off", ", ".join(steps)]
+
+
+def test_the_page_has_the_stops_and_starts() -> None:
+    text = (ROOT / "docs" / "gate-guard.md").read_text(encoding="utf-8")
+    lines = text.partition("<!-- stops: begin")[2].partition("<!-- stops: end")[0].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[3:]]
+    assert rows[:8] == [_row(position) for position in range(8)]
+    assert rows[8:] == [["two-level", "all off", "the gate of the position on"]]
 
 
 def test_the_longest_stop_is_what_is_said() -> None:
