@@ -129,16 +129,13 @@ begin
   quiet  <= is_off and dark;
   lapsed <= (expected and late) or (starved and not is_off);
 
-  p_events : process (active, is_off, trips, decided, legal, blocked, refused, expected, late, starved) is
+  p_events : process (active, is_off, trips, decided, legal, blocked, expected, late, starved) is
   begin
 
     events                <= (others => '0');
     events(3 downto 0)    <= trips;
     events(FAULT_LATE)    <= expected and not decided and late;
     events(FAULT_MISSING) <= starved and not is_off and not decided;
-    -- in any state: no pattern depends on legs and states being in step
-    events(FAULT_INTERLOCK) <= refused;
-
     if (active = '1') then
       events(FAULT_ILLEGAL) <= decided and not legal;
       events(FAULT_OVERRUN) <= decided and blocked;
@@ -159,7 +156,7 @@ begin
       causes <= events;
     end if;
 
-    -- in a stop too
+    -- in any state: no pattern depends on legs and states being in step
     causes(FAULT_INTERLOCK) <= refused;
 
   end process p_causes;

@@ -11,7 +11,7 @@ import numpy as np
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 
 from directmpc.host import registers
-from directmpc.host.gate_guard import FAULTS, anpc_gates, two_level_gates
+from directmpc.host.gate_guard import FAULTS, anpc_gates, stop_clocks, two_level_gates
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import capacitor_observer, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
@@ -787,12 +787,21 @@ async def faults(system: System) -> None:
         shown = await bus.read("system.gates", "gates")
         board.check("gates register", shown, number(dut.gates))
 
+    async def off(what: str) -> None:
+        """Gates at the rails are off, and all gates when the stop is over."""
+        five_level = system.controller == "mpdcc"
+        rails = 0x090909 if five_level else 0x3F
+        board.check(what, (number(dut.running), number(dut.gates) & rails), (0, 0))
+        for _ in range(stop_clocks(five_level, settings["dead_time"]) - 1):
+            await FallingEdge(dut.clk)
+        board.check(what, number(dut.gates), 0)
+
     dut.enable.value = 1
     await enable()
     # a current above the limit: off with the clock after the one that keeps the measurements
     loud = quiet | {"is_alpha": -101}
     await system.decide(loud)
-    board.check("off", (number(dut.running), number(dut.gates)), (0, 0))
+    await off("off")
     board.check("fault", await bus.read("system.faults", "over_current"), 1)
     board.check("fault", await bus.read("system.status", "fault"), 1)
     # clearing alone restarts nothing
@@ -807,8 +816,8 @@ async def faults(system: System) -> None:
     await FallingEdge(dut.clk)
     dut.external_trip.value = 1
     await FallingEdge(dut.clk)
-    board.check("trip", (number(dut.running), number(dut.gates)), (0, 0))
     dut.external_trip.value = 0
+    await off("trip")
     board.check("fault", await bus.read("system.faults", "external_trip"), 1)
     await bus.write("system.faults", external_trip=1, over_current=1)
     for _ in range(3):
@@ -819,7 +828,8 @@ async def faults(system: System) -> None:
     await FallingEdge(dut.clk)
     dut.enable.value = 0
     await FallingEdge(dut.clk)
-    board.check("disabled", (number(dut.running), number(dut.gates), number(dut.faults)), (0, 0, 0))
+    await off("disabled")
+    board.check("disabled", number(dut.faults), 0)
 
 
 async def unmeasured(system: System) -> None:

@@ -64,7 +64,16 @@ SEEDED = {
     ),
     "slow trip": (True, "trip_comparator", "valid_2 <= valid_1;", "valid_2 <= over_voltage;"),
     "least": (True, "gate_supervisor", "if (limited < LEAST_DEAD_TIME) then", "if (false) then"),
-    "primed": (False, "gate_supervisor", "primed <= '0';\n      end if;", "null;\n      end if;"),
+    "stop at once": (True, "gate_leg", "stop_of(FIVE_LEVEL, driven);", "(others => '0');"),
+    "start at once": (
+        True,
+        "gate_leg",
+        'start_of(FIVE_LEVEL, accepted, "000") when',
+        "pattern_of(FIVE_LEVEL, accepted) when",
+    ),
+    "slow stop": (True, "gate_leg", "(over and not dark);", "'0';"),
+    "rail last": (True, "gate_leg", "at_rail(FIVE_LEVEL, driven) or (over", "(over"),
+    "primed": (False, "gate_supervisor", "primed <= '0';\n      elsif", "null;\n      elsif"),
 }
 
 

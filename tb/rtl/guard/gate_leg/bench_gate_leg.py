@@ -66,7 +66,14 @@ class Unguarded(Leg):
             pairs = REFUSED if self.five_level else REFUSED[:1]
             self.refused = any(pair <= self.tried for pair in pairs)
             self.on = self.on if self.refused else self.tried
-            self.changed_at = now
+            # the one count waits for the rest behind a last action
+            self.changed_at = now if self.plan else now + rest - dead
+
+    def aim(self, now: int) -> None:
+        """A stop with a move's first action: the move has begun, for the first of the next."""
+        moves = not self.plan and self.goal != self.settled and now >= self.ready_at
+        if self.alive and (self.starts_at == now or (self.starts_at is None and moves)):
+            self.origin = self.goal
 
     def stop(self, now: int, dead: int) -> None:
         """One rising edge, as `Leg.stop`."""
@@ -137,6 +144,8 @@ class Bench:
         board.cover("decided too early", int(decided and bool(leg.on) and not leg.alive))
         before, was_on = leg.settled, frozenset(leg.on)
         first = leg.actions(goal)[0] if decided and isinstance(leg, Unguarded) else 0
+        if stop and isinstance(leg, Unguarded):
+            leg.aim(self.now)
         if kill:
             leg.kill()
         elif stop or (leg.on and not leg.alive):
@@ -208,5 +217,7 @@ async def every_clock(dut) -> None:
     refused = [f"{pair} alone" for pair in (REFUSED if five_level else REFUSED[:1])]
     bench.board.finish(
         {"gates": 3 * given["clocks"] - 1},
-        dict.fromkeys([*looked, *moved, *refused], 1) | {"stopped in a move": 10, "refused": 50},
+        dict.fromkeys([*looked, *moved, *refused], 1)
+        | {"stopped in a move": 10, "refused": 50}
+        | {"killed": 3, "decided too early": 3 * five_level},
     )

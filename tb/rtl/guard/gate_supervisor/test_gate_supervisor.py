@@ -38,12 +38,16 @@ def test_every_clock_is_the_reference_s() -> None:
 
 
 FAULTS = [
-    Fault(NAME, "events(FAULT_INTERLOCK) <= refused;", "null;", "(stop|faults)"),
+    Fault(NAME, "causes(FAULT_INTERLOCK) <= refused;", "null;", "(stop|faults)"),
+    Fault(NAME, "kill        <= rst or refused;", "kill <= rst;", "kill"),
+    Fault(
+        NAME, "quiet  <= is_off and dark;", "quiet <= is_off;", "(stop|running|dead_now|rest_now)"
+    ),
     Fault(NAME, "expected and not decided and late", "expected and late", "(stop|faults)"),
     Fault(NAME, "fed <= decided or", "fed <=", "(stop|faults)"),
     Fault(NAME, "decided and compared and not renew;", "decided and compared;", "(stop|running)"),
     Fault(NAME, "if (off_for /= (off_for'range => '1')) then", "if (true) then", "(stop|running)"),
-    Fault(NAME, "primed <= '0';\n      end if;", "null;\n      end if;", "(stop|forget)"),
+    Fault(NAME, "primed <= '0';\n      elsif", "null;\n      elsif", "(stop|forget)"),
 ]
 
 
