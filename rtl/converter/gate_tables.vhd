@@ -201,7 +201,6 @@ package body gate_tables is
     result := (others => '0');
 
     if (five_level) then
-
       -- the first row that fits is the last to be looked at
       for i in STOP_RULES'high(1) downto 0 loop
         if ((s and STOP_RULES(i, 0)) = STOP_RULES(i, 0) and unsigned(s and STOP_RULES(i, 1)) = 0) then

@@ -3,8 +3,8 @@
 -- Decisions come in as switch positions; gates come out with interlock, dead time and minimum times
 -- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents
 -- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  A fault and a disable turn all
--- gates off, step by step where the converter needs it; a reset and a refused pattern turn them off at once.  All off is
--- not a zero vector: the diodes carry the current.
+-- gates off, step by step where the converter needs it; a reset and a refused pattern turn them off at once.  All off
+-- is not a zero vector: the diodes carry the current.
 --
 -- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', a measurement, decisions.  Gates come
 -- on with the first decision that finds a measurement compared since enable rose and since renew.

@@ -19,7 +19,7 @@
 --
 -- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the
 -- leg is not stopped.
--- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if a gate at a rail is on.
+-- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if one at a rail is on.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0

@@ -2,8 +2,8 @@
 --
 -- permit = '0' turns all pins off through gates alone: no clock, no reset and no register has a part in it.  It also
 -- clears six flip-flops, which keep the pins off until permit has been '1' for six rising edges and all gates are off.
--- The guard behind sees every loss of permit, however short, and has begun to turn its gates off by the fourth edge.  So
--- a permit that comes back, with the clock or while it stands, lets nothing through that was decided before, and no
+-- The guard behind sees every loss of permit, however short, and has begun to turn its gates off by the fourth edge.
+-- So a permit that comes back, with the clock or while it stands, lets nothing through that was decided before, and no
 -- rest of a stop.
 --
 -- Off at once is no stop of an ANPC leg: it takes no steps.  What the gate drivers have to do about it is in
@@ -39,7 +39,7 @@ architecture rtl of gate_release is
 
   -- off from configuration on, before there is a clock
   -- vsg_off signal_007
-  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit has been there for edges 1 to 6, and no gate on
+  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit there for edges 1 to 6, and no gate on
   -- vsg_on signal_007
   signal allowed : std_logic;
 

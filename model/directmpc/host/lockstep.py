@@ -397,10 +397,10 @@ def run_mptc(
         Control steps.
     progress : callable, optional
         Called with the number of steps made.
-    ramp_down : int
-        How many of the steps are the last ones, in which the reference falls to zero.
     sensorless : bool
         Whether the board has been loaded to estimate speed and flux.
+    ramp_down : int
+        How many of the steps are the last ones, in which the reference falls to zero.
 
     Returns
     -------

@@ -9,16 +9,16 @@
 --   3  minimum off time, but in a stop
 --   4  whole positions follow one another along edges only
 --   5  all gates off after the edge of a reset and with a refused pattern; the gates at the rails, S1 and S4 of ANPC
---      legs and all gates of two-level ones, off after the edge of an external trip, enable = '0' or an illegal decision,
---      and three clocks later after that of a measurement beyond a limit that stays where it is meanwhile
+--      legs and all gates of two-level ones, off after the edge of an external trip, enable = '0' or an illegal
+--      decision, and three clocks later after that of a measurement beyond a limit that stays where it is meanwhile
 --   6  gates at the rails are on only while running and without a fault
 --   7  running begins only after enable has been down since the last reset or fault
 --   8  no decision for watchdog + 1 clocks: off
 --   9  running begins only after a measurement inside the limits, taken since enable was down, a fault was latched
 --      and the settings changed
 --  10  all gates are off three dead times after running has ended, of two-level legs at once
---  11  order of a stop (ANPC): S2 goes off only when S8 has been on and S4 off for a dead time, S3 only when S5 has been
---      on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a refused
+--  11  order of a stop (ANPC): S2 goes off only when S8 has been on and S4 off for a dead time, S3 only when S5 has
+--      been on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a refused
 --      pattern keep no order
 --  12  order of a start (ANPC): S4 comes on only when S2 has been on for a dead time, S1 only when S3 has; S2 and S3
 --      only when one of S5 to S8 has been
