@@ -39,7 +39,7 @@ architecture rtl of gate_release is
 
   -- off from configuration on, before there is a clock
   -- vsg_off signal_007
-  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit there for edges 1 to 6, and no gate on
+  signal held    : std_logic_vector(5 downto 0) := (others => '0'); -- '1': permit for 1 to 6 edges, no gate on
   -- vsg_on signal_007
   signal allowed : std_logic;
 

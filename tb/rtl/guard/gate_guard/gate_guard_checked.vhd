@@ -18,8 +18,8 @@
 --      and the settings changed
 --  10  all gates are off three dead times after running has ended, of two-level legs at once
 --  11  order of a stop (ANPC): S2 goes off only when S8 has been on and S4 off for a dead time, S3 only when S5 has
---      been on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a refused
---      pattern keep no order
+--      been on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a
+--      refused pattern keep no order
 --  12  order of a start (ANPC): S4 comes on only when S2 has been on for a dead time, S1 only when S3 has; S2 and S3
 --      only when one of S5 to S8 has been
 -- Times in force are not seen from outside: the shortest that was asked for since all gates went off is taken, and
