@@ -228,8 +228,8 @@ def put_commits(document: dict[str, Any]) -> None:
     Parameters
     ----------
     document : dict
-        What metrics.json holds. If a figure was measured anew, `sources` goes: only a whole report
-        says by whose sources all figures are.
+        What metrics.json holds. If a figure was measured anew, `sources` goes: the next report
+        says anew by whose sources the figures are.
     """
     now = commits()
     if any(document["measured"].get(name) != commit for name, commit in now.items()):

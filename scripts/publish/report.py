@@ -612,14 +612,25 @@ def page_figures(document: dict[str, Any]) -> str:
 
 
 def _by_sources(document: dict[str, Any]) -> str:
-    """By the sources of which commit the figures are, if the last report was whole."""
+    """Which figures are by the sources of the commit of the last report; the shorter list is told.
+
+    Empty if the sources of that report were not committed.
+    """
     known = document.get("sources")
     if known is None:
         return ""
-    others = ", ".join(["a newcomer's times", *known["others"]])
+    commit, others = f"commit `{known['commit'][:12]}`", known["others"]
+    same = [name for name in document["measured"] if name not in others]
+    if len(others) <= len(same):
+        old = ", ".join(["a newcomer's times", *others])
+        return (
+            f"Every figure in `reports/`, but for {old}, is by the sources of {commit}, "
+            "whenever it was measured. "
+        )
+    whose = f"those of {', '.join(same)} are" if same else "none is"
     return (
-        f"Every figure in `reports/`, but for {others}, is by the sources of commit "
-        f"`{known['commit'][:12]}`, whenever it was measured. "
+        f"Of the figures in `reports/`, {whose} by the sources of {commit}; all others are by "
+        "older sources. `measured` in `reports/metrics.json` has the commit of each. "
     )
 
 
@@ -1106,8 +1117,8 @@ def _build(
         document["measured"] = _measured_at(document, record(results), names)
         provenance.put_commits(document)
         document.pop("sources", None)
-        if not only and not dirty:
-            document["sources"] = {"commit": document["commit"], "others": provenance.old(say)}
+        if not dirty:
+            document["sources"] = {"commit": document["commit"], "others": _old(every, say)}
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
             "commit": document["measured"].get("mptc-runs", "unknown"),
@@ -1134,6 +1145,19 @@ def _build(
         mptc_report.write_texts(document["mptc"])
 
 
+def _old(every: Iterable[Stage], say: Callable[[str], None]) -> list[str]:
+    """Tell which figures are by the sources of the tree; names of those that are not."""
+    known, found = recorded(), []
+    for stage in every:
+        mine, current = known.get(stage.name), is_current(stage)
+        sources_of = "as the tree" if current else "other sources"
+        commit = mine["commit"][:12] if mine else "never"
+        say(f"{stage.name}: {commit}, {sources_of}" if mine else f"{stage.name}: {commit}")
+        if not current:
+            found.append(stage.name)
+    return found + provenance.old(say)
+
+
 def state(say: Callable[[str], None]) -> int:
     """Tell of each stage, and of figures with commands of their own, what is published of it.
 
@@ -1147,14 +1171,7 @@ def state(say: Callable[[str], None]) -> int:
     int
         Those that are not by the sources of the tree, as far as git knows.
     """
-    known, old = recorded(), 0
-    for stage in stages_of(1, SEEDS, say):
-        mine, current = known.get(stage.name), is_current(stage)
-        sources_of = "as the tree" if current else "other sources"
-        commit = mine["commit"][:12] if mine else "never"
-        say(f"{stage.name}: {commit}, {sources_of}" if mine else f"{stage.name}: {commit}")
-        old += not current
-    old += len(provenance.old(say))
+    old = len(_old(stages_of(1, SEEDS, say), say))
     say(f"{old} of them to be measured" if old else "all are by the sources of the tree")
     return old
 

@@ -144,15 +144,40 @@ def test_the_state_of_the_report_counts_them(monkeypatch: pytest.MonkeyPatch) ->
     assert told == ["2 of them to be measured"]
 
 
+def _said(old: list[str]) -> str:
+    """What the page says if there are three other figures."""
+    measured = dict.fromkeys(["fidelity", "bounds", "lengths", *old], "2" * 40)
+    known = {"commit": "1" * 40, "others": old}
+    return report._by_sources({"sources": known, "measured": measured})
+
+
 def test_the_page_says_what_is_of_other_sources() -> None:
-    known = {"commit": "1" * 40, "others": ["torture", "scaling"]}
-    text = report._by_sources({"sources": known})
     said = (
         "but for a newcomer's times, torture, scaling, is by the sources of commit `111111111111`"
     )
-    assert said in text
-    assert "times, is by" in report._by_sources({"sources": known | {"others": []}})
+    assert said in _said(["torture", "scaling"])
+    assert "times, is by" in _said([])
     assert report._by_sources({}) == ""
+
+
+def test_the_page_names_what_is_new_where_most_is_old() -> None:
+    said = (
+        "those of fidelity, bounds, lengths are by the sources of commit `111111111111`; "
+        "all others are by older sources"
+    )
+    assert said in _said(["torture", "scaling", "pwm", "sese"])
+    document = {"sources": {"commit": "1" * 40, "others": ["pwm"]}, "measured": {"pwm": "2"}}
+    assert "none is by the sources of commit `111111111111`" in report._by_sources(document)
+
+
+def test_stages_of_other_sources_are_told_with_the_others(
+    figure: provenance.Figure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gate.vhd").write_text("q <= a;\n")
+    monkeypatch.setattr(provenance, "APART", (lambda: [figure],))
+    every = [stages.Stage(name, name, (), lambda _: None) for name in ("new", "old")]
+    monkeypatch.setattr(report, "is_current", lambda one: one.name == "new")
+    assert report._old(every, lambda _: None) == ["old", "gates"]
 
 
 def test_every_stored_commit_is_looked_at() -> None:
