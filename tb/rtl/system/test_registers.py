@@ -451,7 +451,7 @@ def written(folder: Path, name: str, settings: dict[str, object]) -> Path:
         ("anpc5l_6kv", {"capacitor_filter": 4}, ("--clock", "1.5e6"), "up to 97 clocks"),
         ("anpc5l_6kv", {"delay_compensation": True}, ("--clock", "2e6"), "up to 122 clocks"),
         ("anpc5l_6kv", {"switching_horizon": "SESE"}, ("--clock", "1.5e6"), "up to 89 clocks"),
-        ("motulator_2kw2", {}, ("--clock", "0.79e6"), r"up to 40 clocks .* 39 \(control.ts\)"),
+        ("motulator_2kw2", {"ts": 39e-6}, ("--clock", "1e6"), r"up to 40 clocks .* 39 \(control"),
         ("motulator_2kw2", {"method": "MPFC"}, ("--clock", "1.5e6"), "up to 79 clocks"),
     ],
 )
