@@ -293,10 +293,10 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
         await decision(rig, wanted)
         if estimator:
             shown = await bus.read("result.speed", "omega_r")
-            board.check("speed", shown, bits(int(used[4]), 16), rig.where)
+            board.check("speed", shown, int(used[4]), rig.where)
             board.check("speed port", number(rig.dut.speed), bits(int(used[4]), 16), rig.where)
             shown = [await bus.read("result.stator_flux", axis) for axis in ("alpha", "beta")]
-            board.check("flux", shown, [bits(int(v), 16) for v in used[2:4]], rig.where)
+            board.check("flux", shown, [int(v) for v in used[2:4]], rig.where)
             shown = [number(rig.dut.flux_alpha), number(rig.dut.flux_beta)]
             board.check("flux port", shown, [bits(int(v), 16) for v in used[2:4]], rig.where)
         vectors, lengths = np.empty(7, dtype=np.int64), np.empty(7)

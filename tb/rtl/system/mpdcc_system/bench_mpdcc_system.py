@@ -11,7 +11,7 @@ from directmpc.mpdcc import leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from scripts.hdl import states
-from tb.helpers.scoreboard import arguments, bits, number, word
+from tb.helpers.scoreboard import arguments, number, word
 from tb.rtl.system.bench_system import NOT_THE_CORE_S, System, near
 
 VOLTAGES = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
@@ -172,7 +172,7 @@ async def resets(system: System, rounds: int) -> None:
             where = f"round {n}, decision {k} behind the reset, compensate {compensate}"
             board.check("decision", system.decided(), wanted, where)
             shown = [await bus.read("result.rotor_flux", axis) for axis in ("alpha", "beta")]
-            board.check("flux", shown, [bits(int(v), 16) for v in estimate], where)
+            board.check("flux", shown, [int(v) for v in estimate], where)
             due = ([0] if k else []) if compensate else [clocks + 1]
             board.check("given", given, due, where)
             before, last = last, np.array(wanted[:3])

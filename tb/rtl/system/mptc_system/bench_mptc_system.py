@@ -12,7 +12,7 @@ from directmpc.host import registers
 from directmpc.mptc import observer
 from directmpc.mptc.sequence import TIME_STEPS
 from tb.helpers import mptc_rows
-from tb.helpers.scoreboard import arguments, bits, number
+from tb.helpers.scoreboard import arguments, number
 from tb.rtl.system.bench_system import System
 
 DRIVE = "induction_2kw2"
@@ -145,7 +145,7 @@ async def observed(system: System, drive: Drive, count: int) -> None:
         await FallingEdge(system.dut.clk)
         await FallingEdge(system.dut.clk)
         shown = [await bus.read("result.stator_flux", axis) for axis in ("alpha", "beta")]
-        board.check("flux", [bits(v, 16) for v in shown], [bits(int(v), 16) for v in flux], n)
+        board.check("flux", shown, [int(v) for v in flux], n)
         words = np.array([m[name] for name in OBSERVED])
         flux = tuple(observer.step_words(coefficients, state, words, m["u"])[:2])
     board.check("full", await bus.read("system.flags", "observer_saturated"), 0)
