@@ -14,6 +14,7 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, numb
 QUIET = ("awready", "wready", "bvalid", "bresp", "arready", "rvalid", "rdata", "rresp")
 SLVERR, DECERR = 2, 3
 ADDRESSES = 256
+RESETS = 8  # most of a boot that is reset before its end
 
 
 def any_rom(rng: random.Random) -> list[Entry]:
@@ -37,6 +38,7 @@ class Slave:
         self.words: dict[int, int] = {}
         self.loses = 0.0  # share of words that are lost
         self.stuck = False  # nothing is ever okay, or every bit stays set
+        self.refuses = 0  # accesses from now on that are refused
         self.taken: dict[str, int] = {}
         self.seen: list[Access] = []
         self.answer: tuple[int, int] | None = None
@@ -44,7 +46,9 @@ class Slave:
     def decide(self, access: Access) -> tuple[int, int]:
         """The answer to an access."""
         rng = self.rng
-        if self.stuck or rng.random() < self.share:
+        refused = self.refuses > 0
+        self.refuses -= refused
+        if refused or self.stuck or rng.random() < self.share:
             # nothing of the access has an effect, and its word means nothing
             return rng.choice((SLVERR, DECERR)), rng.getrandbits(32)
         if access.write:
@@ -54,6 +58,12 @@ class Slave:
         held = self.words.get(access.address)
         # a status clears by and by
         return boot.OKAY, rng.choice((0, rng.getrandbits(32))) if held is None else held
+
+    def reset(self) -> None:
+        """Forget the access that is under way."""
+        self.taken, self.answer = {}, None
+        for name in QUIET:
+            getattr(self.dut, f"m_axil_{name}").value = 0
 
     async def clock(self, clock: Clock) -> Access | None:
         """One clock; the access that has been answered in it."""
@@ -96,22 +106,27 @@ async def boots(dut) -> None:
     for name in QUIET:
         getattr(dut, f"m_axil_{name}").value = 0
     dut.entry.value = 0
-    kinds = ("quick", "slow", "lost", "stuck", "refused")
+    kinds = ("quick", "slow", "lost", "stuck", "refused", "reset")
     for n in range(given["boots"]):
         kind = kinds[n % len(kinds)]
         entries = any_rom(rng)
-        share = 0.3 if kind in ("slow", "refused") else 0.0
+        share = 0.3 if kind in ("slow", "refused", "reset") else 0.0
         slave = Slave(dut, rng, share, 1.0 if kind == "quick" else 0.5)
         slave.loses = 0.5 if kind == "lost" else 0.0
         stuck_at = rng.randrange(3 * len(entries)) if kind == "stuck" else None
-        registered = n % 2
-        dut.last.value, dut.entry.value = len(entries) - 1, entries[0].bits()
-        await clock.reset()
-        board.check("reset", (number(dut.done), number(dut.failed), number(dut.place)), (0, 0, 0))
-        asked = boot.accesses(entries, given["TRIES"])
-        step = next(asked)
-        shown = waited = 0
-        while isinstance(step, Access):
+        registered = n // len(kinds) % 2
+        resets = RESETS if kind == "reset" else 0
+        step: Access | Outcome | None = None  # none yet behind a reset
+        while step is None or isinstance(step, Access):
+            if step is None:
+                slave.reset()
+                dut.last.value, dut.entry.value = len(entries) - 1, entries[0].bits()
+                await clock.reset()
+                got = (number(dut.done), number(dut.failed), number(dut.place))
+                board.check("reset", got, (0, 0, 0))
+                asked = boot.accesses(entries, given["TRIES"])
+                step = next(asked)
+                shown = waited = tried = back = 0
             place = number(dut.place)
             dut.entry.value = entries[shown if registered else place].bits()
             shown = place
@@ -122,10 +137,18 @@ async def boots(dut) -> None:
             board.check("waits", waited < 100, True, f"boot {n}, {kind}")
             if ended:
                 board.check("access", ended, step, f"boot {n}, {kind}")
+                tried, back = int(slave.answer[0] != boot.OKAY), int(step.write)
                 step = asked.send(slave.answer)
+                back &= int(isinstance(step, Access) and not step.write and not tried)
                 slave.answer = None
-        for name in QUIET:
-            getattr(dut, f"m_axil_{name}").value = 0
+            if resets and slave.seen and rng.random() < 0.1:
+                resets -= 1
+                step = None
+                board.cover("reset behind a refusal", tried)
+                board.cover("reset before a word is read back", back)
+                # all tries but one are needed anew
+                slave.refuses = rng.choice((0, given["TRIES"] - 1))
+        slave.reset()
         for _ in range(4):
             await clock.tick()
         for clocks in range(8):
@@ -141,5 +164,12 @@ async def boots(dut) -> None:
     assert {access.write for access in slave.seen}
     board.finish(
         {"access": given["boots"], "outcome": 8 * given["boots"]},
-        {"done": 3, "failed lost": 1, "failed stuck": 1, "repeated": 1},
+        {
+            "done": 3,
+            "failed lost": 1,
+            "failed stuck": 1,
+            "repeated": 1,
+            "reset behind a refusal": 5,
+            "reset before a word is read back": 2,
+        },
     )

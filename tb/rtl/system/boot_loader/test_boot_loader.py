@@ -2,10 +2,12 @@
 
 Stimulus: ROMs of random length with every operation and the corners of address and word, behind a
 register and without one; a slave at full speed and one that takes its time; accesses that are
-refused, words that are lost, a slave that refuses for ever.
+refused, words that are lost, a slave that refuses for ever; resets in any clock of a boot, behind
+refusals and before a word is read back.
 Checks: every access in order, its address and word, against the model; the outcome, its place, that
 it stays, and that nothing follows it; the entries that `make registers` writes.
-Faults: no second try, a word that is not compared, errors taken for answers, and others.
+Faults: no second try, a word that is not compared, errors taken for answers, a reset that keeps a
+part of the state, and others.
 """
 
 from __future__ import annotations
@@ -58,6 +60,13 @@ FAULTS = [
     ),
     Fault(NAME, 'address <= "00" & entry(45', 'address <= "00" & not entry(45', SEEN),
     Fault(NAME, "not (entry(47) or entry(46))", "not entry(47)", SEEN),
+    Fault(NAME, "v := STATE_INIT;", "v := (FETCH, STATE_INIT.place, '0', r.tried);", SEEN),
+    Fault(
+        NAME,
+        "v := STATE_INIT;",
+        "v := STATE_INIT; if (r.back = '1') then v.back := '1'; end if;",
+        SEEN,
+    ),
 ]
 
 
