@@ -103,14 +103,15 @@ class System:
     async def check_flux(self, m: dict[str, int], where: str) -> None:
         """One clock after valid ports and registers show the flux of the decision."""
         kind, shown = ("psir", "rotor") if self.controller == "mpdcc" else ("psis", "stator")
-        wanted = [bits(int(m[f"{kind}_{axis}"]), 16) for axis in ("alpha", "beta")]
+        wanted = [int(m[f"{kind}_{axis}"]) for axis in ("alpha", "beta")]
+        coded = [bits(v, 16) for v in wanted]
         await FallingEdge(self.dut.clk)
         got = [number(getattr(self.dut, f"flux_{axis}")) for axis in ("alpha", "beta")]
-        self.board.check("flux port", got, wanted, where)
+        self.board.check("flux port", got, coded, where)
         got = [await self.bus.read(f"result.{shown}_flux", axis) for axis in ("alpha", "beta")]
-        self.board.check("observed flux", [bits(v, 16) for v in got], wanted, where)
+        self.board.check("observed flux", got, wanted, where)
         got = [number(getattr(self.dut, f"flux_{axis}")) for axis in ("alpha", "beta")]
-        self.board.check("flux port", got, wanted, f"{where}, later")
+        self.board.check("flux port", got, coded, f"{where}, later")
         if self.controller == "mptc":
             self.board.check("speed port", number(self.dut.speed), 0, where)
 
@@ -472,7 +473,7 @@ async def filtered(system: System) -> None:
             board.check("filtered", system.decided(), wanted, f"{chosen}, decision {n}")
             if watched:
                 shown = [await bus.read("result.rotor_flux", axis) for axis in ("alpha", "beta")]
-                said = [bits(int(v), 16) for v in estimate]
+                said = [int(v) for v in estimate]
                 board.check("observed flux", shown, said, f"{chosen}, decision {n}")
             board.cover("moved", int(any(used[name] != m[name] for name in names[2:])))
             for _ in range(3):

@@ -98,9 +98,9 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
 
 #: What is wrong in front of the core of MPDCC, and the check that sees it.
 BEFORE_THE_CORE = {
-    "old estimate": ("(forget and not deciding)", "'0'", "observed flux"),
+    "old estimate": ("(forget and not deciding)", "'0'", "flux port"),
     "kept while off": ("forget_filters <= not filtering or", "forget_filters <=", "filtered"),
-    "wrong phase": ("=> watched_b", "=> watched_c", "observed flux"),
+    "wrong phase": ("=> watched_b", "=> watched_c", "flux port"),
     "not filtered": ("ready         <= filters_valid", "ready         <= may_begin", "filtered"),
     "another interval": ("earlier_a when delayed", "until_a when delayed", "observed flux"),
     "untold": ("observer_flag or filters_flag", "observer_flag", "told"),
