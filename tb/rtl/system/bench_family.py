@@ -176,6 +176,7 @@ class Rig:
         """Start with these measurements, wait; clocks that it took."""
         dut = self.dut
         await FallingEdge(dut.clk)
+        before = self.estimates()
         self.put(words)
         dut.start.value = 1
         if self.reference:
@@ -187,8 +188,17 @@ class Rig:
         while not number(dut.valid):
             clocks += 1
             assert clocks < 300, "no decision"
+            if self.sensorless:
+                now, where = self.estimates(), f"{self.where}, not before valid"
+                self.board.check("speed port", now[0], before[0], where)
+                self.board.check("flux port", now[1:], before[1:], where)
             await FallingEdge(dut.clk)
         return clocks
+
+    def estimates(self) -> list[str]:
+        """Bits of speed and flux on the ports."""
+        dut = self.dut
+        return [str(port.value) for port in (dut.speed, dut.flux_alpha, dut.flux_beta)]
 
 
 def words_of(drive: MptcDrive, period: int, sensorless: bool, jitter: bool) -> dict[str, int]:
@@ -257,6 +267,8 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
     drive = rows.shipped("induction_2kw2").with_control(method=method, duty_rule=rule)
     known = plant.plant_parameters(drive)
     await rig.reset()
+    if rig.sensorless:
+        board.check("speed port", rig.estimates()[0], f"{0:016b}", "behind a reset")
     words = words_of(drive, period, rig.sensorless, jitter)
     estimator = None
     if rig.sensorless:
@@ -294,11 +306,12 @@ async def closed(rig: Rig, method: str, period: int, steps: int, jitter: bool) -
         if estimator:
             shown = await bus.read("result.speed", "omega_r")
             board.check("speed", shown, int(used[4]), rig.where)
-            board.check("speed port", number(rig.dut.speed), bits(int(used[4]), 16), rig.where)
+            wanted_speed, *wanted_flux = (f"{bits(int(used[x]), 16):016b}" for x in (4, 2, 3))
+            speed, *port = rig.estimates()
+            board.check("speed port", speed, wanted_speed, rig.where)
             shown = [await bus.read("result.stator_flux", axis) for axis in ("alpha", "beta")]
             board.check("flux", shown, [int(v) for v in used[2:4]], rig.where)
-            shown = [number(rig.dut.flux_alpha), number(rig.dut.flux_beta)]
-            board.check("flux port", shown, [bits(int(v), 16) for v in used[2:4]], rig.where)
+            board.check("flux port", port, wanted_flux, rig.where)
         vectors, lengths = np.empty(7, dtype=np.int64), np.empty(7)
         count = segments(
             VectorSequence(*(int(v) for v in applied[:3]), *(applied[3:] / TIME_STEPS)),
