@@ -13,6 +13,7 @@ Does not prove: boot_loader and mpdcc_system themselves, see test_boot_loader an
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ import pytest
 from directmpc.api.drive_file import load_drive
 from directmpc.host import boot, registers
 from scripts.generate.fusesoc_cores import RTL
+from scripts.hdl.clocks import clocks_of, worst_cycles
 from scripts.hdl.ghdl import CheckError
 from scripts.shared.tools import ROOT
 from tb.helpers.drives import plain_file
@@ -30,8 +32,11 @@ EXAMPLE = ROOT / "examples" / "fabric"
 DRIVE = plain_file("anpc5l_6kv")
 FILES = ("adc_scaling.vhd", "clarke.vhd", "fabric_system.vhd")
 CLOCK = 100e6
-#: From tick to the decision: measurements, flux observer, the core with two explorers; the boot.
-CLOCKS, BOOT_CLOCKS = 5 + 19 + 82, 1_192
+BOOT_CLOCKS = 1_341
+#: Of the example: clocks from tick to start, and the system's explorers.
+LATENCY, EXPLORERS = 5, 2
+#: From tick to valid, at most: measurements, flux observer, a decision of one level.
+CLOCKS = LATENCY + clocks_of("state_observer", "flux") + worst_cycles("fast", EXPLORERS)
 
 
 def bench(
@@ -61,9 +66,14 @@ def test_it_boots_and_decides_as_the_model(tmp_path: Path) -> None:
     found = bench(tmp_path)
     assert found.measured["clocks"] <= CLOCKS
     assert found.measured["boot"] == BOOT_CLOCKS
+    text = (EXAMPLE / "fabric_system.vhd").read_text(encoding="utf-8")
+    assert re.search(rf"constant LATENCY +: natural +:= {LATENCY};", text)
     page = (ROOT / "docs" / "using-the-core.md").read_text(encoding="utf-8")
-    assert f"| {BOOT_CLOCKS:,} |" in page
-    assert f"| {CLOCKS} |" in page
+    assert f"| in the example, `EXPLORERS => {EXPLORERS}` | clocks |" in page
+    assert f"until `booted` | {BOOT_CLOCKS:,} |" in page
+    assert f"to `start` | {LATENCY} |" in page
+    assert f"of ten decisions of the test | {found.measured['clocks']} |" in page
+    assert f"at most | {CLOCKS} |" in page
 
 
 def test_a_boot_that_fails_leaves_the_gates_off(tmp_path: Path) -> None:
