@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cocotb
-from cocotb.triggers import ClockCycles
+from cocotb.triggers import ClockCycles, FallingEdge
 
 from scripts.hdl.clocks import clocks_of
 from tb.helpers.scoreboard import arguments, number
@@ -11,6 +11,8 @@ from tb.rtl.system.bench_system import NOT_THE_CORE_S, System
 
 #: Words that differ between two sets.
 CHANGED = 8
+#: Clocks in which no write passes, from a commit's command on.
+HELD = 3
 #: Clocks after a decision's end at which the last one is.
 AFTER = 4
 #: Clocks for which MPDCC's parameters are prepared behind a commit: copied, then scaled.
@@ -43,6 +45,17 @@ class Sweep:
     async def commit(self) -> None:
         """Ask for a commit."""
         await self.system.bus.write("system.command", commit=1)
+
+    async def held(self) -> None:
+        """No write passes in the clock of a commit's command and in the two after it."""
+        rules = self.system.dut.i_shell.i_rules
+        since = HELD
+        while True:
+            await FallingEdge(self.system.dut.clk)
+            since = 0 if number(rules.commit) else since + 1
+            if since < HELD:
+                passed = number(rules.passed)
+                self.system.board.check("held", passed, 0, f"{since} clocks behind a command")
 
     async def prepared(self) -> None:
         """How long a commit at rest is pending behind its load."""
@@ -126,6 +139,7 @@ async def commits(dut) -> None:
     await system.begin()
     await system.bus.write("system.control", own_positions=0)
     sweep = Sweep(system)
+    cocotb.start_soon(sweep.held())
     await system.settled()  # the commit of the reset
     await sweep.write(sweep.in_force)
     await sweep.commit()
@@ -153,6 +167,6 @@ async def commits(dut) -> None:
     board.longest("clocks", longest)
     board.longest("during", during)
     board.finish(
-        {"next": len(changes)},
+        {"next": len(changes), "held": HELD * len(changes)},
         {"during": longest // given["stride"], "refused": 3 * sweep.copies},
     )
