@@ -188,5 +188,5 @@ generate: $(READY) ## rewrite the files that are generated from the model
 	@'$(PY)' -m scripts generate
 
 clean: ## remove what can be made again, but for .venv
-	@rm -rf '$(ROOT)/build' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'
+	@rm -rf '$(ROOT)/build' '$(ROOT)/model/directmpc/native/verilog' '$(ROOT)/.pytest_cache' '$(ROOT)/.ruff_cache'
 	@find '$(ROOT)' -path '$(ROOT)/.venv' -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf

@@ -160,33 +160,6 @@ class GuardTable(Section):
         ]
 
 
-def check_link(guard: Any, vdc: float, unit: str) -> None:
-    """Refuse trip levels of the dc link that do not enclose its nominal voltage.
-
-    Parameters
-    ----------
-    guard : GuardTable
-        With `link_high` and `link_low`.
-    vdc : float
-        Nominal voltage.
-    unit : str
-        Name of its unit.
-
-    Raises
-    ------
-    PydanticCustomError
-        If a level is given and lies outside; names key and range.
-    """
-    for key, low, high in (("link_high", vdc, 2.0 * vdc), ("link_low", 0.5 * vdc, vdc)):
-        value = getattr(guard, key)
-        if value is not None and not low <= value <= high:
-            raise refused(
-                f"guard.{key}",
-                f"got {value:g} {unit}; it must be a number from {low:g} to {high:g} {unit} with "
-                f"inverter.vdc = {vdc:g} {unit}",
-            )
-
-
 class AnyDrive(Section):
     """What the drives of all controllers can do."""
 

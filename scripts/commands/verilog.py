@@ -28,4 +28,4 @@ def _run(given: argparse.Namespace) -> int | None:
     return 0
 
 
-COMMAND = Command("verilog", __doc__.splitlines()[0], _arguments, _run, failed=1, outputs=())
+COMMAND = Command("verilog", __doc__, _arguments, _run, failed=1, outputs=(), folders=("out",))

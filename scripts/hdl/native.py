@@ -1,7 +1,7 @@
 """Verilog of the designs that the library can run natively (`directmpc.native`).
 
-One file a design, whole with all of its options, in `model/directmpc/native/verilog`: a link to
-`build/native` in a clone, and part of the wheel of a release.
+One file a design, whole with all of its options, in `model/directmpc/native/verilog`. Git does not
+have them; the wheel of a release does.
 """
 
 from __future__ import annotations
@@ -45,12 +45,11 @@ def write(designs: Collection[str] = tuple(DESIGNS)) -> list[Path]:
     ToolError
         If GHDL or Yosys is missing or fails.
     """
-    folder = VERILOG.resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    VERILOG.mkdir(exist_ok=True)
     written = []
     for design in designs:
         top, generics = DESIGNS[design]
-        source, out = conversion.cached(top, generics), folder / f"{design}.v"
+        source, out = conversion.cached(top, generics), VERILOG / f"{design}.v"
         if not out.is_file() or out.read_bytes() != source.read_bytes():
             with tools.replacing(out) as temporary:
                 shutil.copy(source, temporary)

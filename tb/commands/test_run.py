@@ -49,6 +49,7 @@ TWO_LEVEL = ROOT / "drives" / "induction_2kw2.toml"
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     outputs = {name: tmp_path / "new" / name for name in ("out", "trace", "decisions")}
     picture = outputs["out"]
+    picture.parent.mkdir()
     assert run.COMMAND.main(["--steps", "40", *arguments_for(outputs)]) == 0
     shown = capsys.readouterr().out
     for words in ("40 checked", "0 differ", "24 logical", "36 physical", "us at 40 MHz", "1135"):

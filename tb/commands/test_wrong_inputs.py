@@ -35,7 +35,7 @@ from tb.helpers.commands import told
 DRIVE = "anpc5l_6kv"
 
 NEEDED = {
-    "convert": ["mac_block"],
+    "convert": ["--top", "mac_block"],
     "field-score": ["--set", "x", "--decisions", "x.csv"],
     "netlist-check": ["--vectors", "x"],
     "replay": ["--drive", DRIVE, "--trace", "x.csv", "--out", "x.csv"],

@@ -199,6 +199,9 @@ class TwinBoard:
         flags = saturated << Flag.SATURATED | clamped << Flag.CLAMPED
         return Answer(int(u), int(flags), 0, 39, 0, 0)
 
+    def refuse_unmeasured(self, state: MptcState) -> None:
+        """As `Board.refuse_unmeasured`: it was not started."""
+
     def sequence(self) -> None:
         """As `Board.sequence`: MPTC decides on one vector."""
 
@@ -236,7 +239,7 @@ def test_wrong_arguments_get_a_sentence() -> None:
         (TypeError, lambda: decide("anpc5l_6kv", state), "drive: got a str; load_drive makes"),
         (TypeError, lambda: decide(mpdcc, state), "got a MptcState; .* mpdcc needs a MpdccState"),
         (TypeError, lambda: decide(mptc, [1, 2]), "state: got a list"),
-        (ValueError, lambda: decide(mptc, state, "rtl"), '"ideal" or "model"'),
+        (ValueError, lambda: decide(mptc, state, "vhdl"), '"ideal" or "model" or "rtl"'),
         (ValueError, lambda: decide(mptc, state, "model", "x"), '"fast" or "paper"'),
         (StateError, lambda: decide(mptc, {"is_alpha": 1}), "has no column is_beta"),
         (StateError, lambda: MptcState("a", 1, 1, 1, 1), "current: got 'a'; a complex number"),
@@ -248,7 +251,7 @@ def test_wrong_arguments_get_a_sentence() -> None:
         (StateError, lambda: MpdccState(**good | {"applied": (0, 1, 1.5)}), r"applied\[2\]"),
         (TypeError, lambda: simulate(mpdcc, 3), "controller: got a int; .*decide"),
         (TypeError, lambda: simulate(mpdcc, Wary), "controller: got the class Wary"),
-        (ValueError, lambda: simulate(mpdcc, "rtl"), "engine: got 'rtl'"),
+        (ValueError, lambda: simulate(mpdcc, "vhdl"), "engine: got 'vhdl'"),
         (TypeError, lambda: simulate(mpdcc, plant=mptc), "plant: got a MptcDrive"),
         (ValueError, lambda: simulate(mpdcc, steps=0), "steps: got 0; an integer from 1"),
         (ValueError, lambda: simulate(mpdcc, steps=1.5), "steps: got 1.5"),

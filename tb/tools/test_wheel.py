@@ -61,7 +61,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
     shutil.copytree(ROOT / "drives", copy / "drives")
-    ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", "verilog")
     shutil.copytree(ROOT / "model", copy / "model", symlinks=True, ignore=ignored)
     with tarfile.open(backend(copy, "build_sdist")) as archive:
         unpacked = tmp_path_factory.mktemp("unpacked")

@@ -308,6 +308,7 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
         form = mptc_formats.measurement_formats(drive)
         current, voltage = form["is_alpha"].scale, form["v_dc"].scale
         units = "A", "V"
+    _check_link(drive, units[1])
     limit = decision_periods(drive) * ts if asked.decision_limit is None else asked.decision_limit
     watchdog = WATCHDOG_PERIODS * ts if asked.watchdog is None else asked.watchdog
     time = "s", clock, f"clocks of {clock / 1e6:g} MHz"
@@ -325,6 +326,18 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
         "link_low": _Setting(asked.link_low, *volts, 2**16 - 1, True),
     }
     return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
+
+
+def _check_link(drive: Drive | MptcDrive, unit: str) -> None:
+    """Refuse trip levels of the dc link that do not enclose its nominal voltage."""
+    vdc = drive.inverter.vdc
+    for key, low, high in (("link_high", vdc, 2.0 * vdc), ("link_low", 0.5 * vdc, vdc)):
+        value = getattr(drive.guard, key)
+        if value is not None and not low <= value <= high:
+            raise ValueError(
+                f"guard.{key}: got {value:g} {unit}; it must be a number from {low:g} to {high:g} "
+                f"{unit} with inverter.vdc = {vdc:g} {unit}"
+            )
 
 
 #: Longest time between two decisions where the drive file does not say, control periods.

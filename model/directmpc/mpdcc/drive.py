@@ -18,7 +18,6 @@ from directmpc.drive_tables import (
     GuardTable,
     Section,
     auto_or,
-    check_link,
     integer,
     number,
     refused,
@@ -116,11 +115,6 @@ class Drive(AnyDrive):
     inverter: Inverter
     guard: Guard = Guard()
     control: Control
-
-    @model_validator(mode="after")
-    def _check_guard(self) -> Self:
-        check_link(self.guard, self.inverter.vdc, "pu")
-        return self
 
     @model_validator(mode="after")
     def _check_sampling(self) -> Self:

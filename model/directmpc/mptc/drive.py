@@ -14,7 +14,6 @@ from directmpc.drive_tables import (
     AnyDrive,
     GuardTable,
     Section,
-    check_link,
     integer,
     number,
     refused,
@@ -108,8 +107,3 @@ class MptcDrive(AnyDrive):
     inverter: MptcInverter
     guard: MptcGuard = MptcGuard()
     control: MptcControl
-
-    @model_validator(mode="after")
-    def _check_guard(self) -> Self:
-        check_link(self.guard, self.inverter.vdc, "V")
-        return self

@@ -28,7 +28,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 HERE = Path(__file__).resolve().parent
-#: Verilog of the designs, one file each; a link to ``build/native`` in a clone.
+#: Verilog of the designs, one file each.
 VERILOG = HERE / "verilog"
 
 #: What Verilator is told; all registers without a reset begin with 0.
