@@ -70,5 +70,5 @@ async def permits_with_and_without_a_clock(dut) -> None:
     board.finish(
         {"pins": given["clocks"], "permitted": given["clocks"] - 2, "registers": 4},
         {"on": given["clocks"] // 4, "permitted": given["clocks"] // 4, "back without a clock": 5}
-        | {"waits for the gates": 10},
+        | {"waits for the gates": 20},
     )

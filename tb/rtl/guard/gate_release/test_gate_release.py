@@ -23,7 +23,7 @@ from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 
-def bench(width: int = 24, clocks: int = 1500, rtl: Path = RTL) -> Outcome:
+def bench(width: int = 24, clocks: int = 2500, rtl: Path = RTL) -> Outcome:
     return run(
         "gate_release",
         "tb.rtl.guard.gate_release.bench_gate_release",
