@@ -235,6 +235,8 @@ def test_every_part_has_its_tables(tmp_path: Path) -> None:
     page.write_text("".join(empty), encoding="utf-8")
     found = _reached(wanted)
     goals.publish(found | {"rtl": {}}, wanted, page)
+    # an entity with a goal has its row before it is measured
+    assert "| `mac_block` | not measured |" in page.read_text(encoding="utf-8")
     goals.publish({"commit": "1" * 40, "rtl": found["rtl"]}, wanted, page)
     text = page.read_text(encoding="utf-8")
     assert text.count("Measured at commit `000000000000`") == len(goals.PARTS) - 1

@@ -163,6 +163,23 @@ class Lines:
             self.position = p.Decision.unpack(reply.payload).position & 0x1FF
             self.decisions += 1
 
+    def from_registers(self, measured: list[int]) -> None:
+        """Start decisions from the registers: just written, and not written again.
+
+        Parameters
+        ----------
+        measured : list[int]
+            Words of the measurements.
+        """
+        names = [name for name in self.registers if name.startswith("measurements.")]
+        self.write("system.control", 0)
+        self.write("system.faults", ALL_FAULTS)
+        self.write("system.control", 1)
+        for name, word in zip(names, measured, strict=False):
+            self.write(name, word % 2**32)
+        for _ in range(2):
+            self.write("system.command", 2)
+
     def trip(self, rows: list[list[int]], pause: int = 200, **settings: int) -> None:
         """Set the guard so that what comes is a fault; see it, then clear it bit by bit.
 
@@ -302,6 +319,7 @@ def _run(
             for measured in states_of_drive:
                 lines.step(measured)
             if number < 2:
+                lines.from_registers(states_of_drive[0])
                 lines.faults(states_of_drive[:6])
                 lines.cut(states_of_drive[0])
                 lines.load(drive, **settings)

@@ -426,14 +426,15 @@ def _of_library(found: Mapping[str, Any], goals: Goals) -> list[str]:
 
 
 def _of_entities(found: Mapping[str, Any], goals: Goals) -> list[str]:
-    rows = [
-        (
-            f"`{entity}`", _share(one["lines"]), _share(one["conditions"]), _share(one["bits"]),
-            f"{percent(one['bits']):.1f} %",
-            " / ".join(f"{least:g} %" for least in goals.rtl.get(entity, ())),
-        )
-        for entity, one in found.items()
-    ]  # fmt: skip
+    rows = []
+    for entity in sorted({*found, *goals.rtl}):
+        one = found.get(entity)
+        least = " / ".join(f"{share:g} %" for share in goals.rtl.get(entity, ()))
+        shares = ("not measured", "", "", "")
+        if one is not None:
+            counts = [_share(one[what]) for what in ("lines", "conditions", "bits")]
+            shares = (*counts, f"{percent(one['bits']):.1f} %")
+        rows.append((f"`{entity}`", *shares, least))
     head = ("entity", "lines", "conditions", "bits", "share of bits", "goal, conditions / bits")
     lines = [tables.markdown(head, rows, "lrrrrr")]
     if goals.argued:
