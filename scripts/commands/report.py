@@ -32,6 +32,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--resources", action="store_true",
         help="rewrite resources in metrics.json and tables, from scripts/measure/budgets.toml",
     )  # fmt: skip
+    part.add_argument(
+        "--sources", action="store_true",
+        help="rewrite which figures are by the sources of the tree, in metrics.json and figures.md",
+    )  # fmt: skip
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -40,7 +44,7 @@ def _run(given: argparse.Namespace) -> int | None:
     report.regenerate(
         given.jobs, given.seeds,
         only=given.only, tables_only=given.tables, resources_only=given.resources,
-        one_commit=given.one_commit,
+        sources_only=given.sources, one_commit=given.one_commit,
     )  # fmt: skip
     return 0
 

@@ -1118,7 +1118,7 @@ def _build(
         provenance.put_commits(document)
         document.pop("sources", None)
         if not dirty:
-            document["sources"] = {"commit": document["commit"], "others": _old(every, say)}
+            document["sources"] = {"commit": commit, "others": _old(every, say)}
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         document["mptc"] |= {
             "commit": document["measured"].get("mptc-runs", "unknown"),
@@ -1158,6 +1158,26 @@ def _old(every: Iterable[Stage], say: Callable[[str], None]) -> list[str]:
     return found + provenance.old(say)
 
 
+def _write_sources(every: Iterable[Stage], say: Callable[[str], None]) -> None:
+    """Write into metrics.json and the pages which figures are by the sources of the tree.
+
+    Raises
+    ------
+    ReportError
+        If files of the tree are not committed.
+    """
+    commit, dirty = tools.git_state()
+    if dirty:
+        raise ReportError("files of the tree are not committed; figures would be of no commit")
+    path = REPORTS / METRICS
+    document = json.loads(path.read_text(encoding="utf-8"))
+    provenance.put_commits(document)
+    document["sources"] = {"commit": commit, "others": _old(every, say)}
+    with all_or_nothing():
+        tools.write(path, json.dumps(document, indent=1) + "\n")
+        write_tables(document)
+
+
 def state(say: Callable[[str], None]) -> int:
     """Tell of each stage, and of figures with commands of their own, what is published of it.
 
@@ -1184,7 +1204,7 @@ def _cocotb_version() -> str:
 
 def regenerate(
     jobs: int, seeds: int, *, only: Collection[str] = (), tables_only: bool = False,
-    resources_only: bool = False, one_commit: bool = False,
+    resources_only: bool = False, sources_only: bool = False, one_commit: bool = False,
 ) -> None:  # fmt: skip
     """Regenerate the reports, or only the tables that show them.
 
@@ -1200,14 +1220,16 @@ def regenerate(
         Whether only tables are written, from the files in reports/.
     resources_only : bool
         Whether only resources are written, from the budgets.
+    sources_only : bool
+        Whether only is written which figures are by the sources of the tree.
     one_commit : bool
         Whether what was measured at another commit is measured again, of the same sources too.
 
     Raises
     ------
     ReportError
-        If a figure cannot be had, or sources changed meanwhile; with `one_commit` also if files are
-        not committed.
+        If a figure cannot be had, or sources changed meanwhile; with `one_commit` or `sources_only`
+        also if files are not committed.
     UsageError
         If there is no stage of a name.
     MarkerError
@@ -1217,6 +1239,8 @@ def regenerate(
     if resources_only:
         with all_or_nothing():
             write_resources()
+    elif sources_only:
+        _write_sources(stages_of(jobs, seeds, say), say)
     elif tables_only:
         path = REPORTS / METRICS
         document = json.loads(path.read_text(encoding="utf-8")) | study_figures.sections()

@@ -180,6 +180,28 @@ def test_stages_of_other_sources_are_told_with_the_others(
     assert report._old(every, lambda _: None) == ["old", "gates"]
 
 
+def test_what_is_old_is_written_of_a_committed_tree_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    metrics = tmp_path / stages.METRICS
+    metrics.write_text(json.dumps({"measured": {"pwm": "2" * 40, "sese": "2" * 40}}))
+    state, written = ("1" * 40, True), []
+    monkeypatch.setattr(report, "REPORTS", tmp_path)
+    monkeypatch.setattr(report.tools, "git_state", lambda: state)
+    monkeypatch.setattr(report, "write_tables", written.append)
+    monkeypatch.setattr(report, "is_current", lambda one: one.name == "pwm")
+    monkeypatch.setattr(provenance, "APART", ())
+    every = [stages.Stage(name, name, (), lambda _: None) for name in ("pwm", "sese")]
+    with pytest.raises(report.ReportError, match="not committed"):
+        report._write_sources(every, lambda _: None)
+    assert "sources" not in json.loads(metrics.read_text())
+    state = ("1" * 40, False)
+    report._write_sources(every, lambda _: None)
+    document = json.loads(metrics.read_text())
+    assert document["sources"] == {"commit": "1" * 40, "others": ["sese"]}
+    assert written == [document]
+
+
 def test_every_stored_commit_is_looked_at() -> None:
     names = set(provenance.commits())
     known = {file for one in stages.recorded().values() for file in one["files"]}
