@@ -627,10 +627,12 @@ def _by_sources(document: dict[str, Any]) -> str:
             f"Every figure in `reports/`, but for {old}, is by the sources of {commit}, "
             "whenever it was measured. "
         )
-    whose = f"those of {', '.join(same)} are" if same else "none is"
+    theirs = "`measured` in `reports/metrics.json` has the commit of each. "
+    if not same:
+        return f"No figure in `reports/` is by the sources of {commit}; all are older. {theirs}"
     return (
-        f"Of the figures in `reports/`, {whose} by the sources of {commit}; all others are by "
-        "older sources. `measured` in `reports/metrics.json` has the commit of each. "
+        f"Of the figures in `reports/`, those of {', '.join(same)} are by the sources of {commit}; "
+        f"all others are older. {theirs}"
     )
 
 
