@@ -167,7 +167,10 @@ def test_the_page_names_what_is_new_where_most_is_old() -> None:
     )
     assert said in _said(["torture", "scaling", "pwm", "sese"])
     document = {"sources": {"commit": "1" * 40, "others": ["pwm"]}, "measured": {"pwm": "2"}}
-    assert "No figure in `reports/` is by the sources of commit `111111111111`" in report._by_sources(document)
+    assert (
+        "No figure in `reports/` is by the sources of commit `111111111111`"
+        in report._by_sources(document)
+    )
 
 
 def test_stages_of_other_sources_are_told_with_the_others(
