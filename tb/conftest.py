@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fnmatch
+import os
 import signal
 import tomllib
 from pathlib import Path
@@ -58,6 +59,8 @@ def pytest_configure(config: pytest.Config) -> None:
     The first call of a YoWASP tool compiles it on all cores, for half a minute. Two processes
     that call it first at the same time take more than twice as long.
     """
+    # what a command writes is compared; how long numba compiles depends on the machine
+    os.environ["DIRECTMPC_SILENT"] = "1"
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("numprocesses", None):

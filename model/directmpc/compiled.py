@@ -113,6 +113,8 @@ def _tolerate_full_disk(made: Any, folder: Path) -> None:
 class _Compiling(event.Listener):  # type: ignore[misc]
     """Says once on standard error that a silence is the compiler's, where it is a long one.
 
+    The variable DIRECTMPC_SILENT, set to anything, keeps it quiet.
+
     Attributes
     ----------
     codes
@@ -131,7 +133,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
     def _say(self) -> None:
         self._said = True
-        if sys.stderr is not None:
+        if sys.stderr is not None and not os.environ.get("DIRECTMPC_SILENT"):
             text = "compiling with numba, for half a minute or so; the next start finds most of it"
             print(f"directmpc: {text}", file=sys.stderr, flush=True)
 

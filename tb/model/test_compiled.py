@@ -40,6 +40,7 @@ print(cost_of(1 << 20))
 def start(folder: Path, cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python with the package in a folder and numba's cache in another."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache)}
+    del environment["DIRECTMPC_SILENT"]  # of the tests
     done = subprocess.run(
         [sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True
     )
