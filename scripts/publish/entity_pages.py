@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scripts.generate.fusesoc_cores import PUBLIC
+from scripts.generate import fusesoc_cores
 from scripts.hdl import sources
 from scripts.measure import budgets, synth
 from scripts.measure.budgets import Budgets
@@ -22,6 +22,9 @@ from scripts.shared import cache, tools
 from scripts.shared.tools import BUILD, ROOT, ToolError
 
 __all__ = ["PUBLIC", "Port", "generics", "header", "page", "ports"]
+
+#: Entities that have a page.
+PUBLIC = tuple(one for one in fusesoc_cores.PUBLIC if one not in fusesoc_cores.PARTS)
 
 _LABEL = re.compile(r"^([A-Z][a-z]+(?: [a-z]+){0,3}): +(?=\S)")
 _DECLARED = re.compile(

@@ -47,7 +47,8 @@ TWO_LEVEL = ROOT / "drives" / "induction_2kw2.toml"
 
 
 def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    outputs = {name: tmp_path / "new" / name for name in ("out", "trace", "decisions")}
+    names = {"out": "run.png", "trace": "trace.csv", "decisions": "decisions.csv"}
+    outputs = {name: tmp_path / "new" / file for name, file in names.items()}
     picture = outputs["out"]
     picture.parent.mkdir()
     assert run.COMMAND.main(["--steps", "40", *arguments_for(outputs)]) == 0
