@@ -517,7 +517,8 @@ def _added(errors: MptcErrors, drive: MptcDrive, currents: np.ndarray) -> np.nda
 def test_a_two_level_run_with_errors_is_replayed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    outputs = {name: tmp_path / name for name in ("out", "trace", "decisions")}
+    names = {"out": "run.png", "trace": "trace.csv", "decisions": "decisions.csv"}
+    outputs = {name: tmp_path / file for name, file in names.items()}
     given = ["--drive", str(TWO_LEVEL), "--steps", "30", "--plant", "lm=0.8,rs=1.2"]
     given += ["--errors", "noise_current=0.2,bits=10,dead_time=2e-6", *arguments_for(outputs)]
     assert run.COMMAND.main(given) == 0
