@@ -32,7 +32,7 @@ module proof (
   (* inside = "i_dut.choice_c" *) wire [1:0] c;
   (* inside = "i_dut.left" *) wire [3:0] left;
   (* inside = "i_dut.finished" *) wire finished;
-  (* inside = "i_dut.before_net" *) wire [3:0] effort_now;
+  (* inside = "i_dut.effort_so_far" *) wire [3:0] effort_now;
   (* inside = "i_dut.bank_now" *) wire bank_now;
   (* inside = "i_dut.place" *) wire [5:0] index_now;
 
