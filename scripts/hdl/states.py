@@ -96,7 +96,9 @@ def of_file(path: str | Path) -> Drive:
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
-    """A drive anywhere in the specified ranges, a third of its values at an end of theirs.
+    """A drive of a machine above about 100 kW, a third of its values at an end of their range.
+
+    A drive file allows small machines, with resistances up to 0.2 pu, too.
 
     Parameters
     ----------

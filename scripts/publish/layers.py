@@ -19,7 +19,7 @@ from scripts.shared.tools import ROOT
 PICTURE = ROOT / "docs" / "layers.svg"
 PACKAGES = ("tb", "scripts", "directmpc")
 #: Rooms of the library, from above; what lies in none is shared by both controllers.
-LIBRARY = ("host", "api", "mptc", "mpdcc")
+LIBRARY = ("host", "api", "mptc", "mpdcc", "loads")
 TITLES = {
     "tb": "tests, benches and their helpers",
     "scripts": "tools",
@@ -35,6 +35,7 @@ TITLES = {
     "api": "the public names: drive files, controllers, closed loops",
     "mptc": "MPTC: models and plant",
     "mpdcc": "MPDCC: models and plant",
+    "loads": "what an inverter feeds",
     "": "shared by both controllers",
 }
 

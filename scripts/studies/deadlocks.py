@@ -24,13 +24,13 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.host.console import progress_bar
+from directmpc.loads.load import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from scripts.hdl import states
 from scripts.shared import tables, tools
 from scripts.shared.figures import COLOURS, drive_title, from_zero, pyplot, save_png

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.host.console import progress_bar
+from directmpc.loads.load import discretise
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc import cycles as sese_cycles
 from directmpc.mpdcc.bit_true import common
@@ -30,7 +31,6 @@ from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import discretise
 from scripts.hdl import states
 from scripts.measure import budgets as budgets_file
 from scripts.shared import paper_a, tables, tools
@@ -282,9 +282,7 @@ def _prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.floa
             )
             for _ in range(s1[3]):
                 plant.step(s1[0:3])
-            a11, a12, _, _, b1, _ = discretise(
-                own.tau_s, own.tau_r, own.xm, own.xr, own.d, seen.omega_r[k], own.ts * s1[3]
-            )
+            a11, a12, _, _, b1, _ = discretise(own.load, seen.omega_r[k], own.ts * s1[3])
             ia, ib, ic = ideal.phases(complex(seen.x_m[k, 0], seen.x_m[k, 1]))
             voltage = ideal.inputs(
                 own, seen.vdc[k], *seen.x_inv[k], ia, ib, ic, s1[0], s1[1], s1[2]

@@ -19,7 +19,7 @@ from rich.table import Table
 from directmpc.api.simulation import plant_with
 from directmpc.host.console import progress_bar
 from directmpc.host.registers import duty_rule_word
-from directmpc.mpdcc.machine import CLARKE_INVERSE
+from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.closed_loop import RPM, Scenario, constant
 from directmpc.mptc.coefficients import registers

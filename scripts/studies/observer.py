@@ -10,6 +10,7 @@ table in docs/observer.md.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -126,8 +127,8 @@ def run(
     factors = dict(factors or {})
     measured = factors.pop("speed", 1.0)
     machine = drive.machine
-    changed = {name: getattr(machine, name) * factors.get(name, 1.0) for name in machine.__dict__}
-    real = type(machine)(**{k: v for k, v in changed.items() if not k.startswith("_")})
+    changed = {name: factor * getattr(machine, name) for name, factor in factors.items()}
+    real = dataclasses.replace(machine, **changed)
     count = steps or round(2.0 * machine.tau_r / drive.ts_pu)
     profile = constant_profile(drive, OperatingPoint(omega_s=omega_s), count)
     start = profile.start

@@ -16,10 +16,10 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.distortion import thd
+from directmpc.loads.load import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc import metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray, InductionMachine
 from directmpc.mpdcc.plant import STATES, plant_advance, plant_data, plant_step
 from directmpc.mpdcc.trace import IntArray
 from scripts.studies.pwm_modulator import Modulator, half_period, with_common_mode
@@ -155,10 +155,9 @@ def simulate(
     """
     profile = constant_profile(drive, OperatingPoint(speed), 1, phase)
     state, applied = initial_conditions(profile)
-    m = drive.machine
     xdc, xph = (IDEAL, IDEAL) if ideal else (drive.inverter.xdc, drive.inverter.xph)
     vdc = float(drive.inverter.vdc)
-    plant = plant_data(InductionMachine(m.rs, m.rr, m.xls, m.xlr, m.xm), xdc, xph, drive.ts_pu)
+    plant = plant_data(drive.machine, xdc, xph, drive.ts_pu)
     start = profile.start
     voltage = start.v_s * profile.iref[0] / start.i_s
     half = math.pi / (speed * pulses)

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.loads.load import FloatArray
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.machine import FloatArray
 
 CLIPPING_WEIGHT = 1e4
 """Of the square of the volts that a pair cannot make, per unit: dearer than any imbalance."""

@@ -203,7 +203,10 @@ def _random(base: Drive, rng: np.random.Generator) -> Drive:
     """A drive like another one."""
     while True:
         tables = {
-            "machine": {k: v * rng.uniform(0.5, 1.5) for k, v in asdict(base.machine).items()},
+            "machine": {
+                k: getattr(base.machine, k) * rng.uniform(0.5, 1.5)
+                for k in ("rs", "rr", "xls", "xlr", "xm")
+            },
             "inverter": {
                 k: getattr(base.inverter, k) * rng.uniform(0.5, 1.5) for k in ("xdc", "xph")
             },

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from directmpc.api.simulation import plant_with
 from directmpc.host.console import progress_bar
+from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import ideal, metrics
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
@@ -33,7 +34,6 @@ from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
 from directmpc.mpdcc.inverter import POSITIONS, phase_voltages
 from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
@@ -500,9 +500,9 @@ def machine_voltages(run: Run) -> NDArray[np.float64]:
 
 def _torque(run: Run) -> NDArray[np.float64]:
     """Electromagnetic torque of the plant's machine at each step and after the last, per unit."""
-    machine, state = plant_with(run.drive, run.factors).machine, run.result.state
+    load, state = plant_with(run.drive, run.factors).machine, run.result.state
     current, flux = state[:, 0] + 1j * state[:, 1], state[:, 2] + 1j * state[:, 3]
-    return machine.xm / machine.xr * (flux.conjugate() * current).imag
+    return load.torque(current, flux)
 
 
 def draw(run: Run, path: Path) -> None:

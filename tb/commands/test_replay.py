@@ -130,7 +130,7 @@ def _field(text: str, line: int, column: int, value: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("rs = 0.0057", "rs = 0.5", ["machine.rs", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = 0.5", ["machine.rs", "0.001 to 0.2"]),
         ("rs = 0.0057", "rz = 0.0057", ["machine.rz", "unknown key", "machine.rs", "missing"]),
         ("horizon = 63", "horizon = 64", ["control.horizon", "1 to 63"]),
         ("horizon = 63", 'horizon = "63"', ["control.horizon"]),

@@ -20,13 +20,13 @@ import pytest
 from directmpc import DriveErrors, simulate
 from directmpc.api import simulation
 from directmpc.api.controllers import make_controller
+from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import capacitor_observer as filters
 from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import TS_PU_MAX, TS_PU_MIN, Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE
 from scripts.hdl import states
 
 NOISE = DriveErrors(noise_current=0.005, noise_voltage=0.0025, seed=5)

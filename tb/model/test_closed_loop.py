@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
+from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import closed_loop, ideal, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.plant import Plant
 
 RATED = OperatingPoint(1.0, current=1.0, voltage=1.0)

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from directmpc.api.drive_file import load_drive, load_mpdcc_drive, load_mptc_drive, shipped_drives
 from directmpc.drive_tables import DriveError, DriveFileError
+from directmpc.loads.induction import InductionMachine
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mptc.drive import MptcDrive
 from tb.helpers.drives import plain_text
 
@@ -96,13 +96,13 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ("rs = 0.0057", "rs = 0.06", ["machine.rs", "0.06", "0.001 to 0.05"]),
-        ("rs = 0.0057", "rs = 0.0009", ["machine.rs", "0.001 to 0.05"]),
-        ("rs = 0.0057", "rs = nan", ["machine.rs", "nan", "0.001 to 0.05"]),
-        ("rs = 0.0057", "rs = inf", ["machine.rs", "inf", "0.001 to 0.05"]),
+        ("rs = 0.0057", "rs = 0.21", ["machine.rs", "0.21", "0.001 to 0.2"]),
+        ("rs = 0.0057", "rs = 0.0009", ["machine.rs", "0.001 to 0.2"]),
+        ("rs = 0.0057", "rs = nan", ["machine.rs", "nan", "0.001 to 0.2"]),
+        ("rs = 0.0057", "rs = inf", ["machine.rs", "inf", "0.001 to 0.2"]),
         ("rs = 0.0057", 'rs = "0.0057"', ["machine.rs", '"0.0057"', "a number"]),
         ("rs = 0.0057", "rs = [0.0057]", ["machine.rs", "a number"]),
-        ("rs = 0.0057", "", ["machine.rs", "missing", "0.001 to 0.05"]),
+        ("rs = 0.0057", "", ["machine.rs", "missing", "0.001 to 0.2"]),
         ("rs = 0.0057", "rs = 0.0057\nRs = 0.0057", ["machine.Rs", "unknown", "rs, rr, xls"]),
         ("xm = 2.4915", "xm = true", ["machine.xm", "true", "a number"]),
         ("xm = 2.4915", f"xm = 1{'0' * 400}", ["machine.xm", "1 to 5"]),

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE
 from directmpc.mpdcc.plant import Plant, stator_voltage
 
 POSITIONS = [(0, 7, 3), (1, 2, 5), (6, 4, 2), (5, 5, 1), (3, 4, 7)]
@@ -20,7 +20,7 @@ def derivative(drive: Drive, omega_r: float, vdc: float, s: tuple[int, int, int]
     v = anpc.phase_voltages(s, vdc, x[4], x[5:])
     m = drive.machine
     currents = CLARKE_INVERSE @ x[:2]
-    machine = m.system_matrix(omega_r) @ x[:4] + m.input_matrix() @ v
+    machine = (m.a0 + omega_r * m.a1) @ x[:4] + m.b @ v
     b = anpc.inverter_matrix(s, drive.inverter.xdc, drive.inverter.xph)
     return np.concatenate([machine, b @ currents])
 

@@ -23,9 +23,9 @@ WRONG = (
     ("scripts/hdl/sources.py", "scripts.measure.synth", "The rooms of scripts"),
     ("scripts/studies/mptc.py", "scripts.publish.report", "The rooms of scripts"),
     ("directmpc/mpdcc/ideal.py", "directmpc.host.board", "The rooms of the library"),
-    ("directmpc/mptc/ideal.py", "directmpc.mpdcc.machine", "The rooms of the library"),
+    ("directmpc/mptc/ideal.py", "directmpc.mpdcc.plant", "The rooms of the library"),
     ("directmpc/mpdcc/drive.py", "directmpc.api.drive_file", "The rooms of the library"),
-    ("directmpc/drive_tables.py", "directmpc.mpdcc.machine", "The rooms of the library"),
+    ("directmpc/drive_tables.py", "directmpc.mpdcc.plant", "The rooms of the library"),
     ("directmpc/api/drive_file.py", "directmpc.host.board", "The rooms of the library"),
 )
 
@@ -37,7 +37,7 @@ def build(folder: Path) -> None:
     library = layers.rules("library")
     packages += [f"directmpc/{room}" for room in layers.LIBRARY]
     modules = ["scripts/shared/tools.py", "scripts/measure/synth.py", "scripts/publish/report.py"]
-    modules += ["directmpc/mpdcc/machine.py", "directmpc/api/drive_file.py"]
+    modules += ["directmpc/mpdcc/plant.py", "directmpc/api/drive_file.py"]
     modules += ["directmpc/host/board.py"]
     modules += [f"directmpc/{name}.py" for name in library if name not in layers.LIBRARY]
     for name in (*(f"{package}/__init__.py" for package in packages), *modules):

@@ -522,7 +522,6 @@ def _of_mpdcc(
     state, profile = run.state[:n], run.profile
     current = state[:, 0] + 1j * state[:, 1]
     flux = state[:, 2] + 1j * state[:, 3]
-    m = plant.machine
     return SimulationResult(
         drive=drive,
         controller=engine,
@@ -530,7 +529,7 @@ def _of_mpdcc(
         time=drive.control.ts * np.arange(n),
         current=current,
         flux=flux,
-        torque=m.xm / m.xr * np.imag(flux.conj() * current),
+        torque=plant.machine.torque(current, flux),
         omega_r=profile.omega_r.copy(),
         applied=run.positions[1:].copy(),
         trace=trace.MpdccTrace(

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
+from directmpc.loads.load import FloatArray, Load, SteadyState
 from directmpc.mpdcc import ideal, leakage
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
-from directmpc.mpdcc.machine import FloatArray, InductionMachine, SteadyState
 from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.states import Controller, MpdccState, StateError, mpdcc_decision
@@ -39,13 +39,8 @@ class OperatingPoint:
     ----------
     omega_s
         Stator frequency, signed.
-    current, torque
-        Load: peak stator current (1 if neither is given), or torque.
-    flux, voltage
-        Magnetisation: rotor flux linkage, or peak stator phase voltage. If neither is given, the
-        flux of current 1 and voltage 1 at omega_s = 1, weakened as 1/|omega_s| above that speed.
-    generating
-        With `current`: whether the machine brakes.
+    current, torque, flux, voltage, generating
+        As of `Load.steady_state`.
     """
 
     omega_s: float = 1.0
@@ -55,12 +50,12 @@ class OperatingPoint:
     voltage: float | None = None
     generating: bool = False
 
-    def steady_state(self, machine: InductionMachine) -> SteadyState:
-        """Steady state of a machine at this point.
+    def steady_state(self, load: Load) -> SteadyState:
+        """Steady state of a load at this point.
 
         Parameters
         ----------
-        machine : InductionMachine
+        load : Load
             Per unit.
 
         Returns
@@ -73,17 +68,11 @@ class OperatingPoint:
         ValueError
             If both of a pair are given, or there is no such steady state.
         """
-        flux, current = self.flux, self.current
-        if flux is None and self.voltage is None:
-            flux = abs(machine.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
-            flux /= max(1.0, abs(self.omega_s))
-        if current is None and self.torque is None:
-            current = 1.0
-        return machine.steady_state(
+        return load.steady_state(
             self.omega_s,
-            current=current,
+            current=self.current,
             torque=self.torque,
-            flux=flux,
+            flux=self.flux,
             voltage=self.voltage,
             generating=self.generating,
         )
@@ -604,13 +593,7 @@ def simulate(
     else:
         profile = constant_profile(drive, point, total, rng.uniform(0.0, 2 * math.pi))
     real = plant_drive or drive
-    m = real.machine
-    plant = plant_data(
-        InductionMachine(m.rs, m.rr, m.xls, m.xlr, m.xm),
-        real.inverter.xdc,
-        real.inverter.xph,
-        drive.ts_pu,
-    )
+    plant = plant_data(real.machine, real.inverter.xdc, real.inverter.xph, drive.ts_pu)
     state, applied = initial_conditions(profile, rng, disturbance)
     dead, rest = split(plant, _per_unit(drive, errors))
 

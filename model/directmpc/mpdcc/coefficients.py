@@ -182,7 +182,7 @@ def _any(values: NDArray[np.int64], *options: str) -> bool:
 
 def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, float]:
     """Real coefficients of slopes and curvatures for U = 1; L and p for reports."""
-    m, h = drive.machine, drive.ts_pu
+    m, h = drive.machine.matrices, drive.ts_pu
     if variant == "fast":
         q = fit_parabola(drive.machine, h)
         real = {
@@ -198,16 +198,16 @@ def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, floa
         return real | {"forced": q.forced}, FAR, 0.0
     length, correction = choose_extrapolation(drive)
     real = {
-        "stator_alpha": h / m.tau_s * _FINE / f.CURRENT.scale,
-        "rotor_alpha": -h * m.xm / (m.d * m.tau_r) * _FINE / f.FLUX.scale,
+        "stator_alpha": -h * m.a0[0, 0] * _FINE / f.CURRENT.scale,
+        "rotor_alpha": -h * m.a0[0, 1] * _FINE / f.FLUX.scale,
         "reference_alpha": -h * _FINE / _REFERENCE_SPEED,
-        "emf_alpha": -h * m.xm / m.d * _COARSE / _FLUX_SPEED,
+        "emf_alpha": h * m.a1[0, 1] * _COARSE / _FLUX_SPEED,
         "correction_alpha": -correction * length * h * h * _COARSE / _FLUX_SPEED2,
         "curvature_emf_alpha": 0.0,
         "curvature_flux_alpha": 0.0,
         "curvature_reference_alpha": 0.0,
     }
-    return real | {"forced": h * m.xr / m.d}, length, correction
+    return real | {"forced": h * float(m.b[0])}, length, correction
 
 
 def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:

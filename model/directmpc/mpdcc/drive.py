@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, model_validator
-from pydantic.dataclasses import dataclass
+from pydantic import Field, model_validator
 
 from directmpc.drive_tables import (
     AnyDrive,
@@ -23,7 +22,7 @@ from directmpc.drive_tables import (
     refused,
     to_start,
 )
-from directmpc.mpdcc.machine import InductionMachine
+from directmpc.loads.induction import InductionMachine
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -36,17 +35,6 @@ class Base(Section):
     voltage: number(1.0, 1e6, "V")
     current: number(0.01, 1e6, "A")
     frequency: number(1.0, 1000.0, "Hz")
-
-
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class Machine(InductionMachine):
-    """Machine parameters, per unit (Paper A, Table I), with the equations of their machine."""
-
-    rs: number(0.001, 0.05, "pu")
-    rr: number(0.001, 0.05, "pu")
-    xls: number(0.03, 0.3, "pu")
-    xlr: number(0.03, 0.3, "pu")
-    xm: number(1.0, 5.0, "pu")
 
 
 class Inverter(Section):
@@ -111,7 +99,7 @@ class Drive(AnyDrive):
 
     controller: Literal["mpdcc"]
     base: Base
-    machine: Machine
+    machine: InductionMachine
     inverter: Inverter
     guard: Guard = Guard()
     control: Control

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from directmpc.loads.load import Load, discretise
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import InductionMachine, discretise
 
 LENGTH_HIGH = 64
 """Longest L. Paper A's L are powers of two, for its division; here L enters a coefficient alone."""
@@ -70,15 +70,13 @@ class Extrapolation:
     max_error: float
 
 
-def fit_correction(
-    machine: InductionMachine, ts: float, length: int, speeds: Sequence[float]
-) -> Correction:
-    """Fit p by least squares to the current rows of the exact machine.
+def fit_correction(load: Load, ts: float, length: int, speeds: Sequence[float]) -> Correction:
+    """Fit p by least squares to the current rows of the exact load.
 
     Parameters
     ----------
-    machine : InductionMachine
-        Machine, per unit.
+    load : Load
+        Per unit.
     ts : float
         Sampling interval, per unit.
     length : int
@@ -99,11 +97,11 @@ def fit_correction(
     if length < 1 or not any(speeds):
         raise ValueError("a length of at least 1 and a speed other than 0 are needed")
     h = length * ts
-    m = machine
+    m = load.matrices
     omega = np.asarray(speeds, dtype=np.float64)
-    exact = np.array([discretise(m.tau_s, m.tau_r, m.xm, m.xr, m.d, w, h)[:2] for w in omega])
-    current = exact[:, 0] - (1 - h / m.tau_s)
-    flux = exact[:, 1] - m.xm / m.d * h * (1 / m.tau_r - 1j * omega)
+    exact = np.array([discretise(m, w, h)[:2] for w in omega])
+    current = exact[:, 0] - (1 + h * m.a0[0, 0])
+    flux = exact[:, 1] - h * (m.a0[0, 1] + 1j * omega * m.a1[0, 1])
     square = (h * omega) ** 2
     p = float(np.sum(flux.real * square) / np.sum(square**2))
     residual = np.hypot(np.abs(current), np.abs(flux - p * square))
@@ -128,8 +126,7 @@ def typical_span(drive: Drive) -> int:
     int
         Steps, 1 to the horizon.
     """
-    m = drive.machine
-    slope = m.xr / m.d * drive.ts_pu * drive.inverter.vdc / 6
+    slope = drive.machine.matrices.b[0] * drive.ts_pu * drive.inverter.vdc / 6
     span = round(BAND * drive.control.bound_current / slope)
     return max(1, min(drive.control.horizon, span))
 
@@ -161,28 +158,25 @@ def compare_lengths(
     ValueError
         If a length is below 1 or all speeds are zero.
     """
-    m, h = drive.machine, drive.ts_pu
-    rated = abs(m.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
-    points = [m.steady_state(omega_s, current=1.0, flux=rated) for omega_s in speeds]
+    load, m, h = drive.machine, drive.machine.matrices, drive.ts_pu
+    points = [load.steady_state(omega_s) for omega_s in speeds]
     steps = np.arange(1, typical_span(drive) + 1)
     exact = np.empty((len(points), len(steps)), dtype=np.complex128)
     for row, (omega_s, at) in enumerate(zip(speeds, points, strict=True)):
         for column, step in enumerate(steps):
-            a11, a12, _, _, b1, _ = discretise(
-                m.tau_s, m.tau_r, m.xm, m.xr, m.d, at.omega_r, step * h
-            )
+            a11, a12, _, _, b1, _ = discretise(m, at.omega_r, step * h)
             ahead = a11 * at.i_s + a12 * at.psi_r + b1 * at.v_s
             exact[row, column] = at.i_s * np.exp(1j * omega_s * step * h) - ahead
     result = []
     for length in lengths:
-        correction = fit_correction(m, h, length, speeds)
+        correction = fit_correction(load, h, length, speeds)
         hl = length * h
         line = np.array(
             [
-                at.i_s * (1j * omega_s + 1 / m.tau_s)
-                - (m.xm / m.d * (1 / m.tau_r - 1j * at.omega_r)) * at.psi_r
+                at.i_s * (1j * omega_s - m.a0[0, 0])
+                - (m.a0[0, 1] + 1j * at.omega_r * m.a1[0, 1]) * at.psi_r
                 - correction.p * hl * at.omega_r**2 * at.psi_r
-                - m.xr / m.d * at.v_s
+                - m.b[0] * at.v_s
                 for omega_s, at in zip(speeds, points, strict=True)
             ]
         )
@@ -239,11 +233,11 @@ def format_table(drive: Drive) -> str:
     str
         p, its error and the error of the prediction (both per unit) for each of `SHOWN`.
     """
-    m = drive.machine
+    a1 = drive.machine.matrices.a1
     chosen, p = choose_extrapolation(drive)
     lines = [
         f"correction p by least squares over omega_r = {SPEEDS[0]:g} to {SPEEDS[-1]:g} pu; "
-        f"X_m/(2D) = {m.xm / (2 * m.d):.4f}",
+        f"X_m/(2D) = {-(a1 @ a1)[0, 1] / 2:.4f}",
         f"prediction error of i* - i at rated current and flux over {typical_span(drive)} steps "
         f"(bound {drive.control.bound_current:g} pu)",
         "",

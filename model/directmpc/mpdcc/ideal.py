@@ -1,7 +1,7 @@
 """The ideal MPDCC controller: the decision in float64, nothing approximated.
 
 Paper A, Sections III to VI; docs/specification.md, section 2, settles what it leaves open: the
-machine by matrix exponential with v_abc held over the horizon, the inverter voltages linear with
+load by matrix exponential with v_abc held over the horizon, the inverter voltages linear with
 the currents at k (eq. 8c), the reference rotated exactly, L* by looking at every step, bounds
 inclusive. `decide` is compiled code and depends on nothing but its arguments.
 """
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.loads.load import FloatArray, Matrices, discretise
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import FloatArray, discretise
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
 SQRT3_2 = math.sqrt(3.0) / 2.0
@@ -40,11 +40,7 @@ class IdealParameters(NamedTuple):
     """
 
     ts: float
-    tau_s: float
-    tau_r: float
-    xm: float
-    xr: float
-    d: float
+    load: Matrices
     neutral_slope: float
     capacitor_slope: float
     bounds: FloatArray
@@ -76,14 +72,9 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
     IdealParameters
         Per unit; `bounds` of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
     """
-    m = drive.machine
     return IdealParameters(
         ts=drive.ts_pu,
-        tau_s=m.tau_s,
-        tau_r=m.tau_r,
-        xm=m.xm,
-        xr=m.xr,
-        d=m.d,
+        load=drive.machine.matrices,
         neutral_slope=-drive.ts_pu / (2.0 * drive.inverter.xdc),
         capacitor_slope=drive.ts_pu / drive.inverter.xph,
         bounds=drive.bounds,
@@ -276,13 +267,13 @@ def prepare(p, x_m, iref, omega_s, omega_r, steps):
     Returns
     -------
     a11, a12, a21, a22 : complex
-        Machine over a step, see `machine.discretise`.
+        Load over a step, see `load.discretise`.
     natural, forced, forced_flux : (N + 1,) complex
         Current without voltage; current and rotor flux per voltage vector, from the state 0.
     reference : (steps + 1,) complex
         Turned with omega_s.
     """
-    a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    a11, a12, a21, a22, b1, b2 = discretise(p.load, omega_r, p.ts)
     n = p.horizon
     natural = np.empty(n + 1, np.complex128)
     _natural(a11, a12, a21, a22, complex(x_m[0], x_m[1]), complex(x_m[2], x_m[3]), n, natural)
@@ -305,7 +296,7 @@ def prepare(p, x_m, iref, omega_s, omega_r, steps):
 @njit
 def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Whether s(k-1) keeps every output within its bound at k + 1 (Algorithm 1, line 1)."""
-    a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    a11, a12, _, _, b1, _ = discretise(p.load, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
     i_a, i_b, i_c = phases(current)
     voltage, r_n, r_a, r_b, r_c = inputs(
@@ -668,7 +659,7 @@ def advance(p, x, s, omega_r, vdc):
     omega_r, vdc : float
         Rotor speed and dc-link voltage, per unit.
     """
-    a11, a12, a21, a22, b1, b2 = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    a11, a12, a21, a22, b1, b2 = discretise(p.load, omega_r, p.ts)
     current, flux = complex(x[0], x[1]), complex(x[2], x[3])
     i_a, i_b, i_c = phases(current)
     voltage, r_n, r_a, r_b, r_c = inputs(

@@ -32,10 +32,10 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
+from directmpc.loads.load import Load
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mpdcc.observer import VOLTAGE_SCALE, voltages
 from directmpc.mpdcc.trace import IntArray
 
@@ -78,9 +78,9 @@ def coefficients(drive: Drive) -> tuple[dict[str, int], list[str]]:
     problems : list of str
         One sentence per word that did not fit and was saturated.
     """
-    m, h = drive.machine, drive.ts_pu
-    voltage = h * m.xr / m.d * f.CURRENT.scale / VOLTAGE_SCALE * 2.0**FRACTION
-    flux = h * m.xm / m.d * f.CURRENT.scale / f.FLUX.scale * 2.0**FRACTION
+    m, h = drive.machine.matrices, drive.ts_pu
+    voltage = h * m.b[0] * f.CURRENT.scale / VOLTAGE_SCALE * 2.0**FRACTION
+    flux = -h * m.a1[0, 1] * f.CURRENT.scale / f.FLUX.scale * 2.0**FRACTION
     real = {
         "voltage_alpha": voltage / 3.0,
         "voltage_beta": voltage / math.sqrt(3.0),
@@ -344,7 +344,7 @@ class IdealState(NamedTuple):
 
 
 def step_ideal(
-    machine: InductionMachine,
+    load: Load,
     h: float,
     mu: float,
     state: IdealState | None,
@@ -357,8 +357,8 @@ def step_ideal(
 
     Parameters
     ----------
-    machine : InductionMachine
-        Machine that the controller is set up for.
+    load : Load
+        Load that the controller is set up for.
     h : float
         Control period.
     mu : float
@@ -379,8 +379,8 @@ def step_ideal(
     """
     if state is None:
         return IdealState(1.0, current)
-    m, theta = machine, state.theta
-    phi = h * (m.xr / m.d * voltage - 1j * omega_r * m.xm / m.d * flux)
+    m, theta = load.matrices, state.theta
+    phi = h * (m.b[0] * voltage + 1j * omega_r * m.a1[0, 1] * flux)
     moved = current - state.current
     for step, wanted in ((phi.real, moved.real), (phi.imag, moved.imag)):
         moved_theta = theta + mu * step * (wanted - theta * step)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from directmpc.distortion import thd
+from directmpc.loads.load import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc.trace import IntArray
 
 

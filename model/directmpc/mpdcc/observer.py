@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
+from directmpc.loads.induction import InductionMachine
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import (
@@ -40,7 +41,6 @@ from directmpc.mpdcc.formats import (
     NEUTRAL_VOLTAGE,
     SPEED,
 )
-from directmpc.mpdcc.machine import InductionMachine
 from directmpc.mpdcc.trace import IntArray
 
 WORD_WIDTH = 18  # bits of a multiplier operand, two's complement

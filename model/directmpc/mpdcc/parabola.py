@@ -1,7 +1,7 @@
 """Second-order trajectories: the coefficients of the fast variant.
 
 The current error is predicted by a parabola through l = 0, 1 and ``FAR`` steps instead of Paper
-A's straight line: e(l) = e(0) + b*l + c*l^2.  With the exact machine A_d(l) = exp(F*l*h) the
+A's straight line: e(l) = e(0) + b*l + c*l^2.  With the exact load A_d(l) = exp(F*l*h) the
 natural
 part of b and c is, per speed, a complex factor of i_s, psi_r and i*; a low polynomial in j*omega
 fits these factors over all speeds, so that the fabric needs a few products and no exponential.
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.mpdcc.machine import InductionMachine, discretise
+from directmpc.loads.load import Load, discretise
 
 NEAR = 1  # steps: the hold test and the deadlock cost look one step ahead and are exact there
 FAR = 8  # steps
@@ -74,12 +74,12 @@ def _fit(omega: NDArray[np.float64], values: ComplexArray, powers: tuple[int, ..
     return [float(v) for v in solution]
 
 
-def fit_parabola(machine: InductionMachine, ts: float) -> Parabola:
-    """Fit the parabola's coefficients to the exact machine (instead of Paper A, eq. 14).
+def fit_parabola(load: Load, ts: float) -> Parabola:
+    """Fit the parabola's coefficients to the exact load (instead of Paper A, eq. 14).
 
     Parameters
     ----------
-    machine : InductionMachine
+    load : Load
         Per unit.
     ts : float
         Sampling interval, per unit.
@@ -89,7 +89,7 @@ def fit_parabola(machine: InductionMachine, ts: float) -> Parabola:
     Parabola
         Per unit of current error, per step and per square step.
     """
-    m = machine
+    matrices = load.matrices
     omega = np.linspace(-SPEED_RANGE, SPEED_RANGE, 53)
 
     def exact(steps: int) -> list[ComplexArray]:
@@ -105,7 +105,7 @@ def fit_parabola(machine: InductionMachine, ts: float) -> Parabola:
         list of ndarray of complex128, shape (53,)
             One array per factor, per unit.
         """
-        rows = [discretise(m.tau_s, m.tau_r, m.xm, m.xr, m.d, w, steps * ts) for w in omega]
+        rows = [discretise(matrices, w, steps * ts) for w in omega]
         a11, a12, b1 = (np.array([row[k] for row in rows]) for k in (0, 1, 4))
         return [1 - a11, -a12, np.exp(1j * omega * steps * ts) - 1, b1]
 

@@ -1,6 +1,6 @@
-"""The exact plant: inverter and machine as one linear system while a position is applied.
+"""The exact plant: inverter and load as one linear system while a position is applied.
 
-With the positions s and the rotor speed constant, the state
+With the positions s and the speed constant, the state
 
     x = [i_alpha, i_beta, psi_alpha, psi_beta, v_n, v_ph_a, v_ph_b, v_ph_c]
 
@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.loads.load import CLARKE, CLARKE_INVERSE, FloatArray, Load
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.machine import CLARKE, CLARKE_INVERSE, FloatArray, InductionMachine
 
 STATES = 8
 POSITIONS_ABC = anpc.POSITIONS**3
@@ -34,10 +34,10 @@ class PlantData(NamedTuple):
 
     Attributes
     ----------
-    machine, speed : (4, 4)
-        The machine's A is machine + omega_r * speed.
+    load, speed : (4, 4)
+        The load's A is load + omega_r * speed.
     voltage : (4, 3), currents : (3, 2)
-        The machine's B on v_abc; K^-1 of eq. (1).
+        The load's B on v_abc; K^-1 of eq. (1).
     steps : (512, 8, 9)
         Discretised plant [A_d | b_d] per position 64 s_a + 8 s_b + s_c.
     speeds : (512,)
@@ -45,7 +45,7 @@ class PlantData(NamedTuple):
     """
 
     ts: float
-    machine: FloatArray
+    load: FloatArray
     speed: FloatArray
     voltage: FloatArray
     currents: FloatArray
@@ -60,13 +60,13 @@ class PlantData(NamedTuple):
     speeds: FloatArray
 
 
-def plant_data(machine: InductionMachine, xdc: float, xph: float, ts: float) -> PlantData:
+def plant_data(load: Load, xdc: float, xph: float, ts: float) -> PlantData:
     """Build the plant's data from its own parameters (Paper A, eqs. 1, 2 and 4).
 
     Parameters
     ----------
-    machine : InductionMachine
-        Machine of the plant, per unit.
+    load : Load
+        What the inverter feeds, per unit.
     xdc, xph : float
         Reactances of a dc-link capacitor and of a phase capacitor, per unit.
     ts : float
@@ -77,12 +77,11 @@ def plant_data(machine: InductionMachine, xdc: float, xph: float, ts: float) -> 
     PlantData
         With an empty cache of discretised steps.
     """
-    standstill = machine.system_matrix(0.0)
     return PlantData(
         ts=float(ts),
-        machine=standstill,
-        speed=machine.system_matrix(1.0) - standstill,
-        voltage=machine.input_matrix(),
+        load=load.a0,
+        speed=load.a1,
+        voltage=load.b,
         currents=np.ascontiguousarray(CLARKE_INVERSE),
         xdc=float(xdc),
         xph=float(xph),
@@ -102,7 +101,7 @@ def _continuous(data, s_abc, omega_r, matrix):
     matrix[:] = 0.0
     for row in range(4):
         for column in range(4):
-            matrix[row, column] = data.machine[row, column] + omega_r * data.speed[row, column]
+            matrix[row, column] = data.load[row, column] + omega_r * data.speed[row, column]
     for phase in range(3):
         s = s_abc[phase]
         for row in range(2):
@@ -249,13 +248,8 @@ class Plant:
         vdc: float | None = None,
         state: Sequence[float] | FloatArray | None = None,
     ) -> None:
-        m = drive.machine
-        self.data = plant_data(
-            InductionMachine(rs=m.rs, rr=m.rr, xls=m.xls, xlr=m.xlr, xm=m.xm),
-            drive.inverter.xdc,
-            drive.inverter.xph,
-            drive.ts_pu,
-        )
+        inverter = drive.inverter
+        self.data = plant_data(drive.machine, inverter.xdc, inverter.xph, drive.ts_pu)
         self.omega_r = float(omega_r)
         self.vdc = float(drive.inverter.vdc if vdc is None else vdc)
         if state is None:

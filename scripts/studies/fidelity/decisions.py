@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
+from directmpc.loads.load import discretise
 from directmpc.mpdcc import closed_loop, formats, ideal
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import OPTIONS, inwards, second_level, weighted_deadlock
-from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS
@@ -78,7 +78,7 @@ def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     tuple of float
         At k and at k + 1, per unit.
     """
-    a11, a12, _, _, b1, _ = discretise(p.tau_s, p.tau_r, p.xm, p.xr, p.d, omega_r, p.ts)
+    a11, a12, _, _, b1, _ = discretise(p.load, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
     i_a, i_b, i_c = ideal.phases(current)
     voltage, r_n, r_a, r_b, r_c = ideal.inputs(

@@ -33,13 +33,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
+from directmpc.loads.load import discretise
 from directmpc.mpdcc import coefficients as co
 from directmpc.mpdcc import formats, ideal
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
-from directmpc.mpdcc.machine import discretise
 from directmpc.mpdcc.parabola import FAR, NEAR, fit_parabola
 from directmpc.mpdcc.program import COEFFICIENTS, PRODUCTS, TERMS
 
@@ -218,12 +218,11 @@ def replica(
 
 def _euler(drive: Drive) -> FloatArray:
     """Slopes of Paper A's prediction (14), per step."""
-    m, h = drive.machine, drive.ts_pu
+    m, h = drive.machine.matrices, drive.ts_pu
     length, p = choose_extrapolation(drive)
     return np.array(
         [
-            h / m.tau_s, -h * m.xm / (m.d * m.tau_r), h * m.xm / m.d, p * length * h * h,
-            h * m.xr / m.d,
+            -h * m.a0[0, 0], -h * m.a0[0, 1], -h * m.a1[0, 1], p * length * h * h, h * m.b[0],
         ]
     )  # fmt: skip
 
@@ -440,8 +439,8 @@ def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     forced_slope, forced_curvature, common = 0j, 0j, 0j
     if p.trajectory != FITTED:
         e = p.exact
-        one = discretise(e.tau_s, e.tau_r, e.xm, e.xr, e.d, omega_r, NEAR * e.ts)
-        many = discretise(e.tau_s, e.tau_r, e.xm, e.xr, e.d, omega_r, FAR * e.ts)
+        one = discretise(e.load, omega_r, NEAR * e.ts)
+        many = discretise(e.load, omega_r, FAR * e.ts)
         near = reference * (np.exp(jw_s * NEAR * e.ts) - 1.0) + current
         near -= one[0] * current + one[1] * flux
         far = reference * (np.exp(jw_s * FAR * e.ts) - 1.0) + current

@@ -1,9 +1,9 @@
-"""The induction machine in stationary alpha-beta, per unit, with its exact discretisation.
+"""The squirrel-cage induction machine, per unit.
 
-Write a space vector as a complex number, ``i = i_alpha + j i_beta``. The squirrel-cage machine is
+With the rotor seen from the stator the machine is
 
     psi_s' = v - R_s i_s                          (stator)
-    psi_r' = -R_r i_r + j omega_r psi_r           (rotor, seen from the stator)
+    psi_r' = -R_r i_r + j omega_r psi_r           (rotor)
     psi_s = X_s i_s + X_m i_r,  psi_r = X_m i_s + X_r i_r
 
 and with i_r and psi_s eliminated (D = X_s X_r - X_m^2)
@@ -19,48 +19,18 @@ term, derived here rather than copied, so no slip of a print can enter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
 
-from directmpc.compiled import njit
-
-FloatArray = NDArray[np.float64]
-
-SQRT3_2 = math.sqrt(3.0) / 2.0
-
-CLARKE: FloatArray = (2.0 / 3.0) * np.array([[1.0, -0.5, -0.5], [0.0, SQRT3_2, -SQRT3_2]])
-"""K of Paper A, eq. (1): abc to alpha-beta, shape (2, 3)."""
-
-CLARKE_INVERSE: FloatArray = np.array([[1.0, 0.0], [-0.5, SQRT3_2], [-0.5, -SQRT3_2]])
-"""Pseudo-inverse of K: alpha-beta to abc, shape (3, 2)."""
+from directmpc.drive_tables import number
+from directmpc.loads.load import Load, Matrices, SteadyState
 
 
-@dataclass(frozen=True)
-class SteadyState:
-    """One steady state of the machine; phasors rotate with omega_s, the stator current real.
-
-    Attributes
-    ----------
-    omega_s, omega_r
-        Stator and rotor (electrical) angular speed, per unit.
-    i_s, psi_r, v_s
-        Stator current, rotor flux linkage, stator voltage as complex peak phasors, per unit.
-    torque
-        (X_m / X_r) * (psi_r x i_s), per unit; positive torque accelerates forwards.
-    """
-
-    omega_s: float
-    omega_r: float
-    i_s: complex
-    psi_r: complex
-    v_s: complex
-    torque: float
-
-
-@dataclass(frozen=True)
-class InductionMachine:
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class InductionMachine(Load):
     """Squirrel-cage induction machine, per unit (Paper A, Table I).
 
     Attributes
@@ -71,11 +41,13 @@ class InductionMachine:
         Stator leakage, rotor leakage, and magnetising reactance.
     """
 
-    rs: float
-    rr: float
-    xls: float
-    xlr: float
-    xm: float
+    has_flux_observer: ClassVar[bool] = True
+
+    rs: number(0.001, 0.2, "pu")
+    rr: number(0.001, 0.2, "pu")
+    xls: number(0.03, 0.3, "pu")
+    xlr: number(0.03, 0.3, "pu")
+    xm: number(1.0, 5.0, "pu")
 
     @property
     def xs(self) -> float:
@@ -132,64 +104,34 @@ class InductionMachine:
         """
         return self.xr / self.rr
 
-    def system_matrix(self, omega_r: float) -> FloatArray:
-        """Continuous-time A (Paper A, eq. 4 without its correction term, over T_s).
-
-        Parameters
-        ----------
-        omega_r : float
-            Rotor speed (electrical), per unit.
+    @property
+    def matrices(self) -> Matrices:
+        """The machine on complex space vectors (Paper A, eqs. 4 and 5 without the correction term).
 
         Returns
         -------
-        ndarray of float64, shape (4, 4)
-            On [i_alpha, i_beta, psi_alpha, psi_beta], per unit.
+        Matrices
+            On the stator current and the rotor flux, per unit.
         """
         k = self.xm / self.d
-        ts, tr = self.tau_s, self.tau_r
-        return np.array(
-            [
-                [-1 / ts, 0.0, k / tr, k * omega_r],
-                [0.0, -1 / ts, -k * omega_r, k / tr],
-                [self.xm / tr, 0.0, -1 / tr, -omega_r],
-                [0.0, self.xm / tr, omega_r, -1 / tr],
-            ]
+        return Matrices(
+            a0=np.array(
+                [[-1 / self.tau_s, k / self.tau_r], [self.xm / self.tau_r, -1 / self.tau_r]]
+            ),
+            a1=np.array([[0.0, -k], [0.0, 1.0]]),
+            b=np.array([self.xr / self.d, 0.0]),
         )
 
-    def input_matrix(self) -> FloatArray:
-        """Continuous-time B (Paper A, eq. 5, over T_s).
+    @property
+    def coupling(self) -> float:
+        """Factor of the rotor flux in the torque.
 
         Returns
         -------
-        ndarray of float64, shape (4, 3)
-            On v_abc, per unit.
+        float
+            X_m/X_r.
         """
-        return np.vstack([self.xr / self.d * CLARKE, np.zeros((2, 3))])
-
-    def exact(self, omega_r: float, h: float) -> tuple[FloatArray, FloatArray]:
-        """Discretise exactly over h with v_abc held (in place of Paper A, eqs. 4 and 5).
-
-        Parameters
-        ----------
-        omega_r : float
-            Rotor speed (electrical), per unit.
-        h : float
-            Time step, per unit.
-
-        Returns
-        -------
-        a_d : ndarray of float64, shape (4, 4)
-            x(k+1) = A_d x(k) + B_d v_abc.
-        b_d : ndarray of float64, shape (4, 3)
-            The same.
-        """
-        from scipy.linalg import expm  # here: few programs need it, and it takes long to import
-
-        augmented = np.zeros((7, 7))
-        augmented[:4, :4] = self.system_matrix(omega_r)
-        augmented[:4, 4:] = self.input_matrix()
-        exponential = expm(augmented * h)
-        return exponential[:4, :4], exponential[:4, 4:]
+        return self.xm / self.xr
 
     def _phasors(self, omega_s: float, slip: float) -> tuple[complex, complex, float]:
         """Rotor flux, stator voltage and torque for a stator current of 1 at a slip frequency."""
@@ -216,9 +158,10 @@ class InductionMachine:
         omega_s : float
             Stator frequency, per unit, signed.
         current, torque : float, optional
-            Exactly one: peak stator current, or torque (signed), per unit.
+            At most one: peak stator current (1 without either), or torque (signed), per unit.
         flux, voltage : float, optional
-            Exactly one: rotor flux linkage, or peak stator phase voltage, per unit.
+            At most one: rotor flux linkage, or peak stator phase voltage, per unit. Without either
+            the flux of current 1 and voltage 1 at omega_s = 1, weakened as 1/|omega_s| above that.
         generating : bool
             With `current`: whether the machine brakes rather than drives. Ignored with `torque`.
 
@@ -230,10 +173,15 @@ class InductionMachine:
         Raises
         ------
         ValueError
-            If not exactly one of each pair is given, or no such steady state exists.
+            If both of a pair are given, or no such steady state exists.
         """
-        if (current is None) == (torque is None) or (flux is None) == (voltage is None):
+        if None not in (current, torque) or None not in (flux, voltage):
             raise ValueError("give either current or torque, and either flux or voltage")
+        if flux is None and voltage is None:
+            flux = abs(self.steady_state(1.0, current=1.0, voltage=1.0).psi_r)
+            flux /= max(1.0, abs(omega_s))
+        if current is None and torque is None:
+            current = 1.0
         if torque is not None:
             direction = math.copysign(1.0, torque)
         else:
@@ -298,71 +246,3 @@ class InductionMachine:
             raise ValueError(f"torque {torque} is beyond breakdown at voltage {voltage}")
         x = brentq(lambda x: torque_at(x) - abs(torque), -40.0, peak, xtol=1e-14)
         return direction * math.exp(x) / tau_r, voltage / impedance(x)
-
-
-@njit
-def discretise(tau_s, tau_r, xm, xr, d, omega_r, h):
-    """Discretise the machine exactly over h, in complex form, in compiled code.
-
-    Parameters
-    ----------
-    tau_s, tau_r, xm, xr, d : float
-        Machine, per unit, as the properties of `InductionMachine`.
-    omega_r, h : float
-        Rotor speed and time step, per unit.
-
-    Returns
-    -------
-    a11, a12, a21, a22, b1, b2 : complex
-        i(k+1) = a11 i + a12 psi + b1 v and psi(k+1) = a21 i + a22 psi + b2 v with v = K v_abc.
-
-    Notes
-    -----
-    Taylor series of the matrix exponential of [[F, G], [0, 0]] over h / 2^q with q so that the
-    norm is at most 1/2, then q doublings; 18 terms leave 0.5^19/19! = 1.6e-23. The input column
-    rides along because F^-1 (A_d - I) G would lose five digits at standstill, where det F is small.
-    """
-    rotor = 1.0 / tau_r - 1j * omega_r
-    f11 = complex(-1.0 / tau_s) * h
-    f12 = xm / d * rotor * h
-    f21 = complex(xm / tau_r) * h
-    f22 = -rotor * h
-    g1 = complex(xr / d) * h
-    norm = max(abs(f11) + abs(f12) + abs(g1), abs(f21) + abs(f22))
-    doublings = 0
-    while norm > 0.5 and doublings < 60:
-        norm *= 0.5
-        doublings += 1
-    scale = 0.5**doublings
-    f11 *= scale
-    f12 *= scale
-    f21 *= scale
-    f22 *= scale
-    g1 *= scale
-    # Terms T_m = M^m/m!; T_{m+1} = T_m M/(m+1), where M's last row is zero.
-    t11, t12, t21, t22 = f11, f12, f21, f22
-    u1, u2 = g1, 0j
-    # e11, e22 hold the exponential less the identity until the end: no digits lost to the 1.
-    e11, e12, e21, e22, b1, b2 = f11, f12, f21, f22, g1, 0j
-    for m in range(2, 19):
-        n11 = (t11 * f11 + t12 * f21) / m
-        n12 = (t11 * f12 + t12 * f22) / m
-        n21 = (t21 * f11 + t22 * f21) / m
-        n22 = (t21 * f12 + t22 * f22) / m
-        u1, u2 = t11 * g1 / m, t21 * g1 / m
-        t11, t12, t21, t22 = n11, n12, n21, n22
-        e11 += t11
-        e12 += t12
-        e21 += t21
-        e22 += t22
-        b1 += u1
-        b2 += u2
-    for _ in range(doublings):
-        # (I + E)^2 - I = 2 E + E^2, and b(2h) = b(h) + (I + E) b(h).
-        b1, b2 = 2.0 * b1 + e11 * b1 + e12 * b2, 2.0 * b2 + e21 * b1 + e22 * b2
-        q11 = 2.0 * e11 + e11 * e11 + e12 * e21
-        q12 = 2.0 * e12 + e11 * e12 + e12 * e22
-        q21 = 2.0 * e21 + e21 * e11 + e22 * e21
-        q22 = 2.0 * e22 + e21 * e12 + e22 * e22
-        e11, e12, e21, e22 = q11, q12, q21, q22
-    return 1.0 + e11, e12, e21, 1.0 + e22, b1, b2

@@ -1,0 +1,1 @@
+"""The loads that an inverter can feed, one file each."""
