@@ -4,7 +4,7 @@
     result = simulate(load_drive("anpc5l_6kv"), "model", steps=800)
     print(result.thd())
 
-`load_drive` reads a drive file of either controller, `decide` makes one decision, `simulate` closes
+`load_drive` reads a drive file of any controller, `decide` makes one decision, `simulate` closes
 the loop with the exact plant. Names below are the public interface; the modules hold the rest.
 """
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from directmpc.api.drive_file import load_drive, shipped_drives
     from directmpc.api.simulation import SimulationResult, simulate
     from directmpc.drive_tables import DriveError, DriveFileError
+    from directmpc.kbest.drive import KbestDrive
     from directmpc.mpdcc.drive import Drive
     from directmpc.mpdcc.errors import DriveErrors
     from directmpc.mptc.drive import MptcDrive
@@ -44,6 +45,7 @@ _HOMES = {
     "api.drive_file": ("load_drive", "shipped_drives"),
     "api.simulation": ("SimulationResult", "simulate"),
     "drive_tables": ("DriveError", "DriveFileError"),
+    "kbest.drive": ("KbestDrive",),
     "mpdcc.drive": ("Drive",),
     "mpdcc.errors": ("DriveErrors",),
     "mptc.drive": ("MptcDrive",),
@@ -68,6 +70,7 @@ __all__ = [
     "FocController",
     "FocTuning",
     "IdealController",
+    "KbestDrive",
     "ModelController",
     "MpdccDecision",
     "MpdccState",

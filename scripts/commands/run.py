@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS, MPTC_FACTORS
 from directmpc.host.console import terminable
 from directmpc.mpdcc.drive import Drive
@@ -252,7 +252,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
         raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    drive = load_drive(given.drive)
+    drive = load_core_drive(given.drive)
     if isinstance(drive, Drive):
         _check_mpdcc(given)
     else:

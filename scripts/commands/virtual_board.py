@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.host.board import SPI
 from directmpc.host.console import terminable
 from directmpc.mptc.drive import MptcDrive
@@ -61,7 +61,7 @@ def _shown(path: Path) -> str:
 def _run(given: argparse.Namespace) -> int | None:
     controller, family = given.controller or "mpdcc", given.family
     if given.drive:
-        drive = load_drive(given.drive)
+        drive = load_core_drive(given.drive)
         if given.controller not in (None, drive.controller):
             raise UsageError(f"{given.drive} is for {drive.controller}")
         controller = drive.controller

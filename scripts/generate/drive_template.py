@@ -10,22 +10,22 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import DRIVES, load_drive
 from directmpc.drive_tables import GuardTable, allowed, keys_of
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 
-EXAMPLES = {"mpdcc": "anpc5l_6kv", "mptc": "motulator_2kw2"}
+EXAMPLES = {"mpdcc": "anpc5l_6kv", "kbest": "anpc5l_6kv_kbest", "mptc": "motulator_2kw2"}
 """Drive that ships, by controller: its values stand in the template, with five digits at most."""
 
 RECOMMENDED: dict[str, tuple[str, ...]] = {
     "mpdcc": ("budget", "deadlock_rule", "outside_rule", "capacitor_filter"),
+    "kbest": (),
     "mptc": (),
 }
 """Keys of `control` that the studies recommend and the shipped drives have, by controller."""
 
 HEADS = {
     "mpdcc": "Drive file of MPDCC: five-level ANPC inverter, induction machine, per unit.",
+    "kbest": "Drive file of K-best: five-level ANPC inverter, induction machine, per unit.",
     "mptc": "Drive file of MPTC and MPFC: two-level inverter, induction machine, SI.",
 }
 
@@ -45,14 +45,17 @@ _GUARD = {
     "guard.link_low": "A dc-link voltage below it turns the gates off.",
 }
 
+_FIVE_LEVEL_TABLES = {
+    "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
+    "machine": "Star circuit, rotor referred to the stator, per unit.",
+    "inverter": "Per unit.",
+    "guard": _GUARD_TABLE,
+    "control": "Bounds are half widths, per unit.",
+}
+
 TABLES = {
-    "mpdcc": {
-        "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
-        "machine": "Star circuit, rotor referred to the stator, per unit.",
-        "inverter": "Per unit.",
-        "guard": _GUARD_TABLE,
-        "control": "Bounds are half widths, per unit.",
-    },
+    "mpdcc": _FIVE_LEVEL_TABLES,
+    "kbest": _FIVE_LEVEL_TABLES,
     "mptc": {
         "machine": "T circuit, rotor referred to the stator. ls lr has to be above lm^2.",
         "inverter": "SI.",
@@ -62,22 +65,29 @@ TABLES = {
 }
 """What stands under the head of each table."""
 
+_FIVE_LEVEL = _GUARD | {
+    "controller": "Which controller.",
+    "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
+    "base.current": "Base current, peak: sqrt(2) of the rated rms.",
+    "base.frequency": "Rated frequency.",
+    "machine.rs": "Stator resistance, R / Z_base.",
+    "machine.rr": "Rotor resistance, R / Z_base.",
+    "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",
+    "machine.xlr": "Rotor leakage reactance, omega_base L / Z_base.",
+    "machine.xm": "Magnetising reactance, omega_base L / Z_base.",
+    "inverter.topology": "Five-level ANPC.",
+    "inverter.vdc": "Voltage of the whole dc link, V_dc / V_base.",
+    "inverter.xdc": "One half of the dc link, omega_base C Z_base.",
+    "inverter.xph": "One phase capacitor, omega_base C Z_base.",
+    "control.delay_compensation": "true if a decision takes effect one control period after "
+    "its measurement.",
+    "control.capacitor_filter": "Filters of the measured capacitor voltages: a measurement "
+    "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
+}
+
 MEANINGS = {
-    "mpdcc": _GUARD
+    "mpdcc": _FIVE_LEVEL
     | {
-        "controller": "Which controller.",
-        "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
-        "base.current": "Base current, peak: sqrt(2) of the rated rms.",
-        "base.frequency": "Rated frequency.",
-        "machine.rs": "Stator resistance, R / Z_base.",
-        "machine.rr": "Rotor resistance, R / Z_base.",
-        "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",
-        "machine.xlr": "Rotor leakage reactance, omega_base L / Z_base.",
-        "machine.xm": "Magnetising reactance, omega_base L / Z_base.",
-        "inverter.topology": "Five-level ANPC.",
-        "inverter.vdc": "Voltage of the whole dc link, V_dc / V_base.",
-        "inverter.xdc": "One half of the dc link, omega_base C Z_base.",
-        "inverter.xph": "One phase capacitor, omega_base C Z_base.",
         "control.ts": "Control period.",
         "control.bound_current": "Bound of the phase currents. At rated current the THD is about "
         "0.7 times the bound: 7 % for 0.10.",
@@ -89,21 +99,30 @@ MEANINGS = {
         "It takes longer: docs/sese.md.",
         "control.budget": 'Most candidates of the second level, 0: no limit. Only "SESE" has one. '
         "400 keep one explorer in time at 25 MHz and cost no switchings: docs/sese.md.",
-        "control.delay_compensation": "true if a decision takes effect one control period after "
-        "its measurement.",
         "control.deadlock_rule": 'What is chosen where nothing stays inside. "weighted" ends most '
         "deadlocks at low speed: docs/deadlocks.md.",
         "control.outside_rule": 'What a variable outside its bound means. "inwards" saves '
         'switchings where measurements are noisy; "dead" where they are exact: '
         "docs/robustness.md.",
-        "control.capacitor_filter": "Filters of the measured capacitor voltages: a measurement "
-        "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
         "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
         "estimate scales the prediction of the currents: docs/robustness.md.",
         "control.extrapolation": "L of the paper variant's straight line, control periods; without "
         "effect on the fast variant: docs/accuracy.md.",
         "control.correction": "p of the paper variant's straight line; without effect on the fast "
         "variant: docs/accuracy.md.",
+    },
+    "kbest": _FIVE_LEVEL
+    | {
+        "control.ts": "Control period.",
+        "control.bound_vn": "Bound of the neutral point; soft.",
+        "control.bound_vph": "Bound of the phase capacitors; soft.",
+        "control.lambda_u": "Cost of a turn-on: less distorts less and switches more.",
+        "control.beam": "Plans that live on from stage to stage. 16 distorts less than 8.",
+        "control.short_stages": "Stages of one control period at the begin of the horizon.",
+        "control.long_stages": "Stages of two control periods behind them; 16 with a beam of 16.",
+        "control.soft_margin": "What the cost of an excess begins inside the bounds.",
+        "control.weight_vn": "Cost of the square of the neutral point's excess.",
+        "control.weight_vph": "Cost of the square of a phase capacitor's excess.",
     },
     "mptc": _GUARD
     | {
@@ -179,7 +198,7 @@ def template(controller: str) -> str:
     Parameters
     ----------
     controller : str
-        "mpdcc" or "mptc".
+        "mpdcc", "kbest" or "mptc".
 
     Returns
     -------
@@ -193,7 +212,7 @@ def template(controller: str) -> str:
     """
     if controller not in EXAMPLES:
         raise ValueError(f"controller: got '{controller}'; it must be {' or '.join(EXAMPLES)}")
-    model = {"mpdcc": Drive, "mptc": MptcDrive}[controller]
+    model = DRIVES[controller]
     example = load_drive(EXAMPLES[controller])
     lines = _comment(HEADS[controller])
     lines += _comment(

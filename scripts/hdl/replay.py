@@ -1,6 +1,7 @@
 """Replay of a recorded trace through the RTL or one of its models.
 
-Rows are independent of one another, so a long trace is split over two simulators. Which columns a
+Rows of a trace of MPDCC or MPTC are independent of one another, so a long trace is split over two
+simulators. A controller of K-best goes on with its plan from row to row. Which columns a
 trace and its decisions have, and who decides, follows from the drive file's `controller`: one entry
 of ``CONTROLLERS`` each.
 """
@@ -19,6 +20,8 @@ import numpy as np
 from directmpc.api.drive_file import load_drive
 from directmpc.csv_table import RowError
 from directmpc.host.console import progress_bar
+from directmpc.kbest import ideal as kbest_ideal
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
@@ -120,14 +123,33 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
     trace.write_decisions(request.out, decisions)
 
 
+def _replay_kbest(drive: KbestDrive, request: Request) -> None:
+    """Read a trace of a five-level inverter, decide row after row, and write the decisions."""
+    if request.engine != "ideal":
+        raise InputError(
+            f'{request.drive}: ENGINE: got "{request.engine}"; a drive of kbest has "ideal" alone'
+        )
+    _ignored(request, "kbest")
+    rows = trace.read_trace(request.trace, drive)
+    with _watched(request, "replay of K-best", len(rows)):
+        decisions = kbest_ideal.run(drive, rows)
+    trace.write_decisions(request.out, decisions)
+
+
+def _ignored(request: Request, controller: str) -> None:
+    """Say that settings of `mpdcc_core` were given for another controller."""
+    if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
+        print(
+            f"{request.drive}: EXPLORERS and VARIANT mean nothing to a drive of {controller} and "
+            "are ignored",
+            file=sys.stderr,
+        )
+
+
 def _replay_mptc(drive: MptcDrive, request: Request) -> None:
     """Read an MPTC trace, decide with the drive's method, and write the decisions."""
     rows = mptc_trace.read_trace(request.trace, sequences=drive.control.sequences)
-    if (request.explorers, request.variant) != (DEFAULT_EXPLORERS, DEFAULT_VARIANT):
-        print(
-            f"{request.drive}: EXPLORERS and VARIANT mean nothing to an mptc drive and are ignored",
-            file=sys.stderr,
-        )
+    _ignored(request, "mptc")
     with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
         decisions = mptc_replay.decide(drive, rows, request.engine, progress)
     mptc_trace.write_decisions(request.out, decisions)
@@ -149,6 +171,7 @@ def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int]
 
 
 CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
+    "kbest": _replay_kbest,
     "mpdcc": _replay_mpdcc,
     "mptc": _replay_mptc,
 }

@@ -33,7 +33,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import Field
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import (
     DriveError,
     Section,
@@ -378,7 +378,7 @@ def core_of(request: Request) -> tuple[str, Generics]:
     ValueError
         If the drive file is wrong, or the variant does not serve it.
     """
-    drive = load_drive(request.drive)
+    drive = load_core_drive(request.drive)
     if isinstance(drive, MptcDrive):
         return ("mptc_family_core" if drive.control.sequences else "mptc_core"), {}
     assert isinstance(drive, Drive)
@@ -400,7 +400,7 @@ def core_of(request: Request) -> tuple[str, Generics]:
 
 
 def shipped_file(drive: Path) -> Path:
-    """File of a drive that is given by its name, as `load_drive` finds it.
+    """File of a drive that is given by its name, as `load_core_drive` finds it.
 
     Parameters
     ----------

@@ -134,7 +134,11 @@ def _field(text: str, line: int, column: int, value: str) -> str:
         ("rs = 0.0057", "rz = 0.0057", ["machine.rz", "unknown key", "machine.rs", "missing"]),
         ("horizon = 63", "horizon = 64", ["control.horizon", "1 to 63"]),
         ("horizon = 63", 'horizon = "63"', ["control.horizon"]),
-        ('controller = "mpdcc"', 'controller = "pid"', ["controller", '"mpdcc" or "mptc"']),
+        (
+            'controller = "mpdcc"',
+            'controller = "pid"',
+            ["controller", '"mpdcc", "mptc" or "kbest"'],
+        ),
         ("[machine]", "[machine", ["not a TOML file"]),
         ("rs = 0.0057", 'rs = "\\u0007"', ["machine.rs"]),
     ],

@@ -68,7 +68,21 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sorted(picture.parent.iterdir()) == sorted(outputs.values()), "none is not asked for"
 
 
-@pytest.mark.parametrize("name", sorted(shipped_drives()))
+KBEST = ["anpc5l_3kv3_kbest", "anpc5l_6kv_kbest"]
+
+
+@pytest.mark.parametrize("name", KBEST)
+def test_a_drive_without_a_core_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--drive", str(ROOT / "drives" / f"{name}.toml"), "--steps", "12"]
+    assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 2
+    complaint = capsys.readouterr().err
+    assert 'controller: got "kbest"; it must be "mpdcc" or "mptc" here' in complaint
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", sorted(set(shipped_drives()) - set(KBEST)))
 def test_every_shipped_drive_runs(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -177,7 +177,7 @@ def test_what_cannot_be_is_refused(drive) -> None:
         CurrentErrors(-1.0)
     with pytest.raises(ValueError, match="bits: got 1; 0, or from 2 to 32"):
         CurrentErrors(0.0, 1)
-    with pytest.raises(TypeError, match="sensorless: given for a drive of MPDCC"):
+    with pytest.raises(TypeError, match="sensorless: given for a drive of mpdcc"):
         simulate(load_drive("anpc5l_6kv"), steps=1, sensorless=True)
 
 

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.kbest import ideal as kbest_ideal
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc.bit_true import common as mpdcc_words
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import MpdccTrace
@@ -51,7 +53,7 @@ def check_drive(drive: Any) -> None:
     TypeError
         If it is none; the message says what it is and what makes one.
     """
-    if not isinstance(drive, Drive | MptcDrive):
+    if not isinstance(drive, FiveLevelDrive | MptcDrive):
         raise TypeError(f"drive: got a {type(drive).__name__}; load_drive makes what is needed")
 
 
@@ -76,12 +78,31 @@ def check_engine(engine: Any, variant: Any) -> None:
             raise ValueError(f"{name}: got {value!r:.40}; it must be {allowed}")
 
 
-def state_of(drive: Drive | MptcDrive, state: State | Mapping[str, Any]) -> State:
+def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> None:
+    """Refuse an engine that a drive's controller does not have.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Whose controller it is.
+    engine : str
+        One of `ENGINES`.
+
+    Raises
+    ------
+    ValueError
+        If the controller does not have it.
+    """
+    if isinstance(drive, KbestDrive) and engine != "ideal":
+        raise ValueError(f'engine: got "{engine}"; a drive of kbest has "ideal" alone')
+
+
+def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, Any]) -> State:
     """Check that a state is one of the drive's kind; a row of a trace becomes one.
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What the state is of.
     state : MpdccState, MptcState or mapping
         Per unit or SI, as the drive's kind is; or the names of the trace file's columns to values.
@@ -98,7 +119,7 @@ def state_of(drive: Drive | MptcDrive, state: State | Mapping[str, Any]) -> Stat
     StateError
         If a row lacks a column or a value is impossible.
     """
-    wanted = MpdccState if isinstance(drive, Drive) else MptcState
+    wanted = MpdccState if isinstance(drive, FiveLevelDrive) else MptcState
     if isinstance(state, wanted):
         return state
     if isinstance(state, Mapping):
@@ -110,11 +131,13 @@ def state_of(drive: Drive | MptcDrive, state: State | Mapping[str, Any]) -> Stat
 
 
 class IdealController:
-    """The decision in float64, nothing approximated (docs/specification.md, sections 2 and 3).
+    """The decision in float64, nothing approximated (docs/specification.md, sections 2, 3 and 10).
+
+    That of K-best keeps its plan from one decision to the next.
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What it is set up for; of either kind.
 
     Raises
@@ -123,10 +146,10 @@ class IdealController:
         If it is no drive.
     """
 
-    def __init__(self, drive: Drive | MptcDrive) -> None:
+    def __init__(self, drive: Drive | KbestDrive | MptcDrive) -> None:
         check_drive(drive)
         self.drive = drive
-        self._decide, self._parameters = _compiled(drive, "ideal", DEFAULT_VARIANT)
+        self._decide, self._parameters = compiled_controller(drive, "ideal", DEFAULT_VARIANT)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Decide on one step.
@@ -159,7 +182,7 @@ class ModelController:
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What it is set up for; of either kind.
     variant : str
         "fast" or "paper"; MPDCC alone has variants.
@@ -171,11 +194,13 @@ class ModelController:
         cannot be represented; the message names the key.
     """
 
-    def __init__(self, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+    def __init__(
+        self, drive: Drive | KbestDrive | MptcDrive, variant: str = DEFAULT_VARIANT
+    ) -> None:
         check_drive(drive)
         check_engine("model", variant)
         self.drive = drive
-        self._decide, self._parameters = _compiled(drive, "model", variant)
+        self._decide, self._parameters = compiled_controller(drive, "model", variant)
         self._given = self._parameters
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
@@ -225,7 +250,7 @@ class RtlController:
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What it is set up for; of either kind.
     variant : str
         "fast" or "paper"; MPDCC alone has variants.
@@ -248,9 +273,12 @@ class RtlController:
         cannot be represented; the message names the key.
     """
 
-    def __init__(self, drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+    def __init__(
+        self, drive: Drive | KbestDrive | MptcDrive, variant: str = DEFAULT_VARIANT
+    ) -> None:
         check_drive(drive)
         check_engine("rtl", variant)
+        served_by(drive, "rtl")
         self.drive = drive
         self.cycles: list[int] = []
         self.words: list[int] = []
@@ -260,6 +288,7 @@ class RtlController:
             name, parameters = "mpdcc_core" + "_paper" * (variant == "paper"), given.ports()
             self._given, self._places = given.array(), list(parameters)
         else:
+            assert isinstance(drive, MptcDrive)
             chosen = mptc_coefficients.registers(drive).ports()
             parameters = {n: v for n, v in chosen.items() if n.startswith("c_")}
             parameters["method_mpfc"] = int(drive.control.method == "MPFC")
@@ -351,8 +380,35 @@ def _sequence_ports(applied: VectorSequence) -> dict[str, int]:
     return {"u": u1, "u1": u1, "u2": u2, "u3": u3, "t1": t1, "t2": t2}
 
 
-def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any, Any]:
-    """Compiled function of an engine and its parameters."""
+def compiled_controller(
+    drive: Drive | KbestDrive | MptcDrive, engine: str, variant: str
+) -> tuple[Any, Any]:
+    """Compiled function of an engine and its parameters.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        What it is set up for.
+    engine : str
+        "ideal" or "model".
+    variant : str
+        "fast" or "paper", for the model of MPDCC.
+
+    Returns
+    -------
+    decide : compiled function
+        With the arguments and results of `mpdcc.ideal.decide`, or of `mptc.ideal.decide`.
+    parameters
+        Its first argument.
+
+    Raises
+    ------
+    ValueError
+        If the controller has no such engine, or the model cannot represent the drive.
+    """
+    served_by(drive, engine)
+    if isinstance(drive, KbestDrive):
+        return kbest_ideal.decide, kbest_ideal.parameters_of(drive)
     if isinstance(drive, Drive):
         if engine == "ideal":
             return mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
@@ -366,7 +422,9 @@ def _compiled(drive: Drive | MptcDrive, engine: str, variant: str) -> tuple[Any,
     return mptc_bit_true.decide, mptc_bit_true.parameters(drive)
 
 
-def _decision(drive: Drive | MptcDrive, decide: Any, parameters: Any, state: State) -> Decision:
+def _decision(
+    drive: Drive | KbestDrive | MptcDrive, decide: Any, parameters: Any, state: State
+) -> Decision:
     """Call a compiled function with the values of a state."""
     if isinstance(state, MpdccState):
         row = mpdcc_row(drive, state)
@@ -400,12 +458,12 @@ def _applied(drive: MptcDrive, state: MptcState) -> int | VectorSequence:
     return applied
 
 
-def mpdcc_row(drive: Drive | MptcDrive, state: MpdccState) -> MpdccTrace:
+def mpdcc_row(drive: Drive | KbestDrive | MptcDrive, state: MpdccState) -> MpdccTrace:
     """A state as a trace of one row.
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         Gives v_dc where the state has none.
     state : MpdccState
         Per unit.
@@ -445,13 +503,13 @@ def _one_step_on(drive: Drive, parameters: Any, state: State) -> MpdccState:
 
 
 def make_controller(
-    drive: Drive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
+    drive: Drive | KbestDrive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
 ) -> IdealController | ModelController | RtlController:
     """Make the controller of an engine.
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What it is set up for; of either kind.
     engine : str
         "ideal", "model" or "rtl".
@@ -478,7 +536,7 @@ def make_controller(
 
 
 def decide(
-    drive: Drive | MptcDrive,
+    drive: Drive | KbestDrive | MptcDrive,
     state: State | Mapping[str, Any],
     engine: str = "ideal",
     variant: str = DEFAULT_VARIANT,
@@ -487,7 +545,7 @@ def decide(
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         From `load_drive`, of either kind.
     state : MpdccState, MptcState or mapping
         A state (per unit or SI), as the drive's kind is; or a row of its trace,

@@ -13,8 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from directmpc.drive_tables import DriveError, DriveFileError, described, validated
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
+
+DRIVES: dict[str, type[Drive] | type[KbestDrive] | type[MptcDrive]] = {
+    "mpdcc": Drive,
+    "mptc": MptcDrive,
+    "kbest": KbestDrive,
+}
+"""Class of a drive by the key `controller` of its file."""
 
 
 def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -59,8 +67,8 @@ def _read(path: str | os.PathLike[str]) -> dict[str, Any]:
     return _read_toml(path)
 
 
-def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
-    """Load a drive file of either controller.
+def load_drive(path: str | os.PathLike[str]) -> Drive | KbestDrive | MptcDrive:
+    """Load a drive file of any controller.
 
     Parameters
     ----------
@@ -70,7 +78,7 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
 
     Returns
     -------
-    Drive or MptcDrive
+    Drive, KbestDrive or MptcDrive
         As the file's key `controller` says.
 
     Raises
@@ -82,14 +90,42 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     data = _read(path)
     controller = data.get("controller")
     try:
-        if controller == "mpdcc":
-            return validated(Drive, data)
-        if controller == "mptc":
-            return validated(MptcDrive, data)
+        if isinstance(controller, str) and controller in DRIVES:
+            return validated(DRIVES[controller], data)
     except DriveError as error:
         raise DriveFileError(f"{path}: {error}") from None
     found = f"got {described(controller)}" if "controller" in data else "missing"
-    raise DriveFileError(f'{path}: controller: {found}; it must be "mpdcc" or "mptc"')
+    names = [f'"{name}"' for name in DRIVES]
+    raise DriveFileError(
+        f"{path}: controller: {found}; it must be {', '.join(names[:-1])} or {names[-1]}"
+    )
+
+
+def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
+    """Load the drive file of a controller that there is a core of.
+
+    Parameters
+    ----------
+    path : str or path
+        As of `load_drive`.
+
+    Returns
+    -------
+    Drive or MptcDrive
+        As the file's key `controller` says.
+
+    Raises
+    ------
+    DriveFileError
+        As `load_drive`, and if the file is one of K-best.
+    """
+    drive = load_drive(path)
+    if isinstance(drive, KbestDrive):
+        raise DriveFileError(
+            f'{path}: controller: got "kbest"; it must be "mpdcc" or "mptc" here: there is no core '
+            "of K-best"
+        )
+    return drive
 
 
 def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
@@ -108,11 +144,13 @@ def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
     Raises
     ------
     DriveFileError
-        As `load_drive`, and if the file is one of MPTC.
+        As `load_drive`, and if the file is one of another controller.
     """
     drive = load_drive(path)
     if not isinstance(drive, Drive):
-        raise DriveFileError(f'{path}: controller: got "mptc"; it must be "mpdcc" here')
+        raise DriveFileError(
+            f'{path}: controller: got "{drive.controller}"; it must be "mpdcc" here'
+        )
     return drive
 
 
@@ -132,9 +170,11 @@ def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
     Raises
     ------
     DriveFileError
-        As `load_drive`, and if the file is one of MPDCC.
+        As `load_drive`, and if the file is one of another controller.
     """
     drive = load_drive(path)
     if not isinstance(drive, MptcDrive):
-        raise DriveFileError(f'{path}: controller: got "mpdcc"; it must be "mptc" here')
+        raise DriveFileError(
+            f'{path}: controller: got "{drive.controller}"; it must be "mptc" here'
+        )
     return drive

@@ -18,18 +18,20 @@ from directmpc.api.controllers import (
     RtlController,
     check_drive,
     check_engine,
+    compiled_controller,
     make_controller,
+    served_by,
 )
 from directmpc.distortion import thd
 from directmpc.drive_tables import DriveError
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import closed_loop as mpdcc_loop
-from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
+from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import errors as mptc_errors
 from directmpc.mptc import sequence_loop
@@ -86,7 +88,7 @@ class SimulationResult:
         Methods of two and three vectors: stator current at m equal distances in every step.
     """
 
-    drive: Drive | MptcDrive
+    drive: Drive | KbestDrive | MptcDrive
     controller: str
     speed: float
     time: FloatArray
@@ -128,7 +130,7 @@ class SimulationResult:
         ValueError
             If the run does not cover one period of the stator frequency.
         """
-        ts = self.drive.ts_pu if isinstance(self.drive, Drive) else self.drive.control.ts
+        ts = self.drive.ts_pu if isinstance(self.drive, FiveLevelDrive) else self.drive.control.ts
         samples = self.phase_currents
         if self.current_inside is not None:
             ts *= len(self) / len(self.current_inside)
@@ -215,12 +217,14 @@ MPDCC_FACTORS = {
 MPTC_FACTORS = ("rs", "rr", "leakage", "lm")
 
 
-def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive | MptcDrive:
+def plant_with(
+    drive: Drive | KbestDrive | MptcDrive, factors: Mapping[str, float]
+) -> Drive | KbestDrive | MptcDrive:
     """A drive whose machine and capacitors are not those that a controller knows.
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What the controller knows.
     factors : mapping of str to float
         From 0.5 to 1.5, on the drive's values. MPDCC: `rs`, `rr`, `leakage` (both, xls and xlr),
@@ -229,7 +233,7 @@ def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive 
 
     Returns
     -------
-    Drive or MptcDrive
+    Drive, KbestDrive or MptcDrive
         Of the same kind, with all other values as they are.
 
     Raises
@@ -244,7 +248,7 @@ def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive 
         raise TypeError(
             f"plant_factors: got {_named(factors)}; a mapping of names to factors is needed"
         )
-    known = MPDCC_FACTORS if isinstance(drive, Drive) else MPTC_FACTORS
+    known = MPDCC_FACTORS if isinstance(drive, FiveLevelDrive) else MPTC_FACTORS
     for name, factor in factors.items():
         if name not in known:
             raise ValueError(
@@ -258,7 +262,7 @@ def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive 
                 f"{LEAST_FACTOR:g} to {MOST_FACTOR:g}"
             )
     tables: dict[str, dict[str, float]] = {}
-    if isinstance(drive, Drive):
+    if isinstance(drive, FiveLevelDrive):
         for name, factor in factors.items():
             table, keys = MPDCC_FACTORS[name]
             found = tables.setdefault(table, {})
@@ -276,7 +280,7 @@ def plant_with(drive: Drive | MptcDrive, factors: Mapping[str, float]) -> Drive 
 
 
 def simulate(
-    drive: Drive | MptcDrive,
+    drive: Drive | KbestDrive | MptcDrive,
     controller: str | Controller = "ideal",
     *,
     steps: int = 1000,
@@ -285,7 +289,7 @@ def simulate(
     flux: float | None = None,
     settle: int = 0,
     angle: float = 0.0,
-    plant: Drive | MptcDrive | None = None,
+    plant: Drive | KbestDrive | MptcDrive | None = None,
     plant_factors: Mapping[str, float] | None = None,
     variant: str = DEFAULT_VARIANT,
     errors: DriveErrors | MptcErrors | None = None,
@@ -301,7 +305,7 @@ def simulate(
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What the controller is set up for, of either kind. It gives the units: per unit for MPDCC,
         SI for MPTC.
     controller : str or Controller
@@ -322,7 +326,7 @@ def simulate(
         Steps that are run before, not recorded.
     angle : float
         Angle of the stator current at the start, rad.
-    plant : Drive or MptcDrive, optional
+    plant : Drive, KbestDrive or MptcDrive, optional
         Drive whose machine and inverter the plant has, if they are others than the controller's.
     plant_factors : mapping of str to float, optional
         Factors from 0.5 to 1.5 on the values of the plant, as of `plant_with`; the controller does
@@ -363,6 +367,7 @@ def simulate(
     check_drive(drive)
     if isinstance(controller, str):
         check_engine(controller, variant)
+        served_by(drive, controller)
     elif isinstance(controller, type) or not isinstance(controller, Controller):
         raise TypeError(
             f"controller: got {_named(controller)}; it must be "
@@ -373,13 +378,15 @@ def simulate(
             f"plant: got {_named(plant)}; a drive of the same kind, {drive.controller}, is needed"
         )
     given_errors = _errors_of(drive, errors)
-    if sensorless and isinstance(drive, Drive):
-        raise TypeError("sensorless: given for a drive of MPDCC; only those of MPTC have it")
+    if sensorless and isinstance(drive, FiveLevelDrive):
+        raise TypeError(
+            f"sensorless: given for a drive of {drive.controller}; only those of MPTC have it"
+        )
     if not isinstance(flux_observer, bool):
         raise TypeError(f"flux_observer: got {_named(flux_observer)}; True or False is needed")
-    if flux_observer and not isinstance(drive, Drive):
+    if flux_observer and not isinstance(drive, FiveLevelDrive):
         raise TypeError(
-            "flux_observer: given for a drive of MPTC; only those of MPDCC have it "
+            "flux_observer: given for a drive of MPTC; only those of a five-level inverter have it "
             "(sensorless=True lets MPTC work on an observer)"
         )
     real = plant or drive
@@ -393,7 +400,7 @@ def simulate(
         if number is not None and not _is_finite(number):
             raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
     engine = controller if isinstance(controller, str) else type(controller).__name__
-    estimate = isinstance(drive, Drive) and drive.control.leakage_estimate
+    estimate = isinstance(drive, FiveLevelDrive) and drive.control.leakage_estimate
     short = settle + steps < COMPILED_FROM and not estimate
     core: RtlController | None = None
     if isinstance(controller, str) and (sensorless or short or controller == "rtl"):
@@ -403,7 +410,7 @@ def simulate(
         if estimate:
             controller = _Estimating(core)
     run = functools.partial(_run_mptc, sensorless=sensorless, errors=given_errors)
-    if isinstance(drive, Drive):
+    if isinstance(drive, FiveLevelDrive):
         run = functools.partial(_run_mpdcc, errors=given_errors, flux_observer=flux_observer)
     result = run(
         drive,
@@ -445,9 +452,9 @@ class _Estimating:
         return decision
 
 
-def _errors_of(drive: Drive | MptcDrive, errors: Any) -> DriveErrors | MptcErrors:
+def _errors_of(drive: Drive | KbestDrive | MptcDrive, errors: Any) -> DriveErrors | MptcErrors:
     """Errors of the drive's kind; none of either kind are none of this one."""
-    of_kind = isinstance(drive, Drive)
+    of_kind = isinstance(drive, FiveLevelDrive)
     none: DriveErrors | MptcErrors = NO_ERRORS if of_kind else mptc_errors.NO_ERRORS
     if errors is None:
         return none
@@ -470,7 +477,7 @@ def _is_finite(number: Any) -> bool:
 
 
 def _run_mpdcc(
-    drive: Drive,
+    drive: Drive | KbestDrive,
     controller: str | Controller,
     engine: str,
     steps: int,
@@ -479,7 +486,7 @@ def _run_mpdcc(
     flux: float | None,
     settle: int,
     angle: float,
-    plant: Drive,
+    plant: Drive | KbestDrive,
     variant: str,
     errors: DriveErrors,
     flux_observer: bool,
@@ -492,16 +499,13 @@ def _run_mpdcc(
     profile = mpdcc_loop.constant_profile(drive, point, settle + steps, angle)
     delay = drive.control.delay_compensation
     if isinstance(controller, str):
-        if controller == "ideal":
-            compiled: tuple[Any, Any] = mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
-        else:
-            chosen = VARIANTS[variant]
-            compiled = chosen.decide, chosen.registers(drive).array()
-        # the model takes the state on to k + 1 by itself, the ideal function is shown it
+        compiled = compiled_controller(drive, controller, variant)
+        # the ideal function of MPDCC is shown the state at k + 1, the others find it by themselves
+        shown = controller == "ideal" and isinstance(drive, Drive)
         run = mpdcc_loop.simulate(
             drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
-            delay=delay, compensate=controller == "ideal", errors=errors,
-            flux_observer=flux_observer, observed_from=1,
+            delay=delay, compensate=shown, errors=errors, flux_observer=flux_observer,
+            observed_from=1,
         )  # fmt: skip
     else:
         run = mpdcc_loop.drive_controller(
@@ -512,11 +516,11 @@ def _run_mpdcc(
 
 
 def _of_mpdcc(
-    drive: Drive,
+    drive: Drive | KbestDrive,
     engine: str,
     run: ClosedLoopResult,
     omega_s: float,
-    plant: Drive,
+    plant: Drive | KbestDrive,
 ) -> SimulationResult:
     n = len(run)
     state, profile = run.state[:n], run.profile

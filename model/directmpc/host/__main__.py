@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.host import lockstep, spi
 from directmpc.host.board import BAUD, Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.console import (
@@ -153,7 +153,7 @@ def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     ValueError
         If the drive file cannot be used; the message names file and key.
     """
-    _load(board, console, load_drive(given.drive), given)
+    _load(board, console, load_core_drive(given.drive), given)
     return 0
 
 
@@ -189,7 +189,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     ValueError
         If the drive file cannot be used, or `out` cannot be written.
     """
-    drive = load_drive(given.drive)
+    drive = load_core_drive(given.drive)
     if given.out:  # found out after the last step, all of them would have been for nothing
         if not isinstance(drive, Drive):
             raise ValueError(

@@ -26,7 +26,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from directmpc.api.controllers import state_of
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import DriveError, GuardTable
 from directmpc.host import protocol as p
 from directmpc.host import spi
@@ -540,7 +540,7 @@ class Board:
         if isinstance(drive, RegisterValues):
             found, self.drive, self._encoder = drive, None, None
         else:
-            known = drive if isinstance(drive, Drive | MptcDrive) else load_drive(drive)
+            known = drive if isinstance(drive, Drive | MptcDrive) else load_core_drive(drive)
             self._check_controller(known.controller)
             found = self.values(known, sensorless=sensorless)
             if self.real_time:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
@@ -822,7 +822,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         parser.error("--measured-flux: only with --vhdl")
     asked = {name: getattr(given, name) for name in keys_of(MptcGuard)}
     try:
-        drive = load_drive(given.drive)
+        drive = load_core_drive(given.drive)
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
         found = values(drive, given.variant, clock=given.clock)
         refuse_slow(drive, found, given.variant, given.explorers)

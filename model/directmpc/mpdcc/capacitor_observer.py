@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded, saturate
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.formats import CAPACITOR_VOLTAGE, CURRENT, MEASUREMENTS, NEUTRAL_VOLTAGE
 from directmpc.mpdcc.trace import IntArray
 
@@ -69,13 +69,13 @@ STATE_WORDS = 10
 
 
 def coefficients(
-    drive: Drive, q_midpoint: int | None = None, q_phase: int | None = None
+    drive: FiveLevelDrive, q_midpoint: int | None = None, q_phase: int | None = None
 ) -> dict[str, int]:
     """Coefficients and gains of the filters for a drive.
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Capacitors and control period, and q unless it is given.
     q_midpoint, q_phase : int, optional
         Of v_n and of v_ph, 0 to 7; the drive's `capacitor_filter` if not given.
@@ -232,7 +232,7 @@ class CapacitorFilter:
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Capacitors, control period and gain.
 
     Attributes
@@ -247,7 +247,7 @@ class CapacitorFilter:
         As of ``step_words``.
     """
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: FiveLevelDrive) -> None:
         self.active = drive.control.capacitor_filter > 0
         self.delayed = int(drive.control.delay_compensation)
         self.coefficient = array(coefficients(drive))
@@ -315,7 +315,7 @@ class IdealState(NamedTuple):
 
 
 def step_ideal(
-    drive: Drive,
+    drive: FiveLevelDrive,
     q_midpoint: int,
     q_phase: int,
     state: IdealState | None,
@@ -326,7 +326,7 @@ def step_ideal(
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Capacitors and control period.
     q_midpoint, q_phase : int
         Exponents of the gains.

@@ -22,7 +22,7 @@ from directmpc.mpdcc import ideal, leakage
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
 from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
@@ -103,13 +103,13 @@ class Profile:
 
 
 def constant_profile(
-    drive: Drive, point: OperatingPoint, steps: int, phase: float = 0.0
+    drive: FiveLevelDrive, point: OperatingPoint, steps: int, phase: float = 0.0
 ) -> Profile:
     """Hold one operating point.
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Its machine tells speeds and currents; its v_dc is constant.
     point : OperatingPoint
         Per unit.
@@ -132,7 +132,7 @@ def constant_profile(
 
 
 def ramp_profile(
-    drive: Drive,
+    drive: FiveLevelDrive,
     start: OperatingPoint,
     stop: OperatingPoint,
     steps: int,
@@ -144,7 +144,7 @@ def ramp_profile(
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Its machine tells speeds and currents of the points; its v_dc is constant.
     start, stop : OperatingPoint
         Before `begin` and from `end` on; in between both speeds and the current (in the frame of
@@ -407,7 +407,7 @@ def _as_given(theta, given, values):
 
 
 def _estimators(
-    drive: Drive,
+    drive: FiveLevelDrive,
     state: FloatArray,
     steps: int,
     parameters: Any,
@@ -475,17 +475,17 @@ def initial_conditions(
     return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
 
 
-def _per_unit(drive: Drive, errors: DriveErrors) -> float:
+def _per_unit(drive: FiveLevelDrive, errors: DriveErrors) -> float:
     """The dead time, per unit."""
     return errors.dead_time * drive.ts_pu / drive.control.ts
 
 
-def rippled(drive: Drive, profile: Profile, errors: DriveErrors) -> FloatArray:
+def rippled(drive: FiveLevelDrive, profile: Profile, errors: DriveErrors) -> FloatArray:
     """The dc-link voltage of a profile with its ripple.
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Its control period counts.
     profile : Profile
         n steps.
@@ -504,7 +504,7 @@ def rippled(drive: Drive, profile: Profile, errors: DriveErrors) -> FloatArray:
 
 
 def simulate(
-    drive: Drive,
+    drive: FiveLevelDrive,
     decide: Any,
     parameters: Any,
     point: OperatingPoint | Profile,
@@ -513,7 +513,7 @@ def simulate(
     settle: int = 0,
     seed: int = 0,
     disturbance: float = 0.01,
-    plant_drive: Drive | None = None,
+    plant_drive: FiveLevelDrive | None = None,
     shadow: Any = None,
     shadow_parameters: Any = None,
     delay: bool = False,
@@ -529,7 +529,7 @@ def simulate(
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         What the controller is set up for; also what references and speeds are computed from.
     decide, parameters : compiled function and record
         Compiled controller with the arguments and results of `ideal.decide`, and its first one.
@@ -544,7 +544,7 @@ def simulate(
     disturbance : float
         Standard deviation of what is added to the steady state's currents and capacitor voltages
         at the start, per unit.
-    plant_drive : Drive, optional
+    plant_drive : FiveLevelDrive, optional
         Machine and inverter of the plant if they differ from the controller's; ts is the drive's.
     shadow, shadow_parameters : compiled function and record, optional
         Second controller that decides on the same inputs without effect.
@@ -597,7 +597,7 @@ def simulate(
     state, applied = initial_conditions(profile, rng, disturbance)
     dead, rest = split(plant, _per_unit(drive, errors))
 
-    predictor = ideal.ideal_parameters(drive)
+    predictor = ideal.predictor_parameters(drive)
     states = np.empty((total + 1, STATES))
     positions = np.empty((total + 1, 3), np.int64)
     positions[0] = applied
@@ -647,13 +647,13 @@ def simulate(
 
 
 def drive_controller(
-    drive: Drive,
+    drive: FiveLevelDrive,
     controller: Controller,
     profile: Profile,
     steps: int,
     *,
     settle: int = 0,
-    plant_drive: Drive | None = None,
+    plant_drive: FiveLevelDrive | None = None,
     delay: bool = False,
     checked: bool = True,
     filtered: bool = True,
@@ -665,7 +665,7 @@ def drive_controller(
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         What references and speeds are computed from.
     controller : Controller
         Asked once per step, with an `MpdccState`.
@@ -673,7 +673,7 @@ def drive_controller(
         At least ``settle + steps`` steps.
     steps, settle : int
         Control steps to record, and to run before those.
-    plant_drive : Drive, optional
+    plant_drive : FiveLevelDrive, optional
         Machine and inverter of the plant if they are not the drive's; ts is the drive's.
     delay : bool
         Whether a decision takes effect one step after the state it is based on.

@@ -26,7 +26,7 @@ from directmpc.loads.induction import InductionMachine
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
-_SAMPLING_INTERVAL = f"a number of seconds, {TS_PU_MIN} to {TS_PU_MAX} pu of the base frequency"
+SAMPLING_INTERVAL = f"a number of seconds, {TS_PU_MIN} to {TS_PU_MAX} pu of the base frequency"
 
 
 class Base(Section):
@@ -72,7 +72,7 @@ class Control(Section):
     """
 
     ts: Annotated[
-        float, Field(strict=True, gt=0.0, allow_inf_nan=False, description=_SAMPLING_INTERVAL)
+        float, Field(strict=True, gt=0.0, allow_inf_nan=False, description=SAMPLING_INTERVAL)
     ]
     bound_current: number(0.02, 0.5, "pu")
     bound_vn: number(0.02, 0.5, "pu")
@@ -94,15 +94,13 @@ PAPERS_RULES: dict[str, Any] = {"deadlock_rule": "largest", "outside_rule": "dea
 """Rules of `control` as Paper A has them: eq. 15, and length 0 for what is outside its bound."""
 
 
-class Drive(AnyDrive):
-    """An MPDCC drive as its file describes it, per unit."""
+class FiveLevelDrive(AnyDrive):
+    """What the drives of all controllers of the five-level inverter have, per unit."""
 
-    controller: Literal["mpdcc"]
     base: Base
     machine: InductionMachine
     inverter: Inverter
     guard: Guard = Guard()
-    control: Control
 
     @model_validator(mode="after")
     def _check_sampling(self) -> Self:
@@ -126,6 +124,13 @@ class Drive(AnyDrive):
             Per unit: radians of the base frequency.
         """
         return 2 * math.pi * self.base.frequency * self.control.ts
+
+
+class Drive(FiveLevelDrive):
+    """An MPDCC drive as its file describes it, per unit."""
+
+    controller: Literal["mpdcc"]
+    control: Control
 
     @property
     def bounds(self) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.loads.load import FloatArray, Matrices, discretise
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
 SQRT3_2 = math.sqrt(3.0) / 2.0
@@ -72,17 +72,41 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
     IdealParameters
         Per unit; `bounds` of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
     """
+    c = drive.control
+    return predictor_parameters(drive)._replace(
+        bounds=drive.bounds,
+        lambda_n=float(c.lambda_n),
+        horizon=int(c.horizon),
+        two_switchings=c.switching_horizon == "SESE",
+        weighted_deadlock=c.deadlock_rule == "weighted",
+        inwards=c.outside_rule == "inwards",
+    )
+
+
+def predictor_parameters(drive: FiveLevelDrive) -> IdealParameters:
+    """Collect what `advance` needs of a drive of any controller.
+
+    Parameters
+    ----------
+    drive : FiveLevelDrive
+        Validated drive.
+
+    Returns
+    -------
+    IdealParameters
+        Per unit; bounds and settings of the search say nothing.
+    """
     return IdealParameters(
         ts=drive.ts_pu,
         load=drive.machine.matrices,
         neutral_slope=-drive.ts_pu / (2.0 * drive.inverter.xdc),
         capacitor_slope=drive.ts_pu / drive.inverter.xph,
-        bounds=drive.bounds,
-        lambda_n=float(drive.control.lambda_n),
-        horizon=int(drive.control.horizon),
-        two_switchings=drive.control.switching_horizon == "SESE",
-        weighted_deadlock=drive.control.deadlock_rule == "weighted",
-        inwards=drive.control.outside_rule == "inwards",
+        bounds=np.zeros(7),
+        lambda_n=0.0,
+        horizon=1,
+        two_switchings=False,
+        weighted_deadlock=False,
+        inwards=False,
         next_count=anpc.NEXT_COUNT,
         next_table=anpc.NEXT_TABLE,
         half_dc=anpc.HALF_DC,

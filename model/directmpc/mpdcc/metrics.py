@@ -10,7 +10,7 @@ from directmpc.distortion import thd
 from directmpc.loads.load import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.trace import IntArray
 
 
@@ -139,12 +139,12 @@ def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray
     return np.maximum(deviations(result).max(axis=0) - bounds, 0.0)
 
 
-def summarise(drive: Drive, result: ClosedLoopResult) -> Summary:
+def summarise(drive: FiveLevelDrive, result: ClosedLoopResult) -> Summary:
     """Collect the figures of merit of a run at constant omega_s.
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Control period and bounds.
     result : ClosedLoopResult
         n recorded steps at one stator frequency.

@@ -32,7 +32,7 @@ from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.loads.induction import InductionMachine
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.formats import (
     CAPACITOR_VOLTAGE,
     CURRENT,
@@ -75,12 +75,14 @@ FINE, MIDDLE, COARSE, WHOLE = 25, 22, 19, 16
 ANGLE_SHIFT = 17
 
 
-def coefficients(drive: Drive, crossover: float = CROSSOVER) -> tuple[dict[str, int], list[str]]:
+def coefficients(
+    drive: FiveLevelDrive, crossover: float = CROSSOVER
+) -> tuple[dict[str, int], list[str]]:
     """Coefficients of the flux for a drive.
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Machine and control period the observer is set up for.
     crossover : float
         Frequency below which the current model and above which the voltage model rules, pu.
@@ -308,7 +310,7 @@ class FluxObserver:
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Machine and control period that it is set up for.
     current, flux : complex
         Stator current and rotor flux that it begins with, per unit.
@@ -319,7 +321,7 @@ class FluxObserver:
         As of ``step_words``.
     """
 
-    def __init__(self, drive: Drive, current: complex, flux: complex) -> None:
+    def __init__(self, drive: FiveLevelDrive, current: complex, flux: complex) -> None:
         words, _ = coefficients(drive)
         self.coefficient = array(words)
         self.state = state_of(drive.machine, current, flux)

@@ -23,7 +23,7 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.loads.load import CLARKE, CLARKE_INVERSE, FloatArray, Load
 from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import FiveLevelDrive
 
 STATES = 8
 POSITIONS_ABC = anpc.POSITIONS**3
@@ -224,7 +224,7 @@ class Plant:
 
     Parameters
     ----------
-    drive : Drive
+    drive : FiveLevelDrive
         Whose machine and inverter to copy; the drive itself is not kept.
     omega_r : float
         Rotor speed, per unit; may be changed between steps.
@@ -243,7 +243,7 @@ class Plant:
 
     def __init__(
         self,
-        drive: Drive,
+        drive: FiveLevelDrive,
         omega_r: float = 0.0,
         vdc: float | None = None,
         state: Sequence[float] | FloatArray | None = None,

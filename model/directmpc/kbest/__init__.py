@@ -1,0 +1,1 @@
+"""K-best direct MPC: turn-ons and mean square current error over a fixed horizon."""
