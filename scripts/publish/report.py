@@ -787,6 +787,7 @@ def write_resources() -> None:
         ]
         text = _table2(document[design.key], head, variant)
         tools.write(REPORTS / f"table2{_suffix(variant)}.md", text)
+    mptc_report.held_resources(document["mptc"])
     document[DESIGNS[DEFAULT_VARIANT].key]["sese"]["xc3s"] = horizon_study.figures()["xc3s"]
     document["resources_commit"] = commit
     tools.write(path, json.dumps(document, indent=1) + "\n")

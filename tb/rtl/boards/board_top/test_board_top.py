@@ -81,7 +81,7 @@ FAULTS = [
     Fault("board_top", "since_start /= 15", "since_start /= 14", "reset:"),
     Fault("board_top", SPEED, SPEED.replace("79 downto 64", "95 downto 80"), "decision:"),
     Fault("board_top", 'x"00" & gates_now', 'x"01" & gates_now', "gates:"),
-    Fault("board_top", "not permitted;", "'0';", "permit:"),
+    Fault("board_top", "not permitted;", "'0';", "faults:"),
     Fault(
         "board_top",
         "held_high     <= (others => '1');",

@@ -51,7 +51,7 @@ def rows_of(each: int, any_words: int) -> core.Rows:
         dead = np.flatnonzero(rows.model("fast")[:, 4] == 1)
         parts.append(rows.pick(rng.permutation(dead)[:each]))
     parts += [
-        core.recorded_rows(4, rng, "fast"),
+        core.recorded_rows(16, rng, "fast"),
         core.random_rows(any_words, rng, "fast"),
         core.saturating_rows(6, rng, "fast"),
     ]

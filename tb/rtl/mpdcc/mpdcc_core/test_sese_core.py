@@ -140,7 +140,7 @@ def few_searches(rtl: Path) -> None:
     """A few searches of the core with a second level, which have to be the model's."""
     rows = with_options(rows_of(5, 12, 1, 0), 1, (0,), 0)
     want, _, nodes = expected(rows, 4)
-    chosen = np.flatnonzero((nodes > 3) & (nodes < 40))[:12]
+    chosen = np.flatnonzero((nodes > 3) & (nodes < 40))[:24]
     assert len(chosen) >= 2
     found = core.simulate(rows.pick(chosen), 4, "fast", rtl=rtl)
     if not np.array_equal(found.decisions, want[chosen, :7]):

@@ -58,7 +58,7 @@ def test_rtl_decides_as_the_twins() -> None:
         mptc_pairs.mixed(seed=1, n=70),
         mptc_pairs.near(seed=2, n=40),
         mptc_pairs.hardly_any_voltage(seed=3, n=6),
-        mptc_pairs.nothing_missing(seed=4, n=3),
+        mptc_pairs.nothing_missing(),
         mptc_pairs.longer_by_an_lsb(),
         mptc_pairs.machines(seed=8, n=8),
     )
@@ -374,7 +374,7 @@ def test_a_fault_is_found_with_several_vectors(name: str, tmp_path: Path) -> Non
     where, old, new = FAULTS[name]
     rtl = altered(tmp_path, where, old, new)
     if name == "nothing missing":
-        rows = mptc_pairs.nothing_missing(seed=7, n=10)
+        rows = mptc_pairs.nothing_missing()
     elif name == "powerless":
         rows = mptc_pairs.hardly_any_voltage(seed=7, n=10)
     elif name == "longer by an LSB":
