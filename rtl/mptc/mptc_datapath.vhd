@@ -172,6 +172,7 @@ begin
   g_share : if not FAMILY generate
     words(OPERAND_SHARE_ALPHA) <= share_alpha(sample.u);
     words(OPERAND_SHARE_BETA)  <= share_beta(sample.u);
+    seeds(SEED_LEVEL)          <= (others => '0');
   end generate g_share;
 
   g_flux_operands : if FLUX_CONTROL generate
@@ -179,7 +180,18 @@ begin
     words(OPERAND_NOT_MOMENT)     <= not words(OPERAND_MOMENT);
     words(OPERAND_ROOT_ALONG)     <= target.along;
     words(OPERAND_ROOT_ACROSS)    <= target.across;
+
+    -- half of an LSB of the modulus, and of MPFC's root times w
+    seeds(SEED_MODULUS_HALF) <= (FRACTION => doubled, FRACTION - 1 => not doubled, others => '0');
+    seeds(SEED_CENTRE_ALPHA) <= resize(shift_right(results(RESULT_ROTOR_ALPHA), 1), SUM_WIDTH);
+    seeds(SEED_CENTRE_BETA)  <= resize(shift_right(results(RESULT_ROTOR_BETA), 1), SUM_WIDTH);
   end generate g_flux_operands;
+
+  g_no_flux : if not FLUX_CONTROL generate
+    seeds(SEED_MODULUS_HALF) <= (others => '0');
+    seeds(SEED_CENTRE_ALPHA) <= (others => '0');
+    seeds(SEED_CENTRE_BETA)  <= (others => '0');
+  end generate g_no_flux;
 
   ---------------------------------------------------------------------------------------------
   -- First summands
@@ -196,19 +208,6 @@ begin
   seeds(SEED_STATOR_ALPHA) <= seed_word(results(RESULT_STATOR_ALPHA));
   seeds(SEED_STATOR_BETA)  <= seed_word(results(RESULT_STATOR_BETA));
   seeds(SEED_NONE)         <= (others => '0');
-
-  -- half of an LSB of the modulus, and of MPFC's root times w
-  p_half : process (doubled) is
-  begin
-
-    seeds(SEED_MODULUS_HALF)               <= (others => '0');
-    seeds(SEED_MODULUS_HALF)(FRACTION)     <= doubled;
-    seeds(SEED_MODULUS_HALF)(FRACTION - 1) <= not doubled;
-
-  end process p_half;
-
-  seeds(SEED_CENTRE_ALPHA) <= resize(shift_right(results(RESULT_ROTOR_ALPHA), 1), SUM_WIDTH);
-  seeds(SEED_CENTRE_BETA)  <= resize(shift_right(results(RESULT_ROTOR_BETA), 1), SUM_WIDTH);
 
   -- MPTC: |term| as one's complement; MPFC: term
   p_cost_seed : process (term, mpfc) is
