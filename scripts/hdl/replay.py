@@ -33,6 +33,7 @@ from directmpc.output_files import check_output
 from scripts.hdl import mptc_replay
 from scripts.hdl.mpdcc_simulation import simulate_rows
 from scripts.shared.command import InputError
+from scripts.shared.figures import counted
 
 ENGINES = ("rtl", "model", "ideal")
 DEFAULT_EXPLORERS = 2
@@ -116,7 +117,9 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
     if note:
         print(f"{request.drive}: {note}", file=sys.stderr)
     rows = trace.read_trace(request.trace, drive)
-    with _watched(request, f"replay on {request.explorers} explorer(s)", len(rows)) as progress:
+    with _watched(
+        request, f"replay on {counted(request.explorers, 'explorer')}", len(rows)
+    ) as progress:
         decisions = _decide_mpdcc(
             drive, rows, request.engine, request.explorers, request.variant, progress
         )

@@ -66,7 +66,7 @@ from scripts.publish.stages import figures as figures_of
 from scripts.shared import paper_a, progress, tables, tools
 from scripts.shared import rows as stored_rows
 from scripts.shared.command import UsageError
-from scripts.shared.figures import pyplot, save_png
+from scripts.shared.figures import counted, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import (
     bounds,
@@ -264,7 +264,7 @@ def _cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
                     f"the RTL with {explorers} explorers ({variant}) differs from its model"
                 )
             parts.append(rows)
-        say(f"cycles of the RTL: {explorers} explorer(s) done")
+        say(f"cycles of the RTL: {counted(explorers, 'explorer')}, done")
         return np.concatenate(parts)
 
     with concurrent.futures.ThreadPoolExecutor(2) as pool:

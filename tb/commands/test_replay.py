@@ -286,7 +286,7 @@ def test_an_interrupt_leaves_nothing(trace_file: Path, tmp_path: Path) -> None:
     arguments = ["--drive", DRIVE, "--trace", trace_file, "--out", out]
     process = started(*arguments, start_new_session=True)
     assert process.stderr is not None
-    assert process.stderr.readline().startswith("replay on 2 explorer(s): 0 of ")
+    assert process.stderr.readline().startswith("replay on 2 explorers: 0 of ")
     time.sleep(0.5)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
     _, errors = process.communicate(timeout=60)
