@@ -8,10 +8,18 @@ refuse what a file may not hold.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    WrapValidator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
@@ -122,6 +130,52 @@ def auto_or(value: Any) -> Any:
     ]
 
 
+def one_of(kinds: Mapping[str, type]) -> Any:
+    """Annotate a table whose keys depend on its key `type`.
+
+    Parameters
+    ----------
+    kinds : mapping of str to type
+        Table by type; the first one where the key is left out.
+
+    Returns
+    -------
+    Any
+        The annotation of a table.
+    """
+    first = next(iter(kinds))
+
+    def kind(given: Any) -> str:
+        if isinstance(given, Mapping):
+            found = given.get("type", first)
+            return found if isinstance(found, str) else repr(found)
+        return getattr(given, "type", first)
+
+    tagged = tuple(Annotated[table, Tag(name)] for name, table in kinds.items())
+    return Annotated[Union[tagged], Discriminator(kind)]  # noqa: UP007
+
+
+def kinds_of(annotation: Any) -> dict[str, Any]:
+    """Tables of a key of `one_of`.
+
+    Parameters
+    ----------
+    annotation : any
+        Of the key, as pydantic has it.
+
+    Returns
+    -------
+    dict
+        Table by type; empty for any other key.
+    """
+    found = {}
+    for member in get_args(annotation):
+        for mark in getattr(member, "__metadata__", ()):
+            if isinstance(mark, Tag):
+                found[mark.tag] = get_args(member)[0]
+    return found
+
+
 class Section(BaseModel):
     """A table of a drive file: frozen, without room for unknown keys."""
 
@@ -191,6 +245,8 @@ class AnyDrive(Section):
                 raise DriveError(f"{name}: got {described(keys)}; a table of keys is needed")
             plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in keys.items()}
             old = data.get(name, {})
+            if isinstance(old, dict) and plain.get("type", old.get("type")) != old.get("type"):
+                old = {}  # another kind has other keys
             data[name] = {**old, **plain} if isinstance(old, dict) else plain
         return validated(type(self), data)
 
@@ -287,19 +343,33 @@ def allowed(table: type, key: str) -> str:
     annotation = field.annotation
     if get_origin(annotation) is Literal:
         return " or ".join(f'"{choice}"' for choice in get_args(annotation))
-    return f"a table [{key}] with the keys {', '.join(keys_of(annotation))}"
+    tables = kinds_of(annotation)
+    keys = keys_of(next(iter(tables.values())) if tables else annotation)
+    return f"a table [{key}] with the keys {', '.join(keys)}"
 
 
 def _explain(model: type[BaseModel], error: Any) -> str:
     """Turn one pydantic error into "key: what is wrong, what is allowed"."""
-    location = [str(part) for part in error["loc"]]
+    location: list[str] = []
+    table: Any = model
+    tables: list[Any] = []
+    for part in map(str, error["loc"]):
+        if part in kinds_of(table):  # the kind, which is no key
+            table = kinds_of(table)[part]
+            continue
+        location.append(part)
+        tables.append(table)
+        table = keys_of(table)[part].annotation if part in keys_of(table) else None
     if error["type"] == "across_keys":
         return ".".join([*location, error["msg"]])
     dotted = ".".join(location)
-    table: Any = model
-    for part in location[:-1]:
-        table = keys_of(table)[part].annotation
+    if error["type"] == "union_tag_invalid":
+        choices = " or ".join(f'"{kind}"' for kind in kinds_of(table))
+        return f"{dotted}.type: got {described(error['input']['type'])}; it must be {choices}"
+    table = tables[-1]
     name = f"[{'.'.join(location[:-1])}]" if location[:-1] else "the file's top level"
+    if location[:-1] and (kind := keys_of(table).get("type")):
+        name += f' of the type "{kind.default}"'
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{dotted}: unknown key; {name} may hold {', '.join(keys_of(table))}"
     words = allowed(table, location[-1])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from directmpc.api.drive_file import load_core_drive
-from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, MPDCC_FACTORS, MPTC_FACTORS
+from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, check_speed, factors_of
 from directmpc.host.console import terminable
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
@@ -131,8 +130,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--plant",
         metavar="NAME=FACTOR,...",
         help="factors on the machine and the capacitors of the plant, which the controller does "
-        f"not know: {', '.join(MPDCC_FACTORS)}, MPTC: {', '.join(MPTC_FACTORS)}, each from "
-        f"{LEAST_FACTOR:g} to {MOST_FACTOR:g}",
+        f"not know, each from {LEAST_FACTOR:g} to {MOST_FACTOR:g}: rs, rr, leakage, xm, xdc, xph; "
+        "PMSM: rs, leakage, xdc, xph; grid and RL: r, x, xdc, xph; MPTC: rs, rr, leakage, lm",
     )
     parser.add_argument(
         "--flux-observer",
@@ -216,16 +215,23 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
     return _Result((said, mptc_loop.outcome(run)), len(run), run.differing)
 
 
-def _check_mpdcc(given: argparse.Namespace) -> None:
-    """Refuse a speed that an MPDCC run cannot have; without one it is 1 pu."""
+def _check_mpdcc(given: argparse.Namespace, drive: Drive) -> None:
+    """Refuse what an MPDCC run cannot have; without a speed it is 1 pu."""
     if given.speed is None:
         given.speed = 1.0
-    if not math.isfinite(given.speed) or abs(given.speed) > 2.0:
-        raise UsageError(f"argument --speed: got {given.speed:g}; it must be from -2 to 2 pu")
-    if given.speed == 0.0:
-        raise InputError("--speed: got 0; a stator frequency other than 0 is needed")
+    try:
+        check_speed(drive, given.speed)
+    except ValueError as error:
+        if given.speed == 0.0:
+            raise InputError(f"--{error}") from error
+        raise UsageError(f"argument --{error}") from error
+    if given.flux_observer and not drive.machine.has_flux_observer:
+        raise UsageError(
+            f"argument --flux-observer: the load of {given.drive} is of the type "
+            f'"{drive.machine.type}", which the observer does not serve'
+        )
     given.errors = _errors(given.errors, DriveErrors)
-    given.plant = _factors(given.plant, MPDCC_FACTORS)
+    given.plant = _factors(given.plant, factors_of(drive))
 
 
 def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
@@ -245,7 +251,7 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
         check_errors(given.errors, drive)
     except ValueError as error:
         raise UsageError(f"argument --errors: {error}") from error
-    given.plant = _factors(given.plant, MPTC_FACTORS)
+    given.plant = _factors(given.plant, factors_of(drive))
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -254,7 +260,7 @@ def _run(given: argparse.Namespace) -> int | None:
     console = Console(width=None if sys.stdout.isatty() else 110)
     drive = load_core_drive(given.drive)
     if isinstance(drive, Drive):
-        _check_mpdcc(given)
+        _check_mpdcc(given, drive)
     else:
         _check_mptc(given, drive)
     if given.waves is not None:

@@ -70,6 +70,7 @@ _FIVE_LEVEL = _GUARD | {
     "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
     "base.current": "Base current, peak: sqrt(2) of the rated rms.",
     "base.frequency": "Rated frequency.",
+    "machine.type": "Kind of load: docs/loads.md has the keys of PMSM, grid and RL.",
     "machine.rs": "Stator resistance, R / Z_base.",
     "machine.rr": "Rotor resistance, R / Z_base.",
     "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",

@@ -498,11 +498,13 @@ def machine_voltages(run: Run) -> NDArray[np.float64]:
     return legs - legs.mean(axis=1, keepdims=True)
 
 
-def _torque(run: Run) -> NDArray[np.float64]:
-    """Electromagnetic torque of the plant's machine at each step and after the last, per unit."""
+def _effect(run: Run, turns: bool) -> NDArray[np.float64]:
+    """Torque of the plant's machine, or power, at each step and after the last, per unit."""
     load, state = plant_with(run.drive, run.factors).machine, run.result.state
     current, flux = state[:, 0] + 1j * state[:, 1], state[:, 2] + 1j * state[:, 3]
-    return load.torque(current, flux)
+    omega_r = run.result.profile.omega_r
+    found = load.torque(current, flux)
+    return found if turns else load.power(current, flux, np.append(omega_r, omega_r[-1]))
 
 
 def draw(run: Run, path: Path) -> None:
@@ -568,10 +570,11 @@ def draw(run: Run, path: Path) -> None:
     voltage.step(t, np.append(star, star[-1]), where="post", color=COLOURS[0], linewidth=0.8)
     voltage.set_ylabel("voltage of\nphase a (pu)")
     in_si(voltage, 1e-3 * base.voltage, "(kV)")
-    turning.plot(t, _torque(run), color="0.2", linewidth=0.9)
-    turning.set_ylabel("torque (pu)")
-    omega = 2.0 * math.pi * base.frequency
-    in_si(turning, 1.5e-3 * base.voltage * base.current / omega, "(kN m per\npole pair)")
+    turns = "torque" in drive.machine.quantities
+    turning.plot(t, _effect(run, turns), color="0.2", linewidth=0.9)
+    turning.set_ylabel("torque (pu)" if turns else "power (pu)")
+    omega, rated = 2.0 * math.pi * base.frequency, 1.5e-3 * base.voltage * base.current
+    in_si(turning, rated / omega if turns else rated, "(kN m per\npole pair)" if turns else "(kW)")
     turning.margins(y=0.15)
     neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
     neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)

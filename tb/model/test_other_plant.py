@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from directmpc import decide, load_drive, simulate
-from directmpc.api.simulation import MPDCC_FACTORS, MPTC_FACTORS, plant_with
+from directmpc.api.simulation import MPTC_FACTORS, factors_of, plant_with
 from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import observer
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
@@ -22,11 +22,19 @@ from directmpc.mpdcc.errors import DriveErrors
 from scripts.hdl import states
 
 
-@pytest.mark.parametrize("name", MPDCC_FACTORS)
-def test_a_factor_changes_its_keys_of_the_plant(name: str) -> None:
-    drive = load_drive("anpc5l_6kv")
+@pytest.mark.parametrize(
+    ("drive_name", "name"),
+    [
+        (drive, name)
+        for drive in ("anpc5l_6kv", "anpc5l_pmsm", "anpc5l_grid", "anpc5l_rl")
+        for name in factors_of(load_drive(drive))
+    ],
+)
+def test_a_factor_changes_its_keys_of_the_plant(drive_name: str, name: str) -> None:
+    drive = load_drive(drive_name)
     real = plant_with(drive, {name: 0.8})
-    table, keys = MPDCC_FACTORS[name]
+    table = "inverter" if name in ("xdc", "xph") else "machine"
+    keys = drive.machine.factors.get(name, (name,))
     for part in ("machine", "inverter", "control"):
         for key in vars(getattr(drive, part)):
             old, new = (getattr(getattr(one, part), key) for one in (drive, real))

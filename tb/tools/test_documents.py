@@ -26,7 +26,8 @@ import pytest
 
 import directmpc
 from directmpc.api import drive_file
-from directmpc.drive_tables import GuardTable
+from directmpc.drive_tables import GuardTable, kinds_of
+from directmpc.loads import KINDS
 from directmpc.mpdcc import drive as mpdcc_drive
 from directmpc.mpdcc import inverter, trace
 from directmpc.mptc import trace as mptc_trace
@@ -74,8 +75,10 @@ def keys(table: Any, prefix: str = "") -> dict[str, Any]:
     """Every key of a drive file's model, dotted, with pydantic's description of it."""
     found: dict[str, Any] = {}
     for name, field in table.__pydantic_fields__.items():
-        if hasattr(field.annotation, "__pydantic_fields__"):
-            found |= keys(field.annotation, f"{prefix}{name}.")
+        tables = list(kinds_of(field.annotation).values())
+        inner = tables[0] if tables else field.annotation
+        if hasattr(inner, "__pydantic_fields__"):
+            found |= keys(inner, f"{prefix}{name}.")
         else:
             found[prefix + name] = field
     return found
@@ -88,13 +91,19 @@ def limits(field: Any) -> tuple[float, float] | None:
     return (float(low[0]), float(high[0])) if low and high else None
 
 
-@pytest.mark.parametrize(("name", "model"), sorted(drive_file.DRIVES.items()))
-def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
+@pytest.mark.parametrize(
+    ("name", "model", "prefix"),
+    [
+        *((name, model, "") for name, model in sorted(drive_file.DRIVES.items())),
+        *((name, kind, "machine.") for name, kind in list(KINDS.items())[1:]),
+    ],
+)
+def test_every_key_of_a_drive_file_is_specified(name: str, model: Any, prefix: str) -> None:
     written = {ticked(row[0])[0]: row for row in rows(between(SPECIFICATION, f"keys of {name}"))}
     if name == "kbest":  # the other tables are MPDCC's
         shared = {ticked(row[0])[0]: row for row in rows(between(SPECIFICATION, "keys of mpdcc"))}
         written |= {key: row for key, row in shared.items() if not key.startswith("control")}
-    built = keys(model)
+    built = keys(model, prefix)
     assert set(written) == set(built)
     for key, field in built.items():
         _, _, allowed, default, _ = written[key]
@@ -107,7 +116,7 @@ def test_every_key_of_a_drive_file_is_specified(name: str, model: Any) -> None:
             shown = tuple(float(number) for number in _NUMBER.findall(allowed))
             expected = limits(field) or (mpdcc_drive.TS_PU_MIN, mpdcc_drive.TS_PU_MAX)
             assert shown == expected, key
-        if field.is_required():
+        if field.is_required() or (prefix and key == "machine.type"):
             assert default == "required", key
         elif field.default is None:  # of the guard
             follows = key.removeprefix("guard.") in GuardTable.OPTIONAL

@@ -30,6 +30,7 @@ from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.formats import CURRENT, FLUX
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
@@ -103,6 +104,19 @@ class SimulationResult:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def power(self) -> FloatArray:
+        """Active power: on the shaft of a machine, into a grid, or of a resistance.
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            pu, or W for MPTC.
+        """
+        if isinstance(self.drive, FiveLevelDrive):
+            return self.drive.machine.power(self.current, self.flux, self.omega_r)
+        return self.torque * self.omega_r / self.drive.machine.pole_pairs
 
     @property
     def phase_currents(self) -> FloatArray:
@@ -208,13 +222,86 @@ def _sequence_columns(prefix: str, vectors: IntArray, times: FloatArray) -> dict
 LEAST_FACTOR, MOST_FACTOR = 0.5, 1.5
 """Range of the factors of `plant_with`."""
 
-#: What `plant_with` may scale: factor -> table and keys of the drive.
-MPDCC_FACTORS = {
-    "rs": ("machine", ("rs",)), "rr": ("machine", ("rr",)), "leakage": ("machine", ("xls", "xlr")),
-    "xm": ("machine", ("xm",)), "xdc": ("inverter", ("xdc",)), "xph": ("inverter", ("xph",)),
-}  # fmt: skip
-#: The same of a two-level drive; its leakages are ls - lm and lr - lm.
+#: What `plant_with` may scale of a two-level drive; its leakages are ls - lm and lr - lm.
 MPTC_FACTORS = ("rs", "rr", "leakage", "lm")
+
+
+def factors_of(drive: Drive | KbestDrive | MptcDrive) -> tuple[str, ...]:
+    """Names of the factors of `plant_with`.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Of any kind.
+
+    Returns
+    -------
+    tuple of str
+        Five levels: those of the load, and `xdc`, `xph`.
+    """
+    return MPTC_FACTORS if isinstance(drive, MptcDrive) else (*drive.machine.factors, "xdc", "xph")
+
+
+def check_speed(drive: Drive | KbestDrive | MptcDrive, speed: float | None) -> None:
+    """Refuse a stator frequency that a drive cannot run at.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Of any kind.
+    speed : float or None
+        pu or rad/s; None is the usual one.
+
+    Raises
+    ------
+    ValueError
+        The message says what is allowed.
+    """
+    if speed is None:
+        return
+    if isinstance(drive, MptcDrive):
+        most = drive.control.speed_max
+        if not abs(speed) <= most:
+            raise ValueError(
+                f"speed: got {speed:g}; with control.speed_max = {most:g} it must be from "
+                f"{-most:g} to {most:g} rad/s (electrical)"
+            )
+        return
+    least, most = drive.machine.speeds
+    if not least <= abs(speed) <= most:
+        ranges = f"{-most:g} to {most:g} pu" if least == 0.0 else f"{least:g} to {most:g} pu"
+        raise ValueError(
+            f"speed: got {speed:g}; it must be from {ranges}"
+            + ("" if least == 0.0 else ", or the negative of it")
+        )
+    if speed == 0.0:
+        raise ValueError("speed: got 0; a stator frequency other than 0 is needed")
+
+
+def check_point(drive: FiveLevelDrive, point: OperatingPoint) -> None:
+    """Refuse an operating point beyond what the controller can measure.
+
+    Parameters
+    ----------
+    drive : FiveLevelDrive
+        Drive of a five-level inverter.
+    point : OperatingPoint
+        Per unit.
+
+    Raises
+    ------
+    ValueError
+        The message says what is allowed.
+    """
+    state = point.steady_state(drive.machine)
+    asked = {"torque": point.torque, "flux": point.flux}
+    said = ", ".join(f"{name} = {value:g} pu" for name, value in asked.items() if value is not None)
+    for what, value, form in (("current", state.i_s, CURRENT), ("flux", state.psi_r, FLUX)):
+        if abs(value) > form.high / form.scale:
+            raise ValueError(
+                f"{said or 'speed'}: this needs a {what} of {abs(value):.4g} pu; at most "
+                f"{form.high / form.scale:.4g} pu can be measured"
+            )
 
 
 def plant_with(
@@ -227,9 +314,10 @@ def plant_with(
     drive : Drive, KbestDrive or MptcDrive
         What the controller knows.
     factors : mapping of str to float
-        From 0.5 to 1.5, on the drive's values. MPDCC: `rs`, `rr`, `leakage` (both, xls and xlr),
-        `xm`, `xdc`, `xph`. MPTC: `rs`, `rr`, `leakage` (both, ls - lm and lr - lm), `lm` (the
-        leakages stay).
+        From 0.5 to 1.5, on the drive's values. MPDCC: `xdc`, `xph`, and of an induction machine
+        `rs`, `rr`, `leakage` (both, xls and xlr), `xm`, of a PMSM `rs`, `leakage` (xd and xq), of a
+        grid or an RL load `r`, `x`. MPTC: `rs`, `rr`, `leakage` (both, ls - lm and lr - lm), `lm`
+        (the leakages stay).
 
     Returns
     -------
@@ -248,7 +336,7 @@ def plant_with(
         raise TypeError(
             f"plant_factors: got {_named(factors)}; a mapping of names to factors is needed"
         )
-    known = MPDCC_FACTORS if isinstance(drive, FiveLevelDrive) else MPTC_FACTORS
+    known = factors_of(drive)
     for name, factor in factors.items():
         if name not in known:
             raise ValueError(
@@ -264,7 +352,8 @@ def plant_with(
     tables: dict[str, dict[str, float]] = {}
     if isinstance(drive, FiveLevelDrive):
         for name, factor in factors.items():
-            table, keys = MPDCC_FACTORS[name]
+            table = "machine" if name in drive.machine.factors else "inverter"
+            keys = drive.machine.factors.get(name, (name,))
             found = tables.setdefault(table, {})
             found |= {key: float(factor) * getattr(getattr(drive, table), key) for key in keys}
     else:
@@ -287,6 +376,7 @@ def simulate(
     speed: float | None = None,
     torque: float | None = None,
     flux: float | None = None,
+    power: float | None = None,
     settle: int = 0,
     angle: float = 0.0,
     plant: Drive | KbestDrive | MptcDrive | None = None,
@@ -316,12 +406,16 @@ def simulate(
     speed : float, optional
         Stator angular frequency (electrical), pu or rad/s, signed. MPDCC: 1 pu if not given; MPTC:
         0.6 of the drive's `speed_max`. The rotor turns at this speed less the slip of the load.
+        With a grid it is the grid's frequency.
     torque : float, optional
-        Load torque, pu or N*m. If not given, MPDCC: that of 1 pu of current; MPTC: a quarter of
-        `torque_max`.
+        Load torque of a machine, pu or N*m. If not given, MPDCC: that of 1 pu of current; MPTC: a
+        quarter of `torque_max`.
     flux : float, optional
-        MPDCC: rotor flux linkage, pu; that of 1 pu of voltage and current at rated speed if not
-        given. MPTC: stator flux linkage, Wb; half of `psi_max` if not given.
+        MPDCC: rotor flux linkage of an induction machine, pu; that of 1 pu of voltage and current
+        at rated speed if not given. MPTC: stator flux linkage, Wb; half of `psi_max` if not given.
+    power : float, optional
+        MPDCC: active power into a grid, pu, below 0 out of it; that of 1 pu of current if not
+        given.
     settle : int
         Steps that are run before, not recorded.
     angle : float
@@ -353,6 +447,12 @@ def simulate(
     SimulationResult
         `steps` rows.
 
+    Warns
+    -----
+    UserWarning
+        If the mean torque or power of the last period is off what was asked by more than
+        `UNREACHED` of the rated one.
+
     Raises
     ------
     TypeError
@@ -360,9 +460,9 @@ def simulate(
         are given that are not those of the drive's kind, or `flux_observer` for MPTC, or
         `sensorless` for MPDCC, or `plant_factors` are no mapping.
     ValueError
-        If a number makes no sense, a factor is unknown or out of its range, the drive cannot have
-        such errors, there is no such steady state, the model cannot represent the drive, or an own
-        controller's decision is none.
+        If a number makes no sense or is beyond what the drive can measure, a factor is unknown or
+        out of its range, the drive cannot have such errors, there is no such steady state, the
+        model cannot represent the drive, or an own controller's decision is none.
     """
     check_drive(drive)
     if isinstance(controller, str):
@@ -389,16 +489,34 @@ def simulate(
             "flux_observer: given for a drive of MPTC; only those of a five-level inverter have it "
             "(sensorless=True lets MPTC work on an observer)"
         )
+    if flux_observer and not drive.machine.has_flux_observer:
+        raise ValueError(
+            f'flux_observer: given with machine.type = "{drive.machine.type}", which it does not '
+            "serve"
+        )
     real = plant or drive
     if plant_factors is not None:
         real = plant_with(real, plant_factors)
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
-    numbers = {"speed": speed, "torque": torque, "flux": flux, "angle": angle}
+    numbers = {"speed": speed, "torque": torque, "flux": flux, "power": power, "angle": angle}
     for name, number in numbers.items():
         if number is not None and not _is_finite(number):
             raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
+    check_speed(drive, speed)
+    if isinstance(drive, FiveLevelDrive):
+        given = {"torque": torque, "flux": flux, "power": power}
+        for name, number in given.items():
+            if number is not None and name not in drive.machine.quantities:
+                known = " and ".join(drive.machine.quantities) or "neither of torque, flux, power"
+                raise ValueError(
+                    f'{name}: given with machine.type = "{drive.machine.type}", which takes {known}'
+                )
+        if power is not None:
+            torque = power / (1.0 if speed is None else speed)
+    elif power is not None:
+        raise ValueError("power: given for a drive of MPTC, which takes torque and flux")
     engine = controller if isinstance(controller, str) else type(controller).__name__
     estimate = isinstance(drive, FiveLevelDrive) and drive.control.leakage_estimate
     short = settle + steps < COMPILED_FROM and not estimate
@@ -493,9 +611,8 @@ def _run_mpdcc(
 ) -> SimulationResult:
     """`simulate` for MPDCC, per unit."""
     omega_s = 1.0 if speed is None else float(speed)
-    if omega_s == 0.0:
-        raise ValueError("speed: got 0; a stator frequency other than 0 is needed")
     point = OperatingPoint(omega_s, torque=torque, flux=flux)
+    check_point(drive, point)
     profile = mpdcc_loop.constant_profile(drive, point, settle + steps, angle)
     delay = drive.control.delay_compensation
     if isinstance(controller, str):

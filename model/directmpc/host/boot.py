@@ -200,6 +200,11 @@ def format_vhdl(
         else mptc_formats.measurement_formats(drive)
     )
     unit = "pu" if isinstance(drive, Drive) else "A, Wb, rad/s, V or N*m"
+    if use_observer and isinstance(drive, Drive) and not drive.machine.has_flux_observer:
+        raise ValueError(
+            f'machine.type: got "{drive.machine.type}", which the observer does not serve; the '
+            "flux has to be measured: --measured-flux"
+        )
     entries = rom(found, use_observer=use_observer)
     lines = [
         f"-- Boot ROM of {source} for boot_loader.",

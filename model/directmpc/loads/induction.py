@@ -18,8 +18,10 @@ term, derived here rather than copied, so no slip of a print can enter.
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import ConfigDict
@@ -35,6 +37,8 @@ class InductionMachine(Load):
 
     Attributes
     ----------
+    type
+        "induction".
     rs, rr
         Stator and rotor resistance.
     xls, xlr, xm
@@ -42,7 +46,12 @@ class InductionMachine(Load):
     """
 
     has_flux_observer: ClassVar[bool] = True
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "rs": ("rs",), "rr": ("rr",), "leakage": ("xls", "xlr"), "xm": ("xm",),
+    }  # fmt: skip
+    quantities: ClassVar[tuple[str, ...]] = ("torque", "flux")
 
+    type: Literal["induction"] = dataclasses.field(default="induction", kw_only=True)
     rs: number(0.001, 0.2, "pu")
     rr: number(0.001, 0.2, "pu")
     xls: number(0.03, 0.3, "pu")

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -86,10 +87,24 @@ class Load(ABC):
         Whether the rotor-flux observer (docs/observer.md) serves it.
     has_leakage_estimate : bool
         Whether the estimate of the leakage (docs/robustness.md) serves it.
+    factors : mapping of str to tuple of str
+        What a study may scale: its name, and the parameters that it scales.
+    quantities : tuple of str
+        What an operating point may ask for besides frequency and current: "torque", "flux",
+        "power".
+    speeds : tuple of float
+        Least and largest |omega_s| of a run, per unit.
+    type : str
+        The kind, as `machine.type` of a drive file has it.
     """
 
     has_flux_observer: ClassVar[bool] = False
     has_leakage_estimate: ClassVar[bool] = True
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    quantities: ClassVar[tuple[str, ...]] = ()
+    speeds: ClassVar[tuple[float, float]] = (0.0, 2.0)
+
+    type: str
 
     @property
     @abstractmethod
@@ -207,6 +222,31 @@ class Load(ABC):
             Per unit; above 0 it accelerates forwards.
         """
         return self.coupling * (np.conj(flux) * current).imag
+
+    def power(self, current: complex, flux: complex, omega_r: float) -> float:
+        """Active power that goes through a current and a flux; arrays as well.
+
+        Parameters
+        ----------
+        current, flux : complex
+            alpha + j*beta, per unit.
+        omega_r : float
+            Speed, per unit.
+
+        Returns
+        -------
+        float
+            Per unit: on the shaft of a machine, into a grid.
+        """
+        return omega_r * self.torque(current, flux)
+
+    def _refuse(self, **given: float | None) -> None:
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(
+                    f'{name}: got {value:g}; a load of machine.type = "{self.type}" has none to '
+                    "ask for"
+                )
 
     def exact(self, omega_r: float, h: float) -> tuple[FloatArray, FloatArray]:
         """Discretise exactly over h with v_abc held (in place of Paper A, eqs. 4 and 5).

@@ -465,7 +465,8 @@ def initial_conditions(
     positions : (3,)
         Positions whose levels come nearest to the stator voltage.
     """
-    start, turn = profile.start, profile.iref[0] / profile.start.i_s
+    start = profile.start
+    turn = profile.iref[0] / start.i_s if start.i_s else 1.0  # without current any angle is right
     flux = start.psi_r * turn
     state = np.array([profile.iref[0].real, profile.iref[0].imag, flux.real, flux.imag] + [0.0] * 4)
     state[5:] = profile.vdc[0] / 4

@@ -19,10 +19,11 @@ from directmpc.drive_tables import (
     auto_or,
     integer,
     number,
+    one_of,
     refused,
     to_start,
 )
-from directmpc.loads.induction import InductionMachine
+from directmpc.loads import KINDS
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -98,7 +99,7 @@ class FiveLevelDrive(AnyDrive):
     """What the drives of all controllers of the five-level inverter have, per unit."""
 
     base: Base
-    machine: InductionMachine
+    machine: one_of(KINDS)
     inverter: Inverter
     guard: Guard = Guard()
 
@@ -111,6 +112,15 @@ class FiveLevelDrive(AnyDrive):
                 f"got {self.control.ts:g} s; it must be a number from {TS_PU_MIN / unit:.4g} to "
                 f"{TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) with base.frequency = "
                 f"{self.base.frequency:g} Hz",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_estimate(self) -> Self:
+        if self.control.leakage_estimate and not self.machine.has_leakage_estimate:
+            raise refused(
+                "control.leakage_estimate",
+                f'got true; it must be false with machine.type = "{self.machine.type}"',
             )
         return self
 

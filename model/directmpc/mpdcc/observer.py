@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.loads.induction import InductionMachine
+from directmpc.loads.load import Load
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.formats import (
@@ -83,7 +84,8 @@ def coefficients(
     Parameters
     ----------
     drive : FiveLevelDrive
-        Machine and control period the observer is set up for.
+        Load and control period the observer is set up for. It serves induction machines alone:
+        with any other load all words are 0.
     crossover : float
         Frequency below which the current model and above which the voltage model rules, pu.
 
@@ -95,6 +97,8 @@ def coefficients(
         One sentence per word that did not fit and was saturated.
     """
     m, h = drive.machine, drive.ts_pu
+    if not isinstance(m, InductionMachine):
+        return dict.fromkeys(COEFFICIENTS, 0), []
     current = FLUX_SCALE / CURRENT_SCALE
     voltage = FLUX_SCALE / VOLTAGE_SCALE
     real = {
@@ -252,13 +256,13 @@ def step_words(coefficient, state, m, s):
     return out[0], out[1], over
 
 
-def state_of(machine: InductionMachine, current: complex, flux: complex) -> IntArray:
+def state_of(load: Load, current: complex, flux: complex) -> IntArray:
     """State of the twin that has found current and rotor flux.
 
     Parameters
     ----------
-    machine : InductionMachine
-        Machine the observer is set up for.
+    load : Load
+        Load the observer is set up for.
     current, flux : complex
         Stator current and rotor flux, per unit.
 
@@ -267,7 +271,7 @@ def state_of(machine: InductionMachine, current: complex, flux: complex) -> IntA
     ndarray of int64, shape (7,)
         See ``STATE_WORDS``.
     """
-    stator = machine.xm / machine.xr * flux + machine.d / machine.xr * current
+    stator = load.coupling * flux + load.inductance * current
     state = np.zeros(STATE_WORDS, dtype=np.int64)
     values = (flux.real, flux.imag, stator.real, stator.imag)
     state[:4] = [round(value * FLUX_SCALE * 2**GUARD) for value in values]
