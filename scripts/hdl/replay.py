@@ -20,6 +20,7 @@ import numpy as np
 from directmpc.api.drive_file import load_drive
 from directmpc.csv_table import RowError
 from directmpc.host.console import progress_bar
+from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.kbest import ideal as kbest_ideal
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal, trace
@@ -128,14 +129,16 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
 
 def _replay_kbest(drive: KbestDrive, request: Request) -> None:
     """Read a trace of a five-level inverter, decide row after row, and write the decisions."""
-    if request.engine != "ideal":
+    engines = {"ideal": kbest_ideal, "model": kbest_bit_true}
+    if request.engine not in engines:
         raise InputError(
-            f'{request.drive}: ENGINE: got "{request.engine}"; a drive of kbest has "ideal" alone'
+            f'{request.drive}: ENGINE: got "{request.engine}"; a drive of kbest has "ideal" and '
+            '"model"'
         )
     _ignored(request, "kbest")
     rows = trace.read_trace(request.trace, drive)
     with _watched(request, "replay of K-best", len(rows)):
-        decisions = kbest_ideal.run(drive, rows)
+        decisions = engines[request.engine].run(drive, rows)
     trace.write_decisions(request.out, decisions)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.kbest import ideal as kbest_ideal
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal as mpdcc_ideal
@@ -38,6 +39,7 @@ from directmpc.states import (
 )
 
 ENGINES = ("ideal", "model", "rtl")
+KBEST_ENGINES = ("ideal", "model")
 
 
 def check_drive(drive: Any) -> None:
@@ -93,8 +95,9 @@ def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> None:
     ValueError
         If the controller does not have it.
     """
-    if isinstance(drive, KbestDrive) and engine != "ideal":
-        raise ValueError(f'engine: got "{engine}"; a drive of kbest has "ideal" alone')
+    if isinstance(drive, KbestDrive) and engine not in KBEST_ENGINES:
+        allowed = " and ".join(f'"{one}"' for one in KBEST_ENGINES)
+        raise ValueError(f'engine: got "{engine}"; a drive of kbest has {allowed}')
 
 
 def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, Any]) -> State:
@@ -179,6 +182,8 @@ class IdealController:
 
 class ModelController:
     """The bit-true model: word for word what the cores compute.
+
+    That of K-best keeps its plan from one decision to the next.
 
     Parameters
     ----------
@@ -408,7 +413,8 @@ def compiled_controller(
     """
     served_by(drive, engine)
     if isinstance(drive, KbestDrive):
-        return kbest_ideal.decide, kbest_ideal.parameters_of(drive)
+        chosen = kbest_ideal if engine == "ideal" else kbest_bit_true
+        return chosen.decide, chosen.parameters_of(drive)
     if isinstance(drive, Drive):
         if engine == "ideal":
             return mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)

@@ -38,8 +38,8 @@ class KbestControl(Section):
     short_stages: integer(1, 8) = 4
     long_stages: integer(1, 16) = 8
     soft_margin: number(0.0, 0.02, "pu") = 0.005
-    weight_vn: number(0.0, 1000.0, "") = 128.0
-    weight_vph: number(0.0, 1000.0, "") = 32.0
+    weight_vn: number(0.0, 1024.0, "") = 128.0
+    weight_vph: number(0.0, 1024.0, "") = 32.0
     delay_compensation: Annotated[bool, Field(strict=True, description="true or false")] = False
     capacitor_filter: integer(0, 7) = 0
 

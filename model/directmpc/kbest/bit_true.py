@@ -1,0 +1,654 @@
+"""The bit-true model of the K-best core: word for word what the gates compute.
+
+docs/specification.md, section 10.7, has the equations in words. The model is written from the
+formats; it never reads the RTL. All numbers are int64, whose range no intermediate result comes
+near.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc import fixed_point
+from directmpc.compiled import njit
+from directmpc.fixed_point import rounded, saturate
+from directmpc.kbest import formats as f
+from directmpc.kbest.coefficients import registers
+from directmpc.kbest.drive import KbestDrive
+from directmpc.kbest.ideal import KEEP, NEIGHBOURS, SAME_POSITION, anpc_converter
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
+
+IntArray = NDArray[np.int64]
+
+_SCALES, _LOWS, _HIGHS = fixed_point.limits(list(f.MEASUREMENTS.values()))
+_INDEX = {name: n for n, name in enumerate(f.COEFFICIENTS + f.SETTINGS)}
+_ANGLE, _DECAY_1, _DECAY_2, _FLUX_0, _FLUX_2, _FLUX_U, _FLUX_W = range(7)
+_FORCED_1, _FORCED_2, _LEVEL_1, _LEVEL_2, _NEUTRAL, _CAPACITOR = range(7, 13)
+_EFFORT, _BOUND_NEUTRAL, _BOUND_PHASE, _WEIGHT_NEUTRAL, _WEIGHT_PHASE = range(13, 18)
+_SHORT, _COMPENSATE, _BEAM, _STAGES = range(18, 22)
+
+INVERSE_ROOT = round(2**17 / 3.0**0.5)
+"""1/sqrt(3) with 17 fractional bits."""
+ROOT = round(2**16 * 3.0**0.5)
+"""sqrt(3) with 16 fractional bits."""
+THIRD = round(2**17 / 3.0)
+"""1/3 with 17 fractional bits."""
+
+COST_MOST = 2**f.COST_WIDTH - 1
+
+
+class Tables(NamedTuple):
+    """The converter in whole numbers, for compiled code.
+
+    Attributes
+    ----------
+    level : (p,)
+        Output level, quarters of v_dc.
+    neutral, capacitor : (p,)
+        Coefficients of v_n and v_ph in the phase voltage.
+    neutral_current, capacitor_current : (p,)
+        n(s) and c(s).
+    count : (p,)
+        Number of neighbours.
+    neighbours : (p, 3)
+        Neighbours, ascending.
+    weight : (2, p, p)
+        Turn-ons: [phase current negative][from][to].
+    """
+
+    level: IntArray
+    neutral: IntArray
+    capacitor: IntArray
+    neutral_current: IntArray
+    capacitor_current: IntArray
+    count: IntArray
+    neighbours: IntArray
+    weight: IntArray
+
+
+def _anpc_tables() -> Tables:
+    table = anpc_converter(1.0, 1.0)
+    whole = [
+        # v_ph counts as its reference of a quarter of v_dc here
+        4.0 * (table.dc + table.capacitor * table.capacitor_share),
+        *(table.neutral, table.capacitor, table.neutral_current, table.capacitor_current),
+        *(table.count, table.neighbours, table.weight),
+    ]
+    return Tables(*(np.rint(values).astype(np.int64) for values in whole))
+
+
+ANPC = _anpc_tables()
+
+
+class Parameters(NamedTuple):
+    """All that `decide` knows of a drive.
+
+    Attributes
+    ----------
+    registers : (n,)
+        `Registers.array()`.
+    tables : Tables
+        Of the converter.
+    plan : (H + 1,)
+        The plan: a code of each stage, and 1 where the coming period is an odd one.
+    """
+
+    registers: IntArray
+    tables: Tables
+    plan: IntArray
+
+
+def parameters_of(drive: KbestDrive) -> Parameters:
+    """Collect the parameters of the model from a drive.
+
+    Parameters
+    ----------
+    drive : KbestDrive
+        Validated drive.
+
+    Returns
+    -------
+    found : Parameters
+        Without a plan: every stage keeps its positions, and the period is an even one.
+
+    Raises
+    ------
+    ValueError
+        If a word cannot hold its value; the message names the drive file's key.
+    """
+    found = registers(drive)
+    return Parameters(found.array(), ANPC, np.full(found.stages + 1, KEEP, dtype=np.int64))
+
+
+@njit
+def turned(vector, less, sine_u, sine_w):
+    """Turn a vector by the angle of a step.
+
+    Parameters
+    ----------
+    vector : ndarray of int64, shape (2,)
+        u and w; replaced.
+    less : int
+        1 - cos, COSINE_FRACTION bits below one.
+    sine_u, sine_w : int
+        sqrt(3) sin and sin / sqrt(3), SINE_FRACTION bits below one.
+
+    Returns
+    -------
+    saturated : int
+        1 where a component did not fit.
+    """
+    shift = f.COSINE_FRACTION - f.SINE_FRACTION
+    u, w = vector[0], vector[1]
+    half = 1 << (f.COSINE_FRACTION - 1)
+    change_u = (-less * u - ((sine_u * w) << shift) + half) >> f.COSINE_FRACTION
+    change_w = (-less * w + ((sine_w * u) << shift) + half) >> f.COSINE_FRACTION
+    vector[0], clip_u = saturate(u + change_u, f.VECTOR_WIDTH)
+    vector[1], clip_w = saturate(w + change_w, f.VECTOR_WIDTH)
+    return clip_u | clip_w
+
+
+@njit
+def start_terms(r, words, reference, drift, turn, level):
+    """What all stages begin with: reference, drift of a step, angle of a step, levels.
+
+    Parameters
+    ----------
+    r : ndarray of int64
+        `Registers.array()`.
+    words : ndarray of int64, shape (13,)
+        Measurements in the order of `formats.MEASUREMENTS`.
+    reference, drift : ndarray of int64, shape (2,)
+        Filled: i*(k) and (exp(j omega_s T_s) - a11) i*(k) - a12 psi(k), u and w.
+    turn : ndarray of int64, shape (3,)
+        Filled with `less`, `sine_u`, `sine_w` of `turned`.
+    level : ndarray of int64, shape (2,)
+        Filled: change of the error by a quarter of v_dc in a stage of one step and of two.
+
+    Returns
+    -------
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    omega_s, omega_r = words[11], words[12]
+    angle, clip = rounded(omega_s * r[_ANGLE], f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    saturated = clip
+    # 1 - cos = x^2/2 and sin = x - x/3 (1 - cos), up to the fourth power of x
+    turn[0] = (angle * angle) >> (2 * f.ANGLE_FRACTION + 1 - f.COSINE_FRACTION)
+    cubic = (angle * turn[0]) >> f.COSINE_FRACTION
+    sine = angle - ((cubic * THIRD) >> 17)
+    turn[1], clip = rounded(sine * ROOT, f.ANGLE_FRACTION + 16 - f.SINE_FRACTION, f.FACTOR_WIDTH)
+    saturated |= clip
+    turn[2], clip = rounded(
+        sine * INVERSE_ROOT, f.ANGLE_FRACTION + 17 - f.SINE_FRACTION, f.FACTOR_WIDTH
+    )
+    saturated |= clip
+
+    reference[0] = words[9] << f.VECTOR_SHIFT
+    reference[1], _ = rounded(words[10] * INVERSE_ROOT, 17 - f.VECTOR_SHIFT, f.VECTOR_WIDTH)
+    flux_u = words[2] << f.FLUX_SHIFT
+    flux_w, _ = rounded(words[3] * INVERSE_ROOT, 17 - f.FLUX_SHIFT, f.VECTOR_WIDTH)
+
+    square, clip = rounded(omega_r * omega_r, f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    more, clip2 = rounded(square * r[_FLUX_2], f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    straight, clip3 = saturate(r[_FLUX_0] + more, f.FACTOR_WIDTH)
+    across_u, clip4 = rounded(omega_r * r[_FLUX_U], f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    across_w, clip5 = rounded(omega_r * r[_FLUX_W], f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    saturated |= clip | clip2 | clip3 | clip4 | clip5
+
+    # sums of products with COSINE_FRACTION bits below one
+    by_sine = f.COSINE_FRACTION - f.SINE_FRACTION
+    by_decay = f.COSINE_FRACTION - f.DECAY_FRACTION
+    by_flux = f.COSINE_FRACTION - f.FLUX_FACTOR_FRACTION
+    i_u, i_w = reference[0], reference[1]
+    total = -turn[0] * i_u - ((turn[1] * i_w) << by_sine) + ((r[_DECAY_1] * i_u) << by_decay)
+    total += (across_u * flux_w - straight * flux_u) << by_flux
+    drift[0], clip = rounded(total, f.COSINE_FRACTION, f.VECTOR_WIDTH)
+    total = -turn[0] * i_w + ((turn[2] * i_u) << by_sine) + ((r[_DECAY_1] * i_w) << by_decay)
+    total -= (across_w * flux_u + straight * flux_w) << by_flux
+    drift[1], clip2 = rounded(total, f.COSINE_FRACTION, f.VECTOR_WIDTH)
+    saturated |= clip | clip2
+
+    level[0], clip = rounded(words[8] * r[_LEVEL_1], f.FORCED_FRACTION, f.LEVEL_WIDTH)
+    level[1], clip2 = rounded(words[8] * r[_LEVEL_2], f.FORCED_FRACTION, f.LEVEL_WIDTH)
+    return saturated | clip | clip2
+
+
+@njit
+def stage_terms(r, steps, reference, drift, turn, drift_out, neutral, phase):
+    """Drift and charges of a stage; reference and drift of a step go on to its end.
+
+    Parameters
+    ----------
+    r : ndarray of int64
+        `Registers.array()`.
+    steps : int
+        1 or 2.
+    reference, drift, turn : ndarray of int64
+        As of `start_terms`; the first two are replaced.
+    drift_out : ndarray of int64, shape (2,)
+        Filled: drift of the whole stage, u and w, LSB of a node's error.
+    neutral, phase : ndarray of int64, shape (3,)
+        Filled: what each phase's charge takes from v_n and adds to v_ph.
+
+    Returns
+    -------
+    saturated : int
+        1 where a word did not hold its value.
+    """
+    before_u, before_w = reference[0], reference[1]
+    first_u, first_w = drift[0], drift[1]
+    saturated = turned(reference, turn[0], turn[1], turn[2])
+    saturated |= turned(drift, turn[0], turn[1], turn[2])
+    if steps == 1:
+        drift_out[0] = first_u << f.VECTOR_SHIFT
+        drift_out[1] = first_w << f.VECTOR_SHIFT
+        middle_u = (before_u + reference[0]) >> 1
+        middle_w = (before_w + reference[1]) >> 1
+    else:
+        # the second step's drift, and the first one's with its decay
+        shift = f.DECAY_FRACTION - f.VECTOR_SHIFT
+        half = 1 << (shift - 1)
+        drift_out[0] = (first_u + drift[0]) << f.VECTOR_SHIFT
+        drift_out[0] -= (first_u * r[_DECAY_1] + half) >> shift
+        drift_out[1] = (first_w + drift[1]) << f.VECTOR_SHIFT
+        drift_out[1] -= (first_w * r[_DECAY_1] + half) >> shift
+        middle_u, middle_w = reference[0], reference[1]
+        saturated |= turned(reference, turn[0], turn[1], turn[2])
+        saturated |= turned(drift, turn[0], turn[1], turn[2])
+    i_b, clip = saturate((3 * middle_w - middle_u) >> 1, f.FACTOR_WIDTH)
+    saturated |= clip
+    shift = f.CHARGE_FRACTION - (steps - 1)
+    for n in range(2):
+        current = middle_u if n == 0 else i_b
+        neutral[n], clip = rounded(current * r[_NEUTRAL], shift, f.CHARGE_WIDTH)
+        phase[n], clip2 = rounded(current * r[_CAPACITOR], shift, f.CHARGE_WIDTH)
+        saturated |= clip | clip2
+    neutral[2], clip = saturate(-neutral[0] - neutral[1], f.CHARGE_WIDTH)
+    phase[2], clip2 = saturate(-phase[0] - phase[1], f.CHARGE_WIDTH)
+    return saturated | clip | clip2
+
+
+@njit
+def _ahead(now, before, shift, low, width):
+    """Square of where a straight line leads in 2^shift stages, less `low` bits, in a word."""
+    word, _ = saturate((now + ((now - before) << shift)) >> low, width)
+    return word * word
+
+
+@njit
+def phase_terms(r, steps, now, before):
+    """Cost of a capacitor's excess, and what the key adds for where it is going.
+
+    Parameters
+    ----------
+    r : ndarray of int64
+        `Registers.array()`.
+    steps : int
+        1 or 2.
+    now, before : int
+        Deviation of v_ph behind the stage and in front of it.
+
+    Returns
+    -------
+    cost, ahead : int
+        LSB of the cost.
+    """
+    over = max(0, abs(now) - r[_BOUND_PHASE])
+    cost = (over * over) >> (f.VOLTAGE_COST_SHIFT - r[_WEIGHT_PHASE] - (steps - 1))
+    square = _ahead(now, before, 3 - steps, 0, f.FACTOR_WIDTH)
+    return cost, square >> f.CAPACITOR_AHEAD_SHIFT
+
+
+@njit
+def neutral_terms(r, steps, now, before):
+    """Cost of v_n's excess, and what the key adds for where it is going; as `phase_terms`.
+
+    Parameters
+    ----------
+    r : ndarray of int64
+        `Registers.array()`.
+    steps : int
+        1 or 2.
+    now, before : int
+        v_n behind the stage and in front of it.
+
+    Returns
+    -------
+    cost, ahead : int
+        LSB of the cost.
+    """
+    over = max(0, abs(now) - r[_BOUND_NEUTRAL])
+    cost = (over * over) >> (f.VOLTAGE_COST_SHIFT - r[_WEIGHT_NEUTRAL] - (steps - 1))
+    square = _ahead(now, before, 3 - steps, 0, f.FACTOR_WIDTH)
+    return cost, square >> f.NEUTRAL_AHEAD_SHIFT
+
+
+@njit
+def error_terms(steps, u, w, before_u, before_w):
+    """Cost of an error, and what the key adds for where it is going.
+
+    Parameters
+    ----------
+    steps : int
+        1 or 2.
+    u, w, before_u, before_w : int
+        Error behind the stage and in front of it.
+
+    Returns
+    -------
+    cost, ahead : int
+        LSB of the cost.
+    """
+    low = f.SQUARED_SHIFT
+    square = (u >> low) * (u >> low) + 3 * ((w >> low) * (w >> low))
+    ahead = _ahead(u, before_u, 4 - steps, low, f.FACTOR_WIDTH)
+    ahead += 3 * _ahead(w, before_w, 4 - steps, low, f.FACTOR_WIDTH)
+    return square >> (f.COST_SHIFT - (steps - 1)), ahead >> f.CURRENT_AHEAD_SHIFT
+
+
+@njit
+def decide_words(parameters, words, s_prev, plan, following):
+    """Decide on the words of the core's ports.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        From `parameters_of`; its plan is not looked at.
+    words : ndarray of int64, shape (13,)
+        Measurements in the order of `formats.MEASUREMENTS`.
+    s_prev : ndarray of int64, shape (3,)
+        Positions s(k-1).
+    plan : ndarray of int64, shape (H + 1,)
+        Plan of the period before; any integers serve.
+    following : ndarray of int64, shape (H + 1,)
+        Filled with the plan for the next period.
+
+    Returns
+    -------
+    code : int
+        Code of the first move.
+    saturated : int
+        1 where a word did not hold its value.
+    candidates : int
+        Children that were evaluated.
+    """
+    r, t = parameters.registers, parameters.tables
+    stages, beam = r[_STAGES], r[_BEAM]
+    odd = plan[stages] & 1
+    reference = np.empty(2, np.int64)
+    drift = np.empty(2, np.int64)
+    turn = np.empty(3, np.int64)
+    level = np.empty(2, np.int64)
+    saturated = start_terms(r, words, reference, drift, turn, level)
+
+    # u, w, v_n, deviations of v_ph, J
+    node = np.empty((beam, 7), np.int64)
+    place = np.empty((beam, 3), np.int64)
+    ahead_node = np.empty((beam, 7), np.int64)
+    ahead_place = np.empty((beam, 3), np.int64)
+    key = np.empty(beam, np.int64)
+    parents = np.empty((stages, beam), np.int64)
+    codes = np.empty((stages, beam), np.int64)
+    low = f.SQUARED_SHIFT
+    node[0, 0] = (words[9] - words[0]) << low
+    node[0, 1], _ = rounded((words[10] - words[1]) * INVERSE_ROOT, 17 - low, f.ERROR_WIDTH)
+    node[0, 2] = words[4]
+    for x in range(3):
+        node[0, 3 + x] = 2 * words[5 + x] - words[8]
+        node[0, 3 + x], clip = saturate(node[0, 3 + x], f.VOLTAGE_WIDTH)
+        saturated |= clip
+        place[0, x] = s_prev[x]
+    node[0, 6] = 0
+    width = 1
+    candidates = 0
+
+    out = np.empty(2, np.int64)
+    neutral = np.empty(3, np.int64)
+    phase = np.empty(3, np.int64)
+    child = np.empty(7, np.int64)
+    moved = np.empty(3, np.int64)
+    change = np.empty(3, np.int64)
+    for j in range(-1 if r[_COMPENSATE] else 0, stages):
+        steps = 1 if j < r[_SHORT] - odd else 2
+        decay = r[_DECAY_1] if steps == 1 else r[_DECAY_2]
+        forced = r[_FORCED_1] if steps == 1 else r[_FORCED_2]
+        saturated |= stage_terms(r, steps, reference, drift, turn, out, neutral, phase)
+        last = j == stages - 1
+        found = 0
+        for parent in range(width):
+            own = node[parent]
+            # what all children of a node share
+            shift = f.DECAY_FRACTION - low
+            half = 1 << (shift - 1)
+            base_u = own[0] - (((own[0] >> low) * decay + half) >> shift) + out[0]
+            base_w = own[1] - (((own[1] >> low) * decay + half) >> shift) + out[1]
+            by_neutral, clip = rounded(own[2] * forced, f.FORCED_FRACTION, f.ERROR_WIDTH)
+            saturated |= clip
+            planned = KEEP
+            if parent == 0 and j >= 0 and 1 <= plan[j] <= 3 * NEIGHBOURS:
+                x, m = (plan[j] - 1) // NEIGHBOURS, (plan[j] - 1) % NEIGHBOURS
+                if m < t.count[place[0, x]]:
+                    planned = plan[j]
+            for code in range(3 * NEIGHBOURS + 1):
+                turn_ons = 0
+                for x in range(3):
+                    moved[x] = place[parent, x]
+                if code != KEEP:
+                    if j < 0:
+                        break
+                    x, m = (code - 1) // NEIGHBOURS, (code - 1) % NEIGHBOURS
+                    s = moved[x]
+                    if m >= t.count[s]:
+                        continue
+                    moved[x] = t.neighbours[s, m]
+                    turn_ons = t.weight[1 if phase[x] < 0 else 0, s, moved[x]]
+                cost = own[6] + r[_EFFORT] * turn_ons
+                child[2] = own[2]
+                rank = 0
+                for x in range(3):
+                    s = moved[x]
+                    by_phase, clip = rounded(own[3 + x] * forced, f.FORCED_FRACTION, f.ERROR_WIDTH)
+                    saturated |= clip
+                    change[x] = t.level[s] * level[steps - 1]
+                    change[x] += t.neutral[s] * by_neutral + t.capacitor[s] * by_phase
+                    child[2] -= t.neutral_current[s] * neutral[x]
+                    child[3 + x], clip = saturate(
+                        own[3 + x] + t.capacitor_current[s] * phase[x], f.VOLTAGE_WIDTH
+                    )
+                    saturated |= clip
+                    more, ahead = phase_terms(r, steps, child[3 + x], own[3 + x])
+                    cost += more
+                    rank += ahead
+                child[2], clip = saturate(child[2], f.VOLTAGE_WIDTH)
+                saturated |= clip
+                child[0], clip = saturate(
+                    base_u - 2 * change[0] + change[1] + change[2], f.ERROR_WIDTH
+                )
+                saturated |= clip
+                child[1], clip = saturate(base_w - change[1] + change[2], f.ERROR_WIDTH)
+                saturated |= clip
+                if j < 0:
+                    child[6] = 0
+                    ahead_node[0] = child
+                    ahead_place[0] = moved
+                    found = 1
+                    continue
+                candidates += 1
+                more, ahead = neutral_terms(r, steps, child[2], own[2])
+                cost += more
+                rank += ahead
+                more, ahead = error_terms(steps, child[0], child[1], own[0], own[1])
+                cost += more
+                rank += ahead
+                if cost > COST_MOST:
+                    cost, saturated = COST_MOST, 1
+                child[6] = cost
+                rank = min(cost + rank, COST_MOST)
+                if last:
+                    if found == 0 or rank < key[0]:
+                        found, key[0] = 1, rank
+                        parents[j, 0], codes[j, 0] = parent, code
+                    continue
+                warm = parent == 0 and code == planned
+                if warm:
+                    rank = 0
+                at, same, worst = found, 0, -1
+                for i in range(found - 1, -1, -1):
+                    if rank < key[i] or warm:
+                        at = i
+                for i in range(found):
+                    if (
+                        ahead_place[i, 0] == moved[0]
+                        and ahead_place[i, 1] == moved[1]
+                        and ahead_place[i, 2] == moved[2]
+                    ):
+                        same += 1
+                        worst = i
+                if same >= SAME_POSITION:
+                    if worst < at:
+                        continue
+                    end = worst
+                elif found < beam:
+                    end = found
+                    found += 1
+                elif at == beam:
+                    continue
+                else:
+                    end = beam - 1
+                for i in range(end, at, -1):
+                    key[i] = key[i - 1]
+                    ahead_node[i] = ahead_node[i - 1]
+                    ahead_place[i] = ahead_place[i - 1]
+                    parents[j, i], codes[j, i] = parents[j, i - 1], codes[j, i - 1]
+                key[at] = rank
+                ahead_node[at] = child
+                ahead_place[at] = moved
+                parents[j, at], codes[j, at] = parent, code
+        node, ahead_node = ahead_node, node
+        place, ahead_place = ahead_place, place
+        width = found
+    at, chosen = 0, KEEP
+    for j in range(stages):
+        following[j] = KEEP
+    for j in range(stages - 1, -1, -1):
+        chosen = codes[j, at]
+        if odd and j >= r[_SHORT]:
+            following[j] = chosen
+        elif j > 0:
+            following[j - 1] = chosen
+        at = parents[j, at]
+    following[stages] = 1 - odd
+    return chosen, saturated, candidates
+
+
+@njit
+def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
+    """Words of the measurement ports for a row.
+
+    Parameters
+    ----------
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Load and inverter state at k, per unit.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference at k, per unit.
+    omega_s, omega_r : float
+        Stator and rotor angular speed, per unit.
+
+    Returns
+    -------
+    words : ndarray of int64, shape (13,)
+        In the order of `formats.MEASUREMENTS`.
+    clipped : int
+        1 where a value lay outside its word.
+    """
+    real = np.empty(13)
+    real[0:4] = x_m
+    real[4:8] = x_inv
+    real[8] = vdc
+    real[9:11] = iref
+    real[11], real[12] = omega_s, omega_r
+    return fixed_point.encode_row(real, _SCALES, _LOWS, _HIGHS)
+
+
+@njit
+def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
+    """Decide on the next positions and keep the plan in the parameters.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        From `parameters_of`; its plan is replaced.
+    x_m, x_inv : ndarray of float64, shape (4,)
+        Load and inverter state at k, per unit.
+    vdc : float
+        dc-link voltage, per unit.
+    iref : ndarray of float64, shape (2,)
+        Current reference at k, per unit.
+    omega_s, omega_r : float
+        Stator and rotor angular speed, per unit.
+    s_prev : ndarray of int64, shape (3,)
+        Positions s(k-1).
+
+    Returns
+    -------
+    s_a, s_b, s_c, held, deadlock, length, saturated : int
+        Positions to apply; held is 1 if they are s(k-1); the next two are always 0.
+    """
+    words, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
+    following = np.empty_like(parameters.plan)
+    code, saturated, _ = decide_words(parameters, words, s_prev, parameters.plan, following)
+    parameters.plan[:] = following
+    s_a, s_b, s_c = s_prev[0], s_prev[1], s_prev[2]
+    if code != KEEP:
+        x, m = (code - 1) // NEIGHBOURS, (code - 1) % NEIGHBOURS
+        target = parameters.tables.neighbours[s_prev[x], m]
+        if x == 0:
+            s_a = target
+        elif x == 1:
+            s_b = target
+        else:
+            s_c = target
+    return s_a, s_b, s_c, 1 if code == KEEP else 0, 0, 0, saturated | clipped
+
+
+def run(drive: KbestDrive, trace: MpdccTrace) -> Decisions:
+    """Decide on every row of a trace, each with the plan of the row before; the first has none.
+
+    Parameters
+    ----------
+    drive : KbestDrive
+        Drive to control.
+    trace : MpdccTrace
+        n rows in the order of time, per unit.
+
+    Returns
+    -------
+    Decisions
+        n rows; no cycles.
+
+    Raises
+    ------
+    ValueError
+        If a word cannot hold its value; the message names the drive file's key.
+    """
+    parameters = parameters_of(drive)
+    out = np.empty((len(trace), 7), np.int64)
+    _run(
+        parameters, trace.x_m, trace.x_inv, trace.vdc, trace.iref, trace.omega_s, trace.omega_r,
+        trace.s_prev, out,
+    )  # fmt: skip
+    return Decisions.of_words(out)
+
+
+@njit
+def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
+    for k in range(len(vdc)):
+        out[k, :] = decide(
+            parameters, x_m[k], x_inv[k], vdc[k], iref[k], omega_s[k], omega_r[k], s_prev[k]
+        )
