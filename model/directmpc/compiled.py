@@ -187,8 +187,11 @@ def _root_of(path: Path) -> Path:
 
 @functools.cache
 def _digest(root: Path) -> str:
-    """Digest of a package's sources, or of one file; empty where there is none to read."""
-    files = sorted(root.rglob("*.py")) if root.is_dir() else [root]
+    """Digest of a package's sources, or of one file; empty where there is none to read.
+
+    Tables of converters are sources: compiled code holds them as constants.
+    """
+    files = sorted([*root.rglob("*.py"), *root.glob("converters/*.toml")]) or [root]
     digest = hashlib.sha256(f"{numba.__version__} {platform.python_version()}".encode())
     for path in files:
         if not path.is_file():

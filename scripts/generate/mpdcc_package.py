@@ -203,19 +203,20 @@ def _gates(on: Iterable[int]) -> str:
 
 def _stops() -> list[str]:
     """How a leg goes off and comes on, as patterns of gates."""
+    leg = anpc.LEG
     rules = ",\n    ".join(
-        "(" + ", ".join(map(_gates, (on, off, {abs(action)}))) + ")"
-        for on, off, action in anpc.STOP_RULES
+        "(" + ", ".join(map(_gates, (rule.on, rule.off, {abs(rule.change)}))) + ")"
+        for rule in leg.stop_rules
     )
-    groups = ",\n    ".join(map(_gates, anpc.START_GROUPS))
+    groups = ",\n    ".join(map(_gates, leg.start_groups))
     return [
         "  subtype leg_gates_t is std_logic_vector(7 downto 0); -- S8 leftmost",
         "",
-        f"  type stop_rules_t is array (0 to {len(anpc.STOP_RULES) - 1}, 0 to 2) of leg_gates_t;",
-        f"  type start_groups_t is array (0 to {len(anpc.START_GROUPS) - 1}) of leg_gates_t;",
+        f"  type stop_rules_t is array (0 to {len(leg.stop_rules) - 1}, 0 to 2) of leg_gates_t;",
+        f"  type start_groups_t is array (0 to {len(leg.start_groups) - 1}) of leg_gates_t;",
         "",
         "  -- gates at the rails: a stop turns them off at once",
-        f"  constant RAIL_GATES : leg_gates_t := {_gates(anpc.RAIL_GATES)};",
+        f"  constant RAIL_GATES : leg_gates_t := {_gates(leg.stop_first)};",
         "",
         "  -- steps of a stop: gates that are on, gates that are off, the gate that changes.",
         "  -- The first row that fits is taken; where none does, all gates go off.",

@@ -796,7 +796,8 @@ def write_resources() -> None:
 
 def _sources() -> str:
     """Digest of all that figures are measured on."""
-    folders = (("rtl", "**/*.vhd"), ("model/directmpc", "**/*.py"), ("drives", "*.toml"))
+    folders = (("rtl", "**/*.vhd"), ("model/directmpc", "**/*.py"), ("drives", "*.toml"),
+               ("converters", "*.toml"))  # fmt: skip
     return tools.digest(*(p for name, kind in folders for p in sorted((ROOT / name).glob(kind))))
 
 

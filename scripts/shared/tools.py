@@ -292,8 +292,8 @@ def configuration_name(entity: str, generics: Generics) -> str:
 
 #: What a figure may depend on. Reports and pages do not count: figures are written into them.
 SOURCES = (
-    "rtl", "model", "drives", "registers", "scripts", "tb", "constraints", "requirements.txt",
-    "requirements-proofs.txt",
+    "rtl", "model", "converters", "drives", "registers", "scripts", "tb", "constraints",
+    "requirements.txt", "requirements-proofs.txt",
 )  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def fingerprint() -> str:
     text.update(f"{sys.version_info[:2]}".encode())
     for name in COMPUTING:
         text.update(f"{name} {importlib.metadata.version(name)}".encode())
-    for folder in ("drives", "model", "rtl", "scripts", "tb"):
+    for folder in ("converters", "drives", "model", "rtl", "scripts", "tb"):
         for path in sorted((ROOT / folder).rglob("*.*")):
             if path.suffix not in SOURCES:
                 continue

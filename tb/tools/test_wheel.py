@@ -25,7 +25,7 @@ from pathlib import Path
 
 import pytest
 
-from directmpc import shipped_drives
+from directmpc import converter, shipped_drives
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
@@ -60,7 +60,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copy = tmp_path_factory.mktemp("sources")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
-    shutil.copytree(ROOT / "drives", copy / "drives")
+    for name in ("drives", "converters"):
+        shutil.copytree(ROOT / name, copy / name)
     ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", "verilog")
     shutil.copytree(ROOT / "model", copy / "model", symlinks=True, ignore=ignored)
     with tarfile.open(backend(copy, "build_sdist")) as archive:
@@ -69,7 +70,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
         archive.extractall(unpacked, **safe)
     (source,) = unpacked.iterdir()
-    assert not (source / "model" / "directmpc" / "drives").is_symlink()
+    for name in ("drives", "converters"):
+        assert not (source / "model" / "directmpc" / name).is_symlink()
     return backend(source, "build_wheel")
 
 
@@ -83,6 +85,7 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
         str(path.relative_to(ROOT / "model"))
         for path in (ROOT / "model" / "directmpc").rglob("*.py")
     } | {f"directmpc/drives/{name}.toml" for name in shipped_drives()}
+    here |= {f"directmpc/converters/{name}.toml" for name in converter.shipped()}
     here |= {"directmpc/native/design.cpp", "directmpc/native/design.h"}
     assert {n for n in names if ".dist-info/" not in n} == here
     assert any(n.endswith(".dist-info/licenses/LICENSE") for n in names)

@@ -1,4 +1,4 @@
-"""Reference of the gate guard, clock by clock, and the circuit that its commutations follow from.
+"""Reference of the gate guard, clock by clock.
 
 The reference keeps absolute times where the RTL counts down, and one list of planned actions where
 the RTL has states; it shares nothing with the RTL but the document docs/gate-guard.md.
@@ -6,10 +6,9 @@ the RTL has states; it shares nothing with the RTL but the document docs/gate-gu
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from directmpc.mpdcc import inverter as anpc
+from directmpc.converter import Converter, load
 
 #: Faults, bit 0 first.
 FAULTS: tuple[str, ...] = (
@@ -24,43 +23,30 @@ FAULTS: tuple[str, ...] = (
     "interlock",
 )
 
-#: Single-gate actions when g rises (2 to 4, 3 to 5): -4 is S4 off. Back: reversed, signs turned.
-RISING: tuple[int, ...] = (-4, 8, -2, 3, -5, 1)
-
 TIME_HIGH = 2**12 - 1
 
 
-def anpc_gates(position: int) -> frozenset[int]:
-    """Gates S1..S8 that are on in a position of the five-level leg.
+LEGS: dict[bool, Converter] = {True: load("anpc5l"), False: load("two_level")}
+"""Converters of the guard, by its parameter `five_level`."""
+
+
+def gates_of(five_level: bool, position: int) -> frozenset[int]:
+    """Gates that are on in a position.
 
     Parameters
     ----------
+    five_level : bool
+        A leg of the ANPC inverter; a two-level one otherwise.
     position : int
-        0..7.
+        0..7; of a two-level leg bit 0 counts alone: 1 connects the phase to the positive rail.
 
     Returns
     -------
     frozenset of int
-        Four of 1..8.
+        Gate n is switch Sn of the converter's file.
     """
-    g, a, b = position >> 2, position >> 1 & 1, position & 1
-    return frozenset({1, 3} if g else {2, 4}) | {5 if a else 8, 6 if b else 7}
-
-
-def two_level_gates(position: int) -> frozenset[int]:
-    """Gate that is on: 1 the upper, 2 the lower.
-
-    Parameters
-    ----------
-    position : int
-        1 connects the phase to the positive rail; only bit 0 counts.
-
-    Returns
-    -------
-    frozenset of int
-        One of 1, 2.
-    """
-    return frozenset({1} if position & 1 else {2})
+    leg = LEGS[five_level]
+    return leg.gates[position % leg.positions]
 
 
 def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
@@ -78,30 +64,8 @@ def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
     list of int
         n: gate n on, -n: gate n off, in their order.
     """
-    if five_level and (origin ^ goal) & 4:
-        return list(RISING) if goal & 4 else [-action for action in reversed(RISING)]
-    gates = anpc_gates if five_level else two_level_gates
-    off = sorted(gates(origin) - gates(goal))
-    on = sorted(gates(goal) - gates(origin))
-    return [-gate for gate in off] + on
-
-
-def stopped(five_level: bool, on: Iterable[int]) -> frozenset[int]:
-    """Gates that the next step of a stop leaves on.
-
-    Parameters
-    ----------
-    five_level : bool
-        A leg of the ANPC inverter; a two-level one otherwise.
-    on : iterable of int
-        Gates that are on.
-
-    Returns
-    -------
-    frozenset of int
-        None of them behind the last step.
-    """
-    return anpc.stop_step(frozenset(on)) if five_level else frozenset()
+    leg = LEGS[five_level]
+    return list(leg.commutation(origin % leg.positions, goal % leg.positions))
 
 
 def started(five_level: bool, position: int) -> tuple[frozenset[int], ...]:
@@ -119,10 +83,8 @@ def started(five_level: bool, position: int) -> tuple[frozenset[int], ...]:
     tuple of frozenset of int
         The last ones are the position's.
     """
-    if not five_level:
-        return (two_level_gates(position),)
-    steps = [anpc_gates(position) & group for group in anpc.START_GROUPS]
-    return tuple(frozenset().union(*steps[: n + 1]) for n in range(len(steps)))
+    leg = LEGS[five_level]
+    return leg.start_steps(position % leg.positions)
 
 
 def stop_clocks(five_level: bool, dead_time: int) -> int:
@@ -140,68 +102,7 @@ def stop_clocks(five_level: bool, dead_time: int) -> int:
     int
         Of a cause that takes one clock. A measurement takes three more.
     """
-    return 1 + (anpc.STOP_STEPS - 1) * dead_time if five_level else 1
-
-
-#: Directed connections of the five-level leg: a gate's IGBT; its diode goes back.
-_IGBT = {
-    1: ("P", "A"),
-    2: ("A", "M"),
-    3: ("M", "B"),
-    4: ("B", "N"),
-    5: ("A", "p"),
-    6: ("p", "O"),
-    7: ("O", "q"),
-    8: ("q", "B"),
-}
-#: Voltage sources: node, other node, how much higher the other is, in quarters of the dc-link.
-_SOURCES = (("N", "M", 2), ("M", "P", 2), ("q", "p", 1))
-
-
-def _edges(gates: Iterable[int]) -> list[tuple[str, str, int]]:
-    found = [(low, high, volts) for low, high, volts in _SOURCES]
-    found += [(high, low, -volts) for low, high, volts in _SOURCES]
-    found += [(b, a, 0) for a, b in _IGBT.values()]
-    found += [(*_IGBT[gate], 0) for gate in gates]
-    return found
-
-
-def _highest(edges: list[tuple[str, str, int]], start: str) -> dict[str, int] | None:
-    """Highest potential at which current from ``start`` reaches a node; None: a short circuit."""
-    reached = {start: 0}
-    for _ in range(8):  # nodes of the leg
-        moved = False
-        for a, b, volts in edges:
-            if a in reached and reached.get(b, -99) < reached[a] + volts:
-                reached[b] = reached[a] + volts
-                moved = True
-        if not moved:
-            return reached
-    return None
-
-
-def output_levels(gates: Iterable[int]) -> tuple[int, int] | None:
-    """Output level of the five-level leg for i > 0 and i < 0; None where a source is shorted.
-
-    Ideal switches: current out of the output takes the path of highest potential that conducts,
-    current into it the one of lowest.  Levels in quarters of the dc-link from the midpoint.
-
-    Parameters
-    ----------
-    gates : iterable of int
-        Gates that are on, 1..8.
-
-    Returns
-    -------
-    i_above, i_below : int
-        Level for i > 0 and for i < 0, quarters of the dc-link.
-    """
-    edges = _edges(gates)
-    out = _highest(edges, "M")
-    back = _highest([(b, a, volts) for a, b, volts in edges], "M")
-    if out is None or back is None:
-        return None
-    return out["O"], -back["O"]
+    return 1 + (LEGS[five_level].stop_steps - 1) * dead_time
 
 
 @dataclass
@@ -249,9 +150,9 @@ class Leg:
             Dead time, clocks, at least 1.
         """
         self.alive, self.starts_at, self.plan = False, None, []
-        at_once = self.on & anpc.RAIL_GATES if self.five_level else self.on
-        if self.on and (at_once or now >= self.changed_at + dead):
-            self.on, self.changed_at = set(stopped(self.five_level, self.on)), now
+        leg = LEGS[self.five_level]
+        if self.on and (self.on & leg.stop_first or now >= self.changed_at + dead):
+            self.on, self.changed_at = set(leg.stop_step(frozenset(self.on))), now
 
     def kill(self) -> None:
         """All gates off at once."""
@@ -272,7 +173,7 @@ class Leg:
         """
         if not self.alive or not self.five_level:
             return True
-        return wanted in anpc.NEXT_POSITIONS[self.goal]
+        return wanted in LEGS[self.five_level].next_positions[self.goal]
 
     def blocked(self, wanted: int) -> bool:
         """Whether a position moves a leg whose last move has not begun.
@@ -614,7 +515,7 @@ class GateGuard:
         int
             8 bits a leg (two-level: 2), phase a lowest; bit n - 1 of a leg is gate n.
         """
-        size = 8 if self.five_level else 2
+        size = len(LEGS[self.five_level].switches)
         return sum(1 << (x * size + gate - 1) for x, leg in enumerate(self.legs) for gate in leg.on)
 
     @property

@@ -1,216 +1,79 @@
-"""The five-level ANPC leg as data: what each switch position does and what may follow it.
+"""The five-level ANPC converter of ``converters/anpc5l.toml`` as tables of this module.
 
-Nothing in this package knows the leg other than through these tables, and the VHDL tables are
-generated from them. A position is ``s = 4 g + 2 a + b``, where ``g`` drives the ANPC stage
-(S1..S4), ``a`` the cell pair S5/S8 and ``b`` the cell pair S6/S7.
-
-The phase voltage against the dc-link midpoint is
-``v_x = HALF_DC[s] * v_dc / 2 + NEUTRAL[s] * v_n + CAPACITOR[s] * v_ph_x``; the capacitors obey
-``dv_n/dt = -sum_x NEUTRAL_CURRENT[s_x] * i_x / (2 X_dc)`` and
-``dv_ph_x/dt = CAPACITOR_CURRENT[s_x] * i_x / X_ph`` with i_x > 0 into the machine.
-
-Sources: the circuit, tables and graph H3 are those of the project's drive model (derived from the
-leg's circuit, sections 1 to 3 there); the form of the model is Paper A, eq. (2), and the rule "one
-phase level up or down" its Section III-B.
+Position, coefficients and equations are those of `directmpc.converter`. The form of the model is
+Paper A, eq. (2), and the rule "one phase level up or down" its Section III-B. The switch graph and
+the weights are derived from the circuit (docs/positions.md).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
+from directmpc import converter
+from directmpc.converter import INADMISSIBLE, MAX_NEXT, IntArray
 
-POSITIONS = 8
+__all__ = ["INADMISSIBLE", "MAX_NEXT"]
+
+LEG = converter.load("anpc5l")
+"""The converter; the tables below are its."""
+
+POSITIONS = LEG.positions
 """Switch positions of one phase leg."""
 
-INADMISSIBLE = -1
-"""Entry of the transition tables where the graph has no edge."""
+LEVEL: IntArray = LEG.level
+"""Output level, in quarters of v_dc when v_n = 0 and v_ph = v_dc/4."""
 
-MAX_NEXT = 4
-"""Most positions that may follow one position, staying included; 4**3 = 64 candidates."""
+HALF_DC: IntArray = LEG.half_dc
+"""Coefficient of v_dc/2 in the phase voltage."""
 
+NEUTRAL: IntArray = LEG.neutral
+"""Coefficient of the neutral point potential v_n in the phase voltage."""
 
-def _table(values: Sequence[object]) -> IntArray:
-    """Make a read-only integer table, so that no user can change it for the others."""
-    table = np.array(values, dtype=np.int64)
-    table.setflags(write=False)
-    return table
+CAPACITOR: IntArray = LEG.capacitor
+"""Coefficient of the phase capacitor voltage v_ph in the phase voltage."""
 
+NEUTRAL_CURRENT: IntArray = LEG.neutral_current
+"""n(s): 1 where the phase current is drawn from the neutral point."""
 
-#                              s:   0   1   2   3   4   5   6   7
-LEVEL: IntArray = _table([-2, -1, -1, 0, 0, 1, 1, 2])
-"""Output level, in quarters of v_dc when v_n = 0 and v_ph = v_dc/4 (drive model, section 1)."""
+CAPACITOR_CURRENT: IntArray = LEG.capacitor_current
+"""c(s): sign with which the phase current charges the phase capacitor."""
 
-HALF_DC: IntArray = _table([-1, -1, 0, 0, 0, 0, 1, 1])
-"""Coefficient of v_dc/2 in the phase voltage (drive model, section 1, column v_x)."""
+NEXT_POSITIONS: tuple[tuple[int, ...], ...] = LEG.next_positions
+"""Switch graph H3, staying included, ascending."""
 
-NEUTRAL: IntArray = _table([0, 0, 1, 1, 1, 1, 0, 0])
-"""Coefficient of the neutral point potential v_n in the phase voltage (same column)."""
-
-CAPACITOR: IntArray = _table([0, 1, -1, 0, 0, 1, -1, 0])
-"""Coefficient of the phase capacitor voltage v_ph in the phase voltage (same column)."""
-
-NEUTRAL_CURRENT: IntArray = _table([0, 0, 1, 1, 1, 1, 0, 0])
-"""n(s): 1 where the phase current is drawn from the neutral point (drive model, section 1)."""
-
-CAPACITOR_CURRENT: IntArray = _table([0, -1, 1, 0, 0, -1, 1, 0])
-"""c(s): sign with which the phase current charges the phase capacitor (drive model, section 1)."""
-
-NEXT_POSITIONS: tuple[tuple[int, ...], ...] = (
-    (0, 1, 2),
-    (0, 1, 3),
-    (0, 2, 3, 4),
-    (1, 2, 3, 5),
-    (2, 4, 5, 6),
-    (3, 4, 5, 7),
-    (4, 6, 7),
-    (5, 6, 7),
-)
-"""Switch graph H3, staying included, ascending (drive model, section 2)."""
-
-NEXT_COUNT: IntArray = _table([len(following) for following in NEXT_POSITIONS])
+NEXT_COUNT: IntArray = LEG.next_count
 """How many positions may follow each position; shape (8,)."""
 
-NEXT_TABLE: IntArray = _table(
-    [following + (following[-1],) * (MAX_NEXT - len(following)) for following in NEXT_POSITIONS]
-)
+NEXT_TABLE: IntArray = LEG.next_table
 """NEXT_POSITIONS as a rectangular table for compiled code; rows padded with their last entry."""
 
-_X = INADMISSIBLE
-
-COMMUTATIONS_ANPC: IntArray = _table(
-    [
-        [0, 0, 0, _X, _X, _X, _X, _X],
-        [0, 0, _X, 0, _X, _X, _X, _X],
-        [0, _X, 0, 0, 2, _X, _X, _X],
-        [_X, 0, 0, 0, _X, 2, _X, _X],
-        [_X, _X, 2, _X, 0, 0, 0, _X],
-        [_X, _X, _X, 2, 0, 0, _X, 0],
-        [_X, _X, _X, _X, 0, _X, 0, 0],
-        [_X, _X, _X, _X, _X, 0, 0, 0],
-    ]
-)
-"""Turn-ons of logical ANPC devices S1..S4 on a transition [from][to] (drive model, section 3).
+COMMUTATIONS_ANPC: IntArray = LEG.turn_ons("anpc")
+"""Turn-ons of logical ANPC devices S1..S4 on a transition [from][to].
 
 Each logical ANPC device is two devices in series, so the physical count is twice this.
 """
 
-COMMUTATIONS_FC: IntArray = _table(
-    [
-        [0, 1, 1, _X, _X, _X, _X, _X],
-        [1, 0, _X, 1, _X, _X, _X, _X],
-        [1, _X, 0, 1, 1, _X, _X, _X],
-        [_X, 1, 1, 0, _X, 1, _X, _X],
-        [_X, _X, 1, _X, 0, 1, 1, _X],
-        [_X, _X, _X, 1, 1, 0, _X, 1],
-        [_X, _X, _X, _X, 1, _X, 0, 1],
-        [_X, _X, _X, _X, _X, 1, 1, 0],
-    ]
-)
+COMMUTATIONS_FC: IntArray = LEG.turn_ons("cell")
 """Turn-ons of flying-capacitor devices S5..S8 on a transition [from][to]."""
 
-_WEIGHT = [
-    [0, 1, 1, _X, _X, _X, _X, _X],
-    [1, 0, _X, 1, _X, _X, _X, _X],
-    [1, _X, 0, 1, 3, _X, _X, _X],
-    [_X, 1, 1, 0, _X, 3, _X, _X],
-    [_X, _X, 3, _X, 0, 1, 1, _X],
-    [_X, _X, _X, 3, 1, 0, _X, 1],
-    [_X, _X, _X, _X, 1, _X, 0, 1],
-    [_X, _X, _X, _X, _X, 1, 1, 0],
-]
+TRANSITION_WEIGHT: IntArray = LEG.transition_weight
+"""Weight of a transition in f_s: [phase current negative][from][to].
 
-TRANSITION_WEIGHT: IntArray = _table([_WEIGHT, _WEIGHT])
-"""Weight of a transition in f_s: [phase current negative][from][to] (drive model, section 3).
-
-Option A there: the sum of both turn-on counts. Paper A's f_s also takes the current as an argument
-without stating how, hence the first index; both halves are the same by default.
+The sum of both turn-on counts. Paper A's f_s also takes the current as an argument without stating
+how, hence the first index; both halves are the same.
 """
 
-RAIL_GATES: frozenset[int] = frozenset({1, 4})
-"""Gates of the devices at the rails P and N. A stop turns them off at once."""
-
-STOP_RULES: tuple[tuple[frozenset[int], frozenset[int], int], ...] = (
-    (frozenset({1}), frozenset(), -1),
-    (frozenset({4}), frozenset(), -4),
-    (frozenset({2}), frozenset({8}), 8),
-    (frozenset({3}), frozenset({5}), 5),
-    (frozenset({2}), frozenset(), -2),
-    (frozenset({3}), frozenset(), -3),
-)
-"""Steps of a stop: gates that are on, gates that are off, and the action: n is Sn on, -n Sn off.
-
-A step takes the first row that fits the gates that are on. Where none fits, all gates go off. Steps
-are a dead time apart. From every pattern of a position, a commutation or a start this keeps every
-device inside its rating for either sign of the current, and no shorter order does:
-``tb/rtl/guard/gate_guard/test_gate_stress.py`` derives both from the circuit.
-"""
-
-STOP_STEPS = 4
-"""Most steps of a stop."""
-
-START_GROUPS: tuple[frozenset[int], ...] = (
-    frozenset({5, 6, 7, 8}),
-    frozenset({2, 3}),
-    frozenset({1, 4}),
-)
-"""Steps of a start, a dead time apart: which of the position's gates come on in each."""
-
-
-def stop_step(on: frozenset[int]) -> frozenset[int]:
-    """Find what the next step of a stop leaves on.
-
-    Parameters
-    ----------
-    on : frozenset of int
-        Gates 1..8 that are on.
-
-    Returns
-    -------
-    frozenset of int
-        Gates that are on behind the step.
-    """
-    for needed, absent, action in STOP_RULES:
-        if needed <= on and not absent & on:
-            return on | {action} if action > 0 else on - {-action}
-    return frozenset()
-
-
-LOGICAL_DEVICES = 24
+LOGICAL_DEVICES = LEG.logical_devices
 """Logical devices of three legs: 12 ANPC, 12 flying-capacitor."""
 
-PHYSICAL_DEVICES = 36
+PHYSICAL_DEVICES = LEG.physical_devices
 """Physical devices of three legs: every ANPC device is two in series."""
 
-
-def candidates(s_abc: Sequence[int]) -> list[tuple[int, int, int]]:
-    """List the positions that may follow a three-phase position, in the order of enumeration.
-
-    Parameters
-    ----------
-    s_abc : sequence of int
-        Present positions of phases a, b, c, each 0..7.
-
-    Returns
-    -------
-    list of (s_a, s_b, s_c)
-        27 to 64 candidates, phase a outermost, each phase ascending. Every argmin tie of the
-        controllers goes to the earliest of this list.
-
-    Raises
-    ------
-    ValueError
-        If there are not three positions, or one is outside 0..7.
-    """
-    positions = [int(s) for s in s_abc]
-    if len(positions) != 3 or any(not 0 <= s < POSITIONS for s in positions):
-        raise ValueError(f"three switch positions 0..7 are needed, got {tuple(s_abc)}")
-    a, b, c = (NEXT_POSITIONS[s] for s in positions)
-    return list(product(a, b, c))
+candidates = LEG.candidates
+"""`directmpc.converter.Converter.candidates` of this one."""
 
 
 def phase_voltages(

@@ -32,10 +32,9 @@ import numpy as np
 import pytest
 
 from directmpc.api.drive_file import load_drive
-from directmpc.host import lockstep
+from directmpc.host import gate_guard, lockstep
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, TrippedError
-from directmpc.host.gate_guard import anpc_gates, two_level_gates
 from directmpc.host.link import Link, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import RegisterValues, registers_of, values
@@ -109,11 +108,12 @@ def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> Regi
 def gates_of(controller: str, answer: Decision) -> int:
     """Gates that are on in the decided position, as the port has them."""
     if controller == "mpdcc":
-        on = [(8 * x, gate) for x, s in enumerate(answer.positions) for gate in anpc_gates(s)]
+        legs, five_level = list(answer.positions), True
     else:
-        legs = [answer.position >> 5 - x & 1 for x in range(3)]
-        on = [(2 * x, gate) for x, leg in enumerate(legs) for gate in two_level_gates(leg)]
-    return sum(1 << low + gate - 1 for low, gate in on)
+        legs, five_level = [answer.position >> 5 - x & 1 for x in range(3)], False
+    on = [gate_guard.gates_of(five_level, leg) for leg in legs]
+    size = 8 if five_level else 2
+    return sum(1 << size * x + gate - 1 for x, gates in enumerate(on) for gate in gates)
 
 
 def check_facts(board: Board, chosen: Generics) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 
 from directmpc.host import registers
-from directmpc.host.gate_guard import FAULTS, anpc_gates, stop_clocks, two_level_gates
+from directmpc.host.gate_guard import FAULTS, gates_of, stop_clocks
 from directmpc.host.register_map import MAPS
 from directmpc.mpdcc import capacitor_observer, leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
@@ -636,7 +636,7 @@ async def switched(system: System) -> None:
     base = registers.values(drive).words
     all_faults = dict.fromkeys(bus.registers["system.faults"][1], 1)
 
-    whole = [sum(1 << gate - 1 for gate in anpc_gates(position)) for position in range(8)]
+    whole = [sum(1 << gate - 1 for gate in gates_of(True, position)) for position in range(8)]
 
     def taken() -> IntArray:
         return np.array([number(getattr(guard, f"taken_{x}")) for x in "abc"])
@@ -778,10 +778,10 @@ async def faults(system: System) -> None:
             await FallingEdge(dut.clk)
         board.check("running", number(dut.running), 1)
         if system.controller == "mpdcc":
-            legs = [anpc_gates(position) for position in last[:3]]
+            legs = [gates_of(True, position) for position in last[:3]]
         else:
             # a decision of MPTC is applied with the start that follows it
-            legs = [two_level_gates(int(bit)) for bit in SWITCHES[first[0]]]
+            legs = [gates_of(False, int(bit)) for bit in SWITCHES[first[0]]]
         size = 8 if system.controller == "mpdcc" else 2
         wanted = sum(1 << (x * size + gate - 1) for x, leg in enumerate(legs) for gate in leg)
         board.check("gates", number(dut.gates), wanted, f"{first}, {last}")

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.converter import Converter
+
 #: Gates that are on, and for how long: 1 is a whole dead time.
 Step = tuple[frozenset[int], float]
 Floats = NDArray[np.float64]
@@ -51,20 +53,36 @@ class Leg:
     capacitances: tuple[tuple[float, ...], ...]
 
 
-#: S1 to S4 are two devices in series, or as large as the others, or larger.
-ANPC = Leg(
-    {
-        1: ("P", "A"), 2: ("A", "M"), 3: ("M", "B"), 4: ("B", "N"),
-        5: ("A", "p"), 6: ("p", "O"), 7: ("O", "q"), 8: ("q", "B"),
-    },
-    {"P": 0.5, "M": 0.0, "N": -0.5},
-    {"q": ("p", -0.25)},
-    (0.5, 0.5, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25),
-    ((0.5,) * 4 + (1.0,) * 4, (1.0,) * 8, (2.0,) * 4 + (1.0,) * 4),
-)  # fmt: skip
-TWO_LEVEL = Leg(
-    {1: ("P", "O"), 2: ("O", "N")}, {"P": 0.5, "N": -0.5}, {}, (1.0, 1.0), ((1.0, 1.0), (1.0, 3.0))
-)
+#: Output capacitances: of the devices with the highest rating against the others, of clamping
+#: diodes against switches, of the lower switch against the upper one.
+SHARES = (0.5, 1.0, 2.0)
+
+
+def leg_of(converter: Converter) -> Leg:
+    """Devices of a converter's leg; a diode is a device whose gate, a negative number, is never on.
+
+    Devices in series, or larger ones, have another capacitance than the rest.
+    """
+    parts = (*converter.switches, *converter.diodes)
+    highest = max(part.rating for part in parts)
+    other = [part.rating == highest for part in parts]
+    if all(other):
+        other = [n >= len(converter.switches) for n in range(len(parts))]
+    if not any(other):
+        other = [n >= len(parts) // 2 for n in range(len(parts))]
+    devices = {n: (s.first, s.second) for n, s in enumerate(converter.switches, start=1)}
+    devices |= {-n: (d.second, d.first) for n, d in enumerate(converter.diodes, start=1)}
+    tied = {}
+    if converter.capacitor_nodes is not None:
+        high, low = converter.capacitor_nodes
+        tied = {low: (high, -converter.capacitor_share)}
+    return Leg(
+        devices,
+        dict(converter.rails),
+        tied,
+        tuple(part.rating for part in parts),
+        tuple(tuple(share if one else 1.0 for one in other) for share in SHARES),
+    )
 
 
 @dataclass

@@ -45,8 +45,11 @@ class Unguarded(Leg):
         if not self.five_level:
             return [1, 2] if self.origin & 1 else [2, 1]
         differs = self.origin ^ goal
-        near = self.origin ^ (4 if differs & 4 else 2 if differs & 2 else 1)
-        return [abs(action) for action in commutation(True, self.origin, near)]
+        if differs & 4:  # one order for all moves of g, edges or not
+            move = (2, 4) if goal & 4 else (4, 2)
+        else:
+            move = (self.origin, self.origin ^ (2 if differs & 2 else 1))
+        return [abs(action) for action in commutation(True, *move)]
 
     def clock(self, now: int, dead: int, rest: int) -> None:
         """One rising edge, as `Leg.clock`."""
