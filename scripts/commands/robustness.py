@@ -56,8 +56,6 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.tables:
         _publish(robustness.read(given.out), given)
         mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)
-        noise_decisions.publish(noise_decisions.read(given.decisions_out), given.page)
-        random_decisions.publish(random_decisions.read(given.random_decisions_out), given.page)
         return 0
     rows = robustness.study(
         given.out,
@@ -73,14 +71,12 @@ def _run(given: argparse.Namespace) -> int | None:
         given.two_level_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
     )
     mptc_robustness.publish(two_level, given.page)
-    decided = noise_decisions.study(
+    noise_decisions.study(
         given.decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
     )
-    noise_decisions.publish(decided, given.page)
-    by_rtl = random_decisions.study(
+    random_decisions.study(
         given.random_decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
     )
-    random_decisions.publish(by_rtl, given.page)
     outside_rules.study(given.rules_out, given.jobs, anew=given.anew, scheduler=given.scheduler)
     return 0
 

@@ -847,8 +847,8 @@ def _suffix(variant: str) -> str:
 
 
 def _rows_and_page(
-    study: Callable[[Path], Any], name: str, publish: Callable[[], None]
-) -> tuple[Callable[[Path], None], Callable[[], None]]:
+    study: Callable[[Path], Any], name: str, publish: Callable[[], None] | None = None
+) -> tuple[Callable[[Path], None], Callable[[], None] | None]:
     """A study that goes on by itself from the rows of a file."""
 
     def _run(work: Path) -> None:
@@ -892,15 +892,13 @@ def studies(jobs: int) -> list[Stage]:
             mptc_robustness.read(mptc_robustness.REPORT), robustness.PAGE
         ),
     )
-    decided, decided_page = _rows_and_page(
+    decided, _ = _rows_and_page(
         lambda out: noise_decisions.study(out, jobs),
         noise_decisions.REPORT.name,
-        lambda: noise_decisions.publish(noise_decisions.read(), robustness.PAGE),
     )
-    by_rtl, by_rtl_page = _rows_and_page(
+    by_rtl, _ = _rows_and_page(
         lambda out: random_decisions.study(out, jobs),
         random_decisions.REPORT.name,
-        lambda: random_decisions.publish(random_decisions.read(), robustness.PAGE),
     )
     modulated, modulated_page = _rows_and_page(
         lambda out: pwm.study(out, pwm.STEPS, pwm.PERIODS, pwm.STARTS),
@@ -967,9 +965,9 @@ def studies(jobs: int) -> list[Stage]:
         Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
               _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
         Stage("noise-decisions", "decisions under noise beside the ideal controller",
-              _modules("studies.noise_decisions"), decided, (*rtl, *drives), decided_page),
+              _modules("studies.noise_decisions"), decided, (*rtl, *drives)),
         Stage("random-decisions", "decisions of the RTL on random drives",
-              _modules("studies.random_decisions"), by_rtl, (*rtl, *drives), by_rtl_page),
+              _modules("studies.random_decisions"), by_rtl, (*rtl, *drives)),
         Stage("fidelity", "decisions and loops beside the ideal controller (make fidelity)",
               _modules("studies.fidelity.study"), in_place(_fidelity), (*rtl, *drives),
               accuracy.write_page),

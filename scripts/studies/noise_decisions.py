@@ -3,8 +3,8 @@
 The bit-true model of the fast variant controls both shipped drives with noise 1 of `robustness`. In
 every step the ideal controller decides on the same measurements by the same rules, without effect.
 The simulated RTL decides a sample of the steps as well, and has to decide as its model has done.
-``python -m scripts robustness`` writes ``reports/noise_decisions.csv``, a row for each closed loop,
-and a table of ``docs/robustness.md``. Rows that the file has are not run again.
+``python -m scripts robustness`` writes ``reports/noise_decisions.csv``, a row for each closed loop.
+Rows that the file has are not run again.
 
 A decision takes effect at once and there are no filters: both controllers see the same words.
 """
@@ -24,14 +24,11 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.errors import DriveErrors
 from scripts.hdl import states
 from scripts.shared import rows as stored_rows
-from scripts.shared import tables
 from scripts.shared.tools import ROOT, ToolError
 from scripts.studies.bounds import differing
 from scripts.studies.robustness import DRIVES, NOISE_CURRENT, NOISE_VOLTAGE
 
 REPORT = ROOT / "reports" / "noise_decisions.csv"
-BEGIN = "<!-- decisions: begin (written by python -m scripts robustness) -->"
-END = "<!-- decisions: end -->"
 RULES = ("inwards", "dead")
 HORIZONS = ("SE", "SESE")
 SPEEDS, BOUNDS = (1.0, 0.8, 0.6), (0.06, 0.10)
@@ -184,46 +181,3 @@ def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, d
             "rtl_rows": sum(row["rtl_rows"] for row in mine),
         }
     return found
-
-
-def table(rows: Mapping[Setting, Mapping[str, float]]) -> str:
-    """Decisions unlike the ideal controller's.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
-    lines = []
-    for rule, by_horizon in shares(rows).items():
-        for horizon, one in by_horizon.items():
-            lines.append(
-                (
-                    rule, horizon, f"{one['points']:.0f}", f"{one['steps']:,.0f}",
-                    f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}",
-                    f"{one['rtl_rows']:,.0f}",
-                )
-            )  # fmt: skip
-    head = (
-        "rule", "horizon", "points", "decisions", "unlike ideal's, %", "of the worst point, %",
-        "decided by the RTL",
-    )  # fmt: skip
-    return tables.markdown(head, lines)
-
-
-def publish(rows: Mapping[Setting, Mapping[str, float]], page: Path) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-    page : Path
-        The page; its markers stay.
-    """
-    tables.rewrite(page, {(BEGIN, END): table(rows)})

@@ -16,15 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from scripts.shared import rows as stored_rows
-from scripts.shared import tables
 from scripts.shared.tools import ROOT
 from scripts.studies import robustness
 from scripts.studies.bounds import differing
 from scripts.studies.noise_decisions import HORIZONS, NoiseError
 
 REPORT = ROOT / "reports" / "random_decisions.csv"
-BEGIN = "<!-- random decisions: begin (written by python -m scripts robustness) -->"
-END = "<!-- random decisions: end -->"
 COUNT = 20
 """Random drives, the first of `robustness`."""
 STEPS = 1000
@@ -154,36 +151,3 @@ def counts(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, i
             "rtl_differing": int(sum(row["rtl_differing"] for row in mine.values())),
         }
     return found
-
-
-def table(rows: Mapping[Setting, Mapping[str, float]]) -> str:
-    """Decisions that the RTL has made of random drives.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
-    lines = [
-        (horizon, f"{one['drives']}", f"{one['rtl_rows']:,}", f"{one['rtl_differing']}")
-        for horizon, one in counts(rows).items()
-    ]
-    return tables.markdown(("horizon", "drives", "decided by the RTL", "unlike its model's"), lines)
-
-
-def publish(rows: Mapping[Setting, Mapping[str, float]], page: Path) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-    page : Path
-        The page; its markers stay.
-    """
-    tables.rewrite(page, {(BEGIN, END): table(rows)})

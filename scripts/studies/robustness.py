@@ -440,45 +440,8 @@ def _mean(rows: Sequence[dict[str, float]], name: str) -> float:
     return float(np.mean([row[name] for row in rows])) if rows else float("nan")
 
 
-def shipped_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What noise and remedies change, over the starts of the shipped drives.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
-    lines = []
-    remedies = sorted(REMEDIES[1:], key=lambda remedy: remedy[0])
-    for name, bound, (noise, rule, gain) in itertools.product(DRIVES, BOUNDS, remedies):
-        cells = []
-        for horizon, speed in itertools.product(("SE", "SESE"), SPEEDS):
-            chosen, exact = (
-                [
-                    v
-                    for k, v in rows.items()
-                    if (k.drive, k.horizon, k.speed, k.bound) == (name, horizon, speed, bound)
-                    and not k.knows
-                    and (k.noise, k.rule, k.gain) == _rounded_remedy(remedy)
-                ]
-                for remedy in ((noise, rule, gain), REMEDIES[0])
-            )
-            change = 100 * (_mean(chosen, "fsw_hz") / _mean(exact, "fsw_hz") - 1)
-            distortion = 100 * (_mean(chosen, "thd_pct") / _mean(exact, "thd_pct") - 1)
-            dead = _mean(chosen, "deadlocks_per_1000")
-            cells.append(f"{change:+.0f} ({distortion:+.0f}, {dead:.0f})")
-        lines.append((name, f"{bound:g}", f"{noise:g}", _label(rule, gain), *cells))
-    head = ("drive", "bound, pu", "noise", "rule", "SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
-    return tables.markdown(head, lines)
-
-
 def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What another machine changes, over the starts of the shipped drives.
+    """What another machine changes: least and most over both shipped drives and their points.
 
     Parameters
     ----------
@@ -488,15 +451,15 @@ def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
     Returns
     -------
     str
-        A Markdown table.
+        A Markdown table: changes against a controller that knows the machine.
     """
     lines = []
-    for name, (machine, knows) in itertools.product(DRIVES, MISMATCHES):
-        if knows == KNOWN:
+    for machine, knows in MISMATCHES:
+        if knows == KNOWN or machine == "same":
             continue
         base = machine if (machine, KNOWN) in MISMATCHES else "same"
-        cells, thetas = [], []
-        for horizon, speed in itertools.product(("SE", "SESE"), SPEEDS):
+        fsw, thd, deadlocks = [], [], []
+        for name, horizon, speed in itertools.product(DRIVES, ("SE", "SESE"), SPEEDS):
             chosen, known = (
                 [
                     v
@@ -506,17 +469,16 @@ def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
                 ]
                 for wanted in ((machine, knows), (base, KNOWN))
             )
-            change, distortion = (
-                100 * (_mean(chosen, figure) / _mean(known, figure) - 1)
-                for figure in ("fsw_hz", "thd_pct")
+            for found, figure in ((fsw, "fsw_hz"), (thd, "thd_pct")):
+                found.append(100 * (_mean(chosen, figure) / _mean(known, figure) - 1))
+            deadlocks.append(_mean(chosen, "deadlocks_per_1000"))
+        lines.append(
+            (
+                machine, knows, f"{min(fsw):+.0f}, {max(fsw):+.0f}",
+                f"{min(thd):+.1f}, {max(thd):+.1f}", f"{max(deadlocks):.0f}",
             )
-            cells.append(
-                f"{change:+.0f} ({distortion:+.1f}, {_mean(chosen, 'deadlocks_per_1000'):.0f})"
-            )
-            thetas.append(_mean(chosen, "theta"))
-        found = "-" if knows == GIVEN else f"{min(thetas):.2f} to {max(thetas):.2f}"
-        lines.append((name, machine, knows, found, *cells))
-    head = ("drive", "plant", "controller", "theta", "SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
+        )  # fmt: skip
+    head = ("plant", "leakage", "f_sw, %", "THD, %", "deadlocks, at most")
     return tables.markdown(head, lines)
 
 
@@ -600,127 +562,23 @@ def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
     lines = []
     for noise, gain in itertools.product((0.0, 1.0, 2.0), (1.0, GAIN, LOWER_GAIN)):
         found = changes(rows, (noise, "inwards", gain))
-        name = f"{100 * noise * NOISE_CURRENT:g} % and {100 * noise * NOISE_VOLTAGE:g} %"
         worst = max(found, key=lambda one: one.fsw)
         lines.append(
             (
-                name if noise else "exact", f"{-round(math.log2(gain))}",
+                f"noise {noise:g}" if noise else "exact", f"{-round(math.log2(gain))}",
                 f"{np.mean([one.fsw for one in found]):+.1f}",
-                f"{worst.fsw:+.1f} ({worst.error:.1f})",
-                f"{max(one.thd for one in found):+.1f}",
+                f"{worst.fsw:+.1f} ± {worst.error:.1f}",
                 f"{max(one.deadlocks for one in found):+.1f}",
             )
         )  # fmt: skip
     head = (
-        "noise of currents and voltages, rms", "`capacitor_filter`", "f_sw, %: mean",
-        "f_sw, %: worst point (standard error)", "THD, %: worst point",
-        "deadlocks per 1,000 steps: worst point",
+        "noise", "q", "f_sw, %: mean", "worst point ± standard error", "deadlocks: worst point"
     )  # fmt: skip
     return tables.markdown(head, lines)
 
 
-def _label(rule: str, gain: float) -> str:
-    """Rule and filters in a table."""
-    return f"{rule}, filters 1/{round(1 / gain)}" if gain < 1 else rule
-
-
 def _rounded_remedy(remedy: tuple[float, str, float]) -> tuple[float, str, float]:
     return remedy[0], remedy[1], float(_cell(remedy[2]))
-
-
-def _random_drives(rows: dict[Setting, dict[str, float]]) -> list[str]:
-    """Names of the random drives that have rows."""
-    return sorted({k.drive for k in rows if k.drive.startswith("random")})
-
-
-def _random_line(
-    chosen: dict[str, dict[str, float]], base: dict[str, dict[str, float]], drives: Sequence[str]
-) -> tuple[str, ...]:
-    """Cells of `RANDOM_HEAD`: rows by drive beside those that they are compared with."""
-
-    def change(name: str) -> str:
-        found = [100 * (chosen[d][name] / base[d][name] - 1) for d in drives]
-        low, middle, high = np.percentile(found, (5, 50, 95))
-        return f"{middle:+.0f} ({low:+.0f} to {high:+.0f})"
-
-    def spread(name: str, digits: str) -> str:
-        found = [chosen[d][name] for d in drives]
-        return f"{np.median(found):{digits}} ({np.percentile(found, 95):{digits}})"
-
-    return (
-        change("fsw_hz"), change("thd_pct"), spread("deadlocks_per_1000", ".0f"),
-        spread("excess_current", ".3f"), spread("outside_pct", ".1f"),
-        f"{sum(chosen[d]['saturated'] > 0 for d in drives)}",
-    )  # fmt: skip
-
-
-RANDOM_HEAD = (
-    "f_sw, %: median (5 to 95 %)", "THD, %: median (5 to 95 %)",
-    "deadlocks per 1,000 steps: median (95 %)", "current beyond its bound, pu: median (95 %)",
-    "voltage outside, % of steps: median (95 %)", "drives with a flag",
-)  # fmt: skip
-
-
-def random_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What noise and remedies change, over the random drives.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
-    drives = _random_drives(rows)
-    lines = []
-    for horizon, remedy in itertools.product(("SE", "SESE"), RANDOM_REMEDIES):
-        noise, rule, gain = _rounded_remedy(remedy)
-        chosen, exact = (
-            {
-                k.drive: v
-                for k, v in rows.items()
-                if k.drive.startswith("random")
-                and not k.knows
-                and (k.horizon, k.noise, k.rule, k.gain) == (horizon, *wanted)
-            }
-            for wanted in ((noise, rule, gain), (0.0, "dead", 1.0))
-        )
-        label = _label(rule, gain)
-        lines.append((horizon, f"{noise:g}", label, *_random_line(chosen, exact, drives)))
-    head = ("horizon", "noise", "rule", *RANDOM_HEAD)
-    return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
-
-
-def random_mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What a wrong leakage costs random drives, and what its estimate takes back.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table: changes against a controller that knows the machine.
-    """
-    drives = _random_drives(rows)
-    lines = []
-    for horizon in ("SE", "SESE"):
-        by_knowledge: dict[str, dict[str, dict[str, float]]] = {k: {} for k in RANDOM_KNOWS}
-        for setting, figures in rows.items():
-            if (setting.machine, setting.horizon) == (DRAWN, horizon):
-                by_knowledge[setting.knows][setting.drive] = figures
-        base = by_knowledge[KNOWN]
-        lines += [
-            (horizon, knows, *_random_line(chosen, base, drives))
-            for knows, chosen in by_knowledge.items()
-        ]
-    head = ("horizon", "controller", *RANDOM_HEAD)
-    return f"{len(drives)} drives.\n\n" + tables.markdown(head, lines)
 
 
 def largest_excess(rows: dict[Setting, dict[str, float]]) -> float:
@@ -749,16 +607,7 @@ def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
     page : Path
         The page; its markers stay.
     """
+    made = {"gain": gain_table, "mismatch": mismatch_table}
     tables.rewrite(
-        page,
-        {
-            (BEGIN.format("shipped"), END.format("shipped")): shipped_table(rows),
-            (BEGIN.format("gain"), END.format("gain")): gain_table(rows),
-            (BEGIN.format("random"), END.format("random")): random_table(rows),
-            (
-                BEGIN.format("random machine"),
-                END.format("random machine"),
-            ): random_mismatch_table(rows),
-            (BEGIN.format("mismatch"), END.format("mismatch")): mismatch_table(rows),
-        },
+        page, {(BEGIN.format(n), END.format(n)): table(rows) for n, table in made.items()}
     )

@@ -29,7 +29,7 @@ from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
-PYTHON = ("docs/library.md", "docs/robustness.md")
+PYTHON = ("docs/library.md",)
 SETTINGS = ("docs/deadlocks.md", "docs/pwm.md", "docs/robustness.md", "docs/sese.md")
 #: Blocks of other tests and kinds: page and language, and what runs or checks it.
 OTHER = {

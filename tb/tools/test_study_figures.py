@@ -40,90 +40,38 @@ def test_a_section_is_what_the_file_gives(name: str) -> None:
     assert len(made) > 1
 
 
-def _compared(one: dict[str, float], form: str = "+.0f") -> str:
-    return (
-        f"{one['fsw_change_pct']:+.0f} ({one['thd_change_pct']:{form}}, "
-        f"{one['deadlocks_per_1000']:.0f})"
-    )
-
-
-def test_robustness_of_the_shipped_drives() -> None:
-    found = table("robustness.md", "shipped")
-    assert len(found) == 4 * (len(robustness.REMEDIES) - 1)
-    shipped = METRICS["robustness"]["shipped"]
-    for drive, bound, noise, rule, *cells in found:
-        by = {float(key): value for key, value in shipped[drive].items()}[float(bound)]
-        one = by[f"noise {noise}, {rule}"]
-        assert cells == [_compared(one[point]) for point in POINTS]
-
-
 def test_robustness_against_another_machine() -> None:
     found = table("robustness.md", "mismatch")
-    assert len(found) == 2 * sum(how != robustness.KNOWN for _, how in robustness.MISMATCHES)
-    for drive, plant, knows, theta, *cells in found:
-        one = METRICS["robustness"]["mismatch"][drive][plant][knows]
-        assert cells == [_compared(one[point], "+.1f") for point in POINTS]
-        thetas = [one[point]["theta"] for point in POINTS]
-        assert theta in ("-", f"{min(thetas):.2f} to {max(thetas):.2f}")
-
-
-def _spread(one: dict[str, float]) -> str:
-    return f"{one['median']:+.0f} ({one['p05']:+.0f} to {one['p95']:+.0f})"
+    assert len(found) == sum(
+        how != robustness.KNOWN and plant != "same" for plant, how in robustness.MISMATCHES
+    )
+    for plant, knows, fsw, thd, dead in found:
+        every = [
+            by[plant][knows][point]
+            for by in METRICS["robustness"]["mismatch"].values()
+            for point in POINTS
+        ]
+        assert len(every) == 8
+        for cell, name, form in ((fsw, "fsw_change_pct", "+.0f"), (thd, "thd_change_pct", "+.1f")):
+            values = [one[name] for one in every]
+            assert cell == f"{min(values):{form}}, {max(values):{form}}"
+        assert dead == f"{max(one['deadlocks_per_1000'] for one in every):.0f}"
 
 
 def _high(one: dict[str, float], form: str) -> str:
     return f"{one['median']:{form}} ({one['p95']:{form}})"
 
 
-def test_robustness_of_random_drives() -> None:
-    section = METRICS["robustness"]["random"]
-    remedies = [
-        (section[horizon][f"noise {noise}, {rule}"], cells)
-        for horizon, noise, rule, *cells in table("robustness.md", "random")
-    ]
-    assert len(remedies) == 2 * len(robustness.RANDOM_REMEDIES)
-    machines = [
-        (section[horizon][robustness.DRAWN][knows], cells)
-        for horizon, knows, *cells in table("robustness.md", "random machine")
-    ]
-    assert len(machines) == 2 * len(robustness.RANDOM_KNOWS)
-    for one, cells in remedies + machines:
-        assert cells == [
-            _spread(one["fsw_change_pct"]), _spread(one["thd_change_pct"]),
-            _high(one["deadlocks_per_1000"], ".0f"), _high(one["excess_current_pu"], ".3f"),
-            _high(one["voltage_outside_pct"], ".1f"), f"{one['drives_flagged']:.0f}",
-        ]  # fmt: skip
-    two_level = METRICS["robustness"]["two_level"]
+def test_robustness_of_two_level_drives() -> None:
+    two_level = METRICS["robustness"]["two_level"]["MPTC"]
     found = table("robustness.md", "two-level")
-    assert len(found) == 2 * (len(mptc_robustness.CASES) - 1)
-    for method, case, *cells in found:
-        one = two_level[method][case]
-        names = ("torque_ripple", "flux_ripple", "thd", "fsw")
+    assert len(found) == len(mptc_robustness.CASES) - 1
+    for case, *cells in found:
+        one = two_level[case]
         assert cells == [
-            *(_spread(one[f"{name}_change_pct"]) for name in names),
+            *(_high(one[f"{name}_change_pct"], "+.0f") for name in ("torque_ripple", "thd")),
             _high(one["torque_off_nm"], ".2f"),
         ]
-
-
-def test_decisions_under_noise() -> None:
-    section = METRICS["robustness"]["decisions"]
-    found = table("robustness.md", "decisions")
-    assert len(found) == 4
-    for rule, horizon, points, steps, share, worst, by_rtl in found:
-        one = section[rule][horizon]
-        assert by_rtl == f"{one['rtl_rows']:,.0f}"
-        assert (points, steps) == (f"{one['points']}", f"{one['steps']:,.0f}")
-        assert (share, worst) == (f"{one['mismatch_pct']:.2f}", f"{one['worst_pct']:.2f}")
-
-
-def test_decisions_on_random_drives() -> None:
-    section = METRICS["robustness"]["random_decisions"]
-    found = table("robustness.md", "random decisions")
-    assert [horizon for horizon, *_ in found] == ["SE", "SESE"]
-    for horizon, drives, by_rtl, differing in found:
-        one = section[horizon]
-        assert (drives, by_rtl) == (f"{one['drives']}", f"{one['rtl_rows']:,}")
-        assert differing == f"{one['rtl_differing']}"
 
 
 def _percent(value: float | None) -> str:
