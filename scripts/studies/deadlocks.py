@@ -5,7 +5,7 @@ bit-true model (`scripts.studies.deadlock_rules`, by default Paper A's rule) and
 
 * ``reports/deadlocks.csv``: one row per closed loop,
 * ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
-* ``reports/deadlocks.md``: every table, and with it those of `docs/deadlocks.md`,
+* ``reports/deadlocks.md``: every table; `docs/deadlocks.md` shows a part of them,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
 
 The loops are the models'. The RTL has Paper A's rule and the recommended one; its netlist
@@ -588,25 +588,20 @@ def _draw(base: Drive, rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 #: What each table of the page begins with in the report, the text before it.
 SECTIONS = {
-    "what happens": "What happens in the deadlocks",
-    "positions": "Positions of the legs",
+    "rtl": "RTL:",
     "low speeds": "Rules, 0.2 and 0.3 pu",
     "high speeds": "Rules, 0.6 and 1 pu",
-    "points": "Point by point",
-    "rtl": "RTL:",
-    "elsewhere": "Elsewhere",
-    "starts": "Switching frequency saved by SESE",
 }
 
-#: Rules that the page shows at high speeds.
-AT_HIGH_SPEEDS = (
-    LARGEST, "ties by current", RECOMMENDED, "inward admissible",
-    "inward admissible, v_n x 8, 1/16 of current", "lambda_n = 100", "bound_vn = 0.03",
-    "bound_vph = 0.12",
-)  # fmt: skip
-
-#: Columns of the first table that the page leaves to the report.
-LEFT_OUT = ("current given up to ties", "all inward")
+#: Rules that the page shows; the report has all of them.
+SHOWN = {
+    "low speeds": (
+        LARGEST, "ties by current", "relative to bounds, ties by current", "v_n x 8", RECOMMENDED,
+        "sum of squares", "inward admissible, v_n x 8, 1/16 of current", "excess at k + 4",
+        "lambda_n = 100",
+    ),
+    "high speeds": (LARGEST, RECOMMENDED, "lambda_n = 100", "bound_vph = 0.12"),
+}  # fmt: skip
 
 
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:
@@ -628,18 +623,6 @@ def draw_stored(drive: Path, out: Path = REPORTS) -> None:
     """
     base = states.of_file(drive)
     _draw(base, _read(out / "deadlocks.csv"), out / "deadlocks.png")
-
-
-def _at_one_bound(table: Sequence[str]) -> list[str]:
-    """The first table at 0.1 pu bound alone, without the columns that are left out."""
-    rows = [line.strip("| ").split(" | ") for line in table if not line.startswith("|---")]
-    kept = [i for i, name in enumerate(rows[0]) if name not in LEFT_OUT]
-    shown = []
-    for row in rows:
-        first, _, bound = row[0].rpartition(", ")
-        if bound in ("bound", "0.1"):
-            shown.append([first, *(row[i] for i in kept[1:])])
-    return tables.markdown(shown[0], shown[1:]).split("\n")
 
 
 def page(text: str, report: str) -> str:
@@ -674,12 +657,8 @@ def page(text: str, report: str) -> str:
         if len(found) != 1:
             raise ValueError(f"reports/deadlocks.md: '{heading}' stands there {len(found)} times")
         lines = found[0].split("\n")
-        if name == "what happens":
-            lines = _at_one_bound(lines)
-        elif name == "high speeds":
-            shown = tuple(
-                f"| {rule} | {horizon} |" for rule in AT_HIGH_SPEEDS for horizon in HORIZONS
-            )
+        if name in SHOWN:
+            shown = tuple(f"| {rule} | {horizon} |" for rule in SHOWN[name] for horizon in HORIZONS)
             lines = lines[:2] + [line for line in lines[2:] if line.startswith(shown)]
         text = tables.between(text, "\n".join(lines), BEGIN.format(name), END.format(name))
     return text

@@ -459,14 +459,6 @@ def in_steps(figure: str, low: bool = True, speed: float | None = None) -> list[
     ]
 
 
-def of_positions(pair: str, where: str) -> list[float]:
-    """Share of positions, %, SE at 0.2 and 0.3 pu, bound 0.1 pu."""
-    return [
-        metrics()["deadlocks"]["steps"]["SE"][speed]["0.1"][f"{where}_{pair}_pct"]
-        for speed in ("0.2", "0.3")
-    ]
-
-
 def loop_rows(controller: str, least: float, most: float) -> list[dict[str, Any]]:
     found = tables.numbers(tables.read_csv(REPORTS / "fidelity_loops.csv"), ["drive", "controller"])
     return [
@@ -640,32 +632,16 @@ SAID: dict[str, list[Said]] = {
                   *span(at_low_speed("SESE", "deadlocks_pct"), ".0f"),
                   *span([one for h in ("SE", "SESE") for one in at_low_speed(h, "excess_vn_pu")],
                         ".2f"))),
-        ("In {} to {} % of the episodes at low speed",
+        ("In {} to {} % of the episodes",
          lambda: span(in_steps("inside_at_start_pct"), ".0f")),
-        ("v_n has the largest excess in {} to {} % of the steps, a v_ph in {} to {} %, a current "
-         "in {} to {} %",
-         lambda: tuple(one for name in ("vn", "vph", "current")
-                       for one in span(in_steps(f"worst_{name}_pct"), ".0f"))),
-        ("At low speed only {} to {} % of the steps have such a candidate",
+        ("v_n has the largest excess in {} to {} % of the steps",
+         lambda: span(in_steps("worst_vn_pct"), ".0f")),
+        ("only {} to {} % of the steps have such a candidate",
          lambda: span(in_steps("vn_and_current_pct"), ".0f")),
-        ("at 0.6 pu it is {} to {} %, at 1 pu {} to {} %",
-         lambda: (*span(in_steps("vn_and_current_pct", speed=0.6), ".0f"),
-                  *span(in_steps("vn_and_current_pct", speed=1.0), ".0f"))),
         ("{} to {} % of the deadlocks are such ties",
          lambda: span(in_steps("tied_pct") + in_steps("tied_pct", low=False), ".0f")),
         ("is {} pu with the earliest and {} pu with the latest",
          lambda: (sign(deadlocks.LARGEST), sign("ties to the latest"))),
-        ("at the levels ±2 for {} to {} % of the time (SE, 0.2 and 0.3 pu), otherwise for {} %",
-         lambda: (*span(of_positions("07", "dead"), ".0f"),
-                  f"{max(of_positions('07', 'else')):.0f}")),
-        ("Level 0 falls from {} to {} % to {} to {} %",
-         lambda: (*span(of_positions("34", "else"), ".0f"),
-                  *span(of_positions("34", "dead"), ".0f"))),
-        ("costs SESE {} % more switching at higher speeds",
-         lambda: (f"{at_high_speed('lambda_n = 100')[1]:.0f}",)),
-        ("the first costs {} to {} % more switching and the second saves {} to {} %",
-         lambda: (*span(at_high_speed("bound_vn = 0.03"), ".0f"),
-                  *span([-one for one in at_high_speed("bound_vph = 0.12")], ".0f"))),
         ("(SE with a bound of 0.06 pu: {} and {} % of the searches at 0.2 and 0.3 pu speed)",
          lambda: tuple(f"{weighted('SE', s, '0.06'):.0f}" for s in ("0.2", "0.3"))),
         ("v_ph still goes up to {} pu beyond its bound",

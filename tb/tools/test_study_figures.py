@@ -15,7 +15,7 @@ import pytest
 
 from scripts.publish import study_figures
 from scripts.shared.tools import ROOT
-from scripts.studies import bounds, deadlocks, lengths, mptc_robustness, robustness, sensorless
+from scripts.studies import bounds, lengths, mptc_robustness, robustness, sensorless
 
 METRICS: dict[str, Any] = json.loads((ROOT / "reports" / "metrics.json").read_text("utf-8"))
 POINTS = ("SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
@@ -156,24 +156,6 @@ def test_deadlocks() -> None:
                 f"{one['thd_per_bound']:.0f} %/pu", f"{one['fsw_hz']:.0f} Hz",
                 f"{one['deadlocks_pct']:.1f} %", _worst(one),
             ]  # fmt: skip
-    found = table("deadlocks.md", "points")
-    assert len(found) == 48
-    for place, rule, *cells in found:
-        horizon, speed, bound = place.split(", ")
-        by = section["points"][horizon][str(float(speed))][str(float(bound))]
-        one = by[deadlocks.BUILT_IN[rule]]
-        assert cells == [
-            f"{one['thd_pct']:.1f} ± {one['thd_pct_interval']:.1f} %",
-            f"{one['fsw_hz']:.0f} ± {one['fsw_hz_interval']:.0f} Hz",
-            f"{one['deadlocks_pct']:.0f} ± {one['deadlocks_pct_interval']:.0f} %",
-            _worst(one),
-        ]
-    for place, steps, *_, correctable in table("deadlocks.md", "what happens"):
-        horizon, speed = place.split(", ")
-        one = section["steps"][horizon][str(float(speed))]["0.1"]
-        assert steps == f"{one['deadlock_steps']:.0f}"
-        wanted = (one["vn_correctable_pct"], one["vn_and_current_pct"])
-        assert correctable == "{:.0f} / {:.0f} %".format(*wanted)
 
 
 def test_sensorless() -> None:
