@@ -596,7 +596,7 @@ SECTIONS = {
 #: Rules that the page shows; the report has all of them.
 SHOWN = {
     "low speeds": (
-        LARGEST, "ties by current", "relative to bounds, ties by current", "v_n x 8", RECOMMENDED,
+        LARGEST, "ties by current", "relative to bounds, ties by current", RECOMMENDED,
         "sum of squares", "inward admissible, v_n x 8, 1/16 of current", "excess at k + 4",
         "lambda_n = 100",
     ),

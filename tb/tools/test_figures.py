@@ -716,7 +716,6 @@ SAID: dict[str, list[Said]] = {
         ("no budget is needed: at most {} clocks", lambda: (f"{cycles.bound(4, 0):,}",)),
         ("Without a budget one explorer takes up to {} clocks",
          lambda: (f"{cycles.bound(1, 0):,}",)),
-        ("980 candidates take at most {} clocks, {} us", lambda: clocks_and_time(980, 25)),
         ("At 0.3 and 0.2 pu {} to {} % of SE's searches end in a deadlock", lambda: dead_with_se()),
         ("`SECOND_LEVEL` costs {} Spartan-3 slices",
          lambda: (f"{slices(f'{ONE}second_level_true', PLAIN):,}",)),
