@@ -106,63 +106,6 @@ def _cases(f: Figures) -> str:
     return tables.markdown(["largest error", *study.CASES], lines, "lr")
 
 
-def _gains(f: Figures) -> str:
-    """Start, reversal and low speed with other gains, without and with noise."""
-    lines = []
-    for kp, ki in study.TRIED:
-        found = []
-        for name, rpm, load, quantity, form in (
-            ("gains, start", study.TOP, 0.0, "estimate_error_rpm", ".1f"),
-            ("gains, reversal", study.TOP, 0.0, "estimate_error_rpm", ".1f"),
-            ("gains, crawl", study.CRAWL, study.RATED_TORQUE, "speed_error_rpm", ".2f"),
-        ):
-            pair = (
-                _cell(f(name, f"{kp:g}, {ki:g}{ending}", rpm, load, quantity), form)
-                for ending in ("", ", noise")
-            )
-            found.append(" / ".join(pair))
-        lines.append([f"{kp:g}, {ki:g}", *found])
-    return tables.markdown(
-        ["kp, ki", "start: estimate", "reversal: estimate", "15 r/min, 14 N m: speed"], lines, "lr"
-    )
-
-
-def _low_pass(f: Figures) -> str:
-    """Low speed with noise over the time constant of the low-pass."""
-    rows = []
-    for ending, engine in (("noise", "float64"), ("bit-true, noise", "bit-true")):
-        found = (
-            f("low-pass", f"{1e3 * t:g}, {ending}", study.CRAWL, study.RATED_TORQUE,
-              "speed_error_rpm")
-            for t in study.FILTERS
-        )  # fmt: skip
-        rows.append([engine, *(_cell(value, ".2f") for value in found)])
-    titles = [f"{1e3 * t:g} ms" if t else "none" for t in study.FILTERS]
-    return tables.markdown(["error of the speed, r/min; low-pass", *titles], rows, "lr")
-
-
-def _seeds(f: Figures) -> str:
-    """Start, reversal and low speed with several noises."""
-    rows = []
-    for ending, engine in (("noise", "float64"), ("bit-true, noise", "bit-true")):
-        names = [f"{seed}, {ending}" for seed in study.SEEDS]
-        for part, title in (("start", "start"), ("reversal", "reversal")):
-            found = (
-                f(f"seeds, {part}", name, study.TOP, 0.0, "estimate_error_rpm") for name in names
-            )
-            rows.append(
-                [f"{title}: of the estimate, {engine}", *(_cell(value, ".1f") for value in found)]
-            )
-        found = (
-            f("seeds", name, study.CRAWL, study.RATED_TORQUE, "speed_error_rpm") for name in names
-        )
-        rows.append(
-            [f"15 r/min, 14 N m: of the speed, {engine}", *(_cell(v, ".2f") for v in found)]
-        )
-    titles = [f"{seed}" for seed in study.SEEDS]
-    return tables.markdown(["error, r/min; noise number", *titles], rows, "lr")
-
-
 def _resistance(f: Figures) -> str:
     """Low speed with another stator resistance."""
     shares = study.RESISTANCES
@@ -220,9 +163,6 @@ def texts(f: Figures) -> dict[str, str]:
     exact, skewed = study.REGIONS
     return {
         "cases": _cases(f),
-        "gains": _gains(f),
-        "low-pass": _low_pass(f),
-        "seeds": _seeds(f),
         "resistance": _resistance(f),
         "region": _region(f, exact),
         "skewed": _region(f, skewed),
