@@ -200,6 +200,22 @@ extern "C" {
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_bp 8
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_bw 1
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bm 0x200
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bp 9
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bw 1
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bm 0x400
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bp 10
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bw 1
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bm 0x800
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bp 11
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bw 1
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bm 0x1000
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bp 12
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bw 1
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_reset 0x0
 
 // reg - system_registers::cycles
 #define SYSTEM_REGISTERS__CYCLES__LAST_bm 0xffff
@@ -289,6 +305,18 @@ typedef struct __attribute__ ((__packed__)) {
 #define GUARD_REGISTERS__LINK_LOW__VALUE_bw 16
 #define GUARD_REGISTERS__LINK_LOW__VALUE_reset 0x0
 
+// reg - guard_registers::speed_limit
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bm 0xffff
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bp 0
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bw 16
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_reset 0x0
+
+// reg - guard_registers::frozen
+#define GUARD_REGISTERS__FROZEN__PERIODS_bm 0xff
+#define GUARD_REGISTERS__FROZEN__PERIODS_bp 0
+#define GUARD_REGISTERS__FROZEN__PERIODS_bw 8
+#define GUARD_REGISTERS__FROZEN__PERIODS_reset 0x0
+
 // regfile - guard_registers
 typedef struct __attribute__ ((__packed__)) {
     uint32_t dead_time;
@@ -299,7 +327,34 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t current_limit;
     uint32_t link_high;
     uint32_t link_low;
+    uint32_t speed_limit;
+    uint32_t frozen;
 } guard_registers_t;
+
+// reg - capacitor_bands::v_ph_high
+#define CAPACITOR_BANDS__V_PH_HIGH__VALUE_bm 0xffff
+#define CAPACITOR_BANDS__V_PH_HIGH__VALUE_bp 0
+#define CAPACITOR_BANDS__V_PH_HIGH__VALUE_bw 16
+#define CAPACITOR_BANDS__V_PH_HIGH__VALUE_reset 0x0
+
+// reg - capacitor_bands::v_ph_low
+#define CAPACITOR_BANDS__V_PH_LOW__VALUE_bm 0xffff
+#define CAPACITOR_BANDS__V_PH_LOW__VALUE_bp 0
+#define CAPACITOR_BANDS__V_PH_LOW__VALUE_bw 16
+#define CAPACITOR_BANDS__V_PH_LOW__VALUE_reset 0x0
+
+// reg - capacitor_bands::v_n_limit
+#define CAPACITOR_BANDS__V_N_LIMIT__VALUE_bm 0xffff
+#define CAPACITOR_BANDS__V_N_LIMIT__VALUE_bp 0
+#define CAPACITOR_BANDS__V_N_LIMIT__VALUE_bw 16
+#define CAPACITOR_BANDS__V_N_LIMIT__VALUE_reset 0x0
+
+// regfile - capacitor_bands
+typedef struct __attribute__ ((__packed__)) {
+    uint32_t v_ph_high;
+    uint32_t v_ph_low;
+    uint32_t v_n_limit;
+} capacitor_bands_t;
 
 // reg - mpdcc_decision::decision
 #define MPDCC_DECISION__DECISION__S_A_bm 0x7
@@ -931,7 +986,9 @@ typedef struct __attribute__ ((__packed__)) {
     system_registers_t system;
     uint8_t RESERVED_34_3f[0xc];
     guard_registers_t guard;
-    uint8_t RESERVED_60_7f[0x20];
+    uint8_t RESERVED_68_6f[0x8];
+    capacitor_bands_t bands;
+    uint8_t RESERVED_7c_7f[0x4];
     mpdcc_decision_t result;
     uint8_t RESERVED_8c_ff[0x74];
     mpdcc_parameters_t parameters;

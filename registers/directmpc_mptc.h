@@ -200,6 +200,22 @@ extern "C" {
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_bp 8
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_bw 1
 #define SYSTEM_REGISTERS__FAULTS__INTERLOCK_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bm 0x200
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bp 9
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_bw 1
+#define SYSTEM_REGISTERS__FAULTS__CAPACITOR_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bm 0x400
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bp 10
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_bw 1
+#define SYSTEM_REGISTERS__FAULTS__NEUTRAL_POINT_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bm 0x800
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bp 11
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_bw 1
+#define SYSTEM_REGISTERS__FAULTS__OVER_SPEED_reset 0x0
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bm 0x1000
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bp 12
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_bw 1
+#define SYSTEM_REGISTERS__FAULTS__FROZEN_reset 0x0
 
 // reg - system_registers::cycles
 #define SYSTEM_REGISTERS__CYCLES__LAST_bm 0xffff
@@ -289,6 +305,18 @@ typedef struct __attribute__ ((__packed__)) {
 #define GUARD_REGISTERS__LINK_LOW__VALUE_bw 16
 #define GUARD_REGISTERS__LINK_LOW__VALUE_reset 0x0
 
+// reg - guard_registers::speed_limit
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bm 0xffff
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bp 0
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_bw 16
+#define GUARD_REGISTERS__SPEED_LIMIT__VALUE_reset 0x0
+
+// reg - guard_registers::frozen
+#define GUARD_REGISTERS__FROZEN__PERIODS_bm 0xff
+#define GUARD_REGISTERS__FROZEN__PERIODS_bp 0
+#define GUARD_REGISTERS__FROZEN__PERIODS_bw 8
+#define GUARD_REGISTERS__FROZEN__PERIODS_reset 0x0
+
 // regfile - guard_registers
 typedef struct __attribute__ ((__packed__)) {
     uint32_t dead_time;
@@ -299,6 +327,8 @@ typedef struct __attribute__ ((__packed__)) {
     uint32_t current_limit;
     uint32_t link_high;
     uint32_t link_low;
+    uint32_t speed_limit;
+    uint32_t frozen;
 } guard_registers_t;
 
 // reg - mptc_decision::decision
@@ -636,7 +666,7 @@ typedef struct __attribute__ ((__packed__)) {
     system_registers_t system;
     uint8_t RESERVED_34_3f[0xc];
     guard_registers_t guard;
-    uint8_t RESERVED_60_7f[0x20];
+    uint8_t RESERVED_68_7f[0x18];
     mptc_decision_t result;
     uint8_t RESERVED_98_ff[0x68];
     mptc_parameters_t parameters;

@@ -55,12 +55,13 @@ directmpc_status directmpc_open(directmpc *system, directmpc_bus bus, int observ
 static int of_a_drive(uint32_t address)
 {
     uint32_t guard = AT(guard), guard_end = guard + sizeof(guard_registers_t);
+    uint32_t bands = AT(bands), bands_end = bands + sizeof(capacitor_bands_t);
     uint32_t parameters = AT(parameters), parameters_end = parameters + sizeof(mpdcc_parameters_t);
 
     if (address % 4)
         return 0;
-    return (address >= guard && address < guard_end) || (address >= parameters && address < parameters_end) ||
-           address == AT(system.command);
+    return (address >= guard && address < guard_end) || (address >= bands && address < bands_end) ||
+           (address >= parameters && address < parameters_end) || address == AT(system.command);
 }
 
 /* until no commit waits and its parameters are in force: so long shadows refuse writes */

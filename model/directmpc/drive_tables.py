@@ -187,17 +187,19 @@ class GuardTable(Section):
 
     Every key may be left out. Such a file simulates and replays, but its drive cannot be started:
     `missing` says what is needed. `decision_limit` and `watchdog` follow from the control period
-    where they are left out.
+    where they are left out. `frozen` is how often the currents may repeat themselves while gates
+    are on, 0 for any number.
     """
 
     #: Keys without which the drive can be started.
-    OPTIONAL: ClassVar[tuple[str, ...]] = ("decision_limit", "watchdog")
+    OPTIONAL: ClassVar[tuple[str, ...]] = ("decision_limit", "watchdog", "frozen")
 
     dead_time: to_start(1e-9, 1e-3, "s") = None
     minimum_on: to_start(1e-9, 1e-3, "s") = None
     minimum_off: to_start(1e-9, 1e-3, "s") = None
     decision_limit: to_start(1e-7, 1.0, "s") = None
     watchdog: to_start(1e-7, 1.0, "s") = None
+    frozen: integer(0, 255) = 20
 
     def missing(self) -> list[str]:
         """What has to be added to the file before its drive can be started.

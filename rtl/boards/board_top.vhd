@@ -383,7 +383,7 @@ begin
         flux_beta      => open,
         gates          => gates_now,
         running        => running,
-        faults         => faults(8 downto 0),
+        faults         => faults(12 downto 0),
         s_axil_awready => awready,
         s_axil_awvalid => awvalid,
         s_axil_awaddr  => awaddr,
@@ -446,7 +446,7 @@ begin
         speed          => open,
         gates          => gates_now(5 downto 0),
         running        => running,
-        faults         => faults(8 downto 0),
+        faults         => faults(12 downto 0),
         s_axil_awready => awready,
         s_axil_awvalid => awvalid,
         s_axil_awaddr  => awaddr,
@@ -477,7 +477,7 @@ begin
 
   end generate g_mptc;
 
-  faults(15 downto 9) <= (others => '0');
+  faults(15 downto 13) <= (others => '0');
 
   p_leds : process (core_clock) is
   begin

@@ -26,7 +26,7 @@ package gate_tables is
 
   constant TIME_WIDTH  : natural := 12; -- bits of dead and minimum times, clocks
   constant LIMIT_WIDTH : natural := 16; -- bits of decision limit and watchdog, clocks
-  constant FAULT_COUNT : natural := 9;  -- kinds of faults
+  constant FAULT_COUNT : natural := 13; -- kinds of faults
 
   constant FAULT_EXTERNAL     : natural := 0; -- external trip
   constant FAULT_OVER_CURRENT : natural := 1; -- phase current beyond its limit
@@ -37,6 +37,11 @@ package gate_tables is
   constant FAULT_MISSING      : natural := 6; -- no decision for too long
   constant FAULT_OVERRUN      : natural := 7; -- leg moved while it waits to move
   constant FAULT_INTERLOCK    : natural := 8; -- pattern of gates that may never be
+
+  constant FAULT_CAPACITOR    : natural := 9; -- voltage of a phase capacitor outside its band
+  constant FAULT_NEUTRAL      : natural := 10; -- neutral point beyond its limit
+  constant FAULT_SPEED        : natural := 11; -- speed beyond its limit
+  constant FAULT_FROZEN       : natural := 12; -- the currents have not changed for too many measurements
 
   -- gates of one leg
   function gates_of (five_level : boolean) return positive;

@@ -1,10 +1,11 @@
 -- Gate guard: protects the gates of a three-phase inverter from wrong, late and missing decisions.
 --
 -- Decisions come in as switch positions; gates come out with interlock, dead time and minimum times
--- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents
--- and dc-link voltage are inside their trip levels (trip_comparator, gate_supervisor).  A fault and a disable turn all
--- gates off, step by step where the converter needs it; a reset and a refused pattern turn them off at once.  All off
--- is not a zero vector: the diodes carry the current.
+-- (gate_leg), only along edges of the switch graph, only while decisions come in time, only while currents, dc-link
+-- voltage, phase capacitors, neutral point and speed are inside their limits, and while currents do not stand still
+-- (trip_comparator, band_comparator, gate_supervisor).  A fault and a disable turn all gates off, step by step where
+-- the converter needs it; a reset and a refused pattern turn them off at once.  All off is not a zero vector: the
+-- diodes carry the current.
 --
 -- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', a measurement, decisions.  Gates come
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
@@ -47,6 +48,11 @@ entity gate_guard is
     is_alpha       : in    std_logic_vector(15 downto 0);                          -- stator current, signed
     is_beta        : in    std_logic_vector(15 downto 0);                          -- signed, unit as is_alpha
     v_dc           : in    std_logic_vector(15 downto 0);                          -- dc-link voltage, unsigned
+    v_n            : in    std_logic_vector(15 downto 0);                          -- neutral point, signed
+    v_ph_a         : in    std_logic_vector(15 downto 0);                          -- phase capacitor, unsigned
+    v_ph_b         : in    std_logic_vector(15 downto 0);                          -- likewise
+    v_ph_c         : in    std_logic_vector(15 downto 0);                          -- likewise
+    omega_r        : in    std_logic_vector(15 downto 0);                          -- speed, signed
     -- decisions
     start          : in    std_logic;                                              -- '1': a decision has begun
     decided        : in    std_logic;                    -- '1': the positions of the clock before are a decision
@@ -63,6 +69,11 @@ entity gate_guard is
     current_limit  : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as is_alpha
     link_high      : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
     link_low       : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_dc
+    v_ph_high      : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_ph_a
+    v_ph_low       : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_ph_a
+    v_n_limit      : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as v_n
+    speed_limit    : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as omega_r
+    frozen_limit   : in    std_logic_vector(7 downto 0);                           -- equal currents, 0: any number
     -- result
     gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
     running        : out   std_logic;                                              -- '1': gates follow decisions
@@ -82,6 +93,8 @@ architecture rtl of gate_guard is
 
   signal goals    : positions_t;
   signal trips    : std_logic_vector(3 downto 0);
+  signal bands    : std_logic_vector(3 downto 0);
+  signal active   : std_logic;
   signal legal    : std_logic_vector(2 downto 0);
   signal blocked  : std_logic_vector(2 downto 0);
   signal at_rest  : std_logic_vector(2 downto 0);
@@ -125,6 +138,35 @@ begin
       under_voltage => trips(FAULT_LINK_LOW)
     );
 
+  i_bands : entity work.band_comparator
+    generic map (
+      FIVE_LEVEL => FIVE_LEVEL
+    )
+    port map (
+      clk          => clk,
+      rst          => rst,
+      measured     => measured,
+      running      => active,
+      is_alpha     => is_alpha,
+      is_beta      => is_beta,
+      v_n          => v_n,
+      v_ph_a       => v_ph_a,
+      v_ph_b       => v_ph_b,
+      v_ph_c       => v_ph_c,
+      omega_r      => omega_r,
+      v_ph_high    => v_ph_high,
+      v_ph_low     => v_ph_low,
+      v_n_limit    => v_n_limit,
+      speed_limit  => speed_limit,
+      frozen_limit => frozen_limit,
+      capacitor    => bands(0),
+      neutral      => bands(1),
+      speed        => bands(2),
+      frozen       => bands(3)
+    );
+
+  running <= active;
+
   all_legal   <= legal(0) and legal(1) and legal(2);
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
   any_refused <= refused(0) or refused(1) or refused(2);
@@ -150,6 +192,7 @@ begin
       refused        => any_refused,
       dark           => dark,
       trips          => trips,
+      bands          => bands,
       checked        => checked,
       renew          => renew,
       clear          => clear,
@@ -163,7 +206,7 @@ begin
       forget         => forget,
       dead_now       => dead_now,
       rest_now       => rest_now,
-      running        => running,
+      running        => active,
       live           => live,
       faults         => faults
     );

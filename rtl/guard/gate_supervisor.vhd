@@ -43,6 +43,7 @@ entity gate_supervisor is
     refused        : in    std_logic;                                   -- '1': a leg has refused a pattern
     dark           : in    std_logic;                                   -- '1': all gates are off
     trips          : in    std_logic_vector(3 downto 0);                -- causes of faults 3 to 0, gate_tables
+    bands          : in    std_logic_vector(3 downto 0);                -- causes of faults 12 to 9
     checked        : in    std_logic;                                   -- '1': a measurement has been compared
     renew          : in    std_logic;                                   -- '1': settings change after this clock
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);  -- '1': forget this fault
@@ -129,11 +130,12 @@ begin
   quiet  <= is_off and dark;
   lapsed <= (expected and late) or (starved and not is_off);
 
-  p_events : process (active, is_off, trips, decided, legal, blocked, expected, late, starved) is
+  p_events : process (active, is_off, trips, bands, decided, legal, blocked, expected, late, starved) is
   begin
 
     events                <= (others => '0');
     events(3 downto 0)    <= trips;
+    events(12 downto 9)   <= bands;
     events(FAULT_LATE)    <= expected and not decided and late;
     events(FAULT_MISSING) <= starved and not is_off and not decided;
     if (active = '1') then
@@ -144,7 +146,7 @@ begin
   end process p_events;
 
   -- whether there is any of them, told anew from what comes late
-  any_event <= or_of(trips) or refused or (lapsed and not decided)
+  any_event <= or_of(trips) or or_of(bands) or refused or (lapsed and not decided)
                or (active and decided and (blocked or not legal));
 
   p_causes : process (events, wanted, refused) is

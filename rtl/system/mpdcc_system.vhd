@@ -87,7 +87,7 @@ entity mpdcc_system is
     -- gates
     gates          : out   std_logic_vector(23 downto 0); -- '1': on; S1 to S8 of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(8 downto 0);  -- latched, bits as in gate_tables
+    faults         : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
     -- AXI4-Lite, registers as docs/registers.md has them
     s_axil_awready : out   std_logic;                     -- '1': write address taken
     s_axil_awvalid : in    std_logic;                     -- '1': write address there
@@ -121,6 +121,7 @@ architecture rtl of mpdcc_system is
   signal from_hardware  : directmpc_mpdcc_in_t;
   signal to_hardware    : directmpc_mpdcc_out_t;
   signal sample         : mpdcc_measurements_out_t; -- measurements of this decision
+  signal bands          : std_logic_vector(47 downto 0); -- v_ph_high, v_ph_low, v_n_limit
   signal capabilities   : \system_registers.capabilities_in_t\;
 
   signal gated_awvalid  : std_logic;
@@ -303,6 +304,8 @@ begin
     );
 
   sample <= to_hardware.measurements;
+  bands  <= to_hardware.bands.v_ph_high.value.value & to_hardware.bands.v_ph_low.value.value
+            & to_hardware.bands.v_n_limit.value.value;
 
   i_shell : entity work.system_shell
     generic map (
@@ -334,6 +337,7 @@ begin
       s_bresp            => gated_bresp,
       written            => to_hardware.system,
       settings           => to_hardware.guard,
+      bands              => bands,
       capabilities       => capabilities,
       shown              => from_hardware.system,
       take               => take,
@@ -356,6 +360,11 @@ begin
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
+      v_n                => sample.v_n.value.value,
+      v_ph_a             => sample.v_ph_a.value.value,
+      v_ph_b             => sample.v_ph_b.value.value,
+      v_ph_c             => sample.v_ph_c.value.value,
+      omega_r            => sample.omega_r.value.value,
       apply              => apply,
       position_a         => core_a,
       position_b         => core_b,

@@ -68,7 +68,7 @@ entity mptc_system is
     -- gates
     gates          : out   std_logic_vector(5 downto 0);  -- '1': on; upper, lower of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(8 downto 0);  -- latched, bits as in gate_tables
+    faults         : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
     -- AXI4-Lite, registers as docs/registers.md has them
     s_axil_awready : out   std_logic;                     -- '1': write address taken
     s_axil_awvalid : in    std_logic;                     -- '1': write address there
@@ -93,6 +93,8 @@ entity mptc_system is
 end entity mptc_system;
 
 architecture rtl of mptc_system is
+
+  constant NO_VOLTAGES : std_logic_vector(15 downto 0) := (others => '0'); -- there are no capacitors
 
   signal from_hardware  : directmpc_mptc_in_t;
   signal to_hardware    : directmpc_mptc_out_t;
@@ -245,6 +247,7 @@ begin
       s_bresp            => gated_bresp,
       written            => to_hardware.system,
       settings           => to_hardware.guard,
+      bands              => (others => '0'),
       capabilities       => capabilities,
       shown              => from_hardware.system,
       take               => take,
@@ -267,6 +270,11 @@ begin
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
+      v_n                => NO_VOLTAGES,
+      v_ph_a             => NO_VOLTAGES,
+      v_ph_b             => NO_VOLTAGES,
+      v_ph_c             => NO_VOLTAGES,
+      omega_r            => sample.omega_r.value.value,
       apply              => give,
       position_a         => goal_a,
       position_b         => goal_b,

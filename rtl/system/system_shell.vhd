@@ -58,6 +58,7 @@ entity system_shell is
     -- registers
     written            : in    system_registers_out_t;        -- what software has written
     settings           : in    guard_registers_out_t;         -- shadows of the guard's settings
+    bands              : in    std_logic_vector(47 downto 0); -- shadows of v_ph_high, v_ph_low, v_n_limit
     capabilities       : in    \system_registers.capabilities_in_t\; -- what was built, constant
     shown              : out   system_registers_in_t;         -- what software reads
     -- decisions
@@ -82,6 +83,11 @@ entity system_shell is
     is_alpha           : in    std_logic_vector(15 downto 0); -- measured stator current, signed, valid with go
     is_beta            : in    std_logic_vector(15 downto 0); -- signed, unit as is_alpha
     v_dc               : in    std_logic_vector(15 downto 0); -- measured dc-link voltage, unsigned, valid with go
+    v_n                : in    std_logic_vector(15 downto 0); -- neutral point, signed, valid with go
+    v_ph_a             : in    std_logic_vector(15 downto 0); -- phase capacitor, unsigned, valid with go
+    v_ph_b             : in    std_logic_vector(15 downto 0); -- likewise
+    v_ph_c             : in    std_logic_vector(15 downto 0); -- likewise
+    omega_r            : in    std_logic_vector(15 downto 0); -- speed, signed, valid with go
     apply              : in    std_logic;                     -- '1': the positions of the clock before are a decision
     position_a         : in    std_logic_vector(2 downto 0);  -- wanted position of phase a, one clock before apply
     position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b, likewise
@@ -102,6 +108,7 @@ architecture rtl of system_shell is
   subtype faults_t is std_logic_vector(FAULT_COUNT - 1 downto 0);
 
   signal in_force     : guard_registers_out_t; -- settings of the guard
+  signal bands_in_force : std_logic_vector(47 downto 0);
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
@@ -283,7 +290,8 @@ begin
 
     if rising_edge(clk) then
       if (taking_over = '1') then
-        in_force <= settings;
+        in_force       <= settings;
+        bands_in_force <= bands;
       end if;
     end if;
 
@@ -306,6 +314,11 @@ begin
       is_alpha       => is_alpha,
       is_beta        => is_beta,
       v_dc           => v_dc,
+      v_n            => v_n,
+      v_ph_a         => v_ph_a,
+      v_ph_b         => v_ph_b,
+      v_ph_c         => v_ph_c,
+      omega_r        => omega_r,
       start          => measured,
       decided        => applied,
       position_a     => position_a,
@@ -320,6 +333,11 @@ begin
       current_limit  => in_force.current_limit.value.value,
       link_high      => in_force.link_high.value.value,
       link_low       => in_force.link_low.value.value,
+      v_ph_high      => bands_in_force(47 downto 32),
+      v_ph_low       => bands_in_force(31 downto 16),
+      v_n_limit      => bands_in_force(15 downto 0),
+      speed_limit    => in_force.speed_limit.value.value,
+      frozen_limit   => in_force.frozen.periods.value,
       gates          => all_gates,
       waits          => waits,
       running        => is_running,
@@ -340,6 +358,10 @@ begin
   faults_shown(FAULT_MISSING)      <= written.faults.missing.value;
   faults_shown(FAULT_OVERRUN)      <= written.faults.overrun.value;
   faults_shown(FAULT_INTERLOCK)    <= written.faults.interlock.value;
+  faults_shown(FAULT_CAPACITOR)    <= written.faults.capacitor.value;
+  faults_shown(FAULT_NEUTRAL)      <= written.faults.neutral_point.value;
+  faults_shown(FAULT_SPEED)        <= written.faults.over_speed.value;
+  faults_shown(FAULT_FROZEN)       <= written.faults.frozen.value;
 
   clear        <= faults_until and not faults_shown;
   set          <= latched and not clear;
@@ -391,6 +413,10 @@ begin
   shown.faults.missing.hwset       <= set(FAULT_MISSING);
   shown.faults.overrun.hwset       <= set(FAULT_OVERRUN);
   shown.faults.interlock.hwset     <= set(FAULT_INTERLOCK);
+  shown.faults.capacitor.hwset     <= set(FAULT_CAPACITOR);
+  shown.faults.neutral_point.hwset <= set(FAULT_NEUTRAL);
+  shown.faults.over_speed.hwset    <= set(FAULT_SPEED);
+  shown.faults.frozen.hwset        <= set(FAULT_FROZEN);
 
   shown.cycles.last.next_q     <= last_cycles;
   shown.cycles.worst.next_q    <= worst_cycles;

@@ -43,6 +43,12 @@ _GUARD = {
     "guard.current_limit": "A phase current above it turns the gates off.",
     "guard.link_high": "A dc-link voltage above it turns the gates off.",
     "guard.link_low": "A dc-link voltage below it turns the gates off.",
+    "guard.v_ph_high": "A phase capacitor above it turns the gates off. Nominal: a quarter of vdc.",
+    "guard.v_ph_low": "A phase capacitor below it turns the gates off: charge them before a start.",
+    "guard.v_n_limit": "A neutral point beyond it, either sign, turns the gates off.",
+    "guard.speed_limit": "A measured speed beyond it, either sign, turns the gates off.",
+    "guard.frozen": "So many measurements with the same currents, with gates on, turn them off. 0: "
+    "any number.",
 }
 
 _FIVE_LEVEL_TABLES = {

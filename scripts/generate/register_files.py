@@ -64,13 +64,12 @@ REGIONS
 A clock above the core's own makes watchdogs longer than asked for, one below it dead times shorter.
 
 **Values that do not fit.** The gate guard is never set less safe than asked for. `dead_time`,
-`minimum_on`, `minimum_off` and `link_low` are rounded up. If one does not fit its register, that is
-an error with exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
-`decision_limit`, `watchdog`, `current_limit` and `link_high` are rounded down. If one of the first
-two does not fit, the largest possible value is used, which is no less safe, and a line on standard
-error says so. A `current_limit` or `link_high` at full scale or above is an error, because nothing
-above it can be measured: it would never trip. The guard itself lets such a limit trip with every
-measurement.
+`minimum_on`, `minimum_off` and lower limits are rounded up. If one does not fit its register, that
+is an error with exit code 2, and nothing is printed: at 25 MHz the longest dead time is 163.8 us.
+`decision_limit`, `watchdog` and upper limits are rounded down. If one of the first two does not
+fit, the largest possible value is used, which is no less safe, and a line on standard error says
+so. An upper limit at full scale or above is an error, because nothing above it can be measured: it
+would never trip. The guard itself lets such a limit trip with every measurement.
 
 **Shadows.** Registers marked [committed] take effect together, between two decisions, after
 `command.commit` is written. Until then decisions and gate guard use the old values. Reset values
@@ -659,8 +658,9 @@ def _places(top: AddrmapNode) -> dict[str, int]:
         node.get_path().partition(".")[2]: node.absolute_address for node in _registers(top)
     }
     for block, low in (("guard", 6), ("parameters", 8), ("measurements", 6)):
-        own = {a >> low for name, a in addresses.items() if name.startswith(f"{block}.")}
-        others = {a >> low for name, a in addresses.items() if not name.startswith(f"{block}.")}
+        names = ("guard.", "bands.") if block == "guard" else (f"{block}.",)
+        own = {a >> low for name, a in addresses.items() if name.startswith(names)}
+        others = {a >> low for name, a in addresses.items() if not name.startswith(names)}
         if len(own) != 1 or own & others:
             raise ValueError(f"registers of {block} do not have {1 << low} bytes for themselves")
         found[block] = own.pop()
@@ -709,6 +709,7 @@ def _reset(field: FieldNode) -> str:
 _REGIONS = {
     "system": "identity, control, commands, status, faults",
     "guard": "times and limits of the gate guard",
+    "bands": "limits of the gate guard for phase capacitors and neutral point",
     "result": "the last decision",
     "parameters": "of the drive",
     "measurements": "of the next decision",

@@ -125,7 +125,9 @@ def _gate_guard() -> Scene:
     clocks: Clocks = [
         {"rst": 1, "dead_time": 6, "minimum_on": 8, "minimum_off": 8, "decision_limit": 60,
          "watchdog": 400, "current_limit": 20000, "link_high": 50000, "link_low": 10000,
-         "v_dc": 30000, "renew": 1},
+         "v_dc": 30000, "v_ph_high": 65534, "v_ph_low": 0, "v_n_limit": 32766, "v_n": 0,
+         "v_ph_a": 0, "v_ph_b": 0, "v_ph_c": 0, "omega_r": 0, "speed_limit": 32766,
+         "frozen_limit": 0, "renew": 1},
         {"rst": 0, "renew": 0}, {"enable": 1}, {},
         {"measured": 1}, {"measured": 0}, {}, {}, {}, {},
     ]  # fmt: skip

@@ -8,12 +8,15 @@
 // Licence: Apache-2.0
 
 module proof (
-  input clk, input rst, input enable, input external_trip, input [8:0] clear,
+  input clk, input rst, input enable, input external_trip, input [12:0] clear,
   input measured, input [15:0] is_alpha, input [15:0] is_beta, input [15:0] v_dc,
   input start, input decided, input [2:0] position_a, input [2:0] position_b, input [2:0] position_c,
   input renew, input [11:0] dead_time, input [11:0] minimum_on, input [11:0] minimum_off,
   input [15:0] decision_limit, input [15:0] watchdog,
-  input [15:0] current_limit, input [15:0] link_high, input [15:0] link_low
+  input [15:0] current_limit, input [15:0] link_high, input [15:0] link_low,
+  input [15:0] v_n, input [15:0] v_ph_a, input [15:0] v_ph_b, input [15:0] v_ph_c, input [15:0] omega_r,
+  input [15:0] v_ph_high, input [15:0] v_ph_low, input [15:0] v_n_limit, input [15:0] speed_limit,
+  input [7:0] frozen_limit
 );
 
   localparam SIZE = `FIVE_LEVEL ? 8 : 2;  // gates of a leg
@@ -31,7 +34,9 @@ module proof (
     .position_a(position_a), .position_b(position_b), .position_c(position_c), .renew(renew),
     .dead_time(dead_time), .minimum_on(minimum_on), .minimum_off(minimum_off),
     .decision_limit(decision_limit), .watchdog(watchdog), .current_limit(current_limit),
-    .link_high(link_high), .link_low(link_low), .violations(violations)
+    .link_high(link_high), .link_low(link_low), .v_n(v_n), .v_ph_a(v_ph_a), .v_ph_b(v_ph_b), .v_ph_c(v_ph_c),
+    .omega_r(omega_r), .v_ph_high(v_ph_high), .v_ph_low(v_ph_low), .v_n_limit(v_n_limit),
+    .speed_limit(speed_limit), .frozen_limit(frozen_limit), .violations(violations)
   );
 
   // the properties' own memory
@@ -53,6 +58,7 @@ module proof (
   (* inside = "i_checked.wanted" *) wire [8:0] accepted_last;
   (* inside = "i_checked.hungry" *) wire [16:0] hungry;
   (* inside = "i_checked.beyond" *) wire [2:0] beyond;
+  (* inside = "i_checked.astray" *) wire [2:0] astray;
   (* inside = "i_checked.limits" *) wire [47:0] limits;
   (* inside = "i_checked.vetted" *) wire vetted;
 
@@ -64,7 +70,7 @@ module proof (
   (* inside = "i_checked.i_guard.i_supervisor.off_for" *) wire [11:0] off_for;
   (* inside = "i_checked.i_guard.i_supervisor.dead" *) wire [11:0] dead;
   (* inside = "i_checked.i_guard.i_supervisor.rest" *) wire [11:0] rest;
-  (* inside = "i_checked.i_guard.i_supervisor.latched" *) wire [8:0] latched;
+  (* inside = "i_checked.i_guard.i_supervisor.latched" *) wire [12:0] latched;
   (* inside = "i_checked.i_guard.i_supervisor.faulty" *) wire faulty;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.left" *) wire [15:0] starved_left;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.done" *) wire starved_done;
@@ -87,6 +93,18 @@ module proof (
   (* inside = "i_checked.i_guard.i_comparator.over_current" *) wire over_current;
   (* inside = "i_checked.i_guard.i_comparator.over_voltage" *) wire over_voltage;
   (* inside = "i_checked.i_guard.i_comparator.under_voltage" *) wire under_voltage;
+
+  // the bands
+  (* inside = "i_checked.i_guard.i_bands.valid_1" *) wire banded_1;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_1", when = "FIVE_LEVEL" *) wire capacitor_1;
+  (* inside = "i_checked.i_guard.i_bands.neutral_1", when = "FIVE_LEVEL" *) wire neutral_1;
+  (* inside = "i_checked.i_guard.i_bands.speed_1" *) wire speed_1;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_2", when = "FIVE_LEVEL" *) wire capacitor_2;
+  (* inside = "i_checked.i_guard.i_bands.neutral_2", when = "FIVE_LEVEL" *) wire neutral_2;
+  (* inside = "i_checked.i_guard.i_bands.speed_2" *) wire speed_2;
+  (* inside = "i_checked.i_guard.i_bands.capacitor", when = "FIVE_LEVEL" *) wire capacitor_3;
+  (* inside = "i_checked.i_guard.i_bands.neutral", when = "FIVE_LEVEL" *) wire neutral_3;
+  (* inside = "i_checked.i_guard.i_bands.speed" *) wire speed_3;
 
   // the legs
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.live" *) wire live_a;
@@ -270,14 +288,18 @@ module proof (
   wire fact_product = product == shifted;
   wire fact_minus = product_27 - alpha_27 == -minus_27;
   wire fact_plus = product_27 + alpha_27 == plus_27;
+  wire fact_valid = banded_1 == valid_1;
   wire fact_beyond_0 = !beyond[0] || (valid_1 && (high_1 || low_1
                       || trips_at(alpha_1, alpha_64 - beta_1, alpha_64 + beta_1, limits[47:32])));
   wire fact_beyond_1 = !beyond[1] || (valid_2 && (high_2 || low_2 || trips_at(alpha_2, b_2, c_2, limits[47:32])));
   wire fact_beyond_2 = !beyond[2] || over_current || over_voltage || under_voltage;
+  wire fact_astray_0 = !astray[0] || (banded_1 && (speed_1 || capacitor_1 || neutral_1));
+  wire fact_astray_1 = !astray[1] || speed_2 || capacitor_2 || neutral_2;
+  wire fact_astray_2 = !astray[2] || speed_3 || capacitor_3 || neutral_3;
   wire fact_sum = beta_1 + 25'd3637248 <= 25'd7274385;
-  wire fact_count_1 = !(steady && count_1) || (!renewed && (vetted || beyond[0]));
-  wire fact_count_2 = !(steady && count_2) || (!renewed && (vetted || beyond[1]));
-  wire fact_checked = !(steady && checked) || (!renewed && (vetted || beyond[2]));
+  wire fact_count_1 = !(steady && count_1) || (!renewed && (vetted || beyond[0] || astray[0]));
+  wire fact_count_2 = !(steady && count_2) || (!renewed && (vetted || beyond[1] || astray[1]));
+  wire fact_checked = !(steady && checked) || (!renewed && (vetted || beyond[2] || astray[2]));
   wire fact_compared = !(steady && compared) || vetted || faulty;
 
   genvar i, x;

@@ -32,12 +32,17 @@ INSIDE: set[str] = set()
 #: What the own design adds to the example: a guard behind the core.
 GUARD = """
   i_guard : entity directmpc.gate_guard
-    port map (clk => clk, rst => rst, enable => enable, external_trip => '0', clear => "000000000",
-      measured => enable, is_alpha => x"3700", is_beta => x"EFBD", v_dc => x"7D0D", start => start,
+    port map (clk => clk, rst => rst, enable => enable, external_trip => '0',
+      clear => (others => '0'),
+      measured => enable, is_alpha => x"3700", is_beta => x"EFBD", v_dc => x"7D0D",
+      v_n => x"01E6", v_ph_a => x"3C6D", v_ph_b => x"3D49", v_ph_c => x"4013",
+      omega_r => x"3E2D", start => start,
       decided => decided, position_a => s_a, position_b => s_b, position_c => s_c, renew => '0',
       dead_time => x"00A", minimum_on => x"00A", minimum_off => x"00A",
       decision_limit => x"FFFF", watchdog => x"FFFF", current_limit => x"6000",
-      link_high => x"9000", link_low => x"0001", gates => gates, running => running, waits => open,
+      link_high => x"9000", link_low => x"0001", v_ph_high => x"5000", v_ph_low => x"3000",
+      v_n_limit => x"2000", speed_limit => x"5000", frozen_limit => x"00", gates => gates,
+      running => running, waits => open,
       resting => open, taken_a => open, taken_b => open, taken_c => open, faults => open);
 
   decided <= valid when rising_edge(clk);

@@ -27,7 +27,7 @@ from typing import Any, Self
 
 from directmpc.api.controllers import state_of
 from directmpc.api.drive_file import load_core_drive
-from directmpc.drive_tables import DriveError, GuardTable
+from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
 from directmpc.host import spi
 from directmpc.host.console import terminable, undisturbed
@@ -112,8 +112,14 @@ class TrippedError(RuntimeError):
     """
 
     def __init__(self, faults: tuple[str, ...], when: str) -> None:
+        hint = ""
+        if "capacitor" in faults:
+            hint = (
+                "; before a start, charge every phase capacitor to a quarter of the dc link, "
+                "between guard.v_ph_low and guard.v_ph_high (docs/safety.md)"
+            )
         super().__init__(
-            f"{when}: the gate guard has tripped ({', '.join(faults)}), all gates are off; "
+            f"{when}: the gate guard has tripped ({', '.join(faults)}), all gates are off{hint}; "
             "see docs/troubleshooting.md"
         )
         self.faults = faults
@@ -493,7 +499,7 @@ class Board:
             sensorless=sensorless,
         )
         if not self.real_time:
-            for name in GuardTable.OPTIONAL:  # what the file asks for is never loosened
+            for name in ("decision_limit", "watchdog"):  # what the file asks for is never loosened
                 if getattr(drive.guard, name) is None:
                     found.words[f"guard.{name}"] = LONGEST_TIME
         return found

@@ -21,6 +21,10 @@ FAULTS: tuple[str, ...] = (
     "missing",
     "overrun",
     "interlock",
+    "capacitor",
+    "neutral_point",
+    "over_speed",
+    "frozen",
 )
 
 TIME_HIGH = 2**12 - 1
@@ -265,6 +269,10 @@ class Leg:
         return not unsettled and not self.plan and now + 1 >= self.ready_at
 
 
+#: Highest values that can be measured; a limit there or above trips with every measurement.
+HIGHEST_CURRENT, HIGHEST_VOLTAGE = 2**15 - 1, 2**16 - 1
+
+
 @dataclass
 class Inputs:
     """Inputs of one clock, as the ports of ``gate_guard``; its positions come one clock earlier.
@@ -291,6 +299,14 @@ class Inputs:
         LSB of the current's port, unsigned.
     link_high, link_low : int
         LSB of the port of v_dc, unsigned.
+    v_n, omega_r : int
+        Neutral point and speed, LSB of their ports, signed.
+    v_ph_a, v_ph_b, v_ph_c : int
+        Phase capacitors, LSB of their ports, unsigned; ANPC alone, as v_n.
+    v_ph_high, v_ph_low, v_n_limit, speed_limit : int
+        Limits in the same units, unsigned.
+    frozen_limit : int
+        Repetitions of the currents that count as frozen, 0 to 255; 0: any number.
     """
 
     rst: int = 0
@@ -315,10 +331,16 @@ class Inputs:
     current_limit: int = 0
     link_high: int = 0
     link_low: int = 0
-
-
-#: Highest values that can be measured; a limit there or above trips with every measurement.
-HIGHEST_CURRENT, HIGHEST_VOLTAGE = 2**15 - 1, 2**16 - 1
+    v_n: int = 0
+    v_ph_a: int = 0
+    v_ph_b: int = 0
+    v_ph_c: int = 0
+    omega_r: int = 0
+    v_ph_high: int = HIGHEST_VOLTAGE - 1
+    v_ph_low: int = 0
+    v_n_limit: int = HIGHEST_CURRENT - 1
+    speed_limit: int = HIGHEST_CURRENT - 1
+    frozen_limit: int = 0
 
 
 @dataclass
@@ -330,7 +352,7 @@ class Measurement:
     is_alpha, is_beta : int
         Stator current, LSB of the current's port, signed.
     found : set of str
-        Trips found so far, of over_current, link_high and link_low.
+        Trips found so far.
     counts : bool
         Taken while the guard was wanted, under the settings in force.
     """
@@ -358,7 +380,12 @@ class Measurement:
             self.found.add("over_current")
 
 
-def measurement_of(i: Inputs, counts: bool) -> Measurement | None:
+def _beyond(value: int, limit: int) -> bool:
+    """Whether a signed measurement is beyond a limit, or every one is."""
+    return abs(value) > limit or limit >= HIGHEST_CURRENT
+
+
+def measurement_of(i: Inputs, counts: bool, five_level: bool = False) -> Measurement | None:
     """What begins its way in one clock.
 
     Parameters
@@ -367,17 +394,28 @@ def measurement_of(i: Inputs, counts: bool) -> Measurement | None:
         Of this clock.
     counts : bool
         Whether it may let the gates come on.
+    five_level : bool
+        Whether there are phase capacitors.
 
     Returns
     -------
     Measurement or None
-        Compared with the limits of the dc-link; None where `measured` is 0.
+        Compared with all limits but the current's; None where `measured` is 0.
     """
     if not i.measured:
         return None
     found = {"link_high"} if i.v_dc > i.link_high or i.link_high == HIGHEST_VOLTAGE else set()
     if i.v_dc < i.link_low:
         found.add("link_low")
+    capacitors = (i.v_ph_a, i.v_ph_b, i.v_ph_c)
+    high = i.v_ph_high
+    outside = max(capacitors) > high or min(capacitors) < i.v_ph_low or high == HIGHEST_VOLTAGE
+    if five_level and outside:
+        found.add("capacitor")
+    if five_level and _beyond(i.v_n, i.v_n_limit):
+        found.add("neutral_point")
+    if _beyond(i.omega_r, i.speed_limit):
+        found.add("over_speed")
     return Measurement(i.is_alpha, i.is_beta, found, counts)
 
 
@@ -405,6 +443,9 @@ class GateGuard:
         self.begun: tuple[int, int] | None = None
         self.fed: tuple[int, int] = (0, 0)
         self.compared = False
+        #: Currents measured last, and how often they have been repeated.
+        self.last, self.repeated = (0, 0), 0
+        self.same = False
         #: Measured one, two and three clocks ago.
         self.line: list[Measurement | None] = [None, None, None]
 
@@ -500,9 +541,18 @@ class GateGuard:
                 one.counts &= counts
         if self.line[1] is not None:
             self.line[1].compare_current(i.current_limit)
-        self.line = [measurement_of(i, counts), *self.line[:2]]
+        if self.line[0] is not None:
+            again = self.same and was == "active"
+            self.repeated = min(self.repeated + 1, 255) if again else 0
+            if again and i.frozen_limit and self.repeated >= i.frozen_limit:
+                self.line[0].found.add("frozen")
+        if i.measured:
+            self.same = (i.is_alpha, i.is_beta) == self.last
+            self.last = i.is_alpha, i.is_beta
+        self.line = [measurement_of(i, counts, self.five_level), *self.line[:2]]
         if i.rst:
             self.compared, self.line = False, [None, None, None]
+            self.last, self.repeated = (0, 0), 0
             self.state, self.primed, self.faults, self.begun = "off", False, set(), None
             self.off_since, self.dead, self.rest = now, TIME_HIGH, TIME_HIGH
 

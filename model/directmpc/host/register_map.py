@@ -92,6 +92,10 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "missing": (6, 1, False),
                 "overrun": (7, 1, False),
                 "interlock": (8, 1, False),
+                "capacitor": (9, 1, False),
+                "neutral_point": (10, 1, False),
+                "over_speed": (11, 1, False),
+                "frozen": (12, 1, False),
             },
         ),
         "system.cycles": (
@@ -163,6 +167,36 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
         ),
         "guard.link_low": (
             0x05C,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.speed_limit": (
+            0x060,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.frozen": (
+            0x064,
+            {
+                "periods": (0, 8, False),
+            },
+        ),
+        "bands.v_ph_high": (
+            0x070,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "bands.v_ph_low": (
+            0x074,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "bands.v_n_limit": (
+            0x078,
             {
                 "value": (0, 16, False),
             },
@@ -761,6 +795,10 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "missing": (6, 1, False),
                 "overrun": (7, 1, False),
                 "interlock": (8, 1, False),
+                "capacitor": (9, 1, False),
+                "neutral_point": (10, 1, False),
+                "over_speed": (11, 1, False),
+                "frozen": (12, 1, False),
             },
         ),
         "system.cycles": (
@@ -834,6 +872,18 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             0x05C,
             {
                 "value": (0, 16, False),
+            },
+        ),
+        "guard.speed_limit": (
+            0x060,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.frozen": (
+            0x064,
+            {
+                "periods": (0, 8, False),
             },
         ),
         "result.decision": (

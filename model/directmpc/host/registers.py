@@ -26,7 +26,7 @@ from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import Drive, Guard
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
@@ -46,6 +46,9 @@ LEAST_CLOCK, MOST_CLOCK = 1e6, 1e9
 HIGHEST: dict[tuple[str, str], int] = {
     ("guard.current_limit", "value"): 2**15 - 2,
     ("guard.link_high", "value"): 2**16 - 2,
+    ("guard.speed_limit", "value"): 2**15 - 2,
+    ("bands.v_ph_high", "value"): 2**16 - 2,
+    ("bands.v_n_limit", "value"): 2**15 - 2,
 }
 
 #: Registers of the gate guard that count clocks.
@@ -286,8 +289,8 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
     Returns
     -------
     dict of str to int
-        Register of the guard to counts: clocks, or LSB of the measurement. What the drive file does
-        not say has the value with which no gate comes on.
+        Register of the guard, by its whole name, to counts: clocks, or LSB of the measurement. What
+        the drive file does not say has the value with which no gate comes on.
 
     Raises
     ------
@@ -303,10 +306,12 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
     asked, ts = drive.guard, drive.control.ts
     if isinstance(drive, Drive):
         current, voltage = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
+        speed = "pu", formats.SPEED.scale
         units = "pu", "pu"
     else:
         form = mptc_formats.measurement_formats(drive)
         current, voltage = form["is_alpha"].scale, form["v_dc"].scale
+        speed = "rad/s", form["omega_r"].scale
         units = "A", "V"
     _check_link(drive, units[1])
     limit = decision_periods(drive) * ts if asked.decision_limit is None else asked.decision_limit
@@ -324,8 +329,23 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
         "current_limit": _Setting(asked.current_limit, *amperes, peak, False, True),
         "link_high": _Setting(asked.link_high, *volts, highest, False, True),
         "link_low": _Setting(asked.link_low, *volts, 2**16 - 1, True),
+        "speed_limit": _Setting(asked.speed_limit, *speed, "of omega_r", peak, False, True),
     }
-    return {name: setting.word(f"guard.{name}", saturated) for name, setting in chosen.items()}
+    words = {f"guard.{name}": setting.word(f"guard.{name}", saturated)
+             for name, setting in chosen.items()}  # fmt: skip
+    words["guard.frozen"] = asked.frozen
+    if isinstance(drive, Drive):
+        capacitor = "pu", formats.CAPACITOR_VOLTAGE.scale, "of v_ph_a"
+        neutral = "pu", formats.NEUTRAL_VOLTAGE.scale, "of v_n"
+        bands = {
+            "v_ph_high": _Setting(drive.guard.v_ph_high, *capacitor, highest, False, True),
+            "v_ph_low": _Setting(drive.guard.v_ph_low, *capacitor, 2**16 - 1, True),
+            "v_n_limit": _Setting(drive.guard.v_n_limit, *neutral, peak, False, True),
+        }
+        words |= {
+            f"bands.{n}": setting.word(f"bands.{n}", saturated) for n, setting in bands.items()
+        }
+    return words
 
 
 def _check_link(drive: Drive | MptcDrive, unit: str) -> None:
@@ -399,8 +419,7 @@ def values(
         fit and the nearest that does is less safe; the message names the register.
     """
     saturated: list[str] = []
-    guard = guard_words(drive, clock, saturated)
-    words = {f"guard.{name}": guard[name] for name in guard}
+    words = guard_words(drive, clock, saturated)
     if isinstance(drive, Drive):
         from directmpc.mpdcc import capacitor_observer, leakage
         from directmpc.mpdcc import observer as rotor_flux_observer
@@ -811,16 +830,16 @@ def _main(arguments: Sequence[str] | None) -> int:
         "--measured-flux", action="store_true",
         help="with --vhdl: decisions take the flux at the ports, not the observer's",
     )  # fmt: skip
-    for name in keys_of(MptcGuard):
+    for name in dict.fromkeys([*keys_of(MptcGuard), *keys_of(Guard)]):
         parser.add_argument(
             f"--{name.replace('_', '-')}",
-            type=_positive,
+            type=int if name == "frozen" else _positive,
             help="in the place of the drive file's key of [guard], in its unit",
         )
     given = parser.parse_args(arguments)
     if given.measured_flux and not given.vhdl:
         parser.error("--measured-flux: only with --vhdl")
-    asked = {name: getattr(given, name) for name in keys_of(MptcGuard)}
+    asked = {n: getattr(given, n) for n in [*keys_of(MptcGuard), *keys_of(Guard)]}
     try:
         drive = load_core_drive(given.drive)
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})

@@ -53,6 +53,10 @@ class Guard(GuardTable):
     current_limit: to_start(0.01, 2.0478, "pu") = None
     link_high: to_start(1.5, 4.095, "pu") = None
     link_low: to_start(0.5, 2.5, "pu") = None
+    v_ph_high: to_start(0.3, 2.047, "pu") = None
+    v_ph_low: to_start(0.05, 0.7, "pu") = None
+    v_n_limit: to_start(0.01, 0.51, "pu") = None
+    speed_limit: to_start(0.01, 2.0478, "pu") = None
 
 
 class Control(Section):

@@ -73,6 +73,7 @@ class MptcGuard(GuardTable):
     current_limit: to_start(1e-3, 1e6, "A") = None
     link_high: to_start(1.0, 2e5, "V") = None
     link_low: to_start(0.5, 1e5, "V") = None
+    speed_limit: to_start(0.1, 1e5, "rad/s (electrical)") = None
 
 
 class MptcControl(Section):

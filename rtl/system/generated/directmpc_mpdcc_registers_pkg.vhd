@@ -270,6 +270,36 @@ package directmpc_mpdcc_registers_pkg is
         measurements : mpdcc_measurements_in_t;
     end record;
 
+    type \capacitor_bands.v_ph_high.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \capacitor_bands.v_ph_high_out_t\ is record
+        value : \capacitor_bands.v_ph_high.value_out_t\;
+    end record;
+
+    type \capacitor_bands.v_ph_low.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \capacitor_bands.v_ph_low_out_t\ is record
+        value : \capacitor_bands.v_ph_low.value_out_t\;
+    end record;
+
+    type \capacitor_bands.v_n_limit.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \capacitor_bands.v_n_limit_out_t\ is record
+        value : \capacitor_bands.v_n_limit.value_out_t\;
+    end record;
+
+    type capacitor_bands_out_t is record
+        v_ph_high : \capacitor_bands.v_ph_high_out_t\;
+        v_ph_low : \capacitor_bands.v_ph_low_out_t\;
+        v_n_limit : \capacitor_bands.v_n_limit_out_t\;
+    end record;
+
     type \mpdcc_decision.rotor_flux.alpha_out_t\ is record
         value : std_logic_vector(15 downto 0);
     end record;
@@ -445,6 +475,7 @@ package directmpc_mpdcc_registers_pkg is
     type directmpc_mpdcc_out_t is record
         system : system_registers_out_t;
         guard : guard_registers_out_t;
+        bands : capacitor_bands_out_t;
         result : mpdcc_decision_out_t;
         parameters : \mpdcc_parameters__external_out_t\;
         measurements : mpdcc_measurements_out_t;

@@ -115,6 +115,8 @@ architecture rtl of directmpc_mptc_registers is
         current_limit : std_logic;
         link_high : std_logic;
         link_low : std_logic;
+        speed_limit : std_logic;
+        frozen : std_logic;
     end record;
 
     type \directmpc_mptc.result_strb_t\ is record
@@ -331,6 +333,26 @@ architecture rtl of directmpc_mptc_registers is
         load_next : std_logic;
     end record;
 
+    type \directmpc_mptc.system.faults.capacitor_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.neutral_point_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.over_speed_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.frozen_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
     type \directmpc_mptc.system.faults_combo_t\ is record
         external_trip : \directmpc_mptc.system.faults.external_trip_combo_t\;
         over_current : \directmpc_mptc.system.faults.over_current_combo_t\;
@@ -341,6 +363,10 @@ architecture rtl of directmpc_mptc_registers is
         missing : \directmpc_mptc.system.faults.missing_combo_t\;
         overrun : \directmpc_mptc.system.faults.overrun_combo_t\;
         interlock : \directmpc_mptc.system.faults.interlock_combo_t\;
+        capacitor : \directmpc_mptc.system.faults.capacitor_combo_t\;
+        neutral_point : \directmpc_mptc.system.faults.neutral_point_combo_t\;
+        over_speed : \directmpc_mptc.system.faults.over_speed_combo_t\;
+        frozen : \directmpc_mptc.system.faults.frozen_combo_t\;
     end record;
 
     type \directmpc_mptc.system_combo_t\ is record
@@ -422,6 +448,24 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.guard.link_low.value_combo_t\;
     end record;
 
+    type \directmpc_mptc.guard.speed_limit.value_combo_t\ is record
+        next_q : std_logic_vector(15 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.guard.speed_limit_combo_t\ is record
+        value : \directmpc_mptc.guard.speed_limit.value_combo_t\;
+    end record;
+
+    type \directmpc_mptc.guard.frozen.periods_combo_t\ is record
+        next_q : std_logic_vector(7 downto 0);
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mptc.guard.frozen_combo_t\ is record
+        periods : \directmpc_mptc.guard.frozen.periods_combo_t\;
+    end record;
+
     type \directmpc_mptc.guard_combo_t\ is record
         dead_time : \directmpc_mptc.guard.dead_time_combo_t\;
         minimum_on : \directmpc_mptc.guard.minimum_on_combo_t\;
@@ -431,6 +475,8 @@ architecture rtl of directmpc_mptc_registers is
         current_limit : \directmpc_mptc.guard.current_limit_combo_t\;
         link_high : \directmpc_mptc.guard.link_high_combo_t\;
         link_low : \directmpc_mptc.guard.link_low_combo_t\;
+        speed_limit : \directmpc_mptc.guard.speed_limit_combo_t\;
+        frozen : \directmpc_mptc.guard.frozen_combo_t\;
     end record;
 
     type \directmpc_mptc.result.decision.u_next_combo_t\ is record
@@ -1028,6 +1074,22 @@ architecture rtl of directmpc_mptc_registers is
         value : std_logic;
     end record;
 
+    type \directmpc_mptc.system.faults.capacitor_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.neutral_point_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.over_speed_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mptc.system.faults.frozen_storage_t\ is record
+        value : std_logic;
+    end record;
+
     type \directmpc_mptc.system.faults_storage_t\ is record
         external_trip : \directmpc_mptc.system.faults.external_trip_storage_t\;
         over_current : \directmpc_mptc.system.faults.over_current_storage_t\;
@@ -1038,6 +1100,10 @@ architecture rtl of directmpc_mptc_registers is
         missing : \directmpc_mptc.system.faults.missing_storage_t\;
         overrun : \directmpc_mptc.system.faults.overrun_storage_t\;
         interlock : \directmpc_mptc.system.faults.interlock_storage_t\;
+        capacitor : \directmpc_mptc.system.faults.capacitor_storage_t\;
+        neutral_point : \directmpc_mptc.system.faults.neutral_point_storage_t\;
+        over_speed : \directmpc_mptc.system.faults.over_speed_storage_t\;
+        frozen : \directmpc_mptc.system.faults.frozen_storage_t\;
     end record;
 
     type \directmpc_mptc.system_storage_t\ is record
@@ -1111,6 +1177,22 @@ architecture rtl of directmpc_mptc_registers is
         value : \directmpc_mptc.guard.link_low.value_storage_t\;
     end record;
 
+    type \directmpc_mptc.guard.speed_limit.value_storage_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \directmpc_mptc.guard.speed_limit_storage_t\ is record
+        value : \directmpc_mptc.guard.speed_limit.value_storage_t\;
+    end record;
+
+    type \directmpc_mptc.guard.frozen.periods_storage_t\ is record
+        value : std_logic_vector(7 downto 0);
+    end record;
+
+    type \directmpc_mptc.guard.frozen_storage_t\ is record
+        periods : \directmpc_mptc.guard.frozen.periods_storage_t\;
+    end record;
+
     type \directmpc_mptc.guard_storage_t\ is record
         dead_time : \directmpc_mptc.guard.dead_time_storage_t\;
         minimum_on : \directmpc_mptc.guard.minimum_on_storage_t\;
@@ -1120,6 +1202,8 @@ architecture rtl of directmpc_mptc_registers is
         current_limit : \directmpc_mptc.guard.current_limit_storage_t\;
         link_high : \directmpc_mptc.guard.link_high_storage_t\;
         link_low : \directmpc_mptc.guard.link_low_storage_t\;
+        speed_limit : \directmpc_mptc.guard.speed_limit_storage_t\;
+        frozen : \directmpc_mptc.guard.frozen_storage_t\;
     end record;
 
     type \directmpc_mptc.result.decision.u_next_storage_t\ is record
@@ -1856,6 +1940,12 @@ begin
         decoded_reg_strb.guard.link_low <= cpuif_req_masked and (cpuif_addr = 16#5C#);
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#5C#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#5C#));
+        decoded_reg_strb.guard.speed_limit <= cpuif_req_masked and (cpuif_addr = 16#60#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#60#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#60#));
+        decoded_reg_strb.guard.frozen <= cpuif_req_masked and (cpuif_addr = 16#64#);
+        is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#64#));
+        is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#64#));
         decoded_reg_strb.result.decision <= cpuif_req_masked and (cpuif_addr = 16#80#) and not cpuif_req_is_wr;
         is_valid_addr := is_valid_addr or (cpuif_req_masked and (cpuif_addr = 16#80#));
         is_valid_rw := is_valid_rw or (cpuif_req_masked and (cpuif_addr = 16#80#) and not cpuif_req_is_wr);
@@ -2742,6 +2832,134 @@ begin
     end process;
     hwif_out.system.faults.interlock.value <= field_storage.system.faults.interlock.value;
 
+    -- Field: directmpc_mptc.system.faults.capacitor
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.capacitor.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.capacitor.value and not (decoded_wr_data(9) and decoded_wr_biten(9));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.capacitor.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.capacitor.next_q <= next_c;
+        field_combo.system.faults.capacitor.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.capacitor.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.capacitor.value <= '0';
+            else
+                if field_combo.system.faults.capacitor.load_next then
+                    field_storage.system.faults.capacitor.value <= field_combo.system.faults.capacitor.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.capacitor.value <= field_storage.system.faults.capacitor.value;
+
+    -- Field: directmpc_mptc.system.faults.neutral_point
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.neutral_point.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.neutral_point.value and not (decoded_wr_data(10) and decoded_wr_biten(10));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.neutral_point.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.neutral_point.next_q <= next_c;
+        field_combo.system.faults.neutral_point.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.neutral_point.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.neutral_point.value <= '0';
+            else
+                if field_combo.system.faults.neutral_point.load_next then
+                    field_storage.system.faults.neutral_point.value <= field_combo.system.faults.neutral_point.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.neutral_point.value <= field_storage.system.faults.neutral_point.value;
+
+    -- Field: directmpc_mptc.system.faults.over_speed
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.over_speed.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.over_speed.value and not (decoded_wr_data(11) and decoded_wr_biten(11));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.over_speed.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.over_speed.next_q <= next_c;
+        field_combo.system.faults.over_speed.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.over_speed.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.over_speed.value <= '0';
+            else
+                if field_combo.system.faults.over_speed.load_next then
+                    field_storage.system.faults.over_speed.value <= field_combo.system.faults.over_speed.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.over_speed.value <= field_storage.system.faults.over_speed.value;
+
+    -- Field: directmpc_mptc.system.faults.frozen
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.frozen.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.frozen.value and not (decoded_wr_data(12) and decoded_wr_biten(12));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.frozen.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.frozen.next_q <= next_c;
+        field_combo.system.faults.frozen.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.frozen.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.frozen.value <= '0';
+            else
+                if field_combo.system.faults.frozen.load_next then
+                    field_storage.system.faults.frozen.value <= field_combo.system.faults.frozen.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.frozen.value <= field_storage.system.faults.frozen.value;
+
     -- Field: directmpc_mptc.guard.dead_time.clocks
     process(all)
         variable next_c: std_logic_vector(11 downto 0);
@@ -2973,6 +3191,64 @@ begin
         end if;
     end process;
     hwif_out.guard.link_low.value.value <= field_storage.guard.link_low.value.value;
+
+    -- Field: directmpc_mptc.guard.speed_limit.value
+    process(all)
+        variable next_c: std_logic_vector(15 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.guard.speed_limit.value.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00011000") then -- SW write
+            next_c := (field_storage.guard.speed_limit.value.value and not decoded_wr_biten(15 downto 0)) or (decoded_wr_data(15 downto 0) and decoded_wr_biten(15 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.guard.speed_limit.value.next_q <= next_c;
+        field_combo.guard.speed_limit.value.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.guard.speed_limit.value.value <= 16x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.guard.speed_limit.value.value <= 16x"0";
+            else
+                if field_combo.guard.speed_limit.value.load_next then
+                    field_storage.guard.speed_limit.value.value <= field_combo.guard.speed_limit.value.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.guard.speed_limit.value.value <= field_storage.guard.speed_limit.value.value;
+
+    -- Field: directmpc_mptc.guard.frozen.periods
+    process(all)
+        variable next_c: std_logic_vector(7 downto 0);
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.guard.frozen.periods.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00011001") then -- SW write
+            next_c := (field_storage.guard.frozen.periods.value and not decoded_wr_biten(7 downto 0)) or (decoded_wr_data(7 downto 0) and decoded_wr_biten(7 downto 0));
+            load_next_c := '1';
+        end if;
+        field_combo.guard.frozen.periods.next_q <= next_c;
+        field_combo.guard.frozen.periods.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.guard.frozen.periods.value <= 8x"0";
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.guard.frozen.periods.value <= 8x"0";
+            else
+                if field_combo.guard.frozen.periods.load_next then
+                    field_storage.guard.frozen.periods.value <= field_combo.guard.frozen.periods.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.guard.frozen.periods.value <= field_storage.guard.frozen.periods.value;
 
     -- Field: directmpc_mptc.result.decision.u_next
     process(all)
@@ -4524,6 +4800,10 @@ begin
             readback_data_var(ad_hi(16#1C#))(6) := field_storage.system.faults.missing.value;
             readback_data_var(ad_hi(16#1C#))(7) := field_storage.system.faults.overrun.value;
             readback_data_var(ad_hi(16#1C#))(8) := field_storage.system.faults.interlock.value;
+            readback_data_var(ad_hi(16#1C#))(9) := field_storage.system.faults.capacitor.value;
+            readback_data_var(ad_hi(16#1C#))(10) := field_storage.system.faults.neutral_point.value;
+            readback_data_var(ad_hi(16#1C#))(11) := field_storage.system.faults.over_speed.value;
+            readback_data_var(ad_hi(16#1C#))(12) := field_storage.system.faults.frozen.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#24#) then
             readback_data_var(ad_hi(16#24#))(15 downto 0) := hwif_in.system.cycles.last.next_q;
@@ -4561,6 +4841,12 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#5C#) then
             readback_data_var(ad_hi(16#5C#))(15 downto 0) := field_storage.guard.link_low.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#60#) then
+            readback_data_var(ad_hi(16#60#))(15 downto 0) := field_storage.guard.speed_limit.value.value;
+        end if;
+        if ad_low(rd_mux_addr) = ad_low(16#64#) then
+            readback_data_var(ad_hi(16#64#))(7 downto 0) := field_storage.guard.frozen.periods.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#80#) then
             readback_data_var(ad_hi(16#80#))(2 downto 0) := field_storage.result.decision.u_next.value;

@@ -188,6 +188,22 @@ package directmpc_system_registers_pkg is
         hwset : std_logic;
     end record;
 
+    type \system_registers.faults.capacitor_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \system_registers.faults.neutral_point_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \system_registers.faults.over_speed_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \system_registers.faults.frozen_in_t\ is record
+        hwset : std_logic;
+    end record;
+
     type \system_registers.faults_in_t\ is record
         external_trip : \system_registers.faults.external_trip_in_t\;
         over_current : \system_registers.faults.over_current_in_t\;
@@ -198,6 +214,10 @@ package directmpc_system_registers_pkg is
         missing : \system_registers.faults.missing_in_t\;
         overrun : \system_registers.faults.overrun_in_t\;
         interlock : \system_registers.faults.interlock_in_t\;
+        capacitor : \system_registers.faults.capacitor_in_t\;
+        neutral_point : \system_registers.faults.neutral_point_in_t\;
+        over_speed : \system_registers.faults.over_speed_in_t\;
+        frozen : \system_registers.faults.frozen_in_t\;
     end record;
 
     type \system_registers.cycles.last_in_t\ is record
@@ -368,6 +388,22 @@ package directmpc_system_registers_pkg is
         value : std_logic;
     end record;
 
+    type \system_registers.faults.capacitor_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \system_registers.faults.neutral_point_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \system_registers.faults.over_speed_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \system_registers.faults.frozen_out_t\ is record
+        value : std_logic;
+    end record;
+
     type \system_registers.faults_out_t\ is record
         external_trip : \system_registers.faults.external_trip_out_t\;
         over_current : \system_registers.faults.over_current_out_t\;
@@ -378,6 +414,10 @@ package directmpc_system_registers_pkg is
         missing : \system_registers.faults.missing_out_t\;
         overrun : \system_registers.faults.overrun_out_t\;
         interlock : \system_registers.faults.interlock_out_t\;
+        capacitor : \system_registers.faults.capacitor_out_t\;
+        neutral_point : \system_registers.faults.neutral_point_out_t\;
+        over_speed : \system_registers.faults.over_speed_out_t\;
+        frozen : \system_registers.faults.frozen_out_t\;
     end record;
 
     type system_registers_out_t is record
@@ -451,6 +491,22 @@ package directmpc_system_registers_pkg is
         value : \guard_registers.link_low.value_out_t\;
     end record;
 
+    type \guard_registers.speed_limit.value_out_t\ is record
+        value : std_logic_vector(15 downto 0);
+    end record;
+
+    type \guard_registers.speed_limit_out_t\ is record
+        value : \guard_registers.speed_limit.value_out_t\;
+    end record;
+
+    type \guard_registers.frozen.periods_out_t\ is record
+        value : std_logic_vector(7 downto 0);
+    end record;
+
+    type \guard_registers.frozen_out_t\ is record
+        periods : \guard_registers.frozen.periods_out_t\;
+    end record;
+
     type guard_registers_out_t is record
         dead_time : \guard_registers.dead_time_out_t\;
         minimum_on : \guard_registers.minimum_on_out_t\;
@@ -460,5 +516,7 @@ package directmpc_system_registers_pkg is
         current_limit : \guard_registers.current_limit_out_t\;
         link_high : \guard_registers.link_high_out_t\;
         link_low : \guard_registers.link_low_out_t\;
+        speed_limit : \guard_registers.speed_limit_out_t\;
+        frozen : \guard_registers.frozen_out_t\;
     end record;
 end package;

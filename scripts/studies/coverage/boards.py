@@ -32,7 +32,7 @@ STEPS, MANY = 12, 130
 #: Bits of system.control.
 OBSERVER, OWN_POSITIONS = 4, 8
 #: Every bit of system.faults, and of a limit of the guard.
-ALL_FAULTS, LONGEST = 0x1FF, 0xFFFF
+ALL_FAULTS, LONGEST = 0x1FFF, 0xFFFF
 
 
 class Lines:
@@ -144,6 +144,7 @@ class Lines:
             self.request(p.Type.WRITE, struct.pack("<HI", address, word))
         for name in ("guard.decision_limit", "guard.watchdog"):
             self.write(name, LONGEST)
+        self.write("guard.frozen", 0)
         for name, word in settings.items():
             self.write(name.replace("__", "."), word)
         self.write("system.command", 1)
@@ -180,6 +181,11 @@ class Lines:
         for _ in range(2):
             self.write("system.command", 2)
 
+    @staticmethod
+    def _setting(name: str) -> str:
+        """Register of a setting of the guard."""
+        return name.replace("__", ".") if "__" in name else f"guard.{name}"
+
     def trip(self, rows: list[list[int]], pause: int = 200, **settings: int) -> None:
         """Set the guard so that what comes is a fault; see it, then clear it bit by bit.
 
@@ -190,11 +196,11 @@ class Lines:
         pause : int
             Clocks without a step, after the last.
         **settings : int
-            Registers of the guard, by their names in it.
+            Registers of the guard, by their names in it; its bands as ``bands__name``.
         """
         self.write("system.control", 0)
         for name, word in settings.items():
-            self.write(f"guard.{name}", word)
+            self.write(self._setting(name), word)
         self.write("system.command", 1)
         self.write("system.control", 1)
         # so that the gates have been off for any dead and minimum time
@@ -204,7 +210,7 @@ class Lines:
         self.script.wait(pause)
         self.request(p.Type.READ, struct.pack("<H", self.registers["system.faults"][0]))
         self.write("system.control", 0)
-        for bit in range(9):
+        for bit in range(13):
             self.write("system.faults", 1 << bit)
 
     def faults(self, rows: list[list[int]]) -> None:
@@ -216,9 +222,10 @@ class Lines:
             Words of the measurements of some steps, within all limits.
         """
         calm = {"decision_limit": LONGEST, "watchdog": LONGEST, "minimum_on": 8, "minimum_off": 8}
-        limits = ("dead_time", "current_limit", "link_high", "link_low")
-        for name in limits:
-            address = struct.pack("<H", self.registers[f"guard.{name}"][0])
+        limits = ["dead_time", "current_limit", "link_high", "link_low", "speed_limit"]
+        bands = [n.replace(".", "__") for n in self.registers if n.startswith("bands.")]
+        for name in [*limits, *bands]:
+            address = struct.pack("<H", self.registers[self._setting(name)][0])
             reply = self.request(p.Type.READ, address)
             if reply is not None and reply.kind == p.Type.READ | p.REPLY:
                 calm[name] = struct.unpack("<HBI", reply.payload)[2]
@@ -230,6 +237,12 @@ class Lines:
         self.trip(rows, **calm | {"current_limit": 1})
         self.trip(rows, **calm | {"link_high": 1})
         self.trip(rows, **calm | {"link_low": LONGEST})
+        self.trip(rows, **calm | {"speed_limit": 32_767})
+        for name in bands:
+            self.trip(rows, **calm | {name: LONGEST})
+            self.trip(rows, **calm | {name: 0})
+        self.trip([rows[0]] * 6, **calm | {"frozen": 2})
+        self.write("guard.frozen", 0)
         self.write("system.control", 1)
         self.step(rows[0])
         self.script.permit(False)

@@ -114,8 +114,9 @@ class Hostile:
         load(self, found)
         self.write("guard.decision_limit", 0xFFFF)
         self.write("guard.watchdog", 0xFFFF)
+        self.write("guard.frozen", 0)  # the measurements stay as they are
         self.write("system.command", 1)
-        self.write("system.faults", 0x1FF)
+        self.write("system.faults", 0x1FFF)
         self.write("system.control", 1)
         decision = None
         position = 0

@@ -37,6 +37,7 @@ METHODS = ("MPTC", "MPFC", *FAMILY_METHODS)
 SETTINGS = {
     "minimum_on": 14, "minimum_off": 12, "dead_time": 12, "decision_limit": 9_000,
     "watchdog": 9_000, "current_limit": 32_766, "link_high": 65_534, "link_low": 1,
+    "speed_limit": 32_766,
 }  # fmt: skip
 
 
@@ -208,7 +209,7 @@ def words_of(drive: MptcDrive, period: int, sensorless: bool, jitter: bool) -> d
         drive, clock=period / drive.control.ts, built=built, sensorless=sensorless
     ).words
     chosen = SETTINGS | {"minimum_on": 450} if jitter else SETTINGS
-    return found | {f"guard.{name}": value for name, value in chosen.items()}
+    return found | {f"guard.{n}": value for n, value in (chosen | {"frozen": 0}).items()}
 
 
 def expected(

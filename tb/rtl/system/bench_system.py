@@ -29,7 +29,7 @@ from tb.rtl.system.bus import OKAY, SLVERR, Bus
 
 CONTROL = {"enable": 0, "external_trip": 0, "start": 0}
 #: Registers that only hardware writes, and the one that only software does.
-WRITABLE = ("guard.", "parameters.", "measurements.", "running.")
+WRITABLE = ("guard.", "bands.", "parameters.", "measurements.", "running.")
 #: Registers with flags that a one clears.
 FLAGS = ("system.flags", "system.faults", "result.sequencer")
 #: Switch states a, b, c of the two-level vectors.
@@ -605,6 +605,22 @@ async def estimated(system: System) -> None:
     await commit({"l_mode": 0})
 
 
+def port_of(name: str) -> str:
+    """Port of the guard that has the value of a register."""
+    port = name.partition(".")[2]
+    return "frozen_limit" if port == "frozen" else port
+
+
+async def widest(system: System) -> None:
+    """Bands that every measurement of this bench keeps, once they are committed."""
+    await system.bus.write("guard.speed_limit", value=32_766)
+    await system.bus.write("guard.frozen", periods=0)
+    if system.controller == "mpdcc":
+        await system.bus.write("bands.v_ph_low", value=0)
+        await system.bus.write("bands.v_ph_high", value=65_534)
+        await system.bus.write("bands.v_n_limit", value=32_766)
+
+
 def near(system: System, rng: random.Random) -> dict[str, int]:
     """Measurements of a drive whose capacitors are near their references, with noise."""
     m = dict.fromkeys(system.inputs, 0) | {"v_dc": 32_000}
@@ -660,6 +676,7 @@ async def switched(system: System) -> None:
         for name, value in settings.items():
             _, fields = bus.registers[f"guard.{name}"]
             await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+        await widest(system)
         await system.write_parameters(parameters)
         await bus.write("system.command", commit=1)
         await system.settled()
@@ -758,6 +775,7 @@ async def faults(system: System) -> None:
     for name, value in settings.items():
         _, fields = bus.registers[f"guard.{name}"]
         await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+    await widest(system)
     for name in settings:
         board.check("setting before", number(getattr(guard, name)), before[name], name)
     await bus.write("system.command", commit=1)
@@ -843,6 +861,7 @@ async def unmeasured(system: System) -> None:
     await bus.write("guard.current_limit", value=0)
     await bus.write("guard.link_low", value=65_535)
     await bus.write("guard.dead_time", clocks=10)
+    await widest(system)
     await bus.write("system.command", commit=1)
     while await bus.read("system.status", "commit_pending"):
         pass
@@ -895,7 +914,7 @@ async def locks(system: System) -> None:
             board.check("not busy", await timed(bus.write_word(control, 0)), OKAY)
             board.check("disabled", number(dut.i_shell.enabled), 0)
         elif access == 2:
-            board.check("not busy", await timed(bus.write_word(faults_at, 0x1FF)), OKAY)
+            board.check("not busy", await timed(bus.write_word(faults_at, 0x1FFF)), OKAY)
         shown = await timed(bus.read("system.status", "commit_pending"))
         board.check("pending", shown, 1, f"access {access}")
         await deciding
@@ -906,8 +925,8 @@ async def locks(system: System) -> None:
         board.check("after", await bus.write_word(shadow, kept[0]), OKAY)
     # settings while enabled: refused, whatever is committed
     await bus.write_word(control, enable_word)
-    names = [name for name in bus.registers if name.startswith("guard.")]
-    before = {name: number(getattr(guard, name.partition(".")[2])) for name in names}
+    names = [name for name in bus.registers if name.startswith(("guard.", "bands."))]
+    before = {name: number(getattr(guard, port_of(name))) for name in names}
     for name in names:
         address, _ = bus.registers[name]
         word, _ = await bus.read_word(address)
@@ -917,7 +936,7 @@ async def locks(system: System) -> None:
     while await bus.read("system.status", "commit_pending"):
         pass
     for name in names:
-        board.check("locked", number(getattr(guard, name.partition(".")[2])), before[name], name)
+        board.check("locked", number(getattr(guard, port_of(name))), before[name], name)
     # settings that no commit has brought into force: no enable
     await bus.write_word(control, 0)
     await bus.write("guard.watchdog", clocks=1234)

@@ -11,6 +11,7 @@ from directmpc.host.gate_guard import GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
 from tb.rtl.guard.gate_guard.stimulus import early, life
 
+SIGNED = ("is_alpha", "is_beta", "v_n", "omega_r")
 NAMES = [f.name for f in fields(Inputs)]
 
 
@@ -25,7 +26,7 @@ async def every_property(dut) -> None:
     for n, (i, ports) in enumerate(early(rows)):
         for name in NAMES:
             value = getattr(ports, name)
-            getattr(dut, name).value = bits(value, 16) if name.startswith("is_") else value
+            getattr(dut, name).value = bits(value, 16) if name in SIGNED else value
         await clock.tick()
         guard.clock(i)
         if n < 4:

@@ -45,7 +45,7 @@ entity gate_guard_checked is
     rst            : in    std_logic;                     -- synchronous, active high; first clock
     enable         : in    std_logic;                     -- this and all that follows as gate_guard's
     external_trip  : in    std_logic;                     -- '1': all gates off
-    clear          : in    std_logic_vector(8 downto 0);  -- '1': forget this fault
+    clear          : in    std_logic_vector(12 downto 0); -- '1': forget this fault
     measured       : in    std_logic;                     -- '1': new measurements
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed
     is_beta        : in    std_logic_vector(15 downto 0); -- signed
@@ -64,9 +64,19 @@ entity gate_guard_checked is
     current_limit  : in    std_logic_vector(15 downto 0); -- unsigned
     link_high      : in    std_logic_vector(15 downto 0); -- unsigned
     link_low       : in    std_logic_vector(15 downto 0); -- unsigned
+    v_n            : in    std_logic_vector(15 downto 0); -- signed
+    v_ph_a         : in    std_logic_vector(15 downto 0); -- unsigned
+    v_ph_b         : in    std_logic_vector(15 downto 0); -- unsigned
+    v_ph_c         : in    std_logic_vector(15 downto 0); -- unsigned
+    omega_r        : in    std_logic_vector(15 downto 0); -- signed
+    v_ph_high      : in    std_logic_vector(15 downto 0); -- unsigned
+    v_ph_low       : in    std_logic_vector(15 downto 0); -- unsigned
+    v_n_limit      : in    std_logic_vector(15 downto 0); -- unsigned
+    speed_limit    : in    std_logic_vector(15 downto 0); -- unsigned
+    frozen_limit   : in    std_logic_vector(7 downto 0);  -- unsigned
     gates          : out   std_logic_vector(23 downto 0); -- '1': on
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(8 downto 0);  -- latched
+    faults         : out   std_logic_vector(12 downto 0); -- latched
     goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
     violations     : out   std_logic_vector(12 downto 0)  -- '1': a property does not hold
   );
@@ -83,7 +93,7 @@ architecture rtl of gate_guard_checked is
 
   signal g       : std_logic_vector(COUNT - 1 downto 0);
   signal now_on  : std_logic;
-  signal latched : std_logic_vector(8 downto 0);
+  signal latched : std_logic_vector(12 downto 0);
   signal known   : std_logic := '0'; -- there has been a reset
   signal earlier : std_logic_vector(COUNT - 1 downto 0);
   signal was_on  : std_logic;
@@ -95,7 +105,8 @@ architecture rtl of gate_guard_checked is
   signal must_stop : std_logic;
   signal cut       : std_logic;             -- the last edge was a reset's
   signal since     : unsigned(14 downto 0); -- clocks since running has ended
-  signal beyond    : std_logic_vector(2 downto 0);  -- measured beyond a limit one, two and three clocks ago
+  signal beyond    : std_logic_vector(2 downto 0);  -- current or link beyond a limit one, two and three clocks ago
+  signal astray    : std_logic_vector(2 downto 0);  -- capacitors, neutral point or speed, likewise
   signal limits    : std_logic_vector(47 downto 0); -- a clock ago
   signal vetted    : std_logic;        -- a measurement since enable, fault and renew was inside the limits
   signal fresh     : std_logic;        -- enable has been down since the last reset or fault
@@ -231,6 +242,26 @@ architecture rtl of gate_guard_checked is
 
   end function rail;
 
+  -- the same of what else has a band
+  function outside (
+    a, b, c, high, low, n, n_limit, omega, omega_limit : std_logic_vector(15 downto 0)
+  ) return boolean is
+
+    variable of_speed   : boolean;
+    variable of_voltage : boolean;
+
+  begin
+
+    of_speed   := signed(omega(15) & omega) > signed('0' & omega_limit)
+                  or signed(omega(15) & omega) < -signed('0' & omega_limit) or unsigned(omega_limit) > 32766;
+    of_voltage := unsigned(a) > unsigned(high) or unsigned(b) > unsigned(high) or unsigned(c) > unsigned(high)
+                  or unsigned(a) < unsigned(low) or unsigned(b) < unsigned(low) or unsigned(c) < unsigned(low)
+                  or unsigned(high) > 65534 or signed(n(15) & n) > signed('0' & n_limit)
+                  or signed(n(15) & n) < -signed('0' & n_limit) or unsigned(n_limit) > 32766;
+    return of_speed or (FIVE_LEVEL and of_voltage);
+
+  end function outside;
+
   function smaller (a, b : unsigned) return unsigned is
   begin
 
@@ -273,6 +304,16 @@ begin
       current_limit  => current_limit,
       link_high      => link_high,
       link_low       => link_low,
+      v_n            => v_n,
+      v_ph_a         => v_ph_a,
+      v_ph_b         => v_ph_b,
+      v_ph_c         => v_ph_c,
+      omega_r        => omega_r,
+      v_ph_high      => v_ph_high,
+      v_ph_low       => v_ph_low,
+      v_n_limit      => v_n_limit,
+      speed_limit    => speed_limit,
+      frozen_limit   => frozen_limit,
       gates          => g,
       running        => now_on,
       resting        => open,
@@ -280,6 +321,10 @@ begin
     );
 
   p_history : process (clk) is
+
+    variable tripped : boolean;
+    variable strayed : boolean;
+
   begin
 
     if rising_edge(clk) then
@@ -328,15 +373,19 @@ begin
         since <= since + 1;
       end if;
 
-      must_stop <= rst or external_trip or not enable or beyond(2);
+      must_stop <= rst or external_trip or not enable or beyond(2) or astray(2);
       limits    <= current_limit & link_high & link_low;
       vetted    <= vetted and enable and not renew;
       beyond    <= beyond(1 downto 0) & '0';
+      astray    <= astray(1 downto 0) & '0';
 
       if (measured = '1') then
-        if (trip_of(is_alpha, is_beta, current_limit, v_dc, link_high, link_low)) then
-          beyond(0) <= '1';
-        elsif (enable = '1' and renew = '0') then
+        tripped := trip_of(is_alpha, is_beta, current_limit, v_dc, link_high, link_low);
+        strayed := outside(v_ph_a, v_ph_b, v_ph_c, v_ph_high, v_ph_low, v_n, v_n_limit, omega_r, speed_limit);
+        beyond(0) <= to_std_logic(tripped);
+        astray(0) <= to_std_logic(strayed);
+
+        if (not (tripped or strayed) and enable = '1' and renew = '0') then
           vetted <= '1';
         end if;
       end if;
@@ -348,6 +397,7 @@ begin
       if (rst = '1' or latched /= (latched'range => '0')) then
         vetted <= '0';
         beyond <= "000";
+        astray <= "000";
       end if;
 
       for x in 0 to 2 loop

@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
   const bool five = atoi(argv[3]);
   Vcore* m = new Vcore;
   long running = 0, moves = 0, decisions = 0, resets = 0, trips = 0, writes = 0, starts = 0;
-  long by_fault[9] = {0};
+  long by_fault[13] = {0};
   int phase = 0, period = 40;
   bool due = false;  // the positions at the ports are a decision's of the next clock
   bool wild = false;
@@ -58,6 +58,12 @@ int main(int argc, char** argv) {
   m->link_high = 40000;
   m->link_low = 20000;
   m->v_dc = 32000;
+  m->v_ph_high = 20000;
+  m->v_ph_low = 12000;
+  m->v_n_limit = 4000;
+  m->speed_limit = 9000;
+  m->frozen_limit = 3;
+  m->v_ph_a = m->v_ph_b = m->v_ph_c = 16000;
   for (long n = 0; n < clocks; n++) {
     m->rst = n < 2;
     m->external_trip = m->measured = m->start = m->decided = m->renew = 0;
@@ -70,7 +76,7 @@ int main(int argc, char** argv) {
     if (chance(0.0005)) m->rst = 1;
     resets += m->rst;
     if (m->faults && chance(0.3)) {
-      m->clear = chance(0.5) ? 0x1FF : word() & 0x1FF;
+      m->clear = chance(0.5) ? 0x1FFF : word() & 0x1FFF;
       m->enable = word() & 1;
     } else if (!m->running && chance(m->enable ? 0.01 : 0.3)) {
       m->enable = !m->enable;
@@ -86,8 +92,16 @@ int main(int argc, char** argv) {
     if (++phase >= period) {
       phase = 0;
       m->start = m->measured = 1;
-      m->is_alpha = (below(18000) - 9000) & 0xFFFF;
-      m->is_beta = (below(18000) - 9000) & 0xFFFF;
+      if (n % 20000 > 1000) {  // else the currents stand still
+        m->is_alpha = (below(18000) - 9000) & 0xFFFF;
+        m->is_beta = (below(18000) - 9000) & 0xFFFF;
+      }
+      m->v_ph_a = 13000 + below(6000);
+      m->v_n = (below(6000) - 3000) & 0xFFFF;
+      m->omega_r = (below(16000) - 8000) & 0xFFFF;
+      if (chance(0.01)) m->v_ph_a = word() & 0xFFFF;
+      if (chance(0.01)) m->v_n = word() & 0xFFFF;
+      if (chance(0.01)) m->omega_r = word() & 0xFFFF;
       m->v_dc = 24000 + below(14000);
       if (chance(0.02)) m->is_alpha = word() & 0xFFFF;
       if (chance(0.02)) m->v_dc = word() & 0xFFFF;
@@ -120,14 +134,14 @@ int main(int argc, char** argv) {
     running += m->running;
     moves += m->gates != last_gates;
     starts += m->running && !last_running;
-    for (int f = 0; f < 9; f++) by_fault[f] += (m->faults & ~last_faults) >> f & 1;
+    for (int f = 0; f < 13; f++) by_fault[f] += (m->faults & ~last_faults) >> f & 1;
     last_gates = m->gates;
     last_faults = m->faults;
     last_running = m->running;
   }
   printf("clocks=%ld running=%ld moves=%ld starts=%ld decisions=%ld resets=%ld trips=%ld writes=%ld",
          clocks, running, moves, starts, decisions, resets, trips, writes);
-  for (int f = 0; f < 9; f++) printf(" fault%d=%ld", f, by_fault[f]);
+  for (int f = 0; f < 13; f++) printf(" fault%d=%ld", f, by_fault[f]);
   printf("\n");
   m->final();
   delete m;

@@ -45,6 +45,20 @@ def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:
     }
 
 
+def _bands(rng: random.Random, i: Inputs, five_level: bool) -> Inputs:
+    """Voltages and speed inside their bands or, seldom, beyond; currents that stand still."""
+    names = ("v_ph_a", "v_ph_b", "v_ph_c", "v_n", "omega_r")
+    found = dict(zip(names, (16_000, 16_000, 16_000, 0, 0), strict=True))
+    found = {name: value + rng.randrange(-2000, 2000) for name, value in found.items()}
+    if rng.random() < (0.05 if five_level else 0.02):
+        name = rng.choice([rng.choice(names[:3]), *names[3:]] if five_level else names[4:])
+        limit = {"v_n": i.v_n_limit, "omega_r": i.speed_limit}.get(name, i.v_ph_high)
+        low = i.v_ph_low if name.startswith("v_ph") else -limit
+        outwards = rng.choice((-1, 0, 1, 1))
+        found[name] = rng.choice([limit + outwards, low - outwards])
+    return replace(i, **found)
+
+
 def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) -> Iterator[Inputs]:
     """Inputs clock by clock; reads the model's goals to know what is legal."""
     i = Inputs(
@@ -52,9 +66,15 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
         link_high=40_000,
         link_low=20_000,
         v_dc=32_000,
+        v_ph_high=20_000,
+        v_ph_low=12_000,
+        v_n_limit=4_000,
+        speed_limit=9_000,
+        frozen_limit=3,
         **_settings(rng, five_level),
     )
     period, phase, wild = 40, 0, False
+    still = 0  # measurements for which the currents stand still
     limit, high = i.current_limit, i.link_high  # after the renew that announces them
     for n in range(clocks):
         i = replace(i, rst=0, external_trip=0, clear=0, measured=0, start=0, decided=0, renew=0)
@@ -75,7 +95,7 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
             i.rst = 1
         # a fault is cleared, enable goes down and up again, soon
         if guard.faults and rng.random() < 0.3:
-            i.clear = rng.choice([guard.fault_bits, 0x1FF, rng.getrandbits(9)])
+            i.clear = rng.choice([guard.fault_bits, 0x1FFF, rng.getrandbits(13)])
             i.enable = rng.getrandbits(1)
         # it has to stay up until a measurement has been compared
         if not guard.faults and not guard.running and rng.random() < (0.01 if i.enable else 0.3):
@@ -90,12 +110,17 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
         if phase >= period:
             phase = 0
             i.start = i.measured = 1
-            i.is_alpha, i.is_beta = (rng.randrange(-9000, 9000) for _ in range(2))
+            still = max(still - 1, 0)
+            if guard.running and rng.random() < 0.02:
+                still = 5
+            if not still:
+                i.is_alpha, i.is_beta = (rng.randrange(-9000, 9000) for _ in range(2))
             i.v_dc = rng.randrange(24_000, 38_000)
             if rng.random() < 0.02:
                 i.is_alpha, i.is_beta = word(rng, 16), word(rng, 16)
             if rng.random() < 0.04:
                 i.v_dc = word(rng, 16, signed=False)
+            i = _bands(rng, i, five_level)
         late = phase == 3 and rng.random() < 0.02
         hasty = rng.random() < (0.02 if wild else 0.05 if phase == 4 else 0.002)
         if (phase == 3 and not late) or hasty:

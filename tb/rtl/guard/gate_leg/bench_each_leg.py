@@ -71,7 +71,7 @@ async def every_clock(dut) -> None:
         for i, ports in early(inputs if five_level else map(two_level, inputs)):
             for name in NAMES:
                 value = getattr(ports, name)
-                getattr(dut, name).value = bits(value, 16) if name.startswith("is_") else value
+                getattr(dut, name).value = bits(value, 16) if value < 0 else value
             await clock.tick()
             before = guard.faults
             guard.clock(i)

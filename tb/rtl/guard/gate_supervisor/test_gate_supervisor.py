@@ -22,7 +22,7 @@ from tb.helpers.simulation import Outcome, run
 NAME = "gate_supervisor"
 
 
-def bench(rtl: Path = RTL, clocks: int = 6000) -> Outcome:
+def bench(rtl: Path = RTL, clocks: int = 12_000) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.guard.{NAME}.bench_{NAME}",

@@ -32,7 +32,7 @@ EXAMPLE = ROOT / "examples" / "fabric"
 DRIVE = plain_file("anpc5l_6kv")
 FILES = ("adc_scaling.vhd", "clarke.vhd", "fabric_system.vhd")
 CLOCK = 100e6
-BOOT_CLOCKS = 1_341
+BOOT_CLOCKS = 1411
 #: Of the example: clocks from tick to start, and the system's explorers.
 LATENCY, EXPLORERS = 5, 2
 #: From tick to valid, at most: measurements, flux observer, a decision of one level.

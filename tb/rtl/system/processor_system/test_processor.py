@@ -144,7 +144,7 @@ def test_a_drive_is_loaded_with_the_gates_off(opened: tuple[Registers, Driver, S
     assert driver.directmpc_load(ctypes.byref(system), writes, 3) == TIMEOUT
 
 
-@pytest.mark.parametrize("address", [0x00C, 0x03C, 0x060, 0x0FC, 0x102, 0x200, 0x2A0])
+@pytest.mark.parametrize("address", [0x00C, 0x03C, 0x06C, 0x07C, 0x0FC, 0x102, 0x200, 0x2A0])
 def test_what_is_no_setting_of_a_drive_is_not_loaded(
     opened: tuple[Registers, Driver, System], address: int
 ) -> None:
@@ -315,7 +315,7 @@ def test_a_fault_is_seen_in_the_interrupt(library: Path, tmp_path: Path) -> None
 
 
 def test_a_fault_is_seen_in_the_driver(tmp_path: Path) -> None:
-    swapped = "{AT(measurements.v_n), m->v_ph_a, 1}"
-    faulty = compiled(tmp_path, "{AT(measurements.v_n), m->v_n, 1}", swapped)
+    swapped = "{AT(measurements.iref_alpha), m->iref_beta, 1}"
+    faulty = compiled(tmp_path, "{AT(measurements.iref_alpha), m->iref_alpha, 1}", swapped)
     with pytest.raises(CheckError, match=r"decision: .* expected"):
         bench(faulty, steps=4)

@@ -10,7 +10,7 @@ from directmpc.host import registers
 from scripts.hdl import states
 from tb.helpers import mptc_rows
 from tb.helpers.scoreboard import arguments, number
-from tb.rtl.system.bench_system import System, near
+from tb.rtl.system.bench_system import System, near, widest
 from tb.rtl.system.bus import OKAY, SLVERR
 
 SETTINGS = {
@@ -41,6 +41,7 @@ async def settings(system: System, **others: int) -> None:
     for name, value in (SETTINGS | others).items():
         _, fields = system.bus.registers[f"guard.{name}"]
         await system.bus.write(f"guard.{name}", **{next(iter(fields)): value})
+    await widest(system)
     await commit(system)
 
 

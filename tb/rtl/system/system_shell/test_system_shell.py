@@ -40,7 +40,7 @@ def test_flags_and_commutations_are_told() -> None:
 def test_commits_wait_and_late_decisions_are_told() -> None:
     found = bench("mpdcc")
     assert found.checks["not in force"] == 8
-    assert found.checks["faults"] == 36
+    assert found.checks["faults"] == 52
 
 
 FAULTS = {

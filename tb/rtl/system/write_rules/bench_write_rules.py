@@ -28,7 +28,7 @@ class Rules:
         name = self.name(given)
         if not given["whole"]:
             return True
-        if name.startswith("guard."):
+        if name.startswith(("guard.", "bands.")):
             return bool(given["enabled"] or given["pending"])
         if name.startswith("parameters."):
             return bool(given["pending"])
@@ -37,7 +37,7 @@ class Rules:
     def edge(self, given: Mapping[str, int]) -> None:
         """One clock."""
         self.asked = 0 if given["rst"] else 2 if given["commit"] else max(self.asked - 1, 0)
-        if given["passed"] and self.name(given).startswith("guard."):
+        if given["passed"] and self.name(given).startswith(("guard.", "bands.")):
             self.uncommitted = True
         elif given["load"]:
             self.uncommitted = False
@@ -52,7 +52,7 @@ async def random_writes(dut) -> None:
     rng, board, clock = random.Random(8), Scoreboard(), Clock(dut)
     rules = Rules(given["controller"])
     known = sorted(rules.names)
-    guard = [a for a in known if rules.names[a].startswith("guard.")]
+    guard = [a for a in known if rules.names[a].startswith(("guard.", "bands."))]
     for k in range(given["clocks"]):
         kind = rng.random()
         place = rng.choice(guard) if kind < 0.2 else 0x0C if kind < 0.6 else rng.choice(known)
