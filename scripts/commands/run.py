@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
+from directmpc.api.data_sheet import doubts
 from directmpc.api.drive_file import load_core_drive
 from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, check_speed, factors_of
 from directmpc.host.console import terminable
@@ -263,6 +264,8 @@ def _run(given: argparse.Namespace) -> int | None:
         _check_mpdcc(given, drive)
     else:
         _check_mptc(given, drive)
+    for doubt in doubts(drive):
+        print(f"run: warning: {given.drive}: {doubt}", file=sys.stderr)
     if given.waves is not None:
         given.view = given.waves.with_suffix(".gtkw")
     outputs = _outputs(given)

@@ -26,7 +26,7 @@ from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.trace import Decisions, MpdccTrace
+from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
@@ -125,6 +125,7 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
             drive, rows, request.engine, request.explorers, request.variant, progress
         )
     trace.write_decisions(request.out, decisions)
+    _say_saturated(request, decisions.saturated)
 
 
 def _replay_kbest(drive: KbestDrive, request: Request) -> None:
@@ -140,6 +141,7 @@ def _replay_kbest(drive: KbestDrive, request: Request) -> None:
     with _watched(request, "replay of K-best", len(rows)):
         decisions = engines[request.engine].run(drive, rows)
     trace.write_decisions(request.out, decisions)
+    _say_saturated(request, decisions.saturated)
 
 
 def _ignored(request: Request, controller: str) -> None:
@@ -159,6 +161,17 @@ def _replay_mptc(drive: MptcDrive, request: Request) -> None:
     with _watched(request, f"replay on mptc_core, {drive.control.method}", len(rows)) as progress:
         decisions = mptc_replay.decide(drive, rows, request.engine, progress)
     mptc_trace.write_decisions(request.out, decisions)
+    _say_saturated(request, decisions.saturated)
+
+
+def _say_saturated(request: Request, saturated: IntArray) -> None:
+    """Say how many rows hold a value that no word holds."""
+    if count := int(np.count_nonzero(saturated)):
+        print(
+            f"{request.trace}: {count} of {len(saturated)} rows saturated: a value is beyond its "
+            "full scale, perhaps in another unit",
+            file=sys.stderr,
+        )
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from directmpc.api.simulation import plant_with
+from directmpc.api.simulation import UNREACHED, plant_with
 from directmpc.host.console import progress_bar
 from directmpc.host.registers import duty_rule_word
 from directmpc.loads.load import CLARKE_INVERSE
@@ -339,7 +339,7 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
 
 
 def advice(run: Run) -> str:
-    """Which full scales of the drive file were exceeded where decisions saturated.
+    """Which full scales of the drive file were exceeded, or that the torque was not reached.
 
     Parameters
     ----------
@@ -349,10 +349,10 @@ def advice(run: Run) -> str:
     Returns
     -------
     str
-        One sentence that names the keys; empty where none was exceeded.
+        One sentence; empty where there is nothing to say.
     """
     if not run.decisions.saturated.any():
-        return ""
+        return _of_torque(run)
     trace = run.trace
     reached = {
         "psi_max": np.abs(trace.psi_s).max(),
@@ -365,7 +365,25 @@ def advice(run: Run) -> str:
         for key, value in reached.items()
         if value >= getattr(run.drive.control, key)
     ]
-    return f"decisions saturate; choose {', '.join(beyond)}: docs/drive-file.md" if beyond else ""
+    said = f"decisions saturate; choose {', '.join(beyond)}: docs/drive-file.md" if beyond else ""
+    return said or _of_torque(run)
+
+
+def _of_torque(run: Run) -> str:
+    """The advice where the torque after the step is not what was asked; empty where it is."""
+    mean = float(run.torque[_settled(run)].mean())
+    if abs(mean - run.point.torque) <= UNREACHED * run.drive.control.torque_max:
+        return ""
+    return (
+        f"the torque that was asked, {run.point.torque:g} N m, is not reached; the speed is too "
+        "high for inverter.vdc, or a value is in another unit: python -m scripts drive-info FILE"
+    )
+
+
+def _settled(run: Run) -> slice:
+    """Periods after the step of the torque, without the first of them."""
+    n = len(run)
+    return slice(n // 2 + n // 8, None)
 
 
 def outcome(run: Run) -> Table:
@@ -382,7 +400,7 @@ def outcome(run: Run) -> Table:
         For a terminal.
     """
     n = len(run)
-    last = slice(n // 2 + n // 8, None)
+    last = _settled(run)
     flux, cycles = np.hypot(*run.trace.psi_s.T), run.decisions.cycles
     table = Table(title="Closed loop", show_header=False)
     table.add_column("", style="bold")

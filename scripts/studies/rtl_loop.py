@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from directmpc.api.simulation import plant_with
+from directmpc.api.simulation import UNREACHED, plant_with
 from directmpc.host.console import progress_bar
 from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import ideal, metrics
@@ -381,6 +381,9 @@ def outcome(run: Run) -> Table:
             "rotor flux",
             f"of the observer (its bit-true model); {100 * flux:.1f} % off the plant's (rms)",
         )
+    if drive.machine.quantities:
+        turns = "torque" in drive.machine.quantities
+        table.add_row("torque" if turns else "power", _reached(run, turns))
     table.add_row("held", f"{count.held}; searched {count.searched}; deadlocks {count.deadlocks}")
     if said := advice(run):
         table.add_row("advice", said)
@@ -505,6 +508,17 @@ def _effect(run: Run, turns: bool) -> NDArray[np.float64]:
     omega_r = run.result.profile.omega_r
     found = load.torque(current, flux)
     return found if turns else load.power(current, flux, np.append(omega_r, omega_r[-1]))
+
+
+def _reached(run: Run, turns: bool) -> str:
+    """Mean torque or power of the last period, or of a shorter run, beside what was asked."""
+    profile, drive = run.result.profile, run.drive
+    start = profile.start
+    asked = start.torque if turns else start.torque * start.omega_s
+    period = round(2.0 * math.pi / abs(start.omega_s * drive.ts_pu))
+    mean = float(_effect(run, turns)[:-1][-period:].mean())
+    missed = len(run.result) >= period and abs(mean - asked) > UNREACHED
+    return f"mean {mean:.3f} pu (asked {asked:.3f})" + ", not reached" * missed
 
 
 def draw(run: Run, path: Path) -> None:

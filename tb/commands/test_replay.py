@@ -93,6 +93,7 @@ def test_values_outside_a_word_are_flagged(tmp_path: Path, rows: MpdccTrace, eng
     assert "Warning" not in done.stderr
     expected = [0, 0, 0, 0] if engine == "ideal" else [0, 1, 1, 1]
     assert trace.read_decisions(out).saturated.tolist() == expected
+    assert ("3 of 4 rows saturated" in done.stderr) == (engine != "ideal")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import cmath
 import functools
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -47,6 +48,9 @@ from directmpc.states import Controller, Decision, MpdccState, State, VectorSequ
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
+
+UNREACHED = 0.1
+"""Of 1 pu of torque, or of `torque_max`: what the mean torque may be off what was asked."""
 
 COMPILED_FROM = 10_000
 """Steps from which on a loop around "ideal" or "model" is compiled as a whole.
@@ -543,10 +547,48 @@ def simulate(
         real,
         variant,
     )
+    if said := unreached(result, torque):
+        warnings.warn(said, stacklevel=2)
     if core is None:
         return result
     cycles = np.array(core.cycles[-steps:])
     return replace(result, decisions=replace(result.decisions, cycles=cycles))
+
+
+def unreached(result: SimulationResult, torque: float | None) -> str:
+    """Whether a run did not reach what was asked of it.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Its last period of the stator frequency counts; a shorter run is not judged.
+    torque : float or None
+        Torque that was asked for, or power over frequency; None is the usual one.
+
+    Returns
+    -------
+    str
+        A sentence; empty where it was reached.
+    """
+    drive = result.drive
+    if isinstance(drive, MptcDrive):
+        asked = 0.25 * drive.control.torque_max if torque is None else float(torque)
+        ts, most, unit, what = drive.control.ts, drive.control.torque_max, "N*m", "torque"
+    else:
+        load = drive.machine
+        asked = OperatingPoint(result.speed, torque=torque).steady_state(load).torque
+        ts, most, unit = drive.ts_pu, 1.0, "pu"
+        what = "torque" if "torque" in load.quantities else "power over frequency"
+    period = 2.0 * math.pi / max(abs(result.speed) * ts, 1e-9)
+    if len(result) < period:
+        return ""
+    mean = float(result.torque[-round(period) :].mean())
+    if abs(mean - asked) <= UNREACHED * most:
+        return ""
+    return (
+        f"the mean {what} of the last period is {mean:.3g} {unit}, {asked:.3g} {unit} was asked: "
+        "the drive cannot make it there, or a value of the drive is wrong"
+    )
 
 
 class _Estimating:
@@ -686,9 +728,17 @@ def _run_mptc(
     omega_s = 0.6 * c.speed_max if speed is None else float(speed)
     load = 0.25 * c.torque_max if torque is None else float(torque)
     psi_ref = 0.5 * c.psi_max if flux is None else float(flux)
-    if psi_ref <= 0.0:
-        raise ValueError(f"flux: got {psi_ref:g}; a number above 0 Wb is needed")
+    if not 0.0 < psi_ref <= c.psi_max:
+        raise ValueError(
+            f"flux: got {psi_ref:g}; with control.psi_max = {c.psi_max:g} it must be above 0 and "
+            f"at most {c.psi_max:g} Wb"
+        )
     omega_r = omega_s - slip(drive, load, psi_ref)
+    if abs(load) > c.torque_max:
+        raise ValueError(
+            f"torque: got {load:g}; with control.torque_max = {c.torque_max:g} it must be from "
+            f"{-c.torque_max:g} to {c.torque_max:g} N*m"
+        )
     scenario = mptc_loop.constant(drive, 0.0, load, psi_ref, settle + steps)
     turn = cmath.exp(1j * (angle - cmath.phase(scenario.current)))
     scenario = mptc_loop.turned(scenario, turn, omega_r)

@@ -23,7 +23,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from directmpc.drive_tables import number
-from directmpc.loads.load import Load, Matrices, SteadyState
+from directmpc.loads.load import Fact, Load, Matrices, SteadyState
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -63,6 +63,26 @@ class Grid(Load):
             a1=np.array([[0.0, -1.0 / self.x], [0.0, 1.0]]),
             b=np.array([1.0 / self.x, 0.0]),
         )
+
+    def facts(self, voltage: float) -> list[Fact]:
+        """What a data sheet would say of the grid.
+
+        Parameters
+        ----------
+        voltage : float
+            Largest peak phase voltage of the converter, per unit.
+
+        Returns
+        -------
+        list of Fact
+            Per unit.
+        """
+        unit = "voltage is the peak phase voltage / V_base"
+        return [
+            Fact("grid voltage", self.voltage, "pu", 0.7, 1.2, unit, "voltage"),
+            Fact("short-circuit current", self.voltage / self.x, "pu", quantity="current"),
+            *super().facts(voltage),
+        ]
 
     def steady_state(
         self,

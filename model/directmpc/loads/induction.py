@@ -28,7 +28,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from directmpc.drive_tables import number
-from directmpc.loads.load import Load, Matrices, SteadyState
+from directmpc.loads.load import Fact, Load, Matrices, SteadyState
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -141,6 +141,60 @@ class InductionMachine(Load):
             X_m/X_r.
         """
         return self.xm / self.xr
+
+    def breakdown_torque(self, omega_s: float = 1.0, voltage: float = 1.0) -> float:
+        """Largest torque of the motor at a stator frequency and voltage.
+
+        Parameters
+        ----------
+        omega_s, voltage : float
+            Stator frequency, above 0, and peak phase voltage, per unit.
+
+        Returns
+        -------
+        float
+            Per unit.
+        """
+        from scipy.optimize import minimize_scalar  # here: few programs need it
+
+        def torque(x: float) -> float:
+            _, v_s, unit = self._phasors(omega_s, math.exp(x) / self.tau_r)
+            return unit * (voltage / abs(v_s)) ** 2
+
+        found = minimize_scalar(lambda x: -torque(x), bounds=(-8.0, 8.0), method="bounded")
+        return -float(found.fun)
+
+    def facts(self, voltage: float) -> list[Fact]:
+        """What a data sheet would say of the machine, at rated voltage and current.
+
+        Parameters
+        ----------
+        voltage : float
+            Largest peak phase voltage of the inverter, per unit.
+
+        Returns
+        -------
+        list of Fact
+            Per unit.
+        """
+        rated = self.steady_state(1.0)
+        unit = "reactances of [machine] are omega_base L / Z_base, resistances R / Z_base"
+        turning = (rated.v_s * rated.i_s.conjugate()).real / abs(rated.v_s * rated.i_s)
+        peak = self.breakdown_torque()
+        return [
+            Fact("rated speed", rated.omega_r, "pu", 0.8, 0.9995, unit, "frequency"),
+            Fact("rated torque", rated.torque, "pu", 0.4, 1.05, unit, "torque"),
+            *super().facts(voltage)[1:2],
+            Fact("power factor", turning, "", 0.5, 0.97, unit),
+            Fact("rated rotor flux", abs(rated.psi_r), "pu", 0.6, 1.1, unit, "flux"),
+            Fact(
+                "magnetising current", abs(rated.psi_r) / self.xm, "pu", 0.1, 0.8, unit, "current"
+            ),
+            Fact("breakdown torque", peak, "pu", 1.2, 8.0, unit, "torque"),
+            Fact("leakage", self.inductance, "pu", quantity="reactance"),
+            Fact("stator time constant", self.tau_s, "pu", quantity="time"),
+            Fact("rotor time constant", self.tau_r, "pu", 5.0, 3000.0, unit, "time"),
+        ]
 
     def _phasors(self, omega_s: float, slip: float) -> tuple[complex, complex, float]:
         """Rotor flux, stator voltage and torque for a stator current of 1 at a slip frequency."""

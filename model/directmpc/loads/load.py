@@ -78,6 +78,32 @@ class SteadyState:
     torque: float
 
 
+class Fact(NamedTuple):
+    """A line of a data sheet.
+
+    Attributes
+    ----------
+    name, value, unit
+        What it is, a number, its unit.
+    low, high, hint
+        Usual range, and what is probably wrong outside it.
+    quantity
+        What a value per unit is: "voltage", "current", "power", "torque", "time", "reactance",
+        "frequency", "flux"; empty for a ratio.
+    si
+        The same in SI.
+    """
+
+    name: str
+    value: float
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    hint: str = ""
+    quantity: str = ""
+    si: str = ""
+
+
 class Load(ABC):
     """A kind of load; the table `machine` of a drive file holds its parameters.
 
@@ -151,6 +177,36 @@ class Load(ABC):
         ValueError
             If the load has no such quantity, or there is no such steady state.
         """
+
+    def facts(self, voltage: float) -> list[Fact]:
+        """What a data sheet would say of the load.
+
+        Parameters
+        ----------
+        voltage : float
+            Largest peak phase voltage of the inverter, per unit.
+
+        Returns
+        -------
+        list of Fact
+            Per unit.
+        """
+        rated = self.steady_state(1.0)
+        m = self.matrices
+        facts = [
+            Fact("voltage at rated current", abs(rated.v_s), "pu", quantity="voltage"),
+            Fact(
+                "power at rated current",
+                float(self.power(rated.i_s, rated.psi_r, rated.omega_r)),
+                "pu",
+                quantity="power",
+            ),
+            Fact("inductance of the current", self.inductance, "pu", quantity="reactance"),
+        ]
+        if m.a0[0, 0]:
+            tau = float(-1.0 / m.a0[0, 0])
+            facts.append(Fact("time constant of the current", tau, "pu", quantity="time"))
+        return facts
 
     @property
     def a0(self) -> FloatArray:

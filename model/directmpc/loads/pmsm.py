@@ -23,7 +23,7 @@ from pydantic import ConfigDict, model_validator
 from pydantic.dataclasses import dataclass
 
 from directmpc.drive_tables import number, refused
-from directmpc.loads.load import Load, Matrices, SteadyState
+from directmpc.loads.load import Fact, Load, Matrices, SteadyState
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -75,6 +75,34 @@ class Pmsm(Load):
             a1=np.array([[0.0, -1.0 / self.xd], [0.0, 1.0]]),
             b=np.array([1.0 / self.xd, 0.0]),
         )
+
+    def facts(self, voltage: float) -> list[Fact]:
+        """What a data sheet would say of the machine.
+
+        Parameters
+        ----------
+        voltage : float
+            Largest peak phase voltage of the inverter, per unit.
+
+        Returns
+        -------
+        list of Fact
+            Per unit.
+        """
+        unit = "psi_m is omega_base psi / V_base: the no-load voltage at rated frequency"
+        # |r + j omega x + j omega psi_m / j|: the current is across the flux
+        a, b = self.psi_m**2 + self.xd**2, self.rs * self.psi_m
+        highest = (math.sqrt(b * b + a * (voltage**2 - self.rs**2)) - b) / a
+        return [
+            Fact("rated torque", self.psi_m, "pu", 0.4, 1.3, unit, "torque"),
+            Fact("no-load voltage at rated speed", self.psi_m, "pu", 0.4, 1.3, unit, "voltage"),
+            Fact(
+                "highest speed at rated current without field weakening", highest, "pu", 0.9,
+                math.inf, f"{unit}; or inverter.vdc is too low", "frequency",
+            ),
+            Fact("short-circuit current", self.psi_m / self.xd, "pu", quantity="current"),
+            *super().facts(voltage),
+        ]  # fmt: skip
 
     def steady_state(
         self,

@@ -263,6 +263,26 @@ def steady_state(
     return i, psi
 
 
+def breakdown_torque(drive: MptcDrive, psi: float) -> float:
+    """Largest torque at a stator flux.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Its machine counts.
+    psi : float
+        Stator flux magnitude, Wb.
+
+    Returns
+    -------
+    float
+        N*m.
+    """
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi**2 / (sigma * m.lr)
+
+
 def slip(drive: MptcDrive, load: float, psi_ref: float) -> float:
     """Slip frequency that makes a torque at a stator flux (Paper B, eqs. 2 and 4, in steady state).
 
@@ -288,7 +308,7 @@ def slip(drive: MptcDrive, load: float, psi_ref: float) -> float:
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     tau = sigma * m.lr / m.rr
-    peak = 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
+    peak = breakdown_torque(drive, psi_ref)
     if abs(load) > peak:
         raise ValueError(f"{load:g} N*m is beyond the breakdown torque of {peak:.4g} N*m")
     # torque = peak * 2*x/(1+x^2) with x = slip frequency * tau, the stable root
