@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from scripts.publish import kept
+from scripts.publish import evidence, kept
 from scripts.shared import tools
 from scripts.shared.command import Command, UsageError
 from scripts.studies.coverage import goals, rtl
@@ -22,7 +22,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--page",
         action="store_true",
-        help="store the parts and write docs/coverage.md, if all goals are reached",
+        help="store the parts and write their tables, if all goals are reached",
     )
     parser.add_argument("--out", type=Path, default=goals.RESULTS)
 
@@ -47,6 +47,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.page and not problems:
         kept.keep_coverage(found)
         kept.coverage_page()
+        evidence.write_page()
     if not problems:
         print("coverage: every goal is reached")
     return 1 if problems else 0

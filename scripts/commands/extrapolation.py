@@ -16,7 +16,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--loops",
         action="store_true",
-        help="instead: closed loops of the shipped drives; writes the tables of docs/accuracy.md",
+        help="instead: closed loops of the shipped drives; writes their tables",
     )
     parser.add_argument(
         "--tables", action="store_true", help="with --loops: write the tables from the stored file"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from directmpc.host.console import terminable
 from scripts.measure import mutation
+from scripts.publish import evidence
 from scripts.shared import workers
 from scripts.shared.command import Command, UsageError
 
@@ -58,6 +59,8 @@ def _run(given: argparse.Namespace) -> int | None:
             for row in found.survivors:
                 print(f"  {unit.file}:{row['line']}: {row['before']}  ->  {row['after']}")
     mutation.publish(given.page, given.out, given.metrics)
+    if (given.page, given.out) == (mutation.PAGE, mutation.RESULTS):
+        evidence.write_page()
     if old := mutation.outdated(units, given.out):
         print(f"mutate: changed since they were run: {', '.join(old)}", file=sys.stderr)
     if more := mutation.unlisted(units):

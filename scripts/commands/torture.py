@@ -17,7 +17,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
     parser.add_argument("--out", type=Path, default=run.RESULTS, help="file of the results")
-    parser.add_argument("--page", action="store_true", help="write docs/torture.md")
+    parser.add_argument("--page", action="store_true", help="write reports/torture.md")
     workers.add_arguments(parser)
 
 

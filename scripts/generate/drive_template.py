@@ -114,9 +114,9 @@ MEANINGS = {
         "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
         "estimate scales the prediction of the currents: docs/robustness.md.",
         "control.extrapolation": "L of the paper variant's straight line, control periods; without "
-        "effect on the fast variant: docs/accuracy.md.",
+        "effect on the fast variant: docs/evidence.md.",
         "control.correction": "p of the paper variant's straight line; without effect on the fast "
-        "variant: docs/accuracy.md.",
+        "variant: docs/evidence.md.",
     },
     "kbest": _FIVE_LEVEL
     | {

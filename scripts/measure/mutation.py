@@ -43,7 +43,7 @@ from scripts.shared.workers import Pool
 LIST = ROOT / "tb" / "mutation.toml"
 ARGUED = ROOT / "tb" / "mutation_equivalent.toml"
 RESULTS = ROOT / "reports" / "mutation"
-PAGE = ROOT / "docs" / "mutation.md"
+PAGE = ROOT / "reports" / "mutation.md"
 METRICS = ROOT / "reports" / "metrics.json"
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
 SAMPLE = 50

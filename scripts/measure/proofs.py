@@ -45,7 +45,7 @@ from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
 
 FOLDER = ROOT / "tb" / "proofs"
 LIST = FOLDER / "proofs.toml"
-PAGE = ROOT / "docs" / "proofs.md"
+PAGE = ROOT / "reports" / "proofs.md"
 RESULTS = BUILD / "proofs.json"
 METHOD = "induction"
 #: Clocks of a step of the induction.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from scripts.measure import bitstream
-from scripts.publish import newcomer
+from scripts.publish import evidence, newcomer
 from scripts.shared import tables, tools
 from scripts.shared.tools import ROOT
 from scripts.studies import field_bench, linear_comparison, scaling
@@ -63,7 +63,7 @@ def keep_coverage(found: Mapping[str, Any], path: Path = COVERAGE) -> None:
 
 
 def coverage_page(page: Path = goals.PAGE, path: Path = COVERAGE) -> None:
-    """Write the tables of docs/coverage.md.
+    """Write the tables of reports/coverage.md.
 
     Parameters
     ----------
@@ -287,15 +287,16 @@ def bitstreams_page(page: Path = BOARDS, path: Path = BITSTREAMS) -> None:
     tools.write(page, bitstream.page(page.read_text(encoding="utf-8"), _read(path)))
 
 
-#: Page in docs/, and what writes its tables from the stored file alone.
+#: Page, and what writes its tables from the stored file alone.
 PAGES = {
-    "boards.md": bitstreams_page,
-    "cluster.md": scaling_page,
-    "coverage.md": coverage_page,
-    "field-bench.md": field_bench_page,
-    "installing.md": newcomer.page,
-    "linear-comparison.md": linear_page,
-    "torture.md": lambda page: torture.publish(page=page),
+    "docs/boards.md": bitstreams_page,
+    "docs/cluster.md": scaling_page,
+    "docs/evidence.md": evidence.write_page,
+    "reports/coverage.md": coverage_page,
+    "docs/field-bench.md": field_bench_page,
+    "docs/installing.md": newcomer.page,
+    "docs/linear-comparison.md": linear_page,
+    "reports/torture.md": lambda page: torture.publish(page=page),
 }
 
 
@@ -308,4 +309,4 @@ def write_pages() -> None:
         If a page lacks the markers of a table.
     """
     for name, write in PAGES.items():
-        write(ROOT / "docs" / name)
+        write(ROOT / name)

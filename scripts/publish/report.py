@@ -40,6 +40,7 @@ from scripts.measure import budgets, mutation, proofs
 from scripts.measure.pnr import PART, TARGET_MHZ
 from scripts.measure.ranges import table as ranges
 from scripts.publish import (
+    evidence,
     kept,
     mptc_report,
     noise,
@@ -1145,6 +1146,7 @@ def _build(
         tools.write(path, json.dumps(document, indent=1) + "\n")
         write_resources()
         mptc_report.write_texts(document["mptc"])
+        evidence.write_page()
 
 
 def _old(every: Iterable[Stage], say: Callable[[str], None]) -> list[str]:

@@ -5,7 +5,7 @@ speed and current with the bit-true paper variant, for the bounds of `bounds` an
 of the keys `extrapolation` (L) and `correction` (p), and writes
 
 * ``reports/straight_lines.csv``: one row for each drive, setting and bound,
-* the tables of ``docs/accuracy.md``.
+* the tables of ``reports/accuracy.md``.
 
 On every state of a loop both controllers decide; the loop is closed once by either.
 """
@@ -42,7 +42,7 @@ SHOWN = 0.10
 """Bound whose figures stand beside the largest ones, per unit: that of the shipped files."""
 
 REPORT = ROOT / "reports" / "straight_lines.csv"
-PAGE = ROOT / "docs" / "accuracy.md"
+PAGE = ROOT / "reports" / "accuracy.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts extrapolation --loops) -->"
 END = "<!-- {}: end -->"
 COLUMNS = (

@@ -4,7 +4,7 @@ Stimulus: some hundred changed examples for each parser; a parser with a fault; 
 findings before.
 Checks: parsers refuse with their own error or accept; a fault is found and ends with 1; the
 examples themselves are accepted.
-Does not prove: what more time would find; docs/torture.md says how long was tried.
+Does not prove: what more time would find.
 """
 
 from __future__ import annotations

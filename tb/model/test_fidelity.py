@@ -189,6 +189,6 @@ def test_published_figures_keep_their_limits() -> None:
 
 def test_the_document_shows_the_published_figures() -> None:
     document = json.loads((ROOT / "reports" / "fidelity.json").read_text(encoding="utf-8"))
-    text = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
     assert plots.decision_table(document) in text
     assert plots.loop_table(document) in text

@@ -5,7 +5,7 @@ Paper A predicts the stator current L steps on with one Euler step of length L T
 A_0 (eq. 14b), and interpolates in between (eq. 20). Only the product p L enters the slopes. A
 second-order expansion of the machine gives p = X_m/(2D) in the limit of small L, and p is fitted
 here to the drive at hand. With L = 1 the paper's 0.21096 matches no realistic leakage. With L = 64
-its product is that of p = X_m/(2D) and L near 5: docs/accuracy.md. Keys of the drive file set both.
+its product is that of p = X_m/(2D) and L near 5: docs/evidence.md. Keys of the drive file set both.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 
 BAND = 1.5
 """Half widths of the bound that a current crosses in `typical_span`; chosen by THD and switching
-frequency of closed loops at rated speed: docs/accuracy.md."""
+frequency of closed loops at rated speed: docs/evidence.md."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def typical_span(drive: Drive) -> int:
     One level of voltage error on one phase is a space vector of (2/3) (v_dc/4). In these steps it
     takes a current through `BAND` half widths of its bound: candidates that are chosen live about
     that long. A shorter span predicts the many candidates that end early better, and more decisions
-    are those of the ideal controller, but the loop's THD is too low: docs/accuracy.md.
+    are those of the ideal controller, but the loop's THD is too low: docs/evidence.md.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@
 -- Overflow: a kept error that does not fit BASE_WIDTH is far outside any bound, so that no candidate of
 -- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: how far a
 -- candidate can have moved in L1 steps is bounded, with the rule inwards too, and a prediction takes one step with
--- slopes that fit (docs/proofs.md, Ranges).
+-- slopes that fit (docs/evidence.md, Ranges).
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 

@@ -24,7 +24,7 @@ from scripts.studies.torture import blocks
 
 GOALS = Path(__file__).with_name("goals.toml")
 RESULTS = BUILD / "coverage.json"
-PAGE = ROOT / "docs" / "coverage.md"
+PAGE = ROOT / "reports" / "coverage.md"
 PARTS = ("functional", "python", "rtl", "mapped")
 KEPT = BUILD / "coverage"
 BLOCKS = Path(blocks.__file__).parent

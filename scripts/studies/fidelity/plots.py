@@ -1,4 +1,4 @@
-"""Plots of the fidelity figures, and their tables for docs/accuracy.md."""
+"""Plots of the fidelity figures, and their tables for reports/accuracy.md."""
 
 from __future__ import annotations
 
@@ -359,15 +359,11 @@ def _straight_table(rows: Sequence[Row]) -> str:
     return tables.markdown(head, lines, "lr")
 
 
-def page_tables(
-    figures: dict[str, Any], found: dict[str, Any], explaining: Sequence[Row]
-) -> dict[tuple[str, str], str]:
-    """Every generated table of docs/accuracy.md by the markers around it.
+def page_tables(found: dict[str, Any], explaining: Sequence[Row]) -> dict[tuple[str, str], str]:
+    """Every generated table of reports/accuracy.md by the markers around it.
 
     Parameters
     ----------
-    figures : dict[str, Any]
-        What reports/fidelity.json holds.
     found : dict[str, Any]
         Rows of every measurement by its name.
     explaining : Sequence[Row]
@@ -380,9 +376,7 @@ def page_tables(
     """
     exits = found["parabolas"]
     named = {
-        "decisions": decision_table(figures),
         "decisions by speed": speed_table(found["decisions"]),
-        "loops": loop_table(figures),
         "budget": _budget_table(found["budget"]),
         "straight line": _straight_table(explaining),
         "parabolas": tables.markdown(

@@ -13,7 +13,7 @@ from scripts.studies.fidelity import budget, decisions, loops, plots, pooling
 from scripts.studies.fidelity.points import DRIVES, points
 
 REPORTS = ROOT / "reports"
-DOCUMENT = ROOT / "docs" / "accuracy.md"
+DOCUMENT = ROOT / "reports" / "accuracy.md"
 COMMAND = "make fidelity"
 KEYS = {"fast": "mpdcc", "paper": "mpdcc_paper"}
 EXPLAINED = 1.0  # pu: speed at which the paper variant's distortion is explained
@@ -101,7 +101,7 @@ def _summary(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(found: dict[str, Any]) -> None:
-    """Write tables, plots, reports/fidelity.json and the tables of docs/accuracy.md.
+    """Write tables, plots, reports/fidelity.json and the tables of reports/accuracy.md.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def write(found: dict[str, Any]) -> None:
 
 
 def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
-    """Write the tables of docs/accuracy.md from the stored files.
+    """Write the tables of reports/accuracy.md from the stored files.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
         "decisions": tables.numbers(tables.read_csv(reports / "fidelity_decisions.csv")),
     }
     straight = tables.numbers(tables.read_csv(reports / "fidelity_straight_line.csv"), ["setting"])
-    tables.rewrite(page, plots.page_tables(figures, found, straight))
+    tables.rewrite(page, plots.page_tables(found, straight))
 
 
 def draw_stored(reports: Path = REPORTS, out: Path = REPORTS) -> None:

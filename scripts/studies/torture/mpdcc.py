@@ -1,7 +1,7 @@
 """The decision of MPDCC once more, slowly: NumPy integers, many states at a time.
 
 Written from docs/specification.md (sections 1.3, 2 and 9) and the rule of the first exit in
-docs/accuracy.md, as equations: sums of whole products that are rounded once, lengths by division
+docs/evidence.md, as equations: sums of whole products that are rounded once, lengths by division
 where the gates shift and compare, tables of the leg typed in from section 1.3. No function of
 ``directmpc.mpdcc.bit_true`` is used, and no compiled one. Only names and widths are shared:
 ``formats`` and the order of the parameters.
@@ -243,7 +243,7 @@ def _slopes(node: _Node, s: IntArray) -> IntArray:
 def _exit(
     error: IntArray, slope: IntArray, bend: IntArray, bound: int
 ) -> tuple[IntArray, BoolArray]:
-    """Steps until a parabola leaves its band, by the rule of docs/accuracy.md; and far sides.
+    """Steps until a parabola leaves its band, by the rule of docs/evidence.md; and far sides.
 
     A bit of the length at a time. Outside its bound an error may go on while it comes nearer.
     """

@@ -20,7 +20,7 @@ from scripts.shared.workers import Pool
 from scripts.studies.torture import blocks
 
 RESULTS = ROOT / "reports" / "torture.json"
-PAGE = ROOT / "docs" / "torture.md"
+PAGE = ROOT / "reports" / "torture.md"
 MARKS = ("<!-- torture: begin (written by make torture) -->", "<!-- torture: end -->")
 DECISIONS = 10_000_000
 CONTROLLERS = ("mpdcc", "mptc")
