@@ -35,7 +35,7 @@ FORMATS = "model/directmpc/mpdcc/formats.py"
 #: What a design is made of, and what measures it.
 DESIGN = ("rtl/**/*.vhd", "model/directmpc/**/*.py")
 DESIGNED = ("rtl", "model")
-MEASURING = ("scripts", "tb", "drives", "constraints")
+MEASURING = ("scripts", "tb", "converters", "drives", "constraints")
 SPEEDS = (-1.0, -0.7, -0.4, -0.2, 0.2, 0.4, 0.7, 1.0)
 STEPS = 20_000  # of the closed loop, per speed
 #: Seeds of placement: a trend is asked for here, `make report` takes five.

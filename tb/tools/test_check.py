@@ -196,7 +196,7 @@ def test_a_moved_measurement_is_red(
 
 @pytest.mark.timeout(1800)
 def test_a_fault_in_the_design_is_red(tmp_path: Path) -> None:
-    for folder in ("model", "scripts", "drives"):
+    for folder in ("model", "scripts", "converters", "drives"):
         shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True)
     altered(
         tmp_path, "mptc_vector_stream", "negative_alpha(vector) xnor mpfc",

@@ -342,7 +342,7 @@ def project(folder: Path, hold: float = 0.5) -> Path:
     root = folder / "project"
     place = root / "tb" / "rtl" / "common" / "counter"
     place.mkdir(parents=True)
-    for name in ("scripts", "model", "drives", "pyproject.toml"):
+    for name in ("scripts", "model", "converters", "drives", "pyproject.toml"):
         (root / name).symlink_to(ROOT / name)
     (root / "tb" / "helpers").symlink_to(ROOT / "tb" / "helpers")
     (root / "rtl" / "common").mkdir(parents=True)

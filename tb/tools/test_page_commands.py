@@ -106,9 +106,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if name and not name.startswith(("reports/", "tb/")) and (ROOT / name).is_file():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, root / name)
-    link = root / "model" / "directmpc" / "drives"
-    if not link.exists():
-        link.symlink_to("../../drives")
+    for folder in ("converters", "drives"):
+        link = root / "model" / "directmpc" / folder
+        if not link.exists():
+            link.symlink_to(f"../../{folder}")
     for name in OWN:
         (root / name).touch()
     here = root / ".venv" / "bin"
