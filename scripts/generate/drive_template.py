@@ -7,10 +7,13 @@ settings that the studies recommend.
 
 from __future__ import annotations
 
+import math
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 from directmpc.api.drive_file import DRIVES, load_drive
+from directmpc.api.nameplate import COPPER_SHARE, Nameplate, estimate
 from directmpc.drive_tables import GuardTable, allowed, keys_of
 
 EXAMPLES = {"mpdcc": "anpc5l_6kv", "kbest": "anpc5l_6kv_kbest", "mptc": "motulator_2kw2"}
@@ -199,13 +202,82 @@ def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> li
     ]
 
 
-def template(controller: str) -> str:
+def of_plate(controller: str, plate: Nameplate) -> tuple[Any, list[str]]:
+    """The drive of a machine that is estimated from its name plate.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc", "kbest" or "mptc".
+    plate : Nameplate
+        What the plate says.
+
+    Returns
+    -------
+    drive : Drive, KbestDrive or MptcDrive
+        With the machine of the plate; a five-level inverter is the shipped one, per unit, the
+        full scales of a two-level drive follow from the plate.
+    said : list of str
+        That it is an estimate, and what the estimated machine makes of the plate.
+    """
+    found, example = estimate(plate), load_drive(EXAMPLES[controller])
+    m, z, omega = found.machine, found.impedance, 2.0 * math.pi * plate.frequency
+    voltage, current = plate.voltage * math.sqrt(2.0 / 3.0), plate.current * math.sqrt(2.0)
+    henry = z / omega
+    if controller == "mptc":
+        vdc, flux = _rounded(1.35 * plate.voltage), voltage / omega
+        tables: dict[str, dict[str, Any]] = {
+            "machine": {
+                "rs": m.rs * z, "rr": m.rr * z, "lm": m.xm * henry, "ls": m.xs * henry,
+                "lr": m.xr * henry, "pole_pairs": plate.pole_pairs,
+            },
+            "inverter": {"vdc": vdc},
+            "guard": {
+                "current_limit": 4.2 * current, "link_high": 1.25 * vdc, "link_low": 0.75 * vdc,
+            },
+            "control": {
+                "psi_max": 1.3 * flux, "current_max": 4.5 * current, "torque_max": 2.5 * plate.torque,
+                "speed_max": 1.6 * omega, "k_psi": 7.0 * plate.torque / flux,
+            },
+        }  # fmt: skip
+    else:
+        tables = {
+            "base": {"voltage": voltage, "current": current, "frequency": plate.frequency},
+            "machine": {name: getattr(m, name) for name in ("rs", "rr", "xls", "xlr", "xm")},
+        }
+    rounded = {
+        table: {k: _rounded(v) if isinstance(v, float) else v for k, v in keys.items()}
+        for table, keys in tables.items()
+    }
+    shown = ", ".join(
+        f"{name} {of_plate:.4g} and {of_machine:.4g}"
+        for name, (of_plate, of_machine) in found.residuals.items()
+    )
+    said = [
+        f"ESTIMATE: the machine is estimated from its name plate; {100 * COPPER_SHARE:.0f} % of the "
+        "losses are taken for copper's, and both leakages for equal. A measurement is better. Put in "
+        "what you know.",
+        f"Plate and estimated machine: {shown}.",
+    ]
+    return example.changed(**rounded), said
+
+
+def _rounded(value: float) -> float:
+    """To four digits."""
+    return float(f"{value:.4g}")
+
+
+def template(controller: str, drive: Any = None, said: Sequence[str] = ()) -> str:
     """The text of a new drive file.
 
     Parameters
     ----------
     controller : str
         "mpdcc", "kbest" or "mptc".
+    drive : Drive, KbestDrive or MptcDrive, optional
+        Whose values stand in it; those of the shipped one without.
+    said : sequence of str
+        Paragraphs about the values of `drive`.
 
     Returns
     -------
@@ -220,10 +292,12 @@ def template(controller: str) -> str:
     if controller not in EXAMPLES:
         raise ValueError(f"controller: got '{controller}'; it must be {' or '.join(EXAMPLES)}")
     model = DRIVES[controller]
-    example = load_drive(EXAMPLES[controller])
+    example = load_drive(EXAMPLES[controller]) if drive is None else drive
     lines = _comment(HEADS[controller])
+    others = "The other values" if said else "The values"
+    lines += [line for text in said for line in _comment(text)]
     lines += _comment(
-        f"The values are those of {EXAMPLES[controller]}.toml, rounded: put in your drive's. "
+        f"{others} are those of {EXAMPLES[controller]}.toml, rounded: put in your drive's. "
         "docs/drive-file.md says how to get them."
     )
     if RECOMMENDED[controller]:

@@ -18,9 +18,12 @@ from typing import Any
 import pytest
 
 from directmpc import simulate
+from directmpc.api.data_sheet import doubts
 from directmpc.api.drive_file import load_drive
+from directmpc.api.nameplate import Nameplate, estimate
 from directmpc.drive_tables import keys_of
 from directmpc.host import registers
+from directmpc.loads import InductionMachine
 from scripts.commands import new_drive
 from scripts.generate import drive_template
 from scripts.hdl import states
@@ -156,3 +159,72 @@ def test_the_shipped_drives_have_what_is_recommended(name: str) -> None:
     for key in drive_template.RECOMMENDED["mpdcc"]:
         assert getattr(control, key) != defaults[key].default, key
     assert states.shipped(name).control.deadlock_rule == defaults["deadlock_rule"].default
+
+
+PLATE = "power=4,voltage=400,current=8.2,cos_phi=0.81,speed=1440,breakdown=2.8"
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_name_plate_gives_a_drive(
+    controller: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plate.toml"
+    assert new_drive.COMMAND.main([controller, str(path), "--nameplate", PLATE]) == 0
+    out = capsys.readouterr().out
+    for text in (out, path.read_text(encoding="utf-8").replace("\n# ", " ")):
+        assert "ESTIMATE" in text
+        assert "torque (N m) 26.53 and 26.53, breakdown torque over rated 2.8 and 2.8" in text
+    drive = load_drive(path)
+    assert doubts(drive) == []
+    if controller == "mptc":
+        assert drive.machine.pole_pairs == 2
+        # the known preset of such a machine has 1.405 and 1.395 ohm, 172.2 mH, 5.839 mH
+        assert drive.machine.rs == pytest.approx(1.405, rel=0.2)
+        assert drive.machine.lm == pytest.approx(0.1722, rel=0.2)
+        result = simulate(drive, steps=2000, torque=26.5, speed=290.0, flux=1.0)
+        assert result.torque.mean() == pytest.approx(26.5, rel=0.02)
+    else:
+        assert drive.base.voltage == pytest.approx(400 * (2 / 3) ** 0.5, rel=1e-3)
+
+
+def test_an_estimate_finds_the_machine_that_made_the_plate() -> None:
+    known = InductionMachine(rs=0.03, rr=0.02, xls=0.09, xlr=0.09, xm=2.2)
+    point = known.steady_state(1.0, current=1.0, voltage=1.0)
+    turning = (point.v_s * point.i_s.conjugate()).real
+    shaft = point.torque * point.omega_r
+    volts, amperes = 400.0, 20.0
+    power = 3.0**0.5 * volts * amperes
+    plate = Nameplate(
+        power=power * shaft, voltage=volts, current=amperes, cos_phi=turning,
+        speed=1500.0 * point.omega_r, breakdown=known.breakdown_torque() / point.torque,
+    )  # fmt: skip
+    found = estimate(plate, copper_share=1.0)
+    for name in ("rs", "rr", "xls", "xlr", "xm"):
+        assert getattr(found.machine, name) == pytest.approx(getattr(known, name), rel=1e-3), name
+    for one, other in found.residuals.values():
+        assert one == pytest.approx(other, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("speed=1440", "speed=1200", "speed: got 1200 r/min; that is a slip of 20 %"),
+        ("power=4", "power=4000", "power: got 4e+06 W; with voltage, current and cos_phi"),
+        ("cos_phi=0.81", "cos_phi=81", "cos_phi: got 81; it must be a number from 0.3 to 0.99"),
+        (",breakdown=2.8", "", "breakdown: missing; a plate needs power"),
+        ("current", "amps", "got 'amps'; it may hold power"),
+        ("current=8.2", "current=x", "current: got 'x'; it must be a number"),
+        ("current=8.2", "current=8.2,current=8", "current: given twice"),
+    ],
+)
+def test_an_impossible_plate_is_refused(
+    old: str, new: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plate.toml"
+    assert PLATE.count(old) == 1
+    given = ["mptc", str(path), "--nameplate", PLATE.replace(old, new)]
+    with pytest.raises(SystemExit) as ended:
+        new_drive.COMMAND.main(given)
+    assert ended.value.code == 2
+    assert f"argument --nameplate: {said}" in capsys.readouterr().err
+    assert not path.exists()
