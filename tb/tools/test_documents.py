@@ -6,7 +6,7 @@ default, the public names of the library, the clocks that the budgets hold, the 
 reports/metrics.json; docs/positions.md and section 1.3 have the tables of the inverter; the
 example of docs/drive-file.md gives the shipped 6 kV drive; docs/equations.md names every entity,
 package and module, and nothing that does not exist; no dead link or anchor in any page, no path
-of a file that does not exist; docs/README.md lists every page; docs/alternatives.md has a section
+of a file that does not exist; docs/README.md lists every page; docs/alternatives.md has a row
 for each header that refers to it.
 Does not prove: that a sentence is right.
 """
@@ -358,13 +358,13 @@ def test_the_equations_lead_somewhere() -> None:
 
 def test_alternatives_and_headers_lead_to_each_other() -> None:
     page = DOCS / "alternatives.md"
-    headings = re.findall(r"^### (.*)$", page.read_text(encoding="utf-8"), re.M)
-    named = {name for heading in headings for name in heading.split(" and ")}
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"^\| `(\w+)` \|", text, re.M))
     entities, packages = units()
     assert named <= set(entities) | set(packages)
     for name, path in (entities | packages).items():
         if page.name in path.read_text(encoding="utf-8"):
-            assert name in named, f"{page.name}: {name} refers to it and has no section"
+            assert name in named, f"{page.name}: {name} refers to it and has no row"
 
 
 # --- links ----------------------------------------------------------------------------------------
