@@ -27,6 +27,9 @@ from scripts.studies import paper_b as study
 REPORTS = ROOT / "reports"
 CSV = REPORTS / "paper_b.csv"
 PAGE = ROOT / "docs" / "paper-b.md"
+REPORT = ROOT / "reports" / "paper_b.md"
+#: Tables of the report; the page has the others.
+REPORTED = ("bands", "claims", "switching", "parameters")
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 COMMAND = "python -m scripts paper-b"
 
@@ -660,8 +663,8 @@ def _markers(name: str) -> tuple[str, str]:
     return f"<!-- {name}: begin (written by {COMMAND}) -->", f"<!-- {name}: end -->"
 
 
-def write_texts(f: Figures, page: Path = PAGE) -> None:
-    """Rewrite the tables of the page.
+def write_texts(f: Figures, page: Path = PAGE, *, reported: bool = False) -> None:
+    """Rewrite the tables of the page, or of the report.
 
     Parameters
     ----------
@@ -669,13 +672,18 @@ def write_texts(f: Figures, page: Path = PAGE) -> None:
         Of the study.
     page : Path
         The page.
+    reported : bool
+        Whether it is that of the tables in `REPORTED`.
 
     Raises
     ------
     MarkerError
         If the page lacks the markers of a table.
     """
-    tables.rewrite(page, {_markers(name): text for name, text in texts(f).items()})
+    tables.rewrite(
+        page,
+        {_markers(n): text for n, text in texts(f).items() if (n in REPORTED) == reported},
+    )
 
 
 # --- pictures -------------------------------------------------------------------------------------
@@ -1068,3 +1076,4 @@ def regenerate(texts_only: bool = False) -> None:
         _draw_bars(found, REPORTS / "paper_b_bars.png")
         _draw_speeds(found, REPORTS / "paper_b_speeds.png")
         write_texts(found)
+        write_texts(found, REPORT, reported=True)

@@ -865,6 +865,13 @@ def _noisy_page() -> None:
     noise.draw(rows)
 
 
+def _paper_b_pages() -> None:
+    """Tables of the page, and of the report with the claims."""
+    found = paper_b.stored()
+    paper_b.write_texts(found)
+    paper_b.write_texts(found, paper_b.REPORT, reported=True)
+
+
 def studies(jobs: int) -> list[Stage]:
     """Stages with pages of their own.
 
@@ -944,7 +951,7 @@ def studies(jobs: int) -> list[Stage]:
               observer_study.write_page),
         Stage("paper-b", "every method at Paper B's operating points",
               _modules("publish.paper_b"), in_place(paper_b.regenerate), (*drives,),
-              lambda: paper_b.write_texts(paper_b.stored())),
+              _paper_b_pages),
         Stage("sensorless", "drives without a speed sensor", _modules("publish.sensorless"),
               in_place(sensorless.regenerate), (*drives,),
               lambda: sensorless.write_texts(sensorless.stored())),

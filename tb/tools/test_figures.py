@@ -155,6 +155,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "docs/mptc.md": mptc,
     "docs/observer.md": observer.write_page,
     "docs/paper-b.md": lambda page: paper_b.write_texts(paper_b.stored(), page),
+    "reports/paper_b.md": lambda page: paper_b.write_texts(paper_b.stored(), page, reported=True),
     "docs/protocol.md": protocol,
     "docs/pwm.md": of_pwm,
     "docs/robustness.md": of_robustness,
