@@ -23,7 +23,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE,...",
         help="estimate an induction machine from its name plate: power (kW), voltage (V, line to "
         "line), current (A), cos_phi, speed (r/min), breakdown (breakdown torque over rated), and "
-        "frequency (Hz; 50 without). With voltage and current of the connection in use, star or delta",
+        "frequency (Hz; 50 without); voltage and current of the connection in use, star or delta",
     )
 
 
@@ -34,9 +34,7 @@ def _plate(text: str) -> Nameplate:
     for part in text.split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
         if name not in names:
-            raise ValueError(
-                f"got {name!r:.40}; it may hold {', '.join(names)}, each with = and a number"
-            )
+            raise ValueError(f"got {name!r:.40}; it may hold {', '.join(names)}, each = a number")
         if name in found:
             raise ValueError(f"{name}: given twice; one value is needed")
         try:

@@ -236,8 +236,9 @@ def of_plate(controller: str, plate: Nameplate) -> tuple[Any, list[str]]:
                 "current_limit": 4.2 * current, "link_high": 1.25 * vdc, "link_low": 0.75 * vdc,
             },
             "control": {
-                "psi_max": 1.3 * flux, "current_max": 4.5 * current, "torque_max": 2.5 * plate.torque,
-                "speed_max": 1.6 * omega, "k_psi": 7.0 * plate.torque / flux,
+                "psi_max": 1.3 * flux, "current_max": 4.5 * current,
+                "torque_max": 2.5 * plate.torque, "speed_max": 1.6 * omega,
+                "k_psi": 7.0 * plate.torque / flux,
             },
         }  # fmt: skip
     else:
@@ -254,9 +255,9 @@ def of_plate(controller: str, plate: Nameplate) -> tuple[Any, list[str]]:
         for name, (of_plate, of_machine) in found.residuals.items()
     )
     said = [
-        f"ESTIMATE: the machine is estimated from its name plate; {100 * COPPER_SHARE:.0f} % of the "
-        "losses are taken for copper's, and both leakages for equal. A measurement is better. Put in "
-        "what you know.",
+        f"ESTIMATE: the machine is estimated from its name plate; {100 * COPPER_SHARE:.0f} % of "
+        "the losses are taken for copper's, and both leakages for equal. A measurement is better. "
+        "Put in what you know.",
         f"Plate and estimated machine: {shown}.",
     ]
     return example.changed(**rounded), said

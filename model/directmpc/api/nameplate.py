@@ -1,10 +1,10 @@
 """An induction machine estimated from its name plate.
 
 The plate has the rated power, voltage, current, power factor and speed; catalogues add the
-breakdown torque. The four parameters of the star circuit with equal leakages follow from them by least
-squares. That is an estimate: a plate is rounded and within tolerances, the circuit knows neither
-saturation nor skin effect, and which part of the losses is copper is assumed. `Estimate.residuals`
-shows what the estimated machine makes of the plate.
+breakdown torque. The four parameters of the star circuit with equal leakages follow from them by
+least squares. That is an estimate: a plate is rounded and within tolerances, the circuit knows
+neither saturation nor skin effect, and which part of the losses is copper is assumed.
+`Estimate.residuals` shows what the estimated machine makes of the plate.
 """
 
 from __future__ import annotations
