@@ -16,7 +16,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         default=mptc_machines.PERIOD_COUNT,
         help="of each machine and method (default: %(default)s)",
     )
-    parser.add_argument("--page", action="store_true", help="write the table into docs/mptc.md")
+    parser.add_argument("--page", action="store_true", help="write the table into reports/mptc.md")
 
 
 def _run(given: argparse.Namespace) -> int | None:

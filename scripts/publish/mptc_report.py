@@ -43,6 +43,12 @@ REPORTS = ROOT / "reports"
 BUILD = ROOT / "build"
 PAGE = ROOT / "docs" / "figures.md"
 MANUAL = ROOT / "docs" / "mptc.md"
+REPORT = REPORTS / "mptc.md"
+#: Tables of the report; the manual has the others.
+REPORTED = (
+    "origin", "paper", "weights", "distortion", "torque step", "starts", "robustness", "link",
+    "tour",
+)  # fmt: skip
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 VERIFIED = ROOT / "drives" / "motulator_2kw2.toml"
 COMMAND = "make report"
@@ -512,7 +518,7 @@ def _paper_table(figures: dict[str, Any]) -> str:
 
 
 def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
-    """Every table of docs/mptc.md by its name."""
+    """Every table of docs/mptc.md and reports/mptc.md by its name."""
     paper, tools_ = figures["paper_b"], figures["tools"]
     steps = [["from 0 to 16.8 N m, 0.986 Wb", "0", "150", "500", "900", "1200", "1500 r/min"]]
     for label, name in (
@@ -635,15 +641,17 @@ def _markers(name: str) -> tuple[str, str]:
     return f"<!-- {name}: begin (written by make report) -->", f"<!-- {name}: end -->"
 
 
-def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUAL) -> None:
-    """Rewrite the tables of docs/figures.md and docs/mptc.md from metrics.json's ``mptc``.
+def write_texts(
+    figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUAL, report: Path = REPORT
+) -> None:
+    """Rewrite the tables of three pages from metrics.json's ``mptc``.
 
     Parameters
     ----------
     figures : dict[str, Any]
         That object.
-    page, manual : Path
-        The two pages.
+    page, manual, report : Path
+        docs/figures.md, docs/mptc.md, reports/mptc.md.
 
     Raises
     ------
@@ -651,8 +659,11 @@ def write_texts(figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUA
         If a page lacks the markers of a table.
     """
     tables.rewrite(page, {_markers("mptc figures"): _page_table(figures)})
-    texts = {_markers(name): text for name, text in _manual_tables(figures).items()}
-    tables.rewrite(manual, texts)
+    made = _manual_tables(figures)
+    for path, reported in ((manual, False), (report, True)):
+        tables.rewrite(
+            path, {_markers(n): text for n, text in made.items() if (n in REPORTED) == reported}
+        )
 
 
 # --- all of it ------------------------------------------------------------------------------------

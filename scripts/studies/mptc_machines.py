@@ -19,7 +19,7 @@ from directmpc.mptc.sequence import NEIGHBOURS, TIME_STEPS, VectorSequence, mean
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
 from scripts.studies.mptc import DRIVES, PERIODS
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "mptc.md"
+PAGE = Path(__file__).resolve().parents[2] / "reports" / "mptc.md"
 BEGIN = "<!-- machines: begin (written by python -m scripts mptc-machines --page) -->"
 END = "<!-- machines: end -->"
 #: Of each machine and method, for the page.
@@ -270,7 +270,7 @@ def sweep(count: int, methods: Sequence[str] = tuple(PERIODS)) -> dict[tuple[str
 
 
 def table(found: dict[tuple[str, str], Difference]) -> str:
-    """Shares by method and machine, for docs/mptc.md.
+    """Shares by method and machine, for reports/mptc.md.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """What is published of the two-level drive is what was measured, and as good as promised.
 
 Stimulus: the files that are checked in; short runs for what the report computes.
-Checks: docs/figures.md and docs/mptc.md agree with metrics.json; the promised keys are there,
+Checks: the pages and reports/mptc.md agree with metrics.json; the promised keys are there,
 limits kept; distortion is taken at the flux's own frequency; a fidelity that breaks the promise,
 and RTL that is not its model's, publish nothing.
 Does not prove: that a figure is right; `make report` measures it.
@@ -31,11 +31,12 @@ def figures() -> dict:
 
 
 def test_texts_show_the_measured_figures(figures: dict, tmp_path: Path) -> None:
-    copies = tmp_path / "figures.md", tmp_path / "mptc.md"
-    for copy, source in zip(copies, (report.PAGE, report.MANUAL), strict=True):
+    sources = report.PAGE, report.MANUAL, report.REPORT
+    copies = tmp_path / "figures.md", tmp_path / "mptc.md", tmp_path / "report.md"
+    for copy, source in zip(copies, sources, strict=True):
         copy.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
     report.write_texts(figures, *copies)
-    for copy, source in zip(copies, (report.PAGE, report.MANUAL), strict=True):
+    for copy, source in zip(copies, sources, strict=True):
         assert copy.read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
     copies[1].write_text("no markers", encoding="utf-8")
     with pytest.raises(tables.MarkerError, match=r"mptc\.md: the markers"):

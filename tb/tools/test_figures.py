@@ -117,13 +117,26 @@ def of_sweep(page: Path) -> None:
     spartan3_clock.publish(page=page)
 
 
+def of_mptc(
+    folder: Path, page: Path | None = None, manual: Path | None = None, further: Path | None = None
+) -> None:
+    """Write one of the three pages; the others are copies."""
+    chosen = []
+    for one, source in (
+        (page, DOCS / "figures.md"), (manual, DOCS / "mptc.md"), (further, REPORTS / "mptc.md")
+    ):  # fmt: skip
+        path = one or folder / f"copy-of-{source.parent.name}-{source.name}"
+        if one is None:
+            shutil.copyfile(source, path)
+        chosen.append(path)
+    mptc_report.write_texts(metrics()["mptc"], *chosen)
+
+
 def figures(page: Path) -> None:
     readme = page.with_name("readme-copy.md")
     shutil.copyfile(ROOT / "README.md", readme)
     report.write_tables(metrics(), page, readme)
-    manual = page.with_name("manual-copy.md")
-    shutil.copyfile(DOCS / "mptc.md", manual)
-    mptc_report.write_texts(metrics()["mptc"], page, manual)
+    of_mptc(page.parent, page=page)
     text = budgets.page_table(budgets.load(), configurations())
     tables.rewrite(page, {(budgets.BEGIN, budgets.END): text})
 
@@ -132,12 +145,6 @@ def readme(page: Path) -> None:
     other = page.with_name("figures-copy.md")
     shutil.copyfile(DOCS / "figures.md", other)
     report.write_tables(metrics(), other, page)
-
-
-def mptc(page: Path) -> None:
-    other = page.with_name("figures-copy.md")
-    shutil.copyfile(DOCS / "figures.md", other)
-    mptc_report.write_texts(metrics()["mptc"], other, page)
 
 
 def protocol(page: Path) -> None:
@@ -152,9 +159,10 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "docs/deadlocks.md": of_deadlocks,
     "docs/design-space.md": of_sweep,
     "docs/figures.md": figures,
-    "docs/mptc.md": mptc,
+    "docs/mptc.md": lambda page: of_mptc(page.parent, manual=page),
     "docs/observer.md": observer.write_page,
     "docs/paper-b.md": lambda page: paper_b.write_texts(paper_b.stored(), page),
+    "reports/mptc.md": lambda page: of_mptc(page.parent, further=page),
     "reports/paper_b.md": lambda page: paper_b.write_texts(paper_b.stored(), page, reported=True),
     "docs/protocol.md": protocol,
     "docs/pwm.md": of_pwm,
@@ -195,7 +203,7 @@ ELSEWHERE = {
 
 #: Single tables in pages of `WRITERS` that are of other origin: first mark, the test that compares.
 TABLES_ELSEWHERE = {
-    "docs/mptc.md": (
+    "reports/mptc.md": (
         mptc_machines.BEGIN,
         "tb/model/test_mptc_machines.py::test_the_page_has_the_commands_table",
     ),
