@@ -130,6 +130,14 @@ def auto_or(value: Any) -> Any:
     ]
 
 
+def _kind(given: Any, first: str) -> str:
+    """Key `type` of a table as it is given."""
+    if isinstance(given, Mapping):
+        found = given.get("type", first)
+        return found if isinstance(found, str) else repr(found)
+    return getattr(given, "type", first)
+
+
 def one_of(kinds: Mapping[str, type]) -> Any:
     """Annotate a table whose keys depend on its key `type`.
 
@@ -144,15 +152,8 @@ def one_of(kinds: Mapping[str, type]) -> Any:
         The annotation of a table.
     """
     first = next(iter(kinds))
-
-    def kind(given: Any) -> str:
-        if isinstance(given, Mapping):
-            found = given.get("type", first)
-            return found if isinstance(found, str) else repr(found)
-        return getattr(given, "type", first)
-
     tagged = tuple(Annotated[table, Tag(name)] for name, table in kinds.items())
-    return Annotated[Union[tagged], Discriminator(kind)]  # noqa: UP007
+    return Annotated[Union[tagged], Discriminator(lambda given: _kind(given, first))]  # noqa: UP007
 
 
 def kinds_of(annotation: Any) -> dict[str, Any]:

@@ -52,8 +52,9 @@ def test_help_and_wrong_arguments(name: str, capsys: pytest.CaptureFixture[str])
     assert said.count("\n") == 1
 
 
-TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "extrapolation", "horizon", "mptc-study",
-                "observer", "registers", "replay", "run", "virtual-board"}  # fmt: skip
+TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "drive-info", "extrapolation", "horizon",
+                "mptc-study", "observer", "registers", "replay", "run",
+                "virtual-board"}  # fmt: skip
 
 
 def test_a_shipped_name_serves_where_a_drive_is_taken(tmp_path, monkeypatch, capsys) -> None:

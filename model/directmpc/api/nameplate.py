@@ -142,6 +142,20 @@ class Estimate:
     residuals: dict[str, tuple[float, float]]
 
 
+def _made(machine: InductionMachine, slip: float) -> NDArray[np.float64]:
+    """Current, power factor, torque and breakdown ratio at rated voltage, per unit."""
+    _, v_s, unit = machine._phasors(1.0, slip)
+    current = 1.0 / abs(v_s)
+    rated = unit * current**2
+    return np.array([current, v_s.real / abs(v_s), rated, machine.breakdown_torque() / rated])
+
+
+def _machine(logarithms: NDArray[np.float64]) -> InductionMachine:
+    """Machine of the logarithms of rs, rr, both leakages and xm."""
+    rs, rr, xl, xm = np.clip(np.exp(logarithms), _LOW, _HIGH).tolist()
+    return InductionMachine(rs=rs, rr=rr, xls=xl, xlr=xl, xm=xm)
+
+
 def estimate(plate: Nameplate, copper_share: float = COPPER_SHARE) -> Estimate:
     """Estimate the star circuit of a machine.
 
@@ -165,25 +179,14 @@ def estimate(plate: Nameplate, copper_share: float = COPPER_SHARE) -> Estimate:
     torque = (electrical - copper_share * lost) / (1.0 - plate.slip)
     wanted = np.array([1.0, plate.cos_phi, torque, plate.breakdown])
 
-    def made(machine: InductionMachine) -> NDArray[np.float64]:
-        _, v_s, unit = machine._phasors(1.0, plate.slip)
-        current = 1.0 / abs(v_s)
-        turning = v_s.real / abs(v_s)
-        rated = unit * current**2
-        return np.array([current, turning, rated, machine.breakdown_torque() / rated])
-
-    def machine_of(x: NDArray[np.float64]) -> InductionMachine:
-        rs, rr, xl, xm = np.clip(np.exp(x), _LOW, _HIGH).tolist()
-        return InductionMachine(rs=rs, rr=rr, xls=xl, xlr=xl, xm=xm)
-
     found = least_squares(
-        lambda x: made(machine_of(x)) / wanted - 1.0,
+        lambda x: _made(_machine(x), plate.slip) / wanted - 1.0,
         np.log(np.clip([*_GUESS[:1], plate.slip, *_GUESS[2:]], 1.001 * _LOW, 0.999 * _HIGH)),
         bounds=(np.log(_LOW), np.log(_HIGH)),
         xtol=1e-12, ftol=1e-12, gtol=1e-12,
     )  # fmt: skip
-    machine = machine_of(found.x)
-    current, turning, rated, breakdown = made(machine).tolist()
+    machine = _machine(found.x)
+    current, turning, rated, breakdown = _made(machine, plate.slip).tolist()
     return Estimate(
         machine=machine,
         impedance=plate.voltage / math.sqrt(3.0) / plate.current,

@@ -451,12 +451,6 @@ def simulate(
     SimulationResult
         `steps` rows.
 
-    Warns
-    -----
-    UserWarning
-        If the mean torque or power of the last period is off what was asked by more than
-        `UNREACHED` of the rated one.
-
     Raises
     ------
     TypeError
@@ -467,6 +461,12 @@ def simulate(
         If a number makes no sense or is beyond what the drive can measure, a factor is unknown or
         out of its range, the drive cannot have such errors, there is no such steady state, the
         model cannot represent the drive, or an own controller's decision is none.
+
+    Warns
+    -----
+    UserWarning
+        If the mean torque or power of the last period is off what was asked by more than
+        `UNREACHED` of the rated one.
     """
     check_drive(drive)
     if isinstance(controller, str):

@@ -157,12 +157,17 @@ class InductionMachine(Load):
         """
         from scipy.optimize import minimize_scalar  # here: few programs need it
 
-        def torque(x: float) -> float:
-            _, v_s, unit = self._phasors(omega_s, math.exp(x) / self.tau_r)
-            return unit * (voltage / abs(v_s)) ** 2
-
-        found = minimize_scalar(lambda x: -torque(x), bounds=(-8.0, 8.0), method="bounded")
+        found = minimize_scalar(
+            lambda x: -self._torque(omega_s, math.exp(x) / self.tau_r, voltage),
+            bounds=(-8.0, 8.0),
+            method="bounded",
+        )
         return -float(found.fun)
+
+    def _torque(self, omega_s: float, slip: float, voltage: float) -> float:
+        """Torque at a voltage and a slip frequency."""
+        _, v_s, unit = self._phasors(omega_s, slip)
+        return unit * (voltage / abs(v_s)) ** 2
 
     def facts(self, voltage: float) -> list[Fact]:
         """What a data sheet would say of the machine, at rated voltage and current.
